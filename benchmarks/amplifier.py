@@ -1,4 +1,4 @@
-"""Cost of reading the amplifier's stream in pieces, compared with pyserial's `readline`.
+"""CPU time of reading an amplifier's rows in pieces, compared with pyserial's `readline`.
 
 A separate process simulates the amplifier on a pseudo-terminal. First it sends 1000 rows a second
 to measure the CPU time per row. Then it increases the rate to find the highest one without loss; it
@@ -69,7 +69,7 @@ def rows_of(form: str) -> list[bytes]:
 
 
 def run_jobs(pipe: Connection) -> None:
-    """Run jobs one after the other until the pipe is closed."""
+    """Send the rows of one job after the other until the pipe is closed."""
     rows = {form: rows_of(form) for form in ("ascii", "binary")}
     with contextlib.suppress(EOFError):
         while True:
@@ -83,7 +83,7 @@ def run_jobs(pipe: Connection) -> None:
             os.set_blocking(ours, True)
             os.write(ours, END)
             pipe.send(dropped)
-            pipe.recv()  # the reader has everything
+            pipe.recv()  # the reader has received all rows
             os.close(ours)
             os.close(theirs)
 
@@ -141,7 +141,7 @@ def read_lines(address: str, job: Job, begin: Callable[[], None]) -> tuple[int, 
 
 
 def rows_of_one(form: str) -> bytes:
-    """Return one row, which shows the size."""
+    """Return one row; the size of all rows is the same."""
     profile = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
     return encode_row(row_layout(profile, form), 0, 0, 0, [0] * 8)
 
@@ -160,7 +160,7 @@ def run(player: Connection, reader: Reader, job: Job) -> tuple[int, float]:
 
 
 def highest_held(player: Connection, reader: Reader, form: str, seconds: float) -> int:
-    """Return the highest rate up to which no rate loses a row [1/s].
+    """Return the highest rate for which neither this rate nor a lower one loses a row [1/s].
 
     A rate passes if one of `ATTEMPTS` attempts loses nothing, since a shared computer sometimes
     stalls for longer than the terminal's buffer lasts.
@@ -190,7 +190,7 @@ def simulated_device() -> Iterator[Connection]:
 
 
 def main() -> int:
-    """Measure and print; the last line is one JSON object."""
+    """Measure, and print the figures; the last line is one JSON object."""
     seconds = 3.0 if "--quick" in sys.argv else 20.0
     gc.freeze()
     gc.disable()
@@ -225,11 +225,11 @@ def main() -> int:
         "value": round(max(text, binary), 1),
         "unit": "us CPU per row at 1000 rows/s",
         "ratios": {
-            "pyserial readline is dearer by, text": round(peer_us / text, 1),
-            "pyserial readline is dearer by, binary": round(peer_us / binary, 1),
+            "CPU time of pyserial readline over ours, text": round(peer_us / text, 1),
+            "CPU time of pyserial readline over ours, binary": round(peer_us / binary, 1),
         },
         "held_rows_per_s": held,
-        "bar": f"no row lost, and pyserial readline at least {BAR:g} times dearer",
+        "bar": f"no row lost, and pyserial readline needs at least {BAR:g} times the CPU time",
         "holds": holds,
     }
     print(json.dumps(result))

@@ -49,7 +49,7 @@ class Target:
 
 
 def send_bodies(target: Target) -> None:
-    """S8: keep sending bodies of 17 MB without a token."""
+    """Keep sending requests with bodies of 17 MB, without a token."""
 
     def send() -> None:
         line = http.client.HTTPConnection("127.0.0.1", target.port, timeout=30.0)
@@ -64,7 +64,7 @@ def send_bodies(target: Target) -> None:
 
 
 def take_sockets(target: Target) -> None:
-    """S13: open as many WebSockets as possible with one token; send nonsense over a dozen."""
+    """Open as many WebSockets as possible with one token; send invalid data over a dozen."""
     shown = {"Authorization": f"Bearer {target.viewer}"}
     address = f"ws://127.0.0.1:{target.port}/api/v1/ws"
 
@@ -89,7 +89,7 @@ def take_sockets(target: Target) -> None:
 
 
 def send_slow_requests(target: Target) -> None:
-    """Send many requests that take long to answer at the same time, with a viewer's token."""
+    """Send many slow requests at the same time, with a viewer's token."""
     shown = {"Authorization": f"Bearer {target.viewer}"}
 
     def ask() -> None:
@@ -104,7 +104,7 @@ def send_slow_requests(target: Target) -> None:
 
 
 def hold_database(target: Target) -> None:
-    """S14: lock the service's database, as another program might."""
+    """Lock the service's database, as another program might."""
     with contextlib.closing(sqlite3.connect(target.database, timeout=60.0)) as base:
         base.execute("BEGIN EXCLUSIVE")
         while True:

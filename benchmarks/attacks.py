@@ -1,10 +1,10 @@
 """Latency of STOP while a service is attacked: `python -m benchmarks.attacks`.
 
-One `rid-daq serve` has two simulated cells, and one of them records a motion in real time. All
+One `rid-daq serve` has two simulated cells, and one cell records a motion in real time. All
 attacks run at the same time and on this computer:
-- bodies of 17 MB without a token (S8),
-- a viewer that opens every WebSocket and sends nonsense (S13),
-- another program that locks the database (S14),
+- requests with bodies of 17 MB and without a token,
+- a viewer that opens as many WebSockets as possible and sends invalid data,
+- another program that locks the service's database,
 - slow requests of a viewer, and a thousand slow clients,
 - a busy process on every core.
 
@@ -144,7 +144,7 @@ def skipped_cycles(folder: Path, job: Job) -> tuple[int, int]:
 
 
 def press_all(port: int, presses: int) -> dict[str, Pressed]:
-    """Press STOP `presses` times in both ways, and measure an echo as often."""
+    """Press STOP `presses` times over each connection type, and measure as many echoes."""
     found = {"http": Pressed(), "line": Pressed(), "echo": Pressed()}
     with (
         StopLineClient.at(port) as line,
@@ -165,7 +165,7 @@ def press_all(port: int, presses: int) -> dict[str, Pressed]:
 
 
 def main() -> int:
-    """Measure and print; the last line is one JSON object."""
+    """Measure, and print the figures; the last line is one JSON object."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--presses", type=int, default=PRESSES, metavar="N")
     parser.add_argument("--quick", action="store_true")
@@ -200,7 +200,7 @@ def main() -> int:
     result = {
         "name": "attacks",
         "value": round(p99_ms, 1),
-        "unit": "ms from the press to the answer, p99 of the slower way",
+        "unit": "ms from the press to the answer, p99 of the slower connection type",
         "n": 2 * presses,
         **{f"{way}_p99_ms": round(pressed.quantile(0.99), 1) for way, pressed in found.items()},
         "echo_p99_ms": round(floor.quantile(0.99), 1),

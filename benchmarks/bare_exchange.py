@@ -1,4 +1,4 @@
-"""The cyclic exchange in C over the simulated bus, as the lower limit for the one in Python."""
+"""Cyclic exchange with drives in C over the simulated bus: a lower limit for that in Python."""
 
 from __future__ import annotations
 

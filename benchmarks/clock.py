@@ -1,11 +1,12 @@
 """Detection of repeated rows and wrong time stamps, and accuracy of the rebuilt times.
 
 `python -m benchmarks.clock [--quick] [--seeds N] [--data DIR]`. Arms of three, six and seven axes
-are simulated with Pinocchio. Their motions are logged by programs that poll, repeat rows or have
-jittering stamps. `judge_clock` processes each recording. Then the arm is identified three times:
-with the stamped times, with those from `judge_clock`, and with the true times. Each model predicts
-the torques of a correct recording of another motion (the held-out error). `--data` names a folder
-with `ur10e/`, for the same test on a real robot. There the original stamps count as the true times.
+are simulated with Pinocchio. Simulated logging programs record their motions; they poll, repeat
+rows, or write jittering time stamps. `judge_clock` processes each recording. Then the arm is
+identified three times: with the recorded time stamps, with the times from `judge_clock`, and with
+the true times. Each model predicts the torques of a correct recording of another motion (the
+held-out error). `--data` names a folder with `ur10e/`, for the same test on a real robot. There the
+original stamps count as the true times.
 
 Requirements:
 - A correct clock keeps its stamps bit for bit.
@@ -51,7 +52,7 @@ from identification.model.options import ModelOptions
 from identification.validation.torque_prediction import validate_torques
 
 FIRST_SEED: Final = 900
-"""First seed; smaller ones were used to choose the thresholds."""
+"""First seed of the cases; smaller seeds were used to choose the thresholds."""
 BAND_HZ: Final = 10.0
 LEAST_REDUCTION: Final = 10.0
 
@@ -67,9 +68,11 @@ class Case:
     Attributes:
         name: Robot, motion and case.
         clock: State of the judged clock.
-        made, found: Fraction of repeated rows, true and detected.
-        stamped_s, judged_s: RMS error of the stamped and of the judged times [s].
-        errors: Held-out torque error of the worst joint with stamped, judged and true times [%].
+        made, found: Fraction of rows that repeat the previous row: true fraction, detected
+            fraction.
+        stamped_s, judged_s: RMS error of the time stamps, and of the times from `judge_clock` [s].
+        errors: Torque error of the worst joint on another motion, with these two times and with the
+            true times [%].
         passed: True if the requirements are met.
     """
 
@@ -93,7 +96,7 @@ class Case:
 
 
 def time_error(time_s: FloatArray, true_s: FloatArray, position: FloatArray) -> float:
-    """Return the RMS error of times during motion, after removal of the best rate [s].
+    """Return the RMS error of times during motion, after correction of a constant clock rate [s].
 
     Rows are weighted by the square of the speed, since a time error displaces a joint by the speed
     times the error.
@@ -112,7 +115,7 @@ def time_error(time_s: FloatArray, true_s: FloatArray, position: FloatArray) -> 
 
 
 def recording(robot: RobotDescription, samples: Samples) -> Recording:
-    """Return a recording of the samples, without those whose times do not increase."""
+    """Return the samples as a recording; samples whose times do not increase are left out."""
     later = np.maximum.accumulate(samples.time_s)
     keep = np.concatenate([[True], samples.time_s[1:] > later[:-1]])
     samples = samples.part(keep)
@@ -139,7 +142,7 @@ def held_out(robot: RobotDescription, trained: Samples, judged: Recording) -> Fl
 
 
 def case_of(name: str, robot: RobotDescription, log: Logged, test: Recording) -> Case:
-    """Judge the clock of a recording, and identify the robot with each of the three clocks."""
+    """Check the clock of a recording; identify the robot with stamped, estimated and true times."""
     clock = judge_clock(log.samples, robot)
     fresh = log.samples.part(clock.kept)
     true_s = log.true_s[clock.kept]
@@ -188,7 +191,7 @@ def simulated(joints: tuple[int, ...], seeds: int, seconds: float) -> Iterator[C
 
 
 def real(folder: Path) -> Iterator[Case]:
-    """Yield the cases of a UR10e with repeated or stale rows; a point-to-point motion validates."""
+    """Yield cases of a real UR10e with repeated or stale rows; validate on another motion."""
     robot = load_robot("ur10e")
     train = _ur10e(folder / "ur10e" / "ur-20_02_12-50sec_12harm.csv", slice(354, 5090))
     test = recording(
@@ -218,7 +221,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="Three axes, one seed, 25 s.")
     parser.add_argument("--seeds", type=int, default=3, help="Arms of each size (default: 3).")
-    parser.add_argument("--data", type=Path, help="Folder of recordings, with ur10e/ in it.")
+    parser.add_argument("--data", type=Path, help="Folder of recordings with a subfolder ur10e.")
     options = parser.parse_args()
     print(f"{'':60s}repeats [%]   time error [ms]      held out, worst joint [%]")
     print(f"{'':48s}{'clock':12s}  made found  stamps   judged  stamps  judged    true")

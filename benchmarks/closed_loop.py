@@ -1,4 +1,4 @@
-"""A simulated arm in closed loop without a bus, whose position loop acts one cycle later."""
+"""Simulation of an arm in closed loop without a bus; commands act one cycle later."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ SETTLE_ROWS = 60
 
 
 def plant_at(cell: LoadedCell, truth: PlantConfig, pose: FloatArray, seed: int = 0) -> Plant:
-    """Return a cell's plant, at rest in a pose [rad or m]."""
+    """Return the simulated robot of a cell, at rest in a pose [rad or m]."""
     axes = tuple(
         axis.model_copy(update={"initial_position": float(at)})
         for axis, at in zip(truth.axes, pose, strict=True)
@@ -33,11 +33,11 @@ def closed_loop(
     *,
     wrench: FloatArray | None = None,
 ) -> Recording:
-    """Simulate a motion with plant and position loop, and the rounding of drives and bus.
+    """Simulate a motion with robot, position loop, and the rounding of drives and bus.
 
     A commanded speed acts from the next SYNC on. It is the output of the position loop plus the
-    motion's feedforward; without a feedforward, plus its velocity. `wrench` (samples, 6) receives
-    the true wrench of the base.
+    motion's feedforward, or plus the motion's velocity if there is no feedforward. `wrench`
+    (samples, 6) receives the true wrench of the base.
     """
     samples = samples.whole()
     joints, step_s = cell.robot.joints, samples.sample_period_s
@@ -82,7 +82,7 @@ def closed_loop(
 
 
 def true_loops(cell: LoadedCell) -> list[VelocityLoop]:
-    """Return the exact velocity loops of a cell's plant."""
+    """Return the true velocity loops of a cell's simulated robot."""
     assert cell.plant is not None
     return [
         VelocityLoop(

@@ -1,4 +1,4 @@
-"""Physical consistency: power of the test, and semidefinite programme against log-Cholesky.
+"""Test of physical consistency: power, and solver times compared with log-Cholesky.
 
 `python -m benchmarks.consistency [--quick]` draws estimates of a six-axis arm with 52 base
 parameters. The true robots are inside the cone of consistent parameters or on its border: a wrist
@@ -105,7 +105,7 @@ def noisy_estimate(seed: int, noise_nm: float = NOISE_NM) -> Estimate:
 
 
 def sound_robot(estimate: Estimate, random: np.random.Generator | None = None) -> FloatArray:
-    """Return standard parameters inside the cone: nominal ones, or those of random bodies."""
+    """Return physically consistent standard parameters: nominal ones, or those of random bodies."""
     return _sound(estimate.model, estimate.robot, random)
 
 
@@ -125,7 +125,7 @@ def _sound(
 
 
 def border_robots(estimate: Estimate) -> list[tuple[str, FloatArray]]:
-    """Return robots on the border of the cone, with names."""
+    """Return robots on the border of physical consistency, with names."""
     names, n = estimate.model.parameter_names, len(estimate.robot.joints)
     wrist = sound_robot(estimate)
     for place, name in enumerate(names):
@@ -141,7 +141,7 @@ def border_robots(estimate: Estimate) -> list[tuple[str, FloatArray]]:
     ideal[10 * n :] = 0.0
     return [
         ("wrist without rotors and viscous friction", wrist),
-        ("such a wrist of flat links", flat),
+        ("wrist without rotors and viscous friction, with flat links", flat),
         ("arm without any rotor and friction", ideal),
     ]
 
@@ -171,13 +171,13 @@ class Refusals:
 
 
 def draw_estimate(estimate: Estimate, values: FloatArray, random: np.random.Generator) -> Estimate:
-    """Return an estimate of base parameters with a random error of its covariance."""
+    """Return an estimate of base parameters with a random error drawn from its covariance."""
     sigma, factor = jackknife_metric(estimate)
     return replace(estimate, values=values + sigma * (factor @ random.normal(size=len(sigma))))
 
 
 def false_refusals(draws: int) -> dict[str, Refusals]:
-    """Return the rejections of consistent robots, inside the cone and on its border."""
+    """Return the rejections of consistent robots and of robots on the border of consistency."""
     found: dict[str, Refusals] = {}
     for seed, noise_nm in enumerate(NOISES_NM):
         estimate = noisy_estimate(100 + seed, noise_nm)
@@ -193,7 +193,7 @@ def false_refusals(draws: int) -> dict[str, Refusals]:
 
 
 def power(draws: int) -> Refusals:
-    """Return the rejections of robots with a parameter at -5 sigma that cannot be negative."""
+    """Return the rejections of robots of which one parameter is impossible, at -5 sigma."""
     found, random = Refusals(), np.random.default_rng(7)
     for seed, noise_nm in enumerate(NOISES_NM):
         estimate = noisy_estimate(200 + seed, noise_nm)
@@ -208,7 +208,7 @@ def power(draws: int) -> Refusals:
 
 
 def log_cholesky(task: ConsistencyProgramme, target: FloatArray) -> FloatArray:
-    """Return the standard parameters found with the log-Cholesky parametrisation."""
+    """Return the standard parameters of the closest robot, by the log-Cholesky parametrisation."""
     p = len(task.centre)
     to_body = np.linalg.pinv(BASIS.reshape(len(BASIS), -1).T)
     roots = [np.linalg.cholesky(floor) for floor in task.floors]
@@ -256,7 +256,7 @@ def log_cholesky(task: ConsistencyProgramme, target: FloatArray) -> FloatArray:
 
 
 def against_log_cholesky(count: int) -> tuple[bool, float, float]:
-    """Print the comparison; return True if it meets the bar, the time [ms], and the speed-up."""
+    """Print the comparison; return True if its bar is met, the time [ms], and the speed-up."""
     spent, cost = np.zeros((2, count)), np.zeros((2, count))
     for seed in range(count):
         estimate = noisy_estimate(seed)
@@ -279,7 +279,7 @@ def against_log_cholesky(count: int) -> tuple[bool, float, float]:
 
 
 def main() -> int:
-    """Measure and print; the last line is one JSON object."""
+    """Measure, and print the figures; the last line is one JSON object."""
     parser = argparse.ArgumentParser(description=str(__doc__).splitlines()[0])
     parser.add_argument("--quick", action="store_true", help="a tenth of the draws")
     quick = parser.parse_args().quick

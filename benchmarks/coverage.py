@@ -1,8 +1,8 @@
 """Coverage of confidence intervals with an incomplete model, in 200 simulated experiments.
 
 `python -m benchmarks.coverage [--quick]`. A three-axis arm runs a periodic excitation. Every
-experiment has white noise and model errors of its own. The model errors repeat in each period, so
-that averaging does not remove them: ripple over the joint angle (gears, motors) with random wave
+experiment has its own random white noise and model errors. The model errors repeat in each period,
+so that averaging does not remove them: ripple over the joint angle (gears, motors) with random wave
 numbers, and coloured torque with a first-order spectrum. The cluster-robust interval of two
 standard deviations (nominal 95.4 %) must contain the true value in 90 to 98 % of the cases.
 """
@@ -49,7 +49,7 @@ class Coverage:
 
 
 def coverage(experiments: int) -> Coverage:
-    """Simulate and identify experiments; return the fractions of intervals with the true value."""
+    """Simulate and identify experiments; return how often the intervals contain the true value."""
     robot = load_robot("ir361")
     motion = design_two_harmonic(robot, TwoHarmonicOptions(PERIOD_S, tries=50), CYCLE_S)
     trajectory = motion.trajectory(robot, CYCLE_S)
@@ -111,10 +111,10 @@ def _average(position: FloatArray, torque: FloatArray) -> PeriodAverage:
 
 
 def main() -> int:
-    """Measure and print; the last line is one JSON object."""
+    """Measure, and print the figures; the last line is one JSON object."""
     experiments = 50 if "--quick" in sys.argv else 200
     found = coverage(experiments)
-    print(f"{experiments} experiments with model error, two standard deviations hold the truth:")
+    print(f"{experiments} experiments with model error; 2-sigma intervals with the true value:")
     print(f"  cluster-robust interval (jackknife)  {100 * found.clustered:.1f} %")
     print(f"  residuals assumed white              {100 * found.white:.1f} %")
     print(f"  measured noise alone                 {100 * found.noise:.1f} %")

@@ -90,7 +90,7 @@ Sleep = Callable[[float], None]
 
 
 def our_cycle(scenario: Scenario, path: Path) -> tuple[Cycle, Callable[[], int], Sleep]:
-    """Return a cycle of our driver, a count of late and extra answers, and its sleep function."""
+    """Return functions of our driver: one cycle, the count of late and extra answers, and sleep."""
     nodes = list(range(1, scenario.axes + 1))
     safety = DriveSafety(quick_stop_deceleration_rad_s2=10.0, following_error_rad=0.1)
     watch = DriveWatch([f"axis{node}" for node in nodes], nodes, safety)
@@ -124,7 +124,7 @@ def our_cycle(scenario: Scenario, path: Path) -> tuple[Cycle, Callable[[], int],
 
 
 def canopen_cycle(scenario: Scenario, path: Path) -> tuple[Cycle, Callable[[], int], Sleep]:
-    """Return the same cycle with the canopen package, written as in its examples."""
+    """Return a cycle function that uses the package canopen as in its examples."""
     import canopen
     from canopen.objectdictionary import ODRecord, ODVariable
 
@@ -276,7 +276,7 @@ def measure(scenario: Scenario, who: str, seconds: float, bare: Path | None) -> 
             loop.join()
         drives.send(None)
         syncs, set_points = drives.recv()
-    one_before = scenario.axes  # a cycle before the clock started
+    one_before = scenario.axes  # a cycle before the measured time
     lost = outcome.sent + one_before - set_points + (syncs - 1) * scenario.axes - outcome.received
     return outcome, lost
 
@@ -288,7 +288,7 @@ def percentiles(times_s: Times) -> str:
 
 
 def join_runs(outcomes: list[Outcome]) -> Outcome:
-    """Return several runs of a program as one."""
+    """Return the results of several runs of a program as one result."""
     return Outcome(
         late_s=np.concatenate([each.late_s for each in outcomes]),
         exchange_s=np.concatenate([each.exchange_s for each in outcomes]),
@@ -305,7 +305,7 @@ def p99(times_s: Times) -> float:
 
 
 def main() -> int:
-    """Measure and print; the last line is one JSON object."""
+    """Measure, and print the figures; the last line is one JSON object."""
     quick = "--quick" in sys.argv
     rounds, seconds = (3, 3.0) if quick else (ROUNDS, ROUND_S)
     ctypes.CDLL(None)  # loads the library before the measurement
@@ -340,23 +340,23 @@ def main() -> int:
                 kernel_s = of[BARE].cpu_per_cycle_s
                 cpu = (peer.cpu_per_cycle_s - kernel_s) / (ours.cpu_per_cycle_s - kernel_s)
                 late = late_s[OURS] / late_s[BARE]
-                ratios[f"the same without C's, {scenario}"] = round(cpu, 2)
-                ratios[f"p99 of lateness over C's, {scenario}"] = round(late, 2)
+                ratios[f"canopen's CPU over ours, C's subtracted, {scenario}"] = round(cpu, 2)
+                ratios[f"p99 of lateness over C's, calm windows, {scenario}"] = round(late, 2)
                 all_late = p99(ours.late_s) / p99(of[BARE].late_s)
-                ratios[f"the same of all cycles, {scenario}"] = round(all_late, 2)
+                ratios[f"p99 of lateness over C's, all cycles, {scenario}"] = round(all_late, 2)
                 holds = holds and late <= JITTER_RATIO
             holds = holds and cpu >= CPU_RATIO
     holds = holds and lost_frames == 0
     if bare is None:
-        print("no C compiler: CPU is compared without subtraction, lateness is not compared")
+        print("no C compiler: the CPU time of C is not subtracted, and lateness is not compared")
     result = {
         "name": "cyclic",
         "value": round(1e6 * worst_s),
-        "unit": "us, the worse p99 of an exchange",
+        "unit": "us, p99 of the exchange time in the worse scenario",
         "frames_lost": lost_frames,
         "ratios": ratios,
         "bar": (
-            f"0 frames lost; what canopen takes beyond C at least {CPU_RATIO:g} times what we do;"
+            f"0 frames lost; CPU time beyond that of C: canopen at least {CPU_RATIO:g} times ours;"
             f" p99 of lateness in a calm second at most {JITTER_RATIO:g} times C's"
         ),
         "holds": holds,

@@ -1,4 +1,4 @@
-"""The bus of `benchmarks.cyclic`: simulated with its wire time; drives that answer each SYNC."""
+"""Simulated bus of `benchmarks.cyclic` with transmission times, and drives that answer SYNC."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ FULL, TRIMMED = struct.Struct("<Hih"), struct.Struct("<ih")
 
 @dataclass(frozen=True)
 class Scenario:
-    """Number of axes, cycle time, and full or trimmed frames."""
+    """Scenario of a measurement: number of axes, cycle time, and full or trimmed frames."""
 
     axes: int
     cycle_time_s: float

@@ -109,7 +109,7 @@ def cpu_us(cycle: Callable[[], None], cycles: int, pause_s: float) -> float:
 
 
 def main() -> int:
-    """Measure and print; the last line is one JSON object."""
+    """Measure, and print the figures; the last line is one JSON object."""
     cycles = 500 if "--quick" in sys.argv else 4000
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     context = multiprocessing.get_context("spawn")

@@ -1,4 +1,4 @@
-"""Measure the fraction of servo drives' data sheets that rid-daq can use.
+"""Fraction of servo drives whose EDS or DCF file (data sheet) rid-daq accepts.
 
 `python -m benchmarks.data_sheets --eds DIR` compares every EDS and DCF file of a servo drive
 (CiA 402) below a folder with the requirements of rid-daq. A drive is accepted with a bundled
@@ -45,7 +45,7 @@ Kind = Literal["servo drive", "other device", "stepper or without torque", "samp
 
 @dataclass(frozen=True)
 class EdsFile:
-    """A file, its content, the cell file's lines for it, and its differences from `canopen`."""
+    """A data sheet, its lines for the cell file, and its differences from the package `canopen`."""
 
     path: Path
     eds: ElectronicDataSheet
@@ -126,7 +126,7 @@ def differences(path: Path, eds: ElectronicDataSheet) -> tuple[str, ...]:
 
 
 def _of(other: Any, item: EdsObject) -> Any:
-    """Return an object as the package read it, or None."""
+    """Return an object as the package `canopen` read it, or None."""
     try:
         found = other[item.index]
         return found[item.subindex] if hasattr(found, "subindices") else found

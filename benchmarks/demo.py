@@ -1,4 +1,4 @@
-"""Wall time of the demo as a user runs it, compared with its bar and its motions' duration.
+"""Wall time of `rid-daq demo`, compared with its limit and with the duration of its motions.
 
 `python -m benchmarks.demo [--quick]`; the last line is one JSON object. The lower limit is the time
 of the simulation without any computation. It is measured in the same run: processes exchange as
@@ -47,7 +47,7 @@ def switch_s(rounds: int = 20_000) -> float:
 
 
 def main() -> int:
-    """Measure and print; the last line is one JSON object."""
+    """Measure, and print the figures; the last line is one JSON object."""
     periods = 4 if "--quick" in sys.argv else 16
     with tempfile.TemporaryDirectory() as runs:
         began_s = time.perf_counter()
@@ -75,7 +75,7 @@ def main() -> int:
         "unit": "s wall, program start to report",
         "ratios": {
             "real time": round(took_s / motion_s, 3),
-            "bare packets between the processes of one bus": round(took_s / bare_s, 1),
+            "packets between processes, without computation": round(took_s / bare_s, 1),
         },
         "bar": f"at most {BAR_S:g} s for 16 periods of 10 s, the 20-point validation and the paths",
         "holds": holds,

@@ -43,7 +43,7 @@ CORES = 2
 
 
 def task() -> ExcitationProblem:
-    """Return the design task: the arm, a wall, a floor, torque limits, the plain criterion."""
+    """Return the design problem: arm, wall, floor, torque limits and criterion."""
     robot = load_robot("ur10e")
     problem = ExcitationProblem(
         robot=robot,
@@ -64,7 +64,7 @@ def task() -> ExcitationProblem:
 
 
 def condition_number_of(problem: ExcitationProblem, motion: FourierMotion) -> float:
-    """Return a motion's condition number by the problem's criterion."""
+    """Return the condition number of a motion's regressor."""
     points = 40 * max(len(joint.sine) for joint in motion.joints)
     grid = motion.trajectory(problem.robot, PERIOD_S / points)
     times = grid.sample_times_s
@@ -89,7 +89,7 @@ def best_draw(problem: ExcitationProblem, seed: int, budget_s: float) -> tuple[f
 
 
 def main() -> int:
-    """Measure and print; the last line is one JSON object."""
+    """Measure, and print the figures; the last line is one JSON object."""
     budget_s = QUICK_BUDGET_S if "--quick" in sys.argv else BUDGET_S
     began_s = time.monotonic()
     problem = task()

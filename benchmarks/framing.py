@@ -87,7 +87,7 @@ def serving(folder: Path) -> Iterator[Served]:
     """Start a service and yield it with a viewer's token; end it afterwards."""
     os.environ["XDG_RUNTIME_DIR"] = str(folder)
     words = [sys.executable, "-m", "rid_daq", "serve", CELL, "--folder", str(folder)]
-    log = folder / "said"
+    log = folder / "output"
     with log.open("wb") as output:
         process = subprocess.Popen(
             [*words, "--listen", "127.0.0.1:0"], stdout=output, stderr=output
@@ -174,7 +174,7 @@ def fuzz(served: Served, seed: int, seconds: float) -> tuple[dict[str, Pressed],
 
 
 def main() -> int:
-    """Measure and print; the last line is one JSON object."""
+    """Measure, and print the figures; the last line is one JSON object."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=10.0)
     parser.add_argument("--seed", type=int, default=1)

@@ -1,16 +1,17 @@
-"""Friction and rigid parameters of recordings without a period: bias, intervals, agreement.
+"""Accuracy of friction and rigid parameters from recordings without a period.
 
 `python -m benchmarks.friction_bias [--quick]`. Pinocchio simulates arms of three, six and seven
 axes in closed loop, from rest to rest and with quick reversals (`benchmarks.simulated_arm`). Their
 recordings, at 100 to 1000 Hz, are low-passed and identified as `rid-daq identify` does it.
 
 1. Without noise, every Coulomb and viscous coefficient is within 0.02 % of the truth from 200 Hz up
-   and within 0.08 % at 100 Hz. This holds for the usual band and for a band of 3 Hz.
+   and within 0.08 % at 100 Hz. This holds for the default cut-off of the low-pass and for a cut-off
+   of 3 Hz.
 2. The second test has encoders of 19 bits and torque noise of 1 %, with or without additional noise
    of 0.5 % below 3 Hz. The 2-sigma intervals contain 93 to 97 % of the true friction and rigid
    parameters. At least 94 % of the parameters of two recordings of one arm agree within 2 sigma.
-3. In the third test the encoder's steps are the only noise. The same limits hold, or a finding
-   warns.
+3. In the third test the encoder's steps are the only noise. The limits of the second test hold, or
+   the program reports a finding.
 
 The last line is one JSON object. `--quick` takes less than a minute: a few recordings and wider
 limits, which it prints.
@@ -62,7 +63,7 @@ class Plan:
         arms: Names of the arms.
         trajectories, draws: Motions of each kind for each arm, and draws of noise for each motion.
         rates_hz, bias_rates_hz: Rates for intervals and for the bias.
-        slack: Percentage points by which coverage and agreement may miss their limits.
+        slack: Tolerance of the limits for coverage and agreement [percentage points].
     """
 
     arms: tuple[str, ...]
@@ -117,7 +118,7 @@ def add_noise(recording: Recording, noise: str, random: np.random.Generator) -> 
 def slow_noise(
     shape: tuple[int, ...], recording: Recording, random: np.random.Generator
 ) -> FloatArray:
-    """Return noise of unit variance of first order with its corner at `SLOW_HZ`."""
+    """Return first-order noise of unit variance with its corner frequency at `SLOW_HZ`."""
     from scipy import signal
 
     step_s = float(recording.time_s[1] - recording.time_s[0])
@@ -134,7 +135,7 @@ def identify_recording(exact: Exact, recording: Recording, band_hz: float = BAND
 
 
 def is_friction(estimate: Estimate) -> list[bool]:
-    """Return True for each base parameter of friction."""
+    """Return a mask of the base parameters: True for those of friction."""
     return [name.startswith(("fc_", "fv_")) for name in estimate.base.names]
 
 
@@ -147,7 +148,7 @@ def bias_percent(exact: Exact, rate_hz: int, band_hz: float) -> float:
 
 @dataclass
 class Cell:
-    """Counts of one rate, motion and kind of noise."""
+    """Counts for one combination of sampling rate, motion and kind of noise."""
 
     friction: list[bool]
     rigid: list[bool]
@@ -157,7 +158,7 @@ class Cell:
 
     @classmethod
     def empty(cls) -> Cell:
-        """Return a cell without counts."""
+        """Return an empty entry of the table."""
         return cls([], [], [], [])
 
     def shares(self) -> dict[str, float]:
@@ -174,7 +175,7 @@ class Cell:
 
 
 def count_intervals(cell: Cell, exact: Exact, estimates: Sequence[Estimate]) -> None:
-    """Count the intervals that cover the truth, and the estimates with a warning."""
+    """Count the intervals that contain the true value, and the estimates with a warning."""
     for estimate in estimates:
         own = np.array(is_friction(estimate))
         holds = np.abs(estimate.values - exact.arm.truth(estimate.base)) <= 2.0 * estimate.sigma
@@ -252,7 +253,7 @@ def main() -> int:
     for key, found in bias.items():
         print(f"  {key:24s} {found:8.4f}   at most {BIAS_PERCENT[int(key.split()[0])]:g}")
     print(
-        f"2-sigma intervals that hold the truth, {COVERED[0] - plan.slack:g} to"
+        f"2-sigma intervals that contain the true value, {COVERED[0] - plan.slack:g} to"
         f" {COVERED[1] + plan.slack:g} % wanted, and agreement of two recordings,"
         f" {AGREED - plan.slack:g} % [%]"
     )
@@ -266,9 +267,9 @@ def main() -> int:
     missed = failures(plan, bias, cells)
     for each in missed:
         print(f"missed: {each}")
-    told = {key: {**cell.shares(), "recordings": cell.recordings} for key, cell in cells.items()}
+    counts = {key: {**cell.shares(), "recordings": cell.recordings} for key, cell in cells.items()}
     took_s = time.perf_counter() - began_s
-    print(json.dumps({"bias_percent": bias, "cells": told, "missed": missed, "took_s": took_s}))
+    print(json.dumps({"bias_percent": bias, "cells": counts, "missed": missed, "took_s": took_s}))
     return 1 if missed else 0
 
 

@@ -1,13 +1,14 @@
-"""Held keys over bad links: `python -m benchmarks.held_key [--quick]`.
+"""Jog with a held key over bad network links: `python -m benchmarks.held_key [--quick]`.
 
 Three hundred simulated links stall, delay, reorder, repeat or lose messages for 0.1 to 10 s, or the
 service or worker hangs for as long. A few links run over sockets in real time. Requirements:
 - The robot stops within 0.3 s after the release, plus the duration of the stop ramp.
 - After a gap it does not move again without a new press.
-- There is at most one false release a minute with a latency of 20 ms each way and 1 % packet loss,
-  and none on loopback in 10 minutes of real time.
+- There is at most one false release a minute with a latency of 20 ms in each direction and 1 %
+  packet loss, and no false release on loopback in 10 minutes of real time.
 
-It uses 127.0.0.0/8 only. The last line is one JSON object; the exit code is 1 if a bar fails.
+The benchmark uses the addresses 127.0.0.0/8 only. The last line is one JSON object; the exit code
+is 1 if a bar fails.
 """
 
 from __future__ import annotations
@@ -42,7 +43,8 @@ class Outcome:
         moved: True if the robot moved at all.
         late_s: Time from the latest allowed stop to the end of the motion [s]; negative if the
             motion ended earlier.
-        restarts: Number of times that it moved again during the same press or without a press.
+        restarts: Number of times that the robot moved again during the same press or without a
+            press.
     """
 
     moved: bool
@@ -81,14 +83,14 @@ def over_link(seed: int) -> Outcome:
     kind = KINDS[seed % len(KINDS)]
     size_s = math.exp(chance.uniform(math.log(SHORTEST_S), math.log(LONGEST_S)))
     begin_s = 1000.0
-    from_s = begin_s + chance.choice((0.0, chance.uniform(1.5, 4.0)))  # from the start, or later
-    there, back = chance.choice(((True, True), (True, False), (False, True)))
+    from_s = begin_s + chance.choice((0.0, chance.uniform(1.5, 4.0)))
+    to_service, to_page = chance.choice(((True, True), (True, False), (False, True)))
 
     def way(is_disturbed: bool) -> Way:
         return disturbed_link(kind if is_disturbed else "", chance, from_s, size_s)
 
-    page = Page(way(there), careless=chance.random() < 0.5)
-    with SimulatedJog(page, way(back)) as jog:
+    page = Page(way(to_service), careless=chance.random() < 0.5)
+    with SimulatedJog(page, way(to_page)) as jog:
         if kind in ("service", "worker"):
             stall = Stall(from_s, from_s + size_s)
             setattr(jog, f"{kind}_stall", stall)
@@ -147,11 +149,11 @@ def narrow_link() -> tuple[Way, Way]:
     return NarrowWay(MESSAGE_BYTES / 2000.0), DisturbedWay(lambda sent_s: sent_s + 0.001)
 
 
-def false_releases(minutes: float, there: Way, back: Way) -> float:
+def false_releases(minutes: float, to_service: Way, to_page: Way) -> float:
     """Return the number of false releases per minute."""
-    page = Page(there, careless=False)
+    page = Page(to_service, careless=False)
     found = 0
-    with SimulatedJog(page, back) as jog:
+    with SimulatedJog(page, to_page) as jog:
         end_s = jog.clock.now_s + 60.0 * minutes
         key = "1+"
         while jog.clock.now_s < end_s:
@@ -174,7 +176,7 @@ def _wait(jog: SimulatedJog, time_s: float) -> None:
 
 
 def report(links: int, minutes: float, loopback_s: float) -> bool:
-    """Measure and print; return True if all requirements are met."""
+    """Measure, and print the figures; return True if all requirements are met."""
     outcomes = [over_link(seed) for seed in range(links)]
     late_s = max(each.late_s for each in outcomes)
     restarts = sum(each.restarts for each in outcomes)
@@ -220,9 +222,9 @@ def report(links: int, minutes: float, loopback_s: float) -> bool:
 
 
 def main() -> int:
-    """Measure and print; return 0 if all requirements are met."""
+    """Measure, and print the figures; return 0 if all requirements are met."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--quick", action="store_true", help="fewer links, seconds for minutes")
+    parser.add_argument("--quick", action="store_true", help="fewer links and shorter tests")
     quick = parser.parse_args().quick
     holds = report(70, 5.0, 20.0) if quick else report(300, 60.0, 600.0)
     return 0 if holds else 1

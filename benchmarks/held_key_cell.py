@@ -20,7 +20,7 @@ from acquisition.hold_to_run.dead_man import DeadMan
 from acquisition.hold_to_run.dead_man_thread import LOOK_S, DeadManThread
 from acquisition.hold_to_run.held_motion import HeldMotion
 from acquisition.hold_to_run.line import LineCheck
-from benchmarks.held_key_links import Page, Told, Way
+from benchmarks.held_key_links import Message, Page, Way
 from config.load import load_cell
 from rid_daq.operations.cell.jogging import JogKeys
 from rid_daq.service.api.challenges import Challenges
@@ -38,24 +38,24 @@ class Connection:
     """Connection of a page: its challenges and the direction to the page.
 
     Args:
-        back: Direction to the page.
+        to_page: Link in the direction to the page.
         clock: The simulated time.
     """
 
-    def __init__(self, back: Way, clock: Clock) -> None:
-        self.back = back
+    def __init__(self, to_page: Way, clock: Clock) -> None:
+        self.to_page = to_page
         self.challenges = Challenges(clock)
         self._next_s = 0.0
 
     def work(self, now_s: float) -> None:
         """Issue a challenge if one is due."""
         if now_s >= self._next_s:
-            self.back.send(now_s, self.challenges.issue(JOB))
+            self.to_page.send(now_s, self.challenges.issue(JOB))
             self._next_s = now_s + self.challenges.pause_s
 
-    def order(self, told: Told) -> str | None:
+    def order(self, received: Message) -> str | None:
         """Return the order that the service sends to the worker for a page's message, if any."""
-        message = self.challenges.parse_key_message(JOB, "lease", told)
+        message = self.challenges.parse_key_message(JOB, "lease", received)
         return None if message is None else json.dumps(message.to_order())
 
 
@@ -72,7 +72,7 @@ class Clock:
 
 @dataclass
 class Stall:
-    """Time span in which a process is suspended; pending messages are handled afterwards."""
+    """Time span in which a process is suspended; it handles pending messages afterwards."""
 
     begin_s: float = 0.0
     end_s: float = 0.0
@@ -82,17 +82,17 @@ class Stall:
 
 
 class SimulatedJog:
-    """A jog whose keys one page holds, as a context manager.
+    """Context manager of a jog whose keys are held by one page.
 
     Args:
         page: The page.
-        back: Direction from the service to the page.
+        to_page: Link in the direction from the service to the page.
     """
 
-    def __init__(self, page: Page, back: Way) -> None:
+    def __init__(self, page: Page, to_page: Way) -> None:
         self.clock = Clock()
         self.page = page
-        self.connection = Connection(back, self.clock)
+        self.connection = Connection(to_page, self.clock)
         self.service_stall, self.worker_stall = Stall(), Stall()
         self.refused: list[str] = []
         self.speed = 0.0
@@ -122,20 +122,20 @@ class SimulatedJog:
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
-    def connect(self, there: Way, back: Way) -> None:
+    def connect(self, to_service: Way, to_page: Way) -> None:
         """Reconnect the page; messages in transit on the old connection are lost."""
-        self.connection = Connection(back, self.clock)
-        self.page.connect(there)
+        self.connection = Connection(to_page, self.clock)
+        self.page.connect(to_service)
 
     def tick(self) -> None:
         """Advance the time by `TICK_S`."""
         now_s = self.clock.now_s = self.clock.now_s + TICK_S
-        for told in self.connection.back.arrived(now_s):
-            self.page.take(told, now_s)
+        for received in self.connection.to_page.arrived(now_s):
+            self.page.receive(received, now_s)
         self.page.watch(now_s)
         if now_s not in self.service_stall:
-            for told in self.page.there.arrived(now_s):
-                line = self.connection.order(told)
+            for received in self.page.to_service.arrived(now_s):
+                line = self.connection.order(received)
                 if line is not None:
                     self._pipe.append(line)
             self.connection.work(now_s)

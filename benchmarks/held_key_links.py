@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final, Protocol
 
-Told = dict[str, Any]
+Message = dict[str, Any]
 
 RTO_S: Final = 0.2
 """Shortest retransmission timeout of TCP in Linux [s]."""
@@ -21,17 +21,17 @@ LIMIT_S: Final = 0.3  # LIMIT_MS of held_key.js
 class Way(Protocol):
     """One direction of a link."""
 
-    def send(self, now_s: float, told: Told) -> None:
+    def send(self, now_s: float, message: Message) -> None:
         """Send a message."""
         ...
 
-    def arrived(self, now_s: float) -> list[Told]:
+    def arrived(self, now_s: float) -> list[Message]:
         """Return the messages that have arrived since the last call."""
         ...
 
 
 class DisturbedWay:
-    """A direction with an arbitrary delay per message, reordering and repetition.
+    """One direction of a link, with any delay per message, reordering and repetition.
 
     Args:
         arrival_s: Function from the time of sending to the time of arrival [s].
@@ -51,19 +51,19 @@ class DisturbedWay:
         self._again_s = again_s
         self._latest_s = 0.0
         self._numbers = itertools.count()
-        self._waiting: list[tuple[float, int, Told]] = []
+        self._waiting: list[tuple[float, int, Message]] = []
 
-    def send(self, now_s: float, told: Told) -> None:
+    def send(self, now_s: float, message: Message) -> None:
         """Send a message."""
         arrives_s = self._arrival_s(now_s)
         if self._ordered:
             arrives_s = self._latest_s = max(arrives_s, self._latest_s)
-        heapq.heappush(self._waiting, (arrives_s, next(self._numbers), told))
+        heapq.heappush(self._waiting, (arrives_s, next(self._numbers), message))
         if self._again_s is not None:
-            again = (arrives_s + self._again_s, next(self._numbers), told)
+            again = (arrives_s + self._again_s, next(self._numbers), message)
             heapq.heappush(self._waiting, again)
 
-    def arrived(self, now_s: float) -> list[Told]:
+    def arrived(self, now_s: float) -> list[Message]:
         """Return the messages that have arrived since the last call."""
         found = []
         while self._waiting and self._waiting[0][0] <= now_s:
@@ -73,21 +73,21 @@ class DisturbedWay:
 
 @dataclass
 class _Packet:
-    told: Told
+    message: Message
     sent_s: float
-    arrives_s: float | None  # None while it is lost
+    arrives_s: float | None  # None while the packet counts as lost
     timeout_s: float
 
 
 class LossyWay:
-    """A direction of a TCP connection with packet loss; a lost packet delays the following ones.
+    """Direction of a TCP connection with packet loss; a lost packet delays the following packets.
 
     A packet is sent again after its timeout, or when `later` packets that were sent after it are
     known to have arrived. Each message is one packet.
 
     Args:
         latency_s: One-way latency [s], also of acknowledgements, which are never lost.
-        loss: Share of lost packets.
+        loss: Fraction of lost packets.
         chance: Random generator that selects the lost packets.
         later: 1 as in Linux and Windows (RACK, RFC 8985, which also waits for a quarter of the
             round trip); 3 as in older systems (fast retransmit, RFC 5681).
@@ -100,12 +100,12 @@ class LossyWay:
         self._later = later
         self._packets: deque[_Packet] = deque()
 
-    def send(self, now_s: float, told: Told) -> None:
+    def send(self, now_s: float, message: Message) -> None:
         """Send a message."""
         timeout_s = 2.0 * self._latency_s + RTO_S
-        self._packets.append(_Packet(told, now_s, self._try(now_s), timeout_s))
+        self._packets.append(_Packet(message, now_s, self._try(now_s), timeout_s))
 
-    def arrived(self, now_s: float) -> list[Told]:
+    def arrived(self, now_s: float) -> list[Message]:
         """Return the messages that have arrived since the last call."""
         for packet in self._packets:
             if packet.arrives_s is None:
@@ -115,7 +115,7 @@ class LossyWay:
             arrives_s = self._packets[0].arrives_s
             if arrives_s is None or arrives_s > now_s:
                 break
-            found.append(self._packets.popleft().told)
+            found.append(self._packets.popleft().message)
         return found
 
     def _resend_lost(self, packet: _Packet, now_s: float) -> None:
@@ -140,7 +140,7 @@ class LossyWay:
 
 
 class NarrowWay:
-    """A direction with a limited bandwidth.
+    """One direction of a link, with a limited bandwidth.
 
     Args:
         each_s: Transmission time of a message [s].
@@ -151,12 +151,12 @@ class NarrowWay:
         self._free_s = 0.0
         self._way = DisturbedWay(lambda _sent_s: self._free_s)
 
-    def send(self, now_s: float, told: Told) -> None:
+    def send(self, now_s: float, message: Message) -> None:
         """Send a message."""
         self._free_s = max(self._free_s, now_s) + self._each_s
-        self._way.send(now_s, told)
+        self._way.send(now_s, message)
 
-    def arrived(self, now_s: float) -> list[Told]:
+    def arrived(self, now_s: float) -> list[Message]:
         """Return the messages that have arrived since the last call."""
         return self._way.arrived(now_s)
 
@@ -165,12 +165,12 @@ class Page:
     """A page with `held_key.js`; or, if careless, a program that answers every challenge.
 
     Args:
-        there: Direction to the service.
+        to_service: Link in the direction to the service.
         careless: True if a press continues after a gap and after a reconnection.
     """
 
-    def __init__(self, there: Way, *, careless: bool) -> None:
-        self.there = there
+    def __init__(self, to_service: Way, *, careless: bool) -> None:
+        self.to_service = to_service
         self.ended = 0  # presses that the page itself has ended
         self._careless = careless
         self._sequence = 0
@@ -190,10 +190,10 @@ class Page:
         self._press = None
         self._say(now_s, held="")
 
-    def take(self, told: Told, now_s: float) -> None:
+    def receive(self, message: Message, now_s: float) -> None:
         """Receive a challenge and answer it while a button is pressed."""
         self.watch(now_s)
-        self._newest = told["value"], now_s
+        self._newest = message["value"], now_s
         if self._press is not None and self._counts:
             self._say(now_s, held=self._press[0])
 
@@ -205,9 +205,9 @@ class Page:
             self._counts = False
             self.ended += 1
 
-    def connect(self, there: Way) -> None:
+    def connect(self, to_service: Way) -> None:
         """Switch to another connection."""
-        self.there, self._newest = there, None
+        self.to_service, self._newest = to_service, None
         self._counts = self._counts and self._careless
 
     def _age(self, now_s: float) -> float:
@@ -216,4 +216,4 @@ class Page:
     def _say(self, now_s: float, **key: str) -> None:
         self._sequence += 1
         challenge = None if self._newest is None else self._newest[0]
-        self.there.send(now_s, {**key, "sequence": self._sequence, "challenge": challenge})
+        self.to_service.send(now_s, {**key, "sequence": self._sequence, "challenge": challenge})

@@ -24,7 +24,7 @@ NEAR, FAR = "127.0.0.1", "127.0.0.2"
 LEASE_S: Final = 3600.0
 PRESS_S: Final = 8.0
 SEEN_S: Final = 0.15
-"""Largest delay of the samples that this benchmark receives [s]."""
+"""Largest delay of the samples of the robot's motion that this benchmark receives [s]."""
 
 MOVING: Final = 0.005
 """Fraction of a joint's velocity limit above which the joint counts as moving."""
@@ -32,7 +32,7 @@ MOVING: Final = 0.005
 
 @dataclass
 class Proxy:
-    """A TCP proxy with a delay; `stalled` stops it to the service and from the service."""
+    """A TCP proxy with a delay; `stalled` stops the data to the service and from the service."""
 
     port: int
     delay_s: float = 0.0
@@ -93,9 +93,9 @@ class Holder:
     async def answer(self) -> None:
         """Answer challenges until the connection ends."""
         async for text in self._socket:
-            told = json.loads(text)
-            if told["type"] == "challenge":
-                self._newest = told["value"]
+            message = json.loads(text)
+            if message["type"] == "challenge":
+                self._newest = message["value"]
                 if self._key:
                     await self._say(self._key)
 
@@ -108,13 +108,13 @@ class Holder:
 
     async def _say(self, key: str) -> None:
         self._sequence += 1
-        told = {"job": self._job, "lease": self._lease, "held": key}
+        message = {"job": self._job, "lease": self._lease, "held": key}
         more = {"sequence": self._sequence, "challenge": self._newest}
-        await self._socket.send(json.dumps(told | more))
+        await self._socket.send(json.dumps(message | more))
 
 
 class Watcher:
-    """Observer of the robot's motion and of refused keys, over a direct connection."""
+    """Observer of motion and refused keys, connected to the service without the proxy."""
 
     def __init__(self, socket: ClientConnection) -> None:
         self._socket = socket
@@ -124,14 +124,14 @@ class Watcher:
     async def look(self) -> None:
         """Receive messages until the connection ends."""
         async for text in self._socket:
-            told = json.loads(text)
-            if told["type"] == "samples":
-                joints = told["picture"]["joints"] or []
+            message = json.loads(text)
+            if message["type"] == "samples":
+                joints = message["picture"]["joints"] or []
                 shares = [abs(each["velocity"] or 0.0) / each["velocity_limit"] for each in joints]
                 if max(shares, default=0.0) > MOVING:
                     self.moving_s.append(time.monotonic())
-            elif told["type"] == "event" and told["event"]["kind"] == "key_refused":
-                self.refused.append(told["event"]["text"])
+            elif message["type"] == "event" and message["event"]["kind"] == "key_refused":
+                self.refused.append(message["event"]["text"])
 
     def moved(self, from_s: float, to_s: float = float("inf")) -> bool:
         """Return True if the robot moved in a time span."""
@@ -192,7 +192,7 @@ LINKS: Final = (
     ((True, True), 2.0, 0.0),
     ((False, False), 3.0, 1.0),
 )
-"""Stalled directions (to and from the service), duration [s], and delay of both [s]."""
+"""Links: stalled directions (to and from the service), duration of the stall [s], delay [s]."""
 
 
 def real_links(loopback_s: float, ramp_s: float) -> RealLinks:
@@ -208,7 +208,7 @@ def real_links(loopback_s: float, ramp_s: float) -> RealLinks:
 async def _measure(
     client: ServiceClient, folder: Path, loopback_s: float, ramp_s: float
 ) -> RealLinks:
-    found = re.search(r"http://[^\s/]*:(\d+)/", (folder / "said").read_text())
+    found = re.search(r"http://[^\s/]*:(\d+)/", (folder / "output").read_text())
     assert found is not None
     port = int(found[1])
     token = {"name": "holder", "role": "operator", "person": True}

@@ -1,9 +1,10 @@
-"""Choose torque channel and friction terms of simulated arms whose truth is known.
+"""Choice of torque channel and friction terms for simulated arms, compared with the truth.
 
-`python -m benchmarks.honest_choice` judges 84 cases of arms with three, six and seven axes;
-`--quick` judges a few of the three-axis arm. `--tuning` uses the seeds with which the thresholds
-were chosen. The test uses other seeds. It also leaves out the seeds 201 to 205, because failures
-with them led to changes of the program. Pinocchio simulates the arms (`benchmarks.known_arms`).
+`python -m benchmarks.honest_choice` evaluates 84 cases of arms with three, six and seven axes;
+`--quick` evaluates a few of the three-axis arm. `--tuning` uses the random seeds with which the
+thresholds were chosen. By default, other seeds are used. The seeds 201 to 205 are not used, because
+failures with them led to changes of the program. Pinocchio simulates the arms
+(`benchmarks.known_arms`).
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ KIND_OF: Final[dict[Effect, ChannelKind]] = {
     "repeats": "none",
 }
 AWAY_S: Final = 0.1
-"""Time before and after standstill that is not judged [s]; one period of the band."""
+"""Time before and after standstill whose rows are not evaluated [s]: one period of `BAND_HZ`."""
 SAME_KIND_LIMIT: Final = 1.02
 OTHER_KIND_LIMIT: Final = 1.10
 
@@ -145,11 +146,14 @@ class Tally:
         self.joints += len(robot.joints)
         self.worse_same += int(np.sum(ratios[0] > SAME_KIND_LIMIT))
         self.worse_other += int(np.sum(ratios[1] > OTHER_KIND_LIMIT))
-        worst = f"held out {ratios[0].max():.3f}, other motion {ratios[1].max():.3f} of plain"
+        worst = (
+            "largest error over that of the plain model:"
+            f" {ratios[0].max():.3f} on the same kind of motion, {ratios[1].max():.3f} on another"
+        )
         return "; ".join([*wrong, worst])
 
     def shares(self) -> dict[str, float]:
-        """Return the fractions that the bars apply to."""
+        """Return the fractions that must reach their required values."""
         return {
             "true terms": self.found_terms / max(self.true_terms, 1),
             "false terms": self.false_terms / max(self.open_terms, 1),
@@ -160,7 +164,7 @@ class Tally:
         }
 
     def holds(self) -> bool:
-        """Return True if every bar holds."""
+        """Return True if every requirement is met."""
         own = self.shares()
         return (
             own["true terms"] >= 0.98
@@ -195,7 +199,8 @@ def recording(
 ) -> tuple[Recording, bool]:
     """Return a logger's recording, and True if its clock is known.
 
-    It has 250 Hz, encoder steps, noise and the case's effect. A clock with repeated rows is judged.
+    It has 250 Hz, encoder steps, noise and the case's effect. If rows are repeated, the clock is
+    checked as on import.
     """
     known = True
     random = np.random.default_rng([case.seed, 4, number])
@@ -252,7 +257,7 @@ def judge(case: Case, tally: Tally) -> str:
 
 
 def _ratio(model: Estimate, plain: Estimate, run: Recording) -> FloatArray:
-    """Return each joint's prediction error with a model over that with the plain model.
+    """Return each joint's prediction error with a model, divided by that with the plain model.
 
     Both errors use the same rows, away from standstill: the friction of a sticking joint depends on
     the applied torque, and no model predicts it.
@@ -270,7 +275,7 @@ def _ratio(model: Estimate, plain: Estimate, run: Recording) -> FloatArray:
 
 
 def cases(seeds: Sequence[int], quick: bool) -> Iterator[Case]:
-    """Yield the cases: all frictions and effects on three axes, a selection on six and seven."""
+    """Yield the cases: all friction models and effects on three axes, some on six and seven."""
     effects: tuple[Effect, ...] = ("none", "delay", "lag8", "lag5", "zero5", "repeats")
     if quick:
         yield Case("three", "both", "none", seeds[0])
@@ -289,11 +294,11 @@ def cases(seeds: Sequence[int], quick: bool) -> Iterator[Case]:
 
 
 def main() -> int:
-    """Judge and print; the last line is one JSON object."""
+    """Evaluate the cases, and print the figures; the last line is one JSON object."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.honest_choice")
     parser.add_argument("--quick", action="store_true", help="three cases of the three-axis arm")
     parser.add_argument("--tuning", action="store_true", help="use the seeds of the tuning")
-    parser.add_argument("--only", default="", help="judge only cases whose name contains this")
+    parser.add_argument("--only", default="", help="only cases whose name contains this text")
     options = parser.parse_args()
     tally = Tally()
     for case in cases(TUNING_SEEDS if options.tuning else JUDGING_SEEDS, options.quick):
@@ -306,7 +311,7 @@ def main() -> int:
             {
                 "name": "honest_choice",
                 "value": round(tally.shares()["false terms"], 4),
-                "unit": "share of false terms",
+                "unit": "fraction of false terms",
                 "ratios": {name: round(own, 4) for name, own in tally.shares().items()},
                 "bar": "98 % of the true terms, 1 % false ones, 95 % of the kinds, no false delay,"
                 " 95 % of the delays within three sigma, no joint worse than plain by 2 %"

@@ -1,4 +1,4 @@
-"""Identification: 45,000 samples of a six-axis arm with a coupled wrist, arrays to estimate.
+"""Time and memory of identifying a six-axis arm with a coupled wrist from 45,000 samples.
 
 `python -m benchmarks.identify [--quick] [--peer-python PYTHON]`. The time includes every step from
 arrays of q, v, a, tau to an `Estimate` with covariances: base parameters, regressor, QR, weights,
@@ -41,7 +41,7 @@ PEER = Path(__file__).with_name("identify_peer.py")
 
 
 def arm() -> RobotDescription:
-    """Return a UR10e with a coupled wrist and friction in five terms a joint."""
+    """Return a UR10e with a coupled wrist and five friction terms per joint."""
     robot = load_robot("ur10e")
     coupling = np.eye(6)
     coupling[4, 3], coupling[5, 3], coupling[5, 4] = 0.0125, -0.01, -0.02
@@ -78,7 +78,7 @@ def recording(robot: RobotDescription, samples: int) -> SmoothedSignals:
 
 
 def seconds(robot: RobotDescription, signals: SmoothedSignals, rounds: int) -> float:
-    """Return the shortest time of some rounds [s]; the first round compiles and does not count."""
+    """Return the shortest time of some rounds [s], without the first round, which compiles."""
     fit_smoothed(robot, [signals]).estimate()
     times = []
     for _ in range(rounds):
@@ -133,7 +133,7 @@ def peer_seconds(python: str, signals: SmoothedSignals) -> float | None:
 
 
 def main() -> int:
-    """Measure and print; the last line is one JSON object."""
+    """Measure, and print the figures; the last line is one JSON object."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.identify")
     parser.add_argument("--quick", action="store_true", help="fewer rounds, up to 4 times the data")
     parser.add_argument("--peer-python", metavar="PYTHON", help="a Python that has figaroh")
@@ -152,8 +152,8 @@ def main() -> int:
         print(f"{k} times the data: {spent_s:.3f} s, {memory_mb:.0f} MB at most beyond the data")
     time_growth = rows[-1][1] / rows[0][1] / rows[-1][0]
     memory_growth = rows[-1][2] / max(rows[0][2], 1.0)
-    ratios = {"time, per sample, most over least data": round(time_growth, 2)}
-    ratios["memory, most over least data"] = round(memory_growth, 2)
+    ratios = {"time per sample, largest over smallest amount of data": round(time_growth, 2)}
+    ratios["memory, largest over smallest amount of data"] = round(memory_growth, 2)
     holds = value <= BAR_S and len(estimate.base) >= 60
     holds &= time_growth <= MOST_TIME_GROWTH and memory_growth <= MOST_MEMORY_GROWTH
     if options.peer_python:

@@ -18,7 +18,7 @@ Percents = tuple[Annotated[float, Field(gt=0.0)] | None, ...]
 
 
 class Piece(ConfigModel):
-    """A recording in the folder, or a range of its rows as in `rid-daq import --rows`."""
+    """A recording in the folder, or some of its rows, as by `rid-daq import --rows`."""
 
     file: str
     rows: Annotated[str, Field(pattern=r"^\d+-\d+$")] | None = None
@@ -47,7 +47,7 @@ class JudgeSplit(ConfigModel):
 
 
 def find_splits(folder: Path) -> dict[Path, JudgeSplit]:
-    """Return the folders below `folder` that have a `judge.yaml`, or a bundled file of their name.
+    """Return the splits of the folders below `folder`: from `judge.yaml`, or bundled by name.
 
     Raises:
         ValueError: A file is not a valid split; the message names file and key.

@@ -5,10 +5,9 @@ them train and which validate (`benchmarks.judge_split`). It is in a folder belo
 bundled file with the folder's name. The data go through the commands `import`, `identify`,
 `identify --choose` and `validate`. Then the training and the validation recordings are exchanged.
 
-The output contains the prediction errors, the number of rigid base parameters that agree between
-both directions within 95 % intervals, and the physical consistency of the models. With
-`--peer-python PYTHON`, figaroh identifies the same arrays in that Python. The last line is one JSON
-object.
+The output contains the prediction errors, the number of rigid base parameters whose 95 % intervals
+agree between both directions, and the physical consistency of the models. With `--peer-python
+PYTHON`, figaroh identifies the same arrays in that Python. The last line is one JSON object.
 """
 
 from __future__ import annotations
@@ -82,13 +81,13 @@ def command(*words: str) -> dict[str, Any]:
     try:
         document: dict[str, Any] = json.loads(done.stdout)
     except ValueError:
-        said = (done.stderr.strip().splitlines() or ["no message"])[-1]
-        raise CommandError(f"{words[0]}, exit {done.returncode}: {said}") from None
+        message = (done.stderr.strip().splitlines() or ["no message"])[-1]
+        raise CommandError(f"{words[0]}, exit {done.returncode}: {message}") from None
     return document
 
 
 def import_pieces(place: Path, which: str, split: JudgeSplit, pieces: Sequence[Piece]) -> list[str]:
-    """Import pieces of a folder; return their labels."""
+    """Import recordings of a folder, or parts of recordings; return the labels of the runs."""
     own = place / split.map
     bound = str(own) if own.is_file() else split.map
     labels = []
@@ -100,32 +99,34 @@ def import_pieces(place: Path, which: str, split: JudgeSplit, pieces: Sequence[P
 
 
 def largest_errors(validations: Sequence[dict[str, Any]], key: str) -> list[float]:
-    """Return each joint's largest error in some validations [%]."""
+    """Return the largest error of each joint in several validations [%]."""
     tables = [[axis[key] for axis in each["validation"]["axes"]] for each in validations]
     return [max(column) for column in zip(*tables, strict=True)]
 
 
 def evaluate_direction(way: str, train: Sequence[str], judge: Sequence[str]) -> Direction:
-    """Identify on runs, with the file's terms and with chosen ones, and predict the others."""
-    taken = Direction()
+    """Identify with the robot file's terms and with chosen terms; predict the other runs."""
+    result = Direction()
     for kind in ("plain", "chosen"):
         model = f"{way}_{kind}.json"
-        told = command("identify", *train, *(["--choose"] if kind == "chosen" else []), "-o", model)
+        document = command(
+            "identify", *train, *(["--choose"] if kind == "chosen" else []), "-o", model
+        )
         judged = [command("validate", model, run) for run in judge]
         if kind == "plain":
-            taken.plain = largest_errors(judged, "relative_error_percent")
+            result.plain = largest_errors(judged, "relative_error_percent")
             continue
-        taken.moving = largest_errors(judged, "relative_error_percent")
-        taken.every = largest_errors(judged, "all_samples_percent")
-        joints = [axis["joint"] for axis in told["estimate"]["axes"]]
-        taken.values = {
+        result.moving = largest_errors(judged, "relative_error_percent")
+        result.every = largest_errors(judged, "all_samples_percent")
+        joints = [axis["joint"] for axis in document["estimate"]["axes"]]
+        result.values = {
             each["name"]: (each["value"], each["std"])
-            for each in told["estimate"]["parameters"]
+            for each in document["estimate"]["parameters"]
             if not each["name"].endswith(tuple(f"_{joint}" for joint in joints))
         }
-        said = " ".join(told["estimate"]["findings"])
-        taken.consistent = "are physically consistent" in said
-    return taken
+        findings = " ".join(document["estimate"]["findings"])
+        result.consistent = "are physically consistent" in findings
+    return result
 
 
 def count_agreements(first: Direction, second: Direction) -> tuple[int, int]:
@@ -165,8 +166,8 @@ def peer_percent(python: str, train: Sequence[str], judge: Sequence[str]) -> lis
         words = [python, str(PEER), str(given), str(write_arrays([run], Path("judge.npz")))]
         done = subprocess.run(words, check=False, capture_output=True, text=True)
         if done.returncode:
-            said = (done.stderr.strip().splitlines() or ["no message"])[-1]
-            print(f"figaroh cannot do this in {python}: {said}")
+            message = (done.stderr.strip().splitlines() or ["no message"])[-1]
+            print(f"figaroh cannot run in {python}: {message}")
             return []
         tables.append(json.loads(done.stdout.splitlines()[-1]))
     return [max(column) for column in zip(*tables, strict=True)]
@@ -188,31 +189,31 @@ def judge_robot(place: Path, split: JudgeSplit, peer: str | None) -> dict[str, A
         import_pieces(place, which, split, pieces)
         for which, pieces in (("train", split.train), ("judge", split.judge))
     )
-    ways = {"there": (train, judge), "back": (judge, train)}
-    taken = {way: evaluate_direction(way, *runs) for way, runs in ways.items()}
+    ways = {"first": (train, judge), "back": (judge, train)}
+    result = {way: evaluate_direction(way, *runs) for way, runs in ways.items()}
     print(f"\n{place.name}: relative error of each joint [%]")
     for way, runs in ways.items():
-        one = taken[way]
+        direction = result[way]
         if peer:
-            one.peer = peer_percent(peer, *runs)
-        print(f"  {way:5}  terms of the robot file, moving   {percent_row(one.plain)}")
-        print(f"  {'':5}  chosen terms, moving              {percent_row(one.moving)}")
-        print(f"  {'':5}  chosen terms, all samples         {percent_row(one.every)}")
-        if one.peer:
-            print(f"  {'':5}  figaroh, moving                   {percent_row(one.peer)}")
-        print(f"  {'':5}  physically consistent: {'yes' if one.consistent else 'not shown'}")
-    agree, of = count_agreements(*taken.values())
-    print(f"  {agree} of {of} rigid base parameters of both ways agree within 95 % intervals")
-    there = taken["there"]
-    holds = meets_bar(there.moving, split.bar.moving_percent)
-    holds &= meets_bar(there.every, split.bar.all_percent)
+            direction.peer = peer_percent(peer, *runs)
+        print(f"  {way:5}  terms of the robot file, moving   {percent_row(direction.plain)}")
+        print(f"  {'':5}  chosen terms, moving              {percent_row(direction.moving)}")
+        print(f"  {'':5}  chosen terms, all samples         {percent_row(direction.every)}")
+        if direction.peer:
+            print(f"  {'':5}  figaroh, moving                   {percent_row(direction.peer)}")
+        print(f"  {'':5}  physically consistent: {'yes' if direction.consistent else 'not shown'}")
+    agree, of = count_agreements(*result.values())
+    print(f"  {agree} of {of} rigid base parameters agree between the directions (95 % intervals)")
+    first = result["first"]
+    holds = meets_bar(first.moving, split.bar.moving_percent)
+    holds &= meets_bar(first.every, split.bar.all_percent)
     return {
-        "moving_percent": [round(each, 2) for each in there.moving],
-        "all_percent": [round(each, 2) for each in there.every],
-        "back_moving_percent": [round(each, 2) for each in taken["back"].moving],
-        "figaroh_percent": there.peer,
+        "moving_percent": [round(each, 2) for each in first.moving],
+        "all_percent": [round(each, 2) for each in first.every],
+        "back_moving_percent": [round(each, 2) for each in result["back"].moving],
+        "figaroh_percent": first.peer,
         "parameters_that_agree": f"{agree} of {of}",
-        "consistent": all(each.consistent for each in taken.values()),
+        "consistent": all(each.consistent for each in result.values()),
         "holds": holds,
     }
 
@@ -229,7 +230,7 @@ def main() -> int:
         parser.error(str(error))
     if not splits:
         parser.error(
-            f"no folder below {options.data} has a judge.yaml or the name of a shipped one"
+            f"no folder below {options.data} has a judge.yaml or the name of a bundled split"
         )
     robots: dict[str, dict[str, Any]] = {}
     for place, split in splits.items():

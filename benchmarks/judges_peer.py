@@ -1,4 +1,4 @@
-"""Comparison for `benchmarks.judges`: figaroh, trained and validated on the same arrays.
+"""Comparison for `benchmarks.judges`: identification and validation by figaroh.
 
 Run it in figaroh's Python as `PYTHON judges_peer.py TRAIN JUDGE`. It prints one JSON list: the
 relative error of each joint on the moving samples of the file JUDGE [%]. The model is a regressor
@@ -25,7 +25,7 @@ STANDSTILL_RAD_S = 0.02
 
 
 def main() -> int:
-    """Identify on one set of arrays and predict the other."""
+    """Identify with the arrays of one file, and predict the torques of the other file."""
     train, judge = (np.load(path) for path in sys.argv[1:3])
     model = pin.Model()
     model.gravity.linear = np.asarray(train["gravity"])

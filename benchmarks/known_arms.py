@@ -1,4 +1,4 @@
-"""Arms of three, six and seven axes whose parameters are known, driven in closed loop.
+"""Simulation of arms with known parameters in closed loop, with three, six and seven axes.
 
 Pinocchio computes masses and forces; the project's dynamics are not used. The integrator is a
 leapfrog: position, velocity, acceleration and torque of a row belong to the same time, with an
@@ -36,7 +36,7 @@ class Friction:
 
     Attributes:
         stribeck: Additional friction at standstill, as a fraction of the Coulomb friction.
-        load: Friction as a fraction of the load's torque.
+        load: Additional friction as a fraction of the torque that the gear transmits.
     """
 
     stribeck: float = 0.0
@@ -55,7 +55,7 @@ class _Link:
 
 @dataclass(frozen=True)
 class Arm:
-    """An arm.
+    """An arm with its true parameters.
 
     Attributes:
         links: Base to flange.
@@ -223,7 +223,7 @@ def drive(name: str, kind: MotionKind, seed: int, friction: Friction, duration_s
 
 @njit(cache=True)
 def _step(inertia, motion, loop, force, friction):  # type: ignore[no-untyped-def] # pragma: no cover
-    """Return motor torques and accelerations of a step; `force` keeps the friction's."""
+    """Return the motor torques and accelerations of a step; write the friction into `force`."""
     mass, rotor, bias = inertia
     half, guess, before = motion
     wanted, hold = loop
@@ -244,8 +244,8 @@ def _step(inertia, motion, loop, force, friction):  # type: ignore[no-untyped-de
     free, gain = half + 0.5 * STEP_S * drive, 0.5 * STEP_S * inverse
     limit = coulomb * (1.0 + stribeck * np.exp(-np.abs(guess) / STRIBECK_RAD_S))
     limit += load_share * np.abs(load)
-    # v = free - gain F at the middle of the step; F is limit sign(v) + viscous v of a joint that
-    # slides, and at most the limit of one that stands still.
+    # At the middle of the step v = free - gain F. The friction F of a sliding joint is limit
+    # sign(v) + viscous v; that of a joint at rest is at most the limit.
     for _ in range(SWEEPS):
         change = 0.0
         for i in range(n):
@@ -267,7 +267,7 @@ def _step(inertia, motion, loop, force, friction):  # type: ignore[no-untyped-de
 
 
 def _points(arm: Arm, duration_s: float, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return moves from rest to rest between random poses; a third have a pause."""
+    """Return moves between random poses, from rest to rest; a third of the moves have a pause."""
     random = np.random.default_rng([seed, 1])
     reach, speed = np.array(arm.reach_rad), np.array(arm.speed_rad_s)
     t = STEP_S * np.arange(round(duration_s / STEP_S))

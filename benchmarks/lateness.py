@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 
 def calm_p99(late_s: NDArray[np.float64], cycles: int) -> float:
-    """Return the lower quartile of the p99 lateness of windows of `cycles` cycles [s].
+    """Return the lower quartile of the p99 lateness of time windows of `cycles` cycles each [s].
 
     Stalls of a computer come in bursts and affect every process. The p99 of all cycles therefore
     mainly counts these bursts. The quartile ignores events that occur in fewer than three of four

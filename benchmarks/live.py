@@ -195,7 +195,7 @@ def lateness(bench: Bench, seconds: float) -> tuple[np.ndarray, np.ndarray, floa
 
 
 def click(bench: Bench, samples: MotionSamples) -> float:
-    """Return the time from a click to the last axis's quick-stop frame [s]."""
+    """Return the time from a click on STOP to the last axis's quick-stop frame [s]."""
     set_points = {0x200 + axis.node_id for axis in bench.simulated.cell.axes}
     clicked: list[float] = []
     seen: list[float] = []
@@ -242,7 +242,7 @@ def click(bench: Bench, samples: MotionSamples) -> float:
 
 
 def main() -> int:
-    """Measure and print; the last line is one JSON object."""
+    """Measure, and print the figures; the last line is one JSON object."""
     quick = "--quick" in sys.argv
     with bench() as setup:
         there, away, period_s = lateness(setup, 14.0 if quick else 60.0)
@@ -273,13 +273,15 @@ def main() -> int:
     result = {
         "name": "live",
         "value": round(p99_ms, 1),
-        "unit": "ms from click to the last axis's quick-stop frame, p99",
+        "unit": "ms from a click on STOP to the last axis's quick-stop frame, p99",
         "ratios": {
-            "added jitter p99 over the cycle time": round(added, 4),
-            "lateness p99 with clients over without": round(float(p99_there / p99_away), 2),
+            "p99 lateness that the clients add, over the cycle time": round(added, 4),
+            "p99 lateness with clients over that without clients": round(
+                float(p99_there / p99_away), 2
+            ),
         },
         "bar": f"at most {CLICK_BAR_MS:g} ms; {CLIENTS} clients add less than"
-        f" {ADDED_SHARE_BAR:.0%} of a cycle to the loop's lateness (p99)",
+        f" {ADDED_SHARE_BAR:.0%} of a cycle to the lateness of the cyclic task (p99)",
         "holds": holds,
     }
     print(json.dumps(result))

@@ -44,7 +44,7 @@ class Workplace:
     """A folder with a simulated cell and its runs.
 
     Attributes:
-        limit_fraction: Share of the limits that excitation trajectories use.
+        limit_fraction: Fraction of the robot's limits that excitation trajectories use.
     """
 
     folder: Path
@@ -78,7 +78,7 @@ class Workplace:
 
 
 def path_errors(folder: Path, quick: bool) -> dict[str, float]:
-    """Return the mean path errors [m] of ir361: empty, loaded, and without it in the model."""
+    """Return the mean path errors [m] of ir361: empty, loaded, and with a model without load."""
     bundled = load_cell("ir361")
     assert bundled.plant is not None
     plant = bundled.plant.model_copy(update={"payloads": {"tool": TOOL}})
@@ -146,7 +146,7 @@ def validation_errors(folder: Path, quick: bool) -> dict[str, float]:
 
 
 def main() -> int:
-    """Measure and print; the last line is one JSON object."""
+    """Measure, and print the figures; the last line is one JSON object."""
     quick = "--quick" in sys.argv
     with tempfile.TemporaryDirectory() as name:
         paths = path_errors(Path(name), quick)
@@ -158,7 +158,7 @@ def main() -> int:
     result = {
         "name": "loaded",
         "value": round(path_ratio, 3),
-        "unit": "path error of the loaded arm over that of the empty arm, payload in the model",
+        "unit": "path error, loaded arm over empty arm, with the payload in the model",
         "ratios": {
             "path, payload not in the model": round(
                 paths["loaded, not in the model"] / paths["empty"], 2

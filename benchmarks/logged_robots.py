@@ -1,4 +1,4 @@
-"""Recordings of arms simulated with Pinocchio, from loggers with good and bad clocks."""
+"""Recordings of simulated arms (Pinocchio), with correct and with wrong time stamps."""
 
 from __future__ import annotations
 
@@ -23,23 +23,23 @@ WRONG: Final = (
     "stamps jitter, v x 1.03",
     "stamps of 5 ms",
     "every tenth row twice",
-    "every tenth row twice, v late 11 ms",
+    "every tenth row twice, v delayed by 11 ms",
     "every tenth row twice, v noisy",
     "12 % of rows stale",
     "polled, jitter",
     "polled",
-    "nine of ten rows alike",
+    "nine of ten rows repeated",
 )
 REFUSED: Final = ("stamps jitter, v differenced", "every tenth row twice, v differenced")
 
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """An arm with known bodies and friction, and the description that `rid-daq` gets.
+    """An arm with known bodies and friction, and its description for `rid-daq`.
 
     Attributes:
         robot: Its geometry.
-        model: The same with bodies.
+        model: The arm's geometry and bodies, for Pinocchio.
         coulomb, viscous, rotor: Shape (n,). Friction [N m, N m s/rad], and inertia of the rotors at
             the joints [kg m^2].
     """
@@ -52,7 +52,7 @@ class Arm:
 
     @classmethod
     def of(cls, joints: int, seed: int) -> Arm:
-        """Return an arm with alternating axes and bodies by a seed."""
+        """Return an arm with alternating directions of its axes, and with random bodies."""
         random = np.random.default_rng(seed)
         model, parent, place = pin.Model(), 0, pin.SE3.Identity()
         rows = []
@@ -104,7 +104,7 @@ class Logged:
     """A logger's recording and the true times of its rows.
 
     Attributes:
-        case: Behaviour of the logger.
+        case: Behaviour of the logging program: one of `SOUND`, `WRONG`, `REFUSED`.
         samples: Content of the recording.
         true_s: Shape (rows,). True time of each row [s].
     """
@@ -115,7 +115,7 @@ class Logged:
 
 
 def motion(kind: str, joints: int, seconds: float, seed: int) -> tuple[FloatArray, ...]:
-    """Return times, positions, velocities and accelerations at 1 kHz; never periodic.
+    """Return times, positions, velocities and accelerations of a motion without period, at 1 kHz.
 
     Args:
         kind: Sums of sines of frequencies without a common period, or quintic moves from rest to
@@ -154,7 +154,7 @@ def motion(kind: str, joints: int, seconds: float, seed: int) -> tuple[FloatArra
 def logged(
     arm: Arm, kind: str, seconds: float, seed: int, cases: tuple[str, ...]
 ) -> Iterator[Logged]:
-    """Yield one motion as loggers write it, at 125 Hz unless the case says otherwise.
+    """Yield the recordings of one motion by all loggers, at 125 Hz unless the case states a rate.
 
     Encoders have 19 bits, torques 0.5 % of noise, velocities noise of 0.2 mrad/s in steps of
     0.1 mrad/s.

@@ -1,4 +1,4 @@
-"""Measure the fraction of file and wiring mistakes that rid-daq detects.
+"""Fraction of the mistakes in files and wiring that rid-daq detects, and false alarms.
 
 `python -m benchmarks.mistakes` injects each mistake into a correct recording, then imports and
 identifies it with the commands, as a user would. The robots are invented three- and six-axis arms
@@ -8,10 +8,10 @@ A mistake is detected if a command refuses the data, or if `identify` names the 
 its joints. A mistake is visible if the true description explains the data far better than the wrong
 one. A mistake that is neither visible nor refused is printed but not counted.
 
-False alarms: first, the correct recordings go through the same commands and must pass without a
-finding. Then further correct runs are searched for mistakes, half of them as short as 4 to 9 s;
-none may be found.
-`--sound` and `--arms` set the amount of work. The last line is one JSON object.
+False alarms are counted in two ways. First, the correct recordings go through the same commands and
+must pass without a finding. Second, further correct runs are searched for mistakes; half of these
+runs last only 4 to 9 s. No mistake must be found in them. `--sound` and `--arms` set the amount of
+work. The last line is one JSON object.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class Outcome:
         arm, name: Robot and mistake.
         refused: True if a command ended with an error and no mistake was named.
         named: True if `identify` named its kind and its joints.
-        visible: True if the data show the mistake.
+        visible: True if the mistake has an effect on the data.
     """
 
     arm: str
@@ -142,7 +142,7 @@ def outcomes(sound: UserFiles) -> Iterator[Outcome]:
 
 
 def _trial(stated: UserFiles, robot: RobotDescription) -> WiringTrial | None:
-    """Return how well a robot explains a recording; None if its time stamps make it unusable."""
+    """Return how well a robot file explains a recording; None if its time stamps are unusable."""
     recording = recording_of(stated, DEGREE if stated.unit == "deg" else 1.0)
     try:
         signals = WiredSignals.of(robot, [smooth_nonperiodic(recording, BAND_HZ)])
@@ -187,7 +187,7 @@ def false_alarms(count: int, first_seed: int) -> int:
 
 
 def main() -> int:
-    """Inject the mistakes, search the correct runs and print both; return 0 if the bars hold."""
+    """Inject the mistakes, search the correct runs, and print both results; return 0 if passed."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sound", type=int, default=SOUND_RUNS, help="correct runs to search")
     parser.add_argument("--plates", type=int, default=PLATES, help="force plates to try")
@@ -232,7 +232,7 @@ def main() -> int:
 
 def _print(outcome: Outcome) -> None:
     result = "refused" if outcome.refused else "named" if outcome.named else "-"
-    note = "" if outcome.visible or result != "-" else "the data do not show it"
+    note = "" if outcome.visible or result != "-" else "the mistake has no effect on the data"
     print(f"{outcome.arm:8} {outcome.name:45} {result:8} {note}", flush=True)
 
 

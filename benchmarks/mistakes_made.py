@@ -1,4 +1,4 @@
-"""The mistakes that `benchmarks.mistakes` injects, each into a copy of a correct recording."""
+"""Mistakes that `benchmarks.mistakes` injects into copies of a correct recording."""
 
 from __future__ import annotations
 
@@ -84,10 +84,11 @@ class InjectedMistake:
 
     Attributes:
         name: Description of the change.
-        kinds: The kinds that are a correct diagnosis.
+        kinds: Kinds of mistake that count as a correct diagnosis.
         joints: Indices of the joints that must be named; empty if the mistake concerns all joints.
-        stated: The files with the mistake.
-        shown: True if the data show the mistake although the wrong model fits as well as the truth.
+        stated: The user's files with the mistake.
+        shown: True if the mistake is detectable although the wrong model fits as well as the true
+            one.
     """
 
     name: str
@@ -139,7 +140,7 @@ def _of_one_joint(sound: UserFiles, j: int) -> Iterator[InjectedMistake]:
     yield InjectedMistake(f"{one}: position backwards", signs, (j,), moved(lambda q: -q))
     yield InjectedMistake(f"{one}: torque backwards", signs, (j,), driven(-1.0))
     both = replace(moved(lambda q: -q), torque_nm=driven(-1.0).torque_nm)
-    yield InjectedMistake(f"{one}: turns the other way", signs, (j,), both)
+    yield InjectedMistake(f"{one}: position and torque backwards", signs, (j,), both)
     factors = (MistakeKind.POSITION_FACTOR,)
     for factor in (2.0, 0.5, 10.0, 0.1, DEGREE, 1.0 / DEGREE, gear, 1.0 / gear):
         stated = moved(lambda q, factor=factor: factor * q)  # type: ignore[misc]
@@ -150,7 +151,10 @@ def _of_one_joint(sound: UserFiles, j: int) -> Iterator[InjectedMistake]:
     for degrees in (90.0, -90.0, 180.0, 30.0):
         stated = moved(lambda q, degrees=degrees: q + degrees * DEGREE)  # type: ignore[misc]
         yield InjectedMistake(
-            f"{one}: zero off by {degrees:g} degrees", (MistakeKind.POSITION_OFFSET,), (j,), stated
+            f"{one}: zero position off by {degrees:g} degrees",
+            (MistakeKind.POSITION_OFFSET,),
+            (j,),
+            stated,
         )
 
 
@@ -249,7 +253,7 @@ def _of_torques(sound: UserFiles) -> Iterator[InjectedMistake]:
 
 
 def _of_velocities(sound: UserFiles) -> Iterator[InjectedMistake]:
-    """Yield wrong velocity columns; only the import checks them, against the positions."""
+    """Yield wrong velocity columns; only the import checks velocities, against the positions."""
     right = np.gradient(sound.position, sound.time_s, axis=0)
     backwards, swapped = right.copy(), right.copy()
     backwards[:, 1] *= -1.0
@@ -282,7 +286,7 @@ def _of_the_robot(sound: UserFiles) -> Iterator[InjectedMistake]:
     matrix[n - 1, n - 2] = 1.0
     coupled = tuple(tuple(row) for row in matrix.tolist())
     yield InjectedMistake(
-        "a coupling that is not there",
+        "a wrist coupling that the robot does not have",
         (MistakeKind.COUPLING,),
         (n - 2, n - 1),
         of(coupling=coupled),
@@ -303,7 +307,7 @@ def _of_the_robot(sound: UserFiles) -> Iterator[InjectedMistake]:
     yield InjectedMistake("mounted upside down", (MistakeKind.MOUNTING,), (), of(gravity_m_s2=down))
     size, sign = float(np.linalg.norm(robot.gravity_m_s2)), math.copysign(1, robot.gravity_m_s2[2])
     for name, tilt_deg, azimuth_deg in (
-        ("a tilt that is not there", 30.0, 90.0),
+        ("a tilted base, although it is level", 30.0, 90.0),
         ("a tilt of 15 degrees", 15.0, 200.0),
         ("mounted on a wall", 90.0, 0.0),
     ):
@@ -328,11 +332,11 @@ def _of_the_robot(sound: UserFiles) -> Iterator[InjectedMistake]:
     yield InjectedMistake("limits in degrees", (), (), of(joints=degrees))
     if robot.name in OTHERS:
         file = in_place_of(robot, load_robot(OTHERS[robot.name]))
-        yield InjectedMistake("the file of another robot", (), (), replace(sound, robot=file))
+        yield InjectedMistake("the robot file of another robot", (), (), replace(sound, robot=file))
 
 
 def in_place_of(right: RobotDescription, other: RobotDescription) -> RobotDescription:
-    """Return another robot's file with the names and limits of the right one's joints."""
+    """Return another robot's file, with the joint names and limits of the correct robot."""
     joints = (
         joint.model_copy(
             update={

@@ -1,4 +1,4 @@
-"""Reduction of path errors by on-line compensation: five circles and a path, on the simulated bus.
+"""Path errors with and without on-line compensation: five circles and a path, simulated.
 
 Model and velocity loops are identified in the same session; no motion is used for tuning. Each
 motion is recorded without compensation, then streamed with compensation in the cyclic task.
@@ -20,7 +20,7 @@ FIRST_BAR, PATH_BAR, OTHERS_BAR = (8.0, 5.0), (10.0, 8.0), (6.0, 4.0)
 
 
 def compare_live(workshop: JobRunner, label: str, text: str) -> dict[str, Any]:
-    """Record a motion without compensation and stream it with; return its tracking errors."""
+    """Record a motion without compensation, and stream it with it; return both tracking errors."""
     motion = Path(workshop.path(f"{label}.yaml"))
     motion.write_text(text)
     workshop("record", workshop.cell, str(motion), "--label", f"{label}-plain")
@@ -31,7 +31,7 @@ def compare_live(workshop: JobRunner, label: str, text: str) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Measure and print; the last line is one JSON object."""
+    """Measure, and print the figures; the last line is one JSON object."""
     quick = "--quick" in sys.argv
     found: dict[str, dict[str, Any]] = {}
     with tempfile.TemporaryDirectory() as name:
@@ -50,7 +50,7 @@ def main() -> int:
     result = {
         "name": "path_error",
         "value": round(1e3 * found[FIRST]["mean_m"], 4),
-        "unit": "mm mean distance from the circle of 40 cm, compensated on line",
+        "unit": "mm mean distance from the circle of 40 cm, with on-line compensation",
         "ratios": ratios(found),
         "bar": "error reduced in the mean and at worst: the circle 8 and 5 times, the path"
         " from rest 10 and 8, others 6 and 4",

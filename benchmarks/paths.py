@@ -1,8 +1,8 @@
-"""Reduction of path errors by compensation: five circles and a path, on the simulated bus.
+"""Path errors with and without compensation: five circles and a path, on the simulated bus.
 
-Model and velocity loops are identified in the same session. The first circle, recorded without
-compensation, tunes scale and delay; the other circles and the path are not used for tuning.
-Afterwards the first circle is refined.
+Model and velocity loops are identified in the same session. A recording of the first circle without
+compensation is used to tune scale and delay of the compensation; the other circles and the path are
+not used for tuning. Afterwards the first circle is refined.
 
 Run it with ``python -m benchmarks.paths [--quick]``.
 """
@@ -61,7 +61,7 @@ segments:
 """
 REFINEMENTS = 2
 BARS = {FIRST: (10.0, 6.0), "refined": (20.0, 10.0), SPLINE: (6.0, 3.0), "others": (6.0, 4.0)}
-# The presliding state after rest depends on the motion before it, which is unknown in advance.
+# The presliding state after rest depends on the earlier motion, which is unknown in advance.
 # On-line compensation measures this state; its bars are 10 and 8 (`benchmarks.path_error`).
 
 
@@ -93,7 +93,7 @@ def is_held(title: str, motion: dict[str, Any], bar: tuple[float, float]) -> boo
 
 
 def ratios(found: dict[str, dict[str, Any]]) -> dict[str, list[float]]:
-    """Return the factors by which the mean and the largest error of each motion are reduced."""
+    """Return the factors by which compensation reduces each motion's mean and largest error."""
     return {
         title: [round(motion["mean_ratio"], 1), round(motion["max_ratio"], 1)]
         for title, motion in found.items()
@@ -161,7 +161,7 @@ class JobRunner:
 
 
 def main() -> int:
-    """Measure and print; the last line is one JSON object."""
+    """Measure, and print the figures; the last line is one JSON object."""
     quick = "--quick" in sys.argv
     found: dict[str, dict[str, Any]] = {}
     with tempfile.TemporaryDirectory() as name:

@@ -2,13 +2,13 @@
 
 `python -m benchmarks.payload_sessions [--quick] [--jobs N]`. Each session is an unattended
 `rid-daq payload kr15` on the simulated buses, with a different seed for motion and cell: cold
-motors, preflight, rehearsal, warm-up, the run without payload and the run with it. Each of the
+motors, preflight, rehearsal, warm-up, a run without payload and a run with payload. Each of the
 three reference payloads has ten sessions.
 
 Requirements:
 - The mass is within 40 g and the centre of gravity within 2 mm.
 - At least 90 % of the true values are inside two cluster-robust standard deviations.
-- The scatter between sessions is 0.7 to 1.4 times the quoted standard deviation.
+- The standard deviation of the results of several sessions is 0.7 to 1.4 times the reported one.
 
 `--quick` runs one short session and checks its intervals only. `--jobs 2` runs two sessions in
 parallel.
@@ -45,7 +45,7 @@ SHORT = ("--periods", "4", "--rehearsal", "0", "--warm-up", "50", "--warm-up-per
 
 @dataclass(frozen=True)
 class Session:
-    """One session: errors of the ten parameters and quoted standard deviations, (10,) each."""
+    """One session: errors of the ten parameters, and reported standard deviations, (10,) each."""
 
     payload: str
     seed: int
@@ -97,7 +97,7 @@ def session(payload: str, seed: int, short: bool) -> Session:
 
 
 def scatter_ratio(sessions: list[Session]) -> float:
-    """Return the scatter between sessions of each payload over the quoted standard deviation."""
+    """Return each payload's scatter between sessions over the reported standard deviation."""
     squares, freedom = 0.0, 0
     for payload in {each.payload for each in sessions}:
         own = [each for each in sessions if each.payload == payload]
@@ -108,7 +108,7 @@ def scatter_ratio(sessions: list[Session]) -> float:
 
 
 def main() -> int:
-    """Measure and print; the last line is one JSON object."""
+    """Measure, and print the figures; the last line is one JSON object."""
     quick = "--quick" in sys.argv
     jobs = int(sys.argv[sys.argv.index("--jobs") + 1]) if "--jobs" in sys.argv else 1
     count = 1 if quick else SESSIONS
@@ -145,11 +145,11 @@ def main() -> int:
                 "ratios": {
                     "scatter over quoted": None if ratio is None else round(ratio, 2),
                     "worst mass over 40 g": round(worst_g / (1e3 * MASS_KG), 2),
-                    "truth inside two sigma": round(held, 3),
+                    "true values inside two sigma": round(held, 3),
                 },
                 "bar": "truth inside in 90 %"
                 if quick
-                else "40 g, 2 mm, truth inside in 90 %, scatter 0.7 to 1.4 of quoted, all passed",
+                else "40 g, 2 mm, truth inside in 90 %, scatter 0.7 to 1.4 of reported, all passed",
                 "holds": holds,
             }
         )

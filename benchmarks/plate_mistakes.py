@@ -1,4 +1,4 @@
-"""The mistakes that `benchmarks.mistakes` injects into a force plate's description."""
+"""Mistakes that `benchmarks.mistakes` injects into the description of a force plate."""
 
 from __future__ import annotations
 
@@ -36,10 +36,11 @@ class InjectedPlateMistake:
 
     Attributes:
         name: Description of the change.
-        kinds: The kinds that are a correct diagnosis.
+        kinds: Kinds of mistake that count as a correct diagnosis.
         plate: The wrong description.
         channels: Shape (8, 8). Matrix that maps the real channels to the recorded ones.
-        of_all: True if all channels have the mistake; then only the arm's weight reveals it.
+        of_all: True if all channels have the mistake; then only the arm's weight reveals the
+            mistake.
     """
 
     name: str
@@ -55,9 +56,9 @@ class PlateOutcome:
 
     Attributes:
         arm, name: Robot and mistake.
-        named: True if the search named its kind.
+        named: True if the search for mistakes named the mistake's kind.
         refused: True if the fit of a wrench component is bad.
-        visible: True if the data show the mistake.
+        visible: True if the mistake has an effect on the data.
     """
 
     arm: str
@@ -68,7 +69,7 @@ class PlateOutcome:
 
 
 def plate_outcomes(count: int, first_seed: int) -> Iterator[PlateOutcome]:
-    """Yield the result for every mistake, and for the correct plate, under `count` arms."""
+    """Yield results for `count` arms, with every mistake and with the correct description."""
     for arm in weighed_arms(count, first_seed):
         equations, drawn = _condensed(arm)
         plausible = plausible_weight(arm.robot)
@@ -98,7 +99,7 @@ def _condensed(arm: WeighedArm) -> tuple[PlateEquations, FloatArray]:
 
 
 def _far_better(truth: FloatArray, stated: FloatArray) -> bool:
-    """Return True if the truth halves a residual and lowers the residuals' sum of logs."""
+    """Return True if the true description halves a residual and lowers their sum of logarithms."""
     times = stated / truth
     return bool(np.any(times >= VISIBLE_TIMES)) and float(np.sum(np.log(times))) >= VISIBLE_GAIN
 
@@ -158,10 +159,10 @@ def _of_channels(plate: PlateConfig) -> Iterator[InjectedPlateMistake]:
         ("fy14, fy23 swapped", (0, 1, 3, 2, 4, 5, 6, 7)),
         ("fz1, fz2 swapped", (0, 1, 2, 3, 5, 4, 6, 7)),
         ("x and y swapped", (2, 3, 0, 1, 4, 5, 6, 7)),
-        ("vertical in reverse order", (0, 1, 2, 3, 7, 6, 5, 4)),
-        ("vertical shifted by one", (0, 1, 2, 3, 5, 6, 7, 4)),
-        ("all in reverse order", every[::-1]),
-        ("all shifted by one", (*every[1:], 0)),
+        ("vertical channels in reverse order", (0, 1, 2, 3, 7, 6, 5, 4)),
+        ("vertical channels shifted by one", (0, 1, 2, 3, 5, 6, 7, 4)),
+        ("all channels in reverse order", every[::-1]),
+        ("all channels shifted by one", (*every[1:], 0)),
         ("vertical before horizontal", (*every[4:], *every[:4])),
         ("three in a cycle", (0, 4, 2, 1, 3, 5, 6, 7)),
     ):

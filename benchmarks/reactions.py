@@ -1,14 +1,14 @@
 """Time from a fault to the quick stop, in real time: `python -m benchmarks.reactions`.
 
 A simulated cell and the whole program run in real time. Faults occur repeatedly, at times that the
-program does not know. The reaction is measured in the hub's log: from the fault's own frame (or the
-unanswered SYNC, or the interrupt) until the last axis's quick stop.
+program does not know. The reaction time is measured in the log of the simulated bus: from the frame
+that is faulty (or the unanswered SYNC, or the interrupt) until the last axis's quick stop.
 
 Then 1,000 emergency messages a second are sent, which do not stop the motion. The lateness of the
 cycles is compared with and without these messages (p99 of windows of 2 s, lower quartile).
 
-`--rounds N` sets the number of occurrences of each fault (default: 25); `--quick` uses 3 and a
-shorter flood.
+`--rounds N` sets how often each fault occurs (default: 25); `--quick` uses 3 occurrences and sends
+emergency messages for a shorter time.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ FLOOD_PER_S: Final = 1000
 FLOOD_MOTIONS: Final = 3
 CALM_S: Final = 2.0
 FLOODED: Final = 2
-"""The node whose emergency messages flood the bus."""
+"""Node id in the emergency messages that flood the bus."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +93,8 @@ class Kind:
     Attributes:
         name: Description of the fault.
         mark: Function for the earliest time at which the fault is detectable.
-        cycles: Time allowed from there until the last axis's quick stop [cycles]; docs/faults.md.
+        cycles: Time allowed from this time until the last axis's quick stop [cycles]; see
+            docs/faults.md.
         waits_s: Additional time allowed until the fault is detected [s].
     """
 
@@ -245,7 +246,7 @@ def _logged(log: Path) -> Iterator[Frame]:
 
 
 def flood(channel: Path, pipe: Connection) -> None:
-    """Send "no error" emergency messages while the pipe says so; main function of a process."""
+    """Send "no error" emergency messages while the pipe permits it; main function of a process."""
     client = HubClient(channel, HubRole.DEVICE)
     request_exact_timing(realtime=True)
     step_ns = 10**9 // FLOOD_PER_S
@@ -261,7 +262,7 @@ def flood(channel: Path, pipe: Connection) -> None:
             flooding = word
             pipe.send(None)
         time.sleep(max(0.0, 1e-9 * (next_ns - time.monotonic_ns())))
-        next_ns = max(next_ns, time.monotonic_ns())  # no burst after a delay
+        next_ns = max(next_ns, time.monotonic_ns())  # send no burst after a delay
         for _ in range(10):
             next_ns += step_ns
             if flooding:
@@ -270,7 +271,7 @@ def flood(channel: Path, pipe: Connection) -> None:
 
 
 def lateness(bench: Bench, channel: Path, segment_s: float) -> tuple[NDArray[np.float64], ...]:
-    """Return the lateness of the cycles [s] with the flood and without it."""
+    """Return the lateness of the cycles [s] with and without the flood of emergency messages."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
     process = context.Process(target=flood, args=(channel, theirs), daemon=True)
@@ -301,7 +302,7 @@ def lateness(bench: Bench, channel: Path, segment_s: float) -> tuple[NDArray[np.
 
 
 def main() -> int:
-    """Measure and print; the last line is one JSON object."""
+    """Measure, and print the figures; the last line is one JSON object."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--rounds", type=int, default=25)
     parser.add_argument("--quick", action="store_true")
@@ -352,7 +353,9 @@ def main() -> int:
         print(f"other stops, caused by this computer's own delays: {dict(own)}")
     window = round(CALM_S / config.cycle_time_s)
     if min(len(flooded), len(quiet)) < window:
-        raise SystemExit("the motions with the flood were stopped too early for a comparison")
+        raise SystemExit(
+            "the motions with the flood of emergency messages were too short for a comparison"
+        )
     late, late_quiet = (1e6 * calm_p99(each, window) for each in (flooded, quiet))
     print(
         f"cycles begin late by {late:.0f} us (p99 of calm {CALM_S:g} s) with {FLOOD_PER_S}"
@@ -366,12 +369,12 @@ def main() -> int:
     result = {
         "name": "reactions",
         "value": round(float(np.quantile(shares, 0.99)), 3),
-        "unit": "of the time that is allowed, p99",
+        "unit": "fraction of the allowed reaction time, p99",
         "reactions": len(shares),
         "within": round(within, 4),
-        "ratios": {"p99 of lateness with the flood over without": round(ratio, 2)},
+        "ratios": {"p99 lateness with the flood of messages over that without": round(ratio, 2)},
         "bar": f"{SHARE_BAR:.0%} of all reactions within the time that is allowed; a flood makes"
-        f" the loop's lateness at most {FLOOD_BAR:g} times larger (p99)",
+        f" the lateness of cycles at most {FLOOD_BAR:g} times larger (p99)",
         "holds": holds,
     }
     print(json.dumps(result))

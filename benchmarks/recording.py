@@ -1,9 +1,9 @@
 """Time and memory of recording an hour of motion and six minutes: `python -m benchmarks.recording`.
 
-The command line records the starter cell's periodic motion in lock-step, once short and once ten
-times as long. The time must not grow faster than the motion's duration, and the peak memory of the
-processes must not grow with this duration. Then the long run is averaged and identified. `--long-s`
-and `--short-s` set the durations; the last line is one JSON object.
+The command line records the periodic motion of a new simulated cell in lock-step: first for six
+minutes, then for an hour. The time must not grow faster than the motion's duration, and the peak
+memory of the processes must not grow with this duration. Then the long run is averaged and
+identified. `--long-s` and `--short-s` set the durations; the last line is one JSON object.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ def run_and_measure(folder: Path, *arguments: str) -> Cost:
 
 
 def _descendants(pid: int) -> list[int]:
-    """Return all descendants of a process."""
+    """Return the process ids of all descendants of a process."""
     found: list[int] = []
     for task in Path(f"/proc/{pid}/task").glob("*/children"):
         with contextlib.suppress(OSError):
@@ -101,18 +101,18 @@ def _peak(pid: int) -> tuple[str, float] | None:
 
 
 def record_motion(folder: Path, label: str, seconds: float) -> Cost:
-    """Record about `seconds` of the starter's motion."""
+    """Record the motion of the new cell for about `seconds`."""
     starter = (folder / "motion.yaml").read_text()
     periods = max(2, round(seconds / PERIOD_S))
     text, count = re.subn(r"(?m)^periods: \d+", f"periods: {periods}", starter)
     if count != 1:
-        raise RuntimeError("the starter's motion file has no number of periods")
+        raise RuntimeError("the motion file of the new cell has no number of periods")
     (folder / f"{label}.yaml").write_text(text)
     return run_and_measure(folder, "record", "cell.yaml", f"{label}.yaml", "--label", label)
 
 
 def main() -> int:
-    """Measure and print; the last line is one JSON object."""
+    """Measure, and print the figures; the last line is one JSON object."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--long-s", type=float, default=3600.0)
     parser.add_argument("--short-s", type=float, default=360.0)

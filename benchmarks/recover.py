@@ -1,4 +1,4 @@
-"""Measure the fraction of rows that `repair` recovers from damaged recordings.
+"""Fraction of the rows that `repair` recovers from damaged recordings.
 
 The recorder writes one recording. A thousand copies are truncated at random places, and a thousand
 have one bit flipped. Each copy is repaired and compared with the original rows: a recovered row
@@ -61,9 +61,9 @@ class Tally:
     """Counts over damaged files.
 
     Attributes:
-        files, refused: Number of files, and number in which nothing was readable.
-        there, kept: Complete rows before the cut (or in the whole file, for flipped bits), and
-            rows read.
+        files, refused: Number of files, and number of files in which nothing was readable.
+        there, kept: Number of undamaged rows (of truncated files, the rows before the cut), and
+            number of rows read.
         wrong: Files with a wrong row or an unreported loss.
         longest_s: Longest processor time of one repair [s].
     """
@@ -172,7 +172,7 @@ def kills(folder: Path, count: int) -> tuple[int, int]:
 
 
 def main() -> int:
-    """Measure and print; the last line is one JSON object."""
+    """Measure, and print the figures; the last line is one JSON object."""
     quick = "--quick" in sys.argv
     count, killed = (60, 5) if quick else (1000, 100)
     with TemporaryDirectory(prefix="rid-recover-") as name:

@@ -1,9 +1,10 @@
-"""Time of the regressor, compared with writing its memory and with a loop over Pinocchio's.
+"""Computing time of the regressor, compared with Pinocchio and with filling an array.
 
-The required values are for the joint torques of six revolute axes, 10,000 samples, links only, from
-q, v, a to a new array. The lower limit of the time is that of `np.full` for a new array of the same
-size. For comparison, a Python loop over `pinocchio.computeJointTorqueRegressor` stores each result
-in an existing array. Each time is the best of several rounds, in which all programs take turns.
+The requirements apply to the regressor of the joint torques of six revolute axes, with 10,000
+samples and the columns of the links only. The time is measured from q, v, a to a new array. The
+lower limit of the time is that of `np.full` for a new array of the same size. For comparison, a
+Python loop over `pinocchio.computeJointTorqueRegressor` stores each result in an existing array.
+Each time is the best of several rounds, in which all programs take turns.
 
 Run it with ``python -m benchmarks.regressor [--quick]``.
 """
@@ -52,7 +53,7 @@ def pinocchio_arm(chain: Chain) -> pin.Model:
 
 
 def pinocchio_loop(model: pin.Model, motion: FloatArray) -> Callable[[], FloatArray]:
-    """Return the result of Pinocchio: one call per sample, stored in an array."""
+    """Return the regressor by Pinocchio: one call per sample, stored in an array."""
     data = model.createData()
     q, v, a = motion
     out = np.empty((len(q), model.nv, 10 * model.nv))
@@ -100,7 +101,7 @@ def on_one_core(call: Callable[[], object]) -> Callable[[], object]:
 
 
 def measure(axes: int, rounds: int) -> tuple[float, float, float]:
-    """Print one arm's figures; return those of the regressor, the limit and Pinocchio [us]."""
+    """Print one arm's figures; return the times of our regressor, the limit and Pinocchio [us]."""
     model = random_arm(axes)
     motion = np.random.default_rng(0).uniform(-2.0, 2.0, (3, SAMPLES, axes))
     peer = pinocchio_loop(pinocchio_arm(model.chain), motion)
@@ -152,7 +153,7 @@ def measure_the_rest(rounds: int) -> None:
 
 
 def main() -> int:
-    """Measure and print; the last line is one JSON object."""
+    """Measure, and print the figures; the last line is one JSON object."""
     rounds = 5 if "--quick" in sys.argv else 30
     measure(3, rounds)
     value, limit, peer = measure(6, rounds)
@@ -164,8 +165,8 @@ def main() -> int:
         "value": round(value, 3),
         "unit": "us per sample, six axes, 10,000 samples",
         "ratios": {
-            "np.full of the same size": round(value / limit, 2),
-            "Pinocchio loop, over ours": round(peer / value, 1),
+            "np.full of an array of the same size": round(value / limit, 2),
+            "Pinocchio in a loop, over our regressor": round(peer / value, 1),
         },
         "bar": (
             f"at most {BAR_MEMORY:g} times np.full, at least {BAR_PEER:g} times faster than the"

@@ -1,11 +1,11 @@
-"""Random splines on six axes, timed to their torques: violations, time and processor time.
+"""Fastest timing of random splines under torque limits: violations, time and processor time.
 
 The robot is the bundled UR10e with inertias from CAD data, armatures, and Coulomb, viscous and
 offset friction. It follows 100 splines through six random poses, with 1,000 intervals and rows
 every 2 ms. Every row is checked with the torque of Pinocchio's `rnea` with armatures, plus friction
-that is computed here. For the optimum, the same problem is solved on a grid eight times as fine,
-without averaging or resampling. Processor time is the best of some rounds for the whole call: model
-along the path, scans, rows and their verification.
+that is computed here. For comparison with the optimum, the same problem is solved on a grid eight
+times as fine, without averaging or resampling. Processor time is the best of some rounds for the
+whole call: model along the path, scans, rows and their verification.
 
 If toppra (https://pypi.org/project/toppra) can be imported, it solves the same problems, with the
 same path, grid and limits, and torques by Pinocchio. toppra runs twice: with its default settings,
@@ -63,10 +63,10 @@ class SixAxes:
     """A robot with friction, in the form of the project and in that of Pinocchio.
 
     Attributes:
-        robot: Its description, with armatures.
+        robot: Description of the robot, with armatures.
         torque: Its torque model.
         limits: Limits of the timing.
-        judge: Pinocchio's model of links and armatures, for the check of the rows.
+        judge: Pinocchio's model of links and armatures; it checks the torques of the rows.
     """
 
     robot: RobotDescription
@@ -76,7 +76,7 @@ class SixAxes:
 
     @classmethod
     def ur10e(cls) -> SixAxes:
-        """Return the bundled robot with numbers of a likely size."""
+        """Return the bundled robot with plausible values of friction and armatures."""
         known = load_robot("ur10e")
         joints = tuple(
             joint.model_copy(update={"rotor": None, "armature": True}) for joint in known.joints
@@ -97,7 +97,7 @@ class SixAxes:
         return cls(robot, SampleTorque.of(model, theta), limits, judge)
 
     def rigid(self, path: JointTrajectory) -> FloatArray:
-        """Return the torques of a motion's rows by Pinocchio."""
+        """Return the torques of the rows of a motion, computed by Pinocchio."""
         data = self.judge.createData()
         return np.array([pin.rnea(self.judge, data, *row) for row in zip(*path, strict=True)])
 
@@ -108,7 +108,7 @@ class SixAxes:
         return np.asarray(np.abs(self.rigid(path) + friction) / self.limits.torque)
 
     def spline(self, seed: int) -> tuple[JointCurve, FloatArray]:
-        """Return a random path and its poses."""
+        """Return a random path, and the poses through which it goes."""
         poses = np.random.default_rng(seed).uniform(-1.2, 1.2, (POINTS, len(self.robot.joints)))
         return JointCurve.through(poses, self.limits.speed), poses
 
@@ -142,7 +142,7 @@ def optimum_s(six: SixAxes, curve: JointCurve) -> float:
 
 
 def cpu_ms(call: Callable[[], object], rounds: int) -> float:
-    """Return the lowest processor time of a call in some rounds [ms]."""
+    """Return the lowest processor time of a call in several rounds [ms]."""
     spent = []
     for _ in range(rounds):
         began = time.process_time()
@@ -257,14 +257,14 @@ def time_paths_by_toppra(six: SixAxes, seeds: range, rounds: int) -> dict[str, A
 
 
 def main() -> int:
-    """Measure and print; return 0 if every bar holds."""
+    """Measure, and print the figures; return 0 if every bar is met."""
     quick = "--quick" in sys.argv
     seeds, rounds = range(10 if quick else 100), 2 if quick else 5
     six = SixAxes.ur10e()
     own = time_paths(six, seeds, rounds)
     print(
         f"{own['paths']} paths, {own['rows']} rows: {own['rows_above']} above a limit, largest"
-        f" share of a limit {own['peak']:.4f}; time over the optimum: median"
+        f"  fraction of a limit {own['peak']:.4f}; time over the optimum: median"
         f" {100 * own['over_optimum_median']:.2f} %, worst {100 * own['over_optimum_worst']:.2f} %;"
         f" processor time per path: median {own['cpu_ms_median']:.1f} ms, worst"
         f" {own['cpu_ms_worst']:.1f} ms"

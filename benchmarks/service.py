@@ -10,7 +10,7 @@ Every second motion is stopped over shared memory, as by `rid-daq stop`, while t
 by SIGSTOP. The cyclic task must react within one cycle.
 
 Finally 20 viewers connect and disconnect during one motion (`benchmarks/service_viewers.py`). The
-lateness of its cycles with viewers may be at most 1.1 times that without.
+lateness of this motion's cycles with viewers may be at most 1.1 times that without.
 
 `--stops N` sets the number of stops of each kind; 20 take about 5 minutes on an idle computer. The
 last line is one JSON object.
@@ -67,7 +67,7 @@ joints:
 @contextlib.contextmanager
 def recording(folder: Path) -> Iterator[Moving]:
     """Yield a motion of `record --pace 1 --live` in its main phase; wait for its end."""
-    motion, log = folder / "motion.yaml", folder / "said"
+    motion, log = folder / "motion.yaml", folder / "output"
     motion.write_text(MOTION)
     words = ["record", "ir361", str(motion), "--runs", str(folder / "runs"), "--pace", "1"]
     with log.open("w") as output:
@@ -96,19 +96,19 @@ def recording(folder: Path) -> Iterator[Moving]:
 
 @contextlib.contextmanager
 def serving(folder: Path) -> Iterator[Served]:
-    """Yield a service whose cell is leased and checked; end the service afterwards."""
+    """Yield a service with lease and preflight of its cell; end the service afterwards."""
     (folder / "motion.yaml").write_text(MOTION)
     os.environ["XDG_RUNTIME_DIR"] = str(folder)
     words = ["serve", "ir361", "--folder", str(folder), "--listen", "127.0.0.1:0", "--pace", "1"]
-    with (folder / "said").open("w") as output:
+    with (folder / "output").open("w") as output:
         program = subprocess.Popen(
             [sys.executable, "-m", "rid_daq", *words], stdout=output, stderr=subprocess.STDOUT
         )
     try:
         until_s = time.monotonic() + PATIENCE_S
-        while not (found := re.search(r"127\.0\.0\.1:(\d+)/", (folder / "said").read_text())):
+        while not (found := re.search(r"127\.0\.0\.1:(\d+)/", (folder / "output").read_text())):
             if program.poll() is not None or time.monotonic() > until_s:
-                raise SystemExit(f"the service did not start: {(folder / 'said').read_text()}")
+                raise SystemExit(f"the service did not start: {(folder / 'output').read_text()}")
             time.sleep(0.05)
         with ServiceClient.at(str(socket_path_of(folder))) as client:
             key = client.ask("POST", "/cells/ir361/lease", {"seconds": 3600.0})["key"]
@@ -244,7 +244,7 @@ def stop_recordings(stops: int) -> tuple[Stops, None]:
 
 
 def stop_jobs(stops: int, seconds: float) -> tuple[Stops, Lateness | None]:
-    """Stop motions of one service; then measure the lateness of one with and without viewers."""
+    """Stop motions of a service; then measure the lateness of a motion with and without viewers."""
     found = Stops()
     with tempfile.TemporaryDirectory() as name, serving(Path(name)) as served:
         with load(served.port) as press:
@@ -265,7 +265,7 @@ def stop_jobs(stops: int, seconds: float) -> tuple[Stops, Lateness | None]:
 
 
 def main() -> int:
-    """Measure and print; the last line is one JSON object."""
+    """Measure, and print the figures; the last line is one JSON object."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--stops", type=int, default=20, metavar="N")
     parser.add_argument(
@@ -299,7 +299,7 @@ def main() -> int:
         "name": "service",
         "part": "live page" if options.live else "service",
         "value": round(p99_ms, 1),
-        "unit": "ms from the POST to the last axis's quick stop on the bus, p99",
+        "unit": "ms from the STOP request to the last axis's quick stop on the bus, p99",
         "n": options.stops,
         "p50_ms": round(p50_ms, 1),
         "task_p99_ms": round(task_p99_ms, 1),

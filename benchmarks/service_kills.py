@@ -2,14 +2,14 @@
 
 The simulated drives run in another program (`rid-daq mock`) and are never killed. One service after
 the other is killed at a random time: while it starts, while it stores a new job, or while the job
-prepares, moves or writes its result. The next service starts at once, as with systemd. Two
-conditions must hold before it gets a request: the worker of the killed service has ended by itself,
-and no drive is enabled. `--lanes` sets the number of services that are tested in parallel, each
-with a separate cell and folder. After `--minutes` the test ends early and reports the number of
-kills.
+prepares, moves or writes its result. The next service starts at once, as with systemd. Before the
+next service gets a request, the worker of the killed service must have ended by itself, and no
+drive may be enabled. `--lanes` sets the number of services that are tested in parallel, each with a
+separate cell and folder. `--minutes` limits the duration; the test then ends early and reports the
+number of kills.
 
 At the end the service must know every accepted job; no job may be running, and none may have run
-twice. Other load on the computer does not matter. The last line is one JSON object.
+twice. Other load on the computer does not affect the result. The last line is one JSON object.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ STARTING: Final = 0.15
 """Fraction of the kills that happen during a service's start."""
 
 ASKING: Final = 0.25
-"""Fraction of the other kills that happen within `ASKING_S` after the request."""
+"""Fraction of the kills after the start that happen within `ASKING_S` after a request."""
 
 ASKING_S: Final = 0.1
 MOTION: Final = """kind: fourier
@@ -79,9 +79,10 @@ class Tally:
     """Results of the kills so far.
 
     Attributes:
-        fell: Number of kills by the service's activity during the kill.
+        fell: Number of kills for each activity of the service at the time of the kill.
         accepted: Jobs that the service has accepted.
-        enabled, still: Enabled drives and running workers found after a kill; both must be 0.
+        enabled, still: Numbers of enabled drives, and of workers still running, after the kills;
+            both must be 0.
     """
 
     fell: Counter[str] = field(default_factory=Counter)
@@ -93,7 +94,7 @@ class Tally:
 @contextlib.contextmanager
 def program(*words: str, folder: Path) -> Iterator[subprocess.Popen[bytes]]:
     """Start a rid-daq command and yield its process; end it afterwards."""
-    with (folder / "said").open("ab") as log:
+    with (folder / "output").open("ab") as log:
         process = subprocess.Popen(
             [sys.executable, "-m", "rid_daq", *words], stdout=log, stderr=log
         )
@@ -139,7 +140,7 @@ def require_answer(folder: Path, process: subprocess.Popen[bytes]) -> None:
         not wait_until(lambda: answers(folder) or process.poll() is not None)
         or process.poll() is not None
     ):
-        raise SystemExit(f"the service does not answer: {(folder / 'said').read_text()[-2000:]}")
+        raise SystemExit(f"the service does not answer: {(folder / 'output').read_text()[-2000:]}")
 
 
 def answers(folder: Path) -> bool:
@@ -196,7 +197,7 @@ def _answer(bus: can.BusABC, identifier: int) -> int | None:
 
 
 class Attacker:
-    """Starter and killer of the services of one folder.
+    """Tester that starts and kills the services of one folder.
 
     Args:
         folder: Folder of the services.
@@ -269,14 +270,14 @@ class Attacker:
         ):
             self._job_s = time.monotonic() - began_s
         else:
-            self._job_s *= 1.02  # adapts to a computer that has become slower
+            self._job_s *= 1.02  # adapt to a computer that has become slower
         kill(process)
         asking.join()
         self.tally.accepted += [job.id for job in accepted]
         self.tally.fell[self._activity(accepted[0]) if accepted else "the request"] += 1
 
     def _activity(self, job: Job) -> str:
-        """Return the activity of a job just after the kill."""
+        """Return the activity of a job at the time of the kill."""
         if self._is_over(job):
             return "its end"
         motions = "motion" in self._kinds(job.id)
@@ -336,7 +337,7 @@ def attack(kills: int, seed: int, until_s: float) -> dict[str, Any]:
         with program("mock", CELL, folder=folder):
             if not wait_until(has_drives):
                 raise SystemExit(
-                    f"the drives did not start: {(folder / 'said').read_text()[-2000:]}"
+                    f"the drives did not start: {(folder / 'output').read_text()[-2000:]}"
                 )
             attacker = Attacker(folder, random.Random(seed))
             done = 0
@@ -351,7 +352,7 @@ def attack(kills: int, seed: int, until_s: float) -> dict[str, Any]:
 
 
 def main() -> int:
-    """Measure and print; the last line is one JSON object."""
+    """Measure, and print the figures; the last line is one JSON object."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--kills", type=int, default=20, metavar="N")
     parser.add_argument("--lanes", type=int, default=2)
@@ -382,7 +383,7 @@ def main() -> int:
         "fell_on": dict(fell_on.most_common()),
         "states": dict(states),
         "minutes": round((time.time() - began_s) / 60.0, 1),
-        "bar": "0 lost, 0 done twice, 0 left running, 0 workers left, 0 drives enabled",
+        "bar": "no job lost, run twice or left running; no worker left, no drive enabled",
         "holds": holds,
     }
     print(json.dumps(result))

@@ -1,9 +1,9 @@
 """Memory growth of a service: `python -m benchmarks.service_memory`.
 
-The service first gets 10,000 requests. Then a simulated cell makes recordings of 30 simulated
-minutes, for 8 simulated hours, as fast as the computer can. One viewer is connected. Three figures
-show the growth of memory:
-- the service at the end of the requests, relative to that after a tenth of them;
+The service first gets 10,000 requests. Then it makes recordings of 30 simulated minutes on a
+simulated cell, as fast as possible, for 8 simulated hours in total. One viewer is connected. Three
+figures show the growth of memory:
+- the service at the end of the requests, relative to that after a tenth of the requests;
 - the service at the end, relative to that after the first recording;
 - the processes of each recording at its end, relative to those at its beginning.
 
@@ -40,10 +40,10 @@ BAR: Final = 1.05
 
 
 def memory_bytes(pid: int) -> int:
-    """Return the private memory of a process in RAM plus its share of shared memory.
+    """Return the private memory of a process in RAM plus its part of shared memory (PSS).
 
-    Mapped files are excluded: their share depends on the number of programs that use them, so that
-    a service would seem to grow when another program ends.
+    Mapped files are excluded: the part that is attributed to a process grows when another program
+    that uses the file ends.
     """
     total = 0
     with contextlib.suppress(OSError):
@@ -78,7 +78,7 @@ def viewer_connected(folder: Path) -> Iterator[list[int]]:
 
 
 def send_requests(served: Served) -> float:
-    """Send the requests; return the memory at the end over that after the first tenth."""
+    """Send the requests; return the memory after all requests over that after the first tenth."""
     paths = ("/cells/ir361", "/jobs?limit=5", "/runs?limit=5", "/cells/ir361/preflight")
     before = 0
     for number in range(REQUESTS):
@@ -118,7 +118,7 @@ def _cycles(pid: int) -> int:
 
 
 def main() -> int:
-    """Measure and print; the last line is one JSON object."""
+    """Measure, and print the figures; the last line is one JSON object."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--hours", type=float, default=HOURS, help="simulated time [h]")
     hours: float = parser.parse_args().hours

@@ -1,4 +1,4 @@
-"""Latency of a stop: until the cyclic task reacts, and until each axis's quick stop is on the bus.
+"""Latency of STOP until the cyclic task reacts, and until the quick stops are on the bus.
 
 A listener on the simulated bus receives the same frames as the drives. It connects before STOP is
 pressed and disconnects after the stop.
@@ -89,7 +89,7 @@ class Moving:
     path: str = "/stop"
 
     def post_stop(self) -> tuple[float, float]:
-        """Post the stop to the server; return the latency of the task and of the last axis [s]."""
+        """Post STOP to the server; return the latency of the task's reaction and of the bus [s]."""
         request = (
             f"POST {self.path} HTTP/1.1\r\nHost: 127.0.0.1:{self.port}\r\nX-Rid-Daq: stop\r\n"
             "Content-Type: application/json\r\nContent-Length: 2\r\n\r\n{}"
@@ -114,11 +114,11 @@ class Moving:
         return stopped_s - began_s, cycle - began
 
     def end(self) -> None:
-        """Request the stop in shared memory and do not wait."""
+        """Request the stop in shared memory, without waiting for the reaction."""
         self.control.program.request_stop(StopCode.STOP_COMMAND)
 
     def _wait_for_stop(self, bus: BusListener) -> tuple[float, int, float]:
-        """Wait for the stop; return time and cycle of the task's reaction, and the last frame."""
+        """Wait for the stop; return time and cycle of the reaction, and the last frame's time."""
         task, until_s = self.control.task, time.monotonic() + PATIENCE_S
         seen: tuple[float, int] | None = None
         while True:

@@ -54,9 +54,9 @@ class Lateness:
     """Lateness of cycles without viewers and with them, p99 [us].
 
     Attributes:
-        without_us, with_us: Of calm windows, by `calm_p99`.
-        all_without_us, all_with_us: Of all cycles.
-        cycles: Smaller number of cycles of the two.
+        without_us, with_us: p99 of calm windows, by `calm_p99`.
+        all_without_us, all_with_us: p99 of all cycles.
+        cycles: Number of cycles without viewers or with viewers, whichever is smaller.
     """
 
     without_us: float

@@ -1,9 +1,9 @@
-"""Serial arms in closed loop whose rigid bodies Pinocchio computes, with exact Coulomb friction.
+"""Simulation of arms in closed loop by Pinocchio, with exact Coulomb friction.
 
-The project's plant and kernels are not used. A time step goes from the middle of one row to the
-middle of the next (leapfrog). Therefore position, velocity and torque of a row belong to the same
-time. A joint slides at its Coulomb friction, or sticks with less friction. The solver finds the
-combination that satisfies the equations of all joints (projected Gauss-Seidel).
+The simulated robot and the kernels of the project are not used. A time step goes from the middle of
+one row to the middle of the next (leapfrog). Therefore position, velocity and torque of a row
+belong to the same time. A joint slides at its Coulomb friction, or sticks with less friction. The
+solver finds the combination that satisfies the equations of all joints (projected Gauss-Seidel).
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ class SimulatedArm:
     """An arm with its true parameters.
 
     Attributes:
-        robot: Its description for the estimator: frames and terms, no inertia.
-        model: Its rigid bodies.
+        robot: Description of the arm for the estimator: frames and terms, no inertia.
+        model: Rigid bodies of the arm.
         rotor, coulomb, viscous: Shape (n,). Rotor inertia at the joint [kg m^2], Coulomb [N m] and
             viscous friction [N m s/rad].
         reach, speed: Shape (n,). Largest angle to either side [rad], and largest speed [rad/s].
@@ -125,7 +125,7 @@ class SimulatedArm:
 
 
 def _body(mass_kg: float, random: np.random.Generator) -> Any:
-    """Return a body without symmetry."""
+    """Return the inertia of a body without symmetry."""
     size = random.uniform(0.1, 0.35, 3)
     turn = pin.exp3(random.normal(size=3))
     around = np.diag(mass_kg / 12.0 * (np.sum(size**2) - size**2))

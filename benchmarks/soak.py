@@ -87,7 +87,7 @@ class Soak:
         return min(WARM_UP, len(self.hours) // 2)
 
     def growth(self) -> dict[str, tuple[float, float]]:
-        """Return each process's memory growth after the warm-up: percent per hour, and in all."""
+        """Return each process's memory growth after the warm-up: percent per hour, and in total."""
         found = {}
         hours = np.array(self.hours[self._settled :])
         for name in self.memory_b[-1]:
@@ -118,7 +118,7 @@ def soak(
         seed: Seed of the noise and of the order of the faults.
         folder: Parent of the run folders; each is removed after its check.
         say: Function that prints a line for every fault.
-        faults: Faults to use, each about as often.
+        faults: Faults to use; all occur about equally often.
     """
     loaded = load_cell("ir361")
     plan = _plan(faults, round(hours * 3600.0 / every_s), seed)
@@ -206,7 +206,7 @@ def _judge(fault: Fault, outcome: RecordOutcome, cell: SimulatedCell) -> str:
     """Return the error in a reaction; empty if the reaction is correct."""
     stop = None if outcome.stop is None else outcome.stop.code
     if stop is None and fault.stops:
-        return "the motion went on"
+        return "the motion continued after the fault"
     if stop is not None and stop not in fault.stops:
         return f"stopped by {stop.name}: {outcome.stop.text if outcome.stop else ''}"
     if not _comes_to_rest(cell):
@@ -267,7 +267,7 @@ def _say(text: str) -> None:
 
 
 def main() -> int:
-    """Measure and print; the last line is one JSON object."""
+    """Measure, and print the figures; the last line is one JSON object."""
     options = _arguments()
     hours, every_s = options.hours, options.every
     faults: tuple[Fault, ...] = FAULTS
@@ -294,7 +294,7 @@ def main() -> int:
         "rows": found.rows,
         "descriptors_leaked": leaks,
         "bar": f"every reaction right, memory growth at most {bar:g} %"
-        f"{' an hour' if long_enough else ' in all'}, no descriptor more than after the warm-up",
+        f"{' an hour' if long_enough else ' in all'}, no more descriptors than after the warm-up",
         "holds": holds,
     }
     print(json.dumps(result))

@@ -1,4 +1,4 @@
-"""Processor time of a cycle's frames on SocketCAN: the driver's raw socket against python-can.
+"""Processor time of one cycle on SocketCAN: our raw socket compared with python-can.
 
 A cycle sends SYNC and six set-points and receives six answers, which a second socket sends.
 
@@ -29,7 +29,7 @@ ANSWERS = [FRAME.pack(0x181 + axis, 8, bytes(8)) for axis in range(AXES)]
 
 
 def exchange(port: FramePort, peer: socket.socket) -> Callable[[], float]:
-    """Return a cycle that returns its processor time [s]; the peer's is not counted."""
+    """Return a function that runs one cycle and returns its processor time [s]."""
 
     def cycle() -> float:
         began_s = time.process_time()
@@ -54,7 +54,7 @@ def cpu_us(cycle: Callable[[], float], cycles: int) -> float:
 
 
 def main() -> int:
-    """Measure and print; the last line is one JSON object."""
+    """Measure, and print the figures; the last line is one JSON object."""
     if "--interface" not in sys.argv[:-1]:
         print("missing option --interface: use vcan0 or another interface that is up and unused")
         return 2
@@ -80,7 +80,7 @@ def main() -> int:
         "value": round(figures["raw socket"], 1),
         "unit": f"us CPU per cycle of {AXES} axes",
         "ratios": {"python-can's": round(ratio, 2)},
-        "bar": "less than python-can's own path",
+        "bar": "less than python-can's SocketCAN interface",
         "holds": ratio > 1.0,
     }
     print(json.dumps(result))

@@ -1,4 +1,4 @@
-"""Invented arms on force plates, simulated with Pinocchio, and the wrench that the plates measure.
+"""Simulation of invented arms on force plates with Pinocchio: motion and measured wrench.
 
 The simulation does not use the project's dynamics. The arms' axes differ slightly from the robot
 file, and the plates' channels have a gain error and noise, so that no model explains the wrench
@@ -61,7 +61,7 @@ def weighed_arms(count: int, first_seed: int = 0) -> Iterator[WeighedArm]:
 
 
 def weighed_arm(robot: RobotDescription, random: np.random.Generator) -> WeighedArm:
-    """Return a recording of an arm with invented bodies on an invented plate."""
+    """Return a recording of an arm with random bodies on a random plate."""
     plate = _plate(random)
     q, v, a = _motion(robot, random)
     wrench, torque_nm = _reaction(_arm(robot, random), q, v, a)
@@ -118,7 +118,7 @@ def _plate(random: np.random.Generator) -> PlateConfig:
 def _motion(
     robot: RobotDescription, random: np.random.Generator
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return one period of a sum of harmonics that comes near the joints' limits of speed."""
+    """Return one period of a sum of harmonics whose speed is close to the joints' limits."""
     rows = round(random.uniform(4.0, 8.0) / STEP_S)
     omega = 2.0 * math.pi / (rows * STEP_S) * np.arange(1, HARMONICS + 1)
     angle = np.outer(STEP_S * np.arange(rows, dtype=np.float64), omega)

@@ -1,4 +1,4 @@
-"""Correct recordings of invented robots, with effects that no model of the project has."""
+"""Correct recordings of invented robots, with effects that no model of rid-daq contains."""
 
 from __future__ import annotations
 
@@ -49,8 +49,9 @@ class SoundRecording:
 def sound_runs(count: int, first_seed: int = 0) -> Iterator[SoundRecording]:
     """Yield recordings of invented robots, each with different bodies and friction.
 
-    Friction falls at low speed (Stribeck), grows with the cube root of the speed, and differs by
-    direction; gears ripple; torque sensors have an offset, 1 % of gain error and noise.
+    Friction has a Stribeck part, grows with the cube root of the speed, and depends on the
+    direction. Gears have torque ripple; torque sensors have an offset, a gain error of 1 %, and
+    noise.
     """
     for seed in range(first_seed, first_seed + count):
         random = np.random.default_rng(seed)
@@ -87,7 +88,7 @@ def sound_run(robot: RobotDescription, random: np.random.Generator) -> SoundReco
 
 
 def _share_of_limits(robot: RobotDescription, torque_nm: FloatArray) -> float:
-    """Return a factor that makes an arm's bodies and friction light enough for its motors."""
+    """Return a factor for masses and friction of an arm, so that its motors can carry it."""
     limits = np.array([joint.limits.torque for joint in robot.joints])
     return min(1.0, float(np.min(MOST_OF_LIMIT * limits / np.abs(torque_nm).max(axis=0))))
 

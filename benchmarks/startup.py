@@ -1,8 +1,8 @@
 """Start-up time of the program, compared with `python -c 'import numpy, scipy'`.
 
-The processor time of whole processes, the lowest of some starts, is measured for the version, the
-list of a hundred runs, and the help of every command. For `check` on a simulated cell, the wall
-time until its first line is measured.
+The processor time of whole processes (the lowest of several starts) is measured for `--version`,
+for the list of a hundred runs, and for the help of every command. For `check` on a simulated cell,
+the wall time until its first line is measured.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def first_line_s(folder: Path) -> float:
 
 
 def main() -> int:
-    """Measure and print; the last line is one JSON object."""
+    """Measure, and print the figures; the last line is one JSON object."""
     helps = {name: processor_s((*PROGRAM, name, "--help")) for name in COMMANDS}
     slowest = max(helps, key=lambda name: helps[name])
     with TemporaryDirectory(prefix="rid-startup-") as name:
@@ -95,7 +95,7 @@ def main() -> int:
         "ratios": {what: round(ratio, 2) for what, ratio in ratios.items()},
         "seconds": {what: round(each, 3) for what, each in taken.items()},
         "bar": ", ".join(f"{what} {bar_s:g} s" for what, bar_s in BARS_S.items())
-        + f" if numpy and scipy take {PEER_S:g} s",
+        + f" if the import of numpy and scipy takes {PEER_S:g} s",
         "holds": all(held),
     }
     print(json.dumps(result))

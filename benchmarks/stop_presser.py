@@ -1,6 +1,7 @@
-"""Press STOP as a browser does, over plain sockets, which need little time themselves.
+"""Client that presses STOP as a browser does, over plain sockets, which need little time.
 
-The presser represents another computer; it therefore has a high priority, if the system permits it.
+The client represents another computer. Therefore its process has a high priority, if the system
+permits it.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ _FLOOR_SIZE: Final = 64
 
 
 class Pressed:
-    """Response times of STOP over one connection type, and the number of lost STOPs."""
+    """Response times of STOP over one type of connection, and number of lost STOPs."""
 
     def __init__(self) -> None:
         self.took_ms: list[float] = []
@@ -37,7 +38,7 @@ class Pressed:
             self.lost += 1
 
     def quantile(self, q: float) -> float:
-        """Return a quantile of the answers [ms]; infinite without any."""
+        """Return a quantile of the response times [ms]; infinity if there is no answer."""
         return float(np.quantile(self.took_ms, q)) if self.took_ms else float("inf")
 
     @property
@@ -125,7 +126,7 @@ class StopLineClient:
 
 
 def echo(listener: socket.socket) -> None:
-    """Echo every message at once, as the main function of a process."""
+    """Echo every message at once; main function of a process."""
     with contextlib.suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, 0, -10)  # as the process that answers STOP
     line, _ = listener.accept()
@@ -134,7 +135,7 @@ def echo(listener: socket.socket) -> None:
 
 
 def press_echo(line: socket.socket, pressed: Pressed) -> None:
-    """Measure a round trip to a process that only echoes."""
+    """Measure the time for a message to a process that only echoes, and back."""
     began_s = time.monotonic()
     line.sendall(b"x" * _FLOOR_SIZE)
     pressed.add(began_s, bool(line.recv(_FLOOR_SIZE)))

@@ -2,12 +2,12 @@
 
 Every URDF below DIR goes through the commands with default options, each in a new process:
 `init --urdf`, `check`, `design`, `record` of the excitation and of the validation motion on the
-simulated cell that init wrote, `identify`, `validate`. If a tree has several tips, the benchmark
-uses the first that init names. `--only NAME` (repeatable) selects the files whose names contain
-NAME; `--json` omits the table.
+simulated cell that init wrote, `identify`, `validate`. If `init` reports several possible tips of
+the arm, the benchmark uses the first one. `--only NAME` (repeatable) selects the files whose names
+contain NAME; `--json` omits the table.
 
 The last line is one JSON object with the median wall time and processor time of the robots that
-passed. The bar applies to the processor time, which depends little on other load.
+passed. The limit (bar) applies to the processor time, which depends little on other load.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ STEPS: Final = ("init", "check", "design", "excitation", "validation", "identify
 
 
 @dataclass
-class Stranger:
+class UrdfResult:
     """Result for one robot: the time of each step, and the error that ended it.
 
     Attributes:
         name: Path of the file below the folder.
-        took_s: Step to wall time [s].
+        took_s: Wall time of each step [s].
         cpu_s: Processor time of all steps [s].
         stopped_by: Last line of the failing command's output; empty if all steps passed.
     """
@@ -64,9 +64,9 @@ class Stranger:
         return sum(self.took_s.values())
 
 
-def drive(name: str, urdf: Path, folder: Path) -> Stranger:
+def drive(name: str, urdf: Path, folder: Path) -> UrdfResult:
     """Run the commands for one robot until a command fails."""
-    stranger = Stranger(name)
+    result = UrdfResult(name)
     cell, runs = str(folder / "cell.yaml"), ["--runs", str(folder / "runs")]
     init = ["init", str(folder), "--urdf", str(urdf)]
     motion, model = str(folder / "motion.yaml"), ""
@@ -88,16 +88,16 @@ def drive(name: str, urdf: Path, folder: Path) -> Stranger:
         code, output = _run(words[step])
         if step == "init" and code and (tip := re.search(r"--tip[ =](?!LINK)([\w.\-/]+)", output)):
             code, output = _run([*init, "--tip", tip[1]])
-        stranger.took_s[step] = time.perf_counter() - began_s
+        result.took_s[step] = time.perf_counter() - began_s
         if code:
             lines = [line for line in output.splitlines() if line.strip()]
             reason = next(
                 (line for line in reversed(lines) if not line.startswith(("Report:", "Kept:"))), ""
             )
-            stranger.stopped_by = f"{step}, exit {code}: {reason}"
+            result.stopped_by = f"{step}, exit {code}: {reason}"
             break
-    stranger.cpu_s = _children_s() - before_s
-    return stranger
+    result.cpu_s = _children_s() - before_s
+    return result
 
 
 def _children_s() -> float:
@@ -134,21 +134,21 @@ def main() -> int:
     parser.add_argument("--only", action="append", default=[], metavar="NAME")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
-    strangers: list[Stranger] = []
+    results: list[UrdfResult] = []
     for path in urdfs(options.urdf, options.only):
         with tempfile.TemporaryDirectory() as folder:
             name = str(path.relative_to(options.urdf))
-            strangers.append(drive(name, path.resolve(), Path(folder) / "cell"))
+            results.append(drive(name, path.resolve(), Path(folder) / "cell"))
         if not options.json:
-            _print(strangers[-1], heading=len(strangers) == 1)
-    if not strangers:
+            _print(results[-1], heading=len(results) == 1)
+    if not results:
         print(f"no URDF below {options.urdf} whose name contains {options.only or 'anything'}")
         return 2
-    n = len(strangers)
-    initialised = sum(each.initialised for each in strangers)
-    validated = sum(each.validated for each in strangers)
-    passed_s = [each.total_s for each in strangers if each.validated]
-    passed_cpu_s = [each.cpu_s for each in strangers if each.validated]
+    n = len(results)
+    initialised = sum(each.initialised for each in results)
+    validated = sum(each.validated for each in results)
+    passed_s = [each.total_s for each in results if each.validated]
+    passed_cpu_s = [each.cpu_s for each in results if each.validated]
     median_cpu_s = statistics.median(passed_cpu_s) if passed_cpu_s else float("inf")
     holds = (
         initialised >= INITIALISED_BAR * n
@@ -174,24 +174,24 @@ def main() -> int:
                 "validated": each.validated,
                 "stopped_by": each.stopped_by,
             }
-            for each in strangers
+            for each in results
         ],
     }
     print(json.dumps(result))
     return 0 if holds else 1
 
 
-def _print(stranger: Stranger, *, heading: bool) -> None:
+def _print(result: UrdfResult, *, heading: bool) -> None:
     if heading:
         steps = "".join(f"{step:>11}" for step in STEPS)
         print(f"{'robot':32}{steps}{'total':>9}{'CPU':>9}")
     times = "".join(
-        f"{stranger.took_s[step]:>9.1f} s" if step in stranger.took_s else f"{'-':>11}"
+        f"{result.took_s[step]:>9.1f} s" if step in result.took_s else f"{'-':>11}"
         for step in STEPS
     )
-    both = f"{stranger.total_s:>7.0f} s{stranger.cpu_s:>7.0f} s"
-    verdict = stranger.stopped_by or "passed"
-    print(f"{stranger.name[:31]:32}{times}{both}  {verdict}", flush=True)
+    both = f"{result.total_s:>7.0f} s{result.cpu_s:>7.0f} s"
+    verdict = result.stopped_by or "passed"
+    print(f"{result.name[:31]:32}{times}{both}  {verdict}", flush=True)
 
 
 if __name__ == "__main__":

@@ -1,10 +1,10 @@
-"""Processor time of the on-line compensation, compared with a Pinocchio-based loop in Python.
+"""Processor time of the on-line compensation, compared with a Python program with Pinocchio.
 
-The compiled stage reads points, checks them, controls the path speed and computes the presliding
-state, the model's torque and the commanded speeds. It is measured for six axes with presliding
-hysteresis, and also without. For comparison, a Python program with numpy and Pinocchio's `rnea`
-does the same: five-point differences, limits, torque, inverse of the velocity loops, look-ahead.
-Both follow the same path.
+The on-line compensation is a compiled stage of the cyclic task. It reads points, checks them,
+controls the path speed and computes the presliding state, the model's torque and the commanded
+speeds. It is measured for six axes with presliding hysteresis, and also without. For comparison, a
+Python program with numpy and Pinocchio's `rnea` does the same: five-point differences, limits,
+torque, inverse of the velocity loops, look-ahead. Both follow the same path.
 
 Then the load of one core is measured for three axes at 1 kHz. It includes the stage, the position
 loop, the supervisor, and the exchange with drives that another process simulates.
@@ -91,7 +91,7 @@ def path_of(cell: LoadedCell, count: int) -> Points:
 
 
 def stage_of(cell: LoadedCell, points: Points) -> Callable[[int], object]:
-    """Return the stage as a function from a row to its set-point."""
+    """Return the compiled stage as a function that returns the set-point of a row."""
     ring = PointRing.create(points.shape[1], len(points))
     ring.write(points)
     source = PointSource(feedforward_of(cell), ring)
@@ -178,7 +178,7 @@ def share_of_core(cycles: int) -> tuple[float, float]:
     exchange = driver_cycle(bus)
     positions = HeldPositions(cell.config, cell.robot)
     supervisor = Supervisor(cell.config, cell.robot, positions)
-    answers = Answers.before_any(3)
+    answers = Answers.initial(3)
     answers.position[:] = points[0]
     supervisor.begin(answers)
 
@@ -221,7 +221,7 @@ def share_of_core(cycles: int) -> tuple[float, float]:
 
 
 def main() -> int:
-    """Measure and print; the last line is one JSON object."""
+    """Measure, and print the figures; the last line is one JSON object."""
     quick = "--quick" in sys.argv
     rows = 5_000 if quick else 40_000
     cell = load_cell("kr15")
@@ -246,11 +246,11 @@ def main() -> int:
         "unit": "us CPU per cycle of six axes with presliding hysteresis",
         "ratios": {
             "limit of 10 us": round(LONGEST_US / value, 2),
-            "over the same without memory": round(value / without, 2),
+            "with presliding over without presliding": round(value / without, 2),
             "Pinocchio loop in Python": round(theirs / value, 2),
             "cycles per second": round(1e6 / value),
-            "share of a core, three axes at 1 kHz with bus": round(share, 4),
-            "share of a core, the stage alone": round(alone, 4),
+            "fraction of a core, three axes at 1 kHz with bus": round(share, 4),
+            "fraction of a core, compensation alone": round(alone, 4),
         },
         "bar": f"at most {LONGEST_US:g} us, faster than the peer, and at most"
         f" {LARGEST_SHARE:.0%} of a core at 1 kHz",

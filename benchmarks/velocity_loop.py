@@ -1,12 +1,12 @@
 """Accuracy of identified velocity loops and coverage of two sigma, for 50 simulated cells.
 
-`python -m benchmarks.velocity_loop [--quick]`. The bundled three-axis arm has effects that no model
-has: current loops of 300 Hz, tachometer ripple, cogging, Stribeck friction, one cycle of bus delay,
-rounded encoder, torque and set-point values, and torque noise behind the anti-alias filter. Each
-seed changes the gains and integral times by up to a third. The motion is the multisine that
-`rid-daq design` makes. For comparison, the loops are also estimated without the multisine as
-instrument: the cross spectrum of torque and error is divided by the error's spectrum and fitted
-without weights.
+`python -m benchmarks.velocity_loop [--quick]`. The simulated three-axis arm has effects that the
+identified model does not contain: current loops of 300 Hz, tachometer ripple, cogging, Stribeck
+friction, one cycle of bus delay, rounded encoder, torque and set-point values, and torque noise
+behind the anti-alias filter. Each seed changes the gains and integral times by up to a third. The
+motion is the multisine that `rid-daq design` makes. For comparison, the loops are also estimated
+without reference to the multisine: the cross-spectrum of torque and velocity error is divided by
+the spectrum of the velocity error, and fitted without weights.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class Proof:
     Attributes:
         error: Shape (drives, 2). Relative errors of K_p and T_i.
         deviation: Shape (drives, 2). Errors divided by their standard deviations.
-        peer_error: Shape (drives, 2). Relative errors of the plain estimate.
+        peer_error: Shape (drives, 2). Relative errors of the estimate for comparison.
         p_values: Shape (drives,). p-values of the fits.
         lag_s: Shape (drives,). Error of the sum of delay and lag [s].
     """
@@ -55,12 +55,12 @@ class Proof:
 
     @property
     def held(self) -> FloatArray:
-        """Share of drives whose true K_p and T_i are inside two sigma."""
+        """Fraction of drives whose true K_p and T_i are within two standard deviations."""
         return np.asarray(np.mean(np.abs(self.deviation) < 2.0, axis=0))
 
 
 def drawn_plant(cell: LoadedCell, seed: int) -> PlantConfig:
-    """Return the cell's plant with random velocity loops."""
+    """Return the cell's simulated robot with random velocity loops."""
     assert cell.plant is not None
     random = np.random.default_rng([seed, 7])
     factors = (1.0 + SPREAD) ** random.uniform(-1.0, 1.0, (len(cell.plant.axes), 2))
@@ -77,7 +77,7 @@ def drawn_plant(cell: LoadedCell, seed: int) -> PlantConfig:
 
 
 def prove(seeds: int, period_s: float | None = None) -> Proof:
-    """Measure and fit the drives of many seeds, with multisines of a period [s]."""
+    """Simulate and fit the drives of many seeds, with multisines of the given period."""
     cell = load_cell("ir361")
     error, deviation, peer_error, p_values, lag_s = [], [], [], [], []
     for seed in range(seeds):
@@ -117,14 +117,14 @@ def _plain_fit(spectra: MultisineSpectra, joint: int) -> FloatArray:
 
 
 def main() -> int:
-    """Measure and print; the last line is one JSON object."""
+    """Measure, and print the figures; the last line is one JSON object."""
     seeds = 8 if "--quick" in sys.argv else 50
     found = prove(seeds)
     worst = np.abs(found.error).max(axis=0)
     typical = np.sqrt(np.mean(found.error**2, axis=0))
     peer = np.sqrt(np.mean(found.peer_error**2, axis=0))
     within = float(np.mean((np.abs(found.error) <= LARGEST_ERROR).all(axis=1)))
-    print(f"{seeds} seeds, {len(found.error)} drives, with effects that no model has:")
+    print(f"{seeds} seeds, {len(found.error)} drives, with unmodelled effects:")
     for k, name in enumerate(("K_p", "T_i")):
         print(
             f"  {name}: error {100 * typical[k]:.3f} % RMS, {100 * worst[k]:.3f} % at most; inside"

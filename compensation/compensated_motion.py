@@ -1,4 +1,4 @@
-"""A motion with a model of the robot: its torque and its feedforward."""
+"""Torque and velocity feedforward of a motion, computed with a model of the robot."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ def compensated_motion(
 ) -> MotionSamples:
     """Return the motion with its precompensated feedforward.
 
-    The compensation is computed in the frequency domain. One period is computed separately, so that
-    the feedforward of all periods is equal. The whole motion is computed as one long period; a
-    return to its start closes this period.
+    The feedforward is computed in the frequency domain. For this the whole motion is treated as one
+    long period, which a return to its start closes. In a periodic motion, one period is also
+    computed separately, so that the feedforward of all periods is equal.
 
     Args:
         estimate: Model of the robot.
-        loops: One per joint.
-        tuning: Correction from a reference run.
+        loops: Velocity loops, one per joint.
+        tuning: Correction of the feedforward, found in a reference run.
 
     Raises:
         ConfigError: Model or loops belong to other joints.
@@ -59,16 +59,16 @@ def with_feedforward(
     torque_nm: FloatArray,
     tuning: FeedforwardTuning | None = None,
 ) -> MotionSamples:
-    """Return the motion with the feedforward for its torque.
+    """Return the motion with the feedforward that generates its torque.
 
-    With a coupled wrist, loops, torques and corrections are those of the motors. The feedforward is
-    that of the joints, as the driver of the drives needs it (5.18).
+    With a coupled wrist, the loops, torques and corrections belong to the motors. The returned
+    feedforward belongs to the joints, because the driver of the drives expects joint speeds (5.18).
 
     Args:
-        robot: Robot of the motors.
-        loops: One per joint, in the order of the joints.
+        robot: The robot, with its wrist coupling if it has one.
+        loops: Velocity loops, one per joint, in the order of the joints.
         torque_nm: Shape (samples, n). Motor torques, link side [N m or N].
-        tuning: Correction from a reference run.
+        tuning: Correction of the feedforward, found in a reference run.
     """
     coupling = WristCoupling.of_robot(robot)
     velocity, step_s = samples.velocity, samples.sample_period_s
@@ -89,22 +89,22 @@ def with_feedforward(
 
 
 def turning_rows(samples: MotionSamples) -> tuple[int, int]:
-    """Return the first row of the first period of a periodic motion, and the end of its last."""
+    """Return the first row of the first period of a motion, and the row after its last period."""
     turning = np.flatnonzero((samples.phase == Phase.MAIN) | (samples.phase == Phase.TRANSIENT))
     return int(turning[0]), int(turning[-1]) + 1
 
 
 def with_period(samples: MotionSamples, rows: FloatArray, period: FloatArray) -> FloatArray:
-    """Return rows of a motion that blend into the rows of its last period, and out again.
+    """Blend values of a motion smoothly into those of one period, and back after the last period.
 
     Args:
         samples: A periodic motion.
-        rows: Shape (samples, n). Values before and after the periods.
+        rows: Shape (samples, n). Values of the whole motion; used before and after the periods.
         period: Shape (samples_per_period, n). Values of the last period; all periods are equal.
     """
     first, last = turning_rows(samples)
     number = np.arange(len(samples))
-    # Row k of the motion is row (k - last) of the period.
+    # Row k of the motion is row (k - last) modulo the period's length.
     exact = period[(number - last) % len(period)]
     over = max(1, round(BLEND_S / samples.sample_period_s))
     x = np.clip(np.minimum(number - first, last + over - number) / over, 0.0, 1.0)
@@ -115,7 +115,7 @@ def with_period(samples: MotionSamples, rows: FloatArray, period: FloatArray) ->
 def refuse_torque(
     motion: AnyMotion, samples: MotionSamples, estimate: Estimate, robot: RobotDescription
 ) -> None:
-    """Refuse a motion that exceeds a joint's torque limit, cold or warm (`limit_torque`).
+    """Refuse a motion that exceeds a torque limit with cold or warm joints (`limit_torque`).
 
     Args:
         motion: The motion file.

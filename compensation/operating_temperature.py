@@ -24,7 +24,7 @@ class AtOperation:
     """A model at one temperature.
 
     Attributes:
-        estimate: The model without friction that depends on temperature.
+        estimate: The model; its friction is that at the temperature and no longer depends on it.
         sentence: The temperature in words; empty if friction does not depend on it.
     """
 
@@ -38,12 +38,12 @@ class AtOperation:
 
 
 def at_operating_temperature(
-    estimate: Estimate, asked: str | None, velocity: FloatArray | None
+    estimate: Estimate, requested: str | None, velocity: FloatArray | None
 ) -> AtOperation:
     """Return a model at the requested temperature.
 
     Args:
-        asked: Requested temperature. For a model identified with measured temperatures: degrees
+        requested: Requested temperature. For a model identified with measured temperatures: degrees
             Celsius, as one value, or as one per joint separated by commas. For a model that
             computes warming without thermometers: `cold`, or `warm` for the steady state after many
             repetitions of the motion.
@@ -51,31 +51,32 @@ def at_operating_temperature(
             advance.
 
     Raises:
-        ConfigError: The friction depends on temperature but none was given, or the reverse; or the
-            value does not fit the model or is not a temperature.
+        ConfigError: The friction depends on temperature but no temperature was given; a temperature
+            was given but the friction does not depend on it; or the value does not fit the model or
+            is not a temperature.
     """
     depends = depends_on_temperature(estimate)
     names = [joint.name for joint in estimate.robot.joints]
     if not depends.any():
-        if asked is not None:
+        if requested is not None:
             raise ConfigError(
-                f"--temperature {asked}: has no effect: friction in this model does not depend on"
-                " temperature; leave it out",
+                f"--temperature {requested}: has no effect: friction in this model does not depend"
+                " on temperature; leave the option out",
                 code="RID-OPTION-NO-EFFECT",
             )
         return AtOperation(estimate)
     affected = ", ".join(name for name, own in zip(names, depends, strict=True) if own)
     words = (COLD, WARM)
     if estimate.warming is None:
-        if asked is None or asked in words:
+        if requested is None or requested in words:
             raise ConfigError(
                 f"friction of {affected} depends on measured temperatures: state the drives'"
                 " temperature in degrees Celsius, such as --temperature 40, or one value per"
                 " joint separated by commas",
                 code="RID-MODEL-TEMPERATURE",
             )
-        return _at_degrees(estimate, asked, names)
-    if asked not in words:
+        return _at_degrees(estimate, requested, names)
+    if requested not in words:
         raise ConfigError(
             f"friction of {affected} depends on warming without thermometers: use --temperature"
             f" {WARM} for the state after many repetitions of the motion, or --temperature {COLD}"
@@ -83,7 +84,7 @@ def at_operating_temperature(
             code="RID-MODEL-TEMPERATURE",
         )
     cold = np.array([joint.reference_temperature_k for joint in estimate.robot.joints])
-    if asked == COLD:
+    if requested == COLD:
         return AtOperation(
             at_temperature(estimate, cold), f"Friction of {affected} after a long rest."
         )
@@ -106,19 +107,19 @@ def at_operating_temperature(
     )
 
 
-def _at_degrees(estimate: Estimate, asked: str, names: list[str]) -> AtOperation:
+def _at_degrees(estimate: Estimate, requested: str, names: list[str]) -> AtOperation:
     try:
-        degrees = parse_numbers(asked)
+        degrees = parse_numbers(requested)
     except ConfigError:
         degrees = ()
     if len(degrees) not in (1, len(names)) or not all(
         LOWEST_C <= each <= HIGHEST_C for each in degrees
     ):
         raise ConfigError(
-            f"--temperature {asked}: give one temperature of {LOWEST_C:g} to {HIGHEST_C:g} °C, or"
-            f" {len(names)} separated by commas",
+            f"--temperature {requested}: give one temperature of {LOWEST_C:g} to {HIGHEST_C:g} °C,"
+            f" or {len(names)} separated by commas",
             code="RID-OPTION-SYNTAX",
         )
     each = np.broadcast_to(np.array(degrees), (len(names),))
-    said = ", ".join(f"{value:g} °C" for value in degrees)
-    return AtOperation(at_temperature(estimate, each + ZERO_CELSIUS_K), f"Friction at {said}.")
+    shown = ", ".join(f"{value:g} °C" for value in degrees)
+    return AtOperation(at_temperature(estimate, each + ZERO_CELSIUS_K), f"Friction at {shown}.")

@@ -32,7 +32,7 @@ def read_only(
         error: Class of the error raised.
 
     Raises:
-        RidDaqError: Of class `error`: wrong shape, or a value that is not finite.
+        RidDaqError: The shape is wrong, or a value is not finite; the error has the class `error`.
     """
     array = np.array(values, dtype=dtype, order="C", copy=None if _is_frozen(values) else True)
     if len(array.shape) != len(shape) or any(
@@ -63,7 +63,7 @@ def freeze(
     Args:
         owner: The dataclass, in its `__post_init__`.
         error, shape, dtype: As for `read_only`.
-        *names: The fields.
+        *names: Names of the fields.
         what: Prefix of a field's name in a message.
 
     Raises:

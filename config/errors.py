@@ -1,4 +1,4 @@
-"""The error tree: everything that rid-daq raises on purpose.
+"""Error classes: every error that rid-daq raises on purpose.
 
 The program catches `RidDaqError` alone and turns it into one message and an exit code. A message
 says what is wrong, where, and what to do about it.
@@ -30,7 +30,7 @@ class RidDaqError(Exception):
 
 
 class ConfigError(RidDaqError):
-    """A file or an argument is invalid. The text carries its position."""
+    """A file or an argument is invalid. The text names the place in the file, or the argument."""
 
 
 class LimitError(ConfigError):

@@ -101,7 +101,7 @@ def load_cell(reference: str) -> LoadedCell:
     if moved != robot.joint_names:
         raise ConfigError(
             f"{cell_tree.where(('axes',))}: axes move {', '.join(moved)}, but robot {robot.name}"
-            f" has {', '.join(robot.joint_names)}: list one axis a joint, in the robot's order",
+            f" has {', '.join(robot.joint_names)}: list one axis per joint, in the robot's order",
             code="RID-CELL-JOINTS",
         )
     _check_home(cell_tree, cell, robot)

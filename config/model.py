@@ -1,4 +1,4 @@
-"""`ConfigModel`: common base of configuration models, files and sections of results."""
+"""`ConfigModel`: base class of the models of all files, and of the sections of results."""
 
 from __future__ import annotations
 

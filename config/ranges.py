@@ -1,8 +1,8 @@
 """Allowed ranges of the numbers in requests, the same for every interface.
 
-A request's field declares its range in its type. The bounds of the command-line option (`least`,
-`upper_bound`) and the JSON schema of the request come from that type. A request (`Ranged`) refuses
-a number that is out of range or not finite when it is constructed.
+A request's field declares its range in its type. The bounds of the command-line option and the JSON
+schema of the request come from that type. A request (`Ranged`) refuses a number that is out of
+range or not finite when it is constructed.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ BudgetS = Annotated[float, Field(ge=1.0, le=604_800.0)]
 """Time limit of a search [s]."""
 
 Realisations = Annotated[int, Field(ge=1, le=100)]
-"""Number of multisines of one spectrum."""
+"""Number of realisations: multisines with one amplitude spectrum and different phases."""
 
 FrequencyHz = Annotated[float, Field(ge=1e-4, le=1e4)]
 """A frequency [Hz]."""
@@ -81,7 +81,7 @@ BufferS = Annotated[float, Field(ge=0.0, le=600.0)]
 """Length of a streamed path that is buffered [s]."""
 
 PatienceS = Annotated[float, Field(ge=0.0, le=86_400.0)]
-"""Time limit for the next points of a stream [s]."""
+"""Longest time to wait for the first points of a stream [s]."""
 
 Confidence = Annotated[float, Field(ge=0.0, le=0.999_999)]
 """A probability; 0 for no margin."""
@@ -90,7 +90,7 @@ FreeShare = Annotated[float, Field(ge=0.0, le=0.99)]
 """Fraction of a limit that is kept as a reserve."""
 
 Rate = Annotated[float, Field(ge=1e-6, le=1e9)]
-"""Further limit of a path: torque [N m], torque rate [N m/s] or jerk [rad/s³]."""
+"""Additional limit of a timed path: RMS torque [N m], torque rate [N m/s] or jerk [rad/s³]."""
 
 TolerancePercent = Annotated[float, Field(ge=0.0, le=100.0)]
 """Largest allowed difference [%]."""

@@ -105,7 +105,10 @@ def _known_path(tree: YamlTree, location: tuple[int | str, ...]) -> tuple[int | 
 def _models_at(
     annotation: Any, path: tuple[int | str, ...], kinds: set[int | str]
 ) -> list[type[BaseModel]]:
-    """Return the models at `path` below a model or annotation, only those of `kinds` if any."""
+    """Return the models at `path` below a model or annotation.
+
+    If some of these models have a key `kind` with a value in `kinds`, only they are returned.
+    """
     models = _models_in(annotation)
     models = [model for model in models if kinds & _kinds(model)] or models
     if not path:

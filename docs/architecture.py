@@ -1,6 +1,6 @@
 """Draw the packages from their imports into docs/architecture.md: `python docs/architecture.py`.
 
-`tests/test_architecture.py` fails when the picture differs from what the code imports.
+`tests/test_architecture.py` fails if the drawing differs from the imports in the code.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Graph = dict[str, set[str]]
 
 
 def imported(path: Path) -> set[str]:
-    """Return the project's modules that a file imports, anywhere in it."""
+    """Return the project's modules that a file imports, also inside functions."""
     found: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text())):
         if isinstance(node, ast.ImportFrom) and node.module and not node.level:
@@ -33,7 +33,7 @@ def imported(path: Path) -> set[str]:
 
 
 def files() -> Iterator[tuple[Path, list[str]]]:
-    """Yield every file of the packages, and its module's name in parts."""
+    """Yield every file of the packages, with the parts of its module name."""
     for package in PACKAGES:
         for path in sorted((ROOT / package).rglob("*.py")):
             if path.name != "__init__.py":
@@ -66,7 +66,11 @@ def drawing() -> str:
 
 
 def _room(parts: list[str]) -> str:
-    """Return the room of a module; operations on the service are above it, others below."""
+    """Return the room (folder) of a module.
+
+    Operations on the service are a separate room, because they import the service; the service
+    imports all other operations.
+    """
     return ".".join(parts[: 3 if parts[:3] == ["rid_daq", "operations", "service"] else 2])
 
 
@@ -79,7 +83,7 @@ def _is_room(parts: list[str]) -> bool:
 
 
 def _reduced(graph: Graph) -> list[tuple[str, str]]:
-    """Return the edges without those that follow from longer paths."""
+    """Return the edges of a graph without those that also follow from longer paths."""
 
     def below(node: str, seen: set[str]) -> set[str]:
         for other in graph.get(node, set()) - seen:
@@ -96,7 +100,7 @@ def _reduced(graph: Graph) -> list[tuple[str, str]]:
 
 
 def with_drawing(page: str) -> str:
-    """Return the page with the present drawing."""
+    """Return the page with a drawing of the present imports."""
     return re.sub(
         f"{re.escape(BEGIN)}.*?{re.escape(END)}",
         lambda _: BEGIN + drawing() + END,

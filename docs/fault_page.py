@@ -1,7 +1,7 @@
 """Write docs/faults.md: injected faults, required reactions and measured values.
 
-``python -m pytest --fault-page FILE...`` replaces the lines of the tests that ran and keeps the
-others. ``tests/test_fault_page.py`` compares the page with the existing tests.
+``python -m pytest --fault-page FILE...`` replaces the entries of the tests that it runs, and keeps
+all other entries. ``tests/test_fault_page.py`` compares the page with the existing tests.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ PAGE = ROOT / "docs" / "faults.md"
 
 
 class Row(NamedTuple):
-    """A fault, the required reaction and its limit."""
+    """A fault, the required reaction, and the requirement on its speed or extent."""
 
     fault: str
     reaction: str
@@ -25,7 +25,7 @@ class Row(NamedTuple):
 
 
 class Entry(NamedTuple):
-    """A test function that passed, and the figures that it measured with all its parameters."""
+    """A test function that passed, and the figures that it measured for all its parameters."""
 
     function: str
     figure: str
@@ -33,151 +33,235 @@ class Entry(NamedTuple):
 
 ROWS: dict[int, Row] = {
     1: Row(
-        "one answer of a drive lost",
-        "its last value and the following error are kept, the row is marked",
+        "one answer of a drive is lost",
+        "the drive's last value and following error are used again, and the row is marked",
         "1 marked row",
     ),
-    2: Row("three answers of one drive lost in a row", "quick stop of all axes", "≤ 4 T"),
+    2: Row("three answers of one drive in a row are lost", "quick stop of all axes", "≤ 4 T"),
     3: Row(
-        "1 % of all answers lost; more",
-        "goes on, bad periods left out and named; beyond 2 % of a drive's, or 5 periods: exit 6",
+        "1 % or more of all answers are lost",
+        "the motion continues, and bad periods are left out and named; exit code 6 if more than 2 %"
+        " of a drive's answers are lost or 5 periods are bad",
         "count exact",
     ),
-    4: Row("an answer twice", "the second is ignored", "0 rows more"),
+    4: Row("an answer arrives twice", "the second copy is ignored", "0 additional rows"),
     5: Row(
-        "answers later than their cycle",
-        "counted as late and not used, as if lost; the row is marked; quick stop at the third late"
-        " cycle in 100",
+        "answers arrive after the end of their cycle",
+        "they are counted as late and treated as lost, and the row is marked; quick stop at the"
+        " third late cycle within 100 cycles",
         "count exact",
     ),
     6: Row(
-        "a flipped bit that the checksum missed",
-        "implausible: last value kept; two: quick stop",
+        "a flipped bit that the checksum does not detect",
+        "an implausible value is replaced by the last one; quick stop at the second in a row",
         "≤ 3 T",
     ),
     7: Row(
-        "wrong length, foreign identifier, a node id twice", "refused with its name", "0 exceptions"
+        "frames of wrong length or unknown identifier; two devices with one node id",
+        "refused, and the message names the node",
+        "0 exceptions",
     ),
-    8: Row("a drive resets itself", "quick stop of the others; not enabled again", "≤ 2 T"),
-    9: Row("an emergency message", "quick stop; the code explained", "≤ 2 T"),
-    10: Row("1,000 emergency messages a second", "one quick stop; 64 kept", "0 cycles late"),
-    11: Row("a drive's heartbeat ends", "quick stop", "≤ time-out + 1 T"),
-    12: Row("bus-off, full queue, adapter gone", "silence until re-armed", "0 motion frames"),
+    8: Row(
+        "a drive resets itself",
+        "quick stop of the other drives; the drive is not enabled again",
+        "≤ 2 T",
+    ),
+    9: Row("a drive sends an emergency message", "quick stop; its code is explained", "≤ 2 T"),
+    10: Row(
+        "1,000 emergency messages a second",
+        "one quick stop; 64 messages are kept",
+        "0 cycles late",
+    ),
+    11: Row("a drive's heartbeat ends", "quick stop", "≤ timeout + 1 T"),
+    12: Row(
+        "bus-off, full send queue, or adapter disconnected",
+        "nothing is sent until the bus is opened again",
+        "0 motion frames",
+    ),
     13: Row(
-        "emergency stop, and power again",
-        "no motion frame; enabling needs a whole preflight",
+        "emergency stop, and return of power",
+        "no motion frame is sent; enabling the drives needs a complete preflight",
         "0 frames; first set-point = actual ± 1 count",
     ),
-    14: Row("a stuck encoder while the torque rises", "quick stop", "≤ 8 T"),
-    15: Row("an axis that runs the wrong way", "quick stop", "≤ 3 T beyond the limit"),
-    16: Row("a motion beyond a limit", "refused before motion", "exit 3, 0 frames"),
-    17: Row("NaN, infinity or a jump as set-point", "not sent; quick stop", "0 bad frames"),
+    14: Row("an encoder value does not change while the torque rises", "quick stop", "≤ 8 T"),
+    15: Row("an axis moves in the wrong direction", "quick stop", "≤ 3 T beyond the limit"),
+    16: Row("a motion beyond a limit", "refused before the motion", "exit code 3, 0 frames"),
+    17: Row(
+        "a set-point that is NaN, infinite or a jump",
+        "it is not sent; quick stop",
+        "0 frames with such a value",
+    ),
     18: Row("the program is killed (kill -9)", "the drives stop by themselves", "≤ 100 ms + ramp"),
-    19: Row("Ctrl-C, SIGTERM, SIGHUP, closed terminal", "quick stop, file closed", "≤ 2 T, ≤ 2 s"),
-    20: Row("Ctrl-C again, five times", "the clean-up goes on", "same end"),
-    21: Row("the recorder is killed", "quick stop; the file is readable", "≤ 100 ms lost"),
-    22: Row("the page killed or hanging, 1,000 clients", "the cycle is not affected", "< 10 % T"),
-    23: Row("the stop button under full load", "quick stop", "≤ 50 ms p99"),
-    24: Row("disk full, I/O error, a disk that stalls", "no effect, or quick stop", "0 rows lost"),
-    25: Row("a torn or damaged recording", "`recover` reads the intact part", "0 silent errors"),
-    26: Row("the date is changed", "monotonic time is used", "0 negative steps"),
-    27: Row("the cycle is delayed", "counted; too long: quick stop first", "0 catch-up bursts"),
-    28: Row("the amplifier saturates", "period left out; too many: stop", "0 averaged"),
+    19: Row(
+        "Ctrl-C, SIGTERM, SIGHUP, closed terminal", "quick stop; the file is closed", "≤ 2 T, ≤ 2 s"
+    ),
+    20: Row("Ctrl-C five times", "the clean-up continues after the first one", "same end"),
+    21: Row(
+        "the recorder is killed",
+        "quick stop; the recording is readable",
+        "≤ 100 ms of rows lost",
+    ),
+    22: Row(
+        "the live page is killed or hangs, or has 1,000 clients",
+        "cycles are not delayed",
+        "< 10 % of T",
+    ),
+    23: Row("the stop button is pressed under full load", "quick stop", "≤ 50 ms p99"),
+    24: Row(
+        "full disk, I/O error, or a disk that stalls",
+        "no effect, or quick stop",
+        "0 rows lost",
+    ),
+    25: Row(
+        "a truncated or damaged recording",
+        "`recover` reads the intact part",
+        "0 unreported errors",
+    ),
+    26: Row(
+        "the computer's date is changed",
+        "no effect, because monotonic time is used",
+        "0 negative time steps",
+    ),
+    27: Row(
+        "a cycle is delayed",
+        "skipped cycles are counted; after a longer delay the first command is a quick stop",
+        "0 bursts of set-points",
+    ),
+    28: Row(
+        "the amplifier saturates",
+        "the period is left out; quick stop after too many such periods",
+        "0 saturated samples averaged",
+    ),
     29: Row(
         "the amplifier drifts, or does not measure",
-        "red in the preflight, invalid in the run",
-        "exact",
+        "the preflight is red; in a run the periods are invalid",
+        "count exact",
     ),
-    30: Row("garbage on the serial line, adapter gone", "resynchronises; gone: stop", "≤ 2 frames"),
-    31: Row("Modbus errors, late and short answers", "typed errors, no repeated writes", "≤ 50 ms"),
-    32: Row("two sessions on one bus", "the second is refused", "exit 8, 0 frames"),
-    33: Row("a physically inconsistent payload or robot", "export refused", "exit 6"),
-    34: Row("an export that reads back differently", "red, removed", "100 %"),
-    35: Row("the same recording again", "the same parameters", "≤ 1e-12"),
-    36: Row("eight hours with a fault a minute", "every reaction right", "≤ 1 % memory an hour"),
+    30: Row(
+        "invalid bytes on the serial line, or adapter disconnected",
+        "the reader resynchronises; without an adapter: quick stop",
+        "≤ 2 frames lost",
+    ),
+    31: Row(
+        "Modbus errors, late and short answers",
+        "the error is reported; no write is repeated",
+        "≤ 50 ms",
+    ),
+    32: Row("two sessions on one bus", "the second session is refused", "exit code 8, 0 frames"),
+    33: Row("a physically inconsistent payload or robot", "the export is refused", "exit code 6"),
+    34: Row(
+        "an exported file reads back differently",
+        "it is reported as red and removed",
+        "100 %",
+    ),
+    35: Row("the same recording is identified again", "same parameters", "difference ≤ 1e-12"),
+    36: Row(
+        "a fault per minute for eight hours",
+        "every reaction is correct",
+        "memory grows by ≤ 1 % an hour",
+    ),
     37: Row(
         "a quick-stop deceleration that rounds to zero, or whose ramp exceeds the joint's range",
-        "refused with its time and distance, computed from the value read back from the drive",
-        "exit 3, 0 frames of motion",
+        "refused; the message states the ramp's time and distance, computed from the value that is"
+        " read back from the drive",
+        "exit code 3, 0 frames of motion",
     ),
     38: Row(
-        "an axis that slows down too little, or reaches its limit, while stopping",
+        "during a stop, an axis slows down too little or reaches its limit",
         "power off",
         "≤ the stated waiting time",
     ),
     39: Row(
-        "any other number with which the stop would fail",
-        "refused; if the preflight is green, every axis stops",
-        "2,000 cells",
+        "any other value in a cell file with which a stop would fail",
+        "refused; after a green preflight, every axis stops",
+        "2,000 random cells",
     ),
     40: Row(
-        "a lock file with a false process: another program's, 0, a number of 20 digits",
-        "not trusted; the other sessions are stopped all the same",
+        "a lock file with a wrong process id: of another program, 0, or a number of 20 digits",
+        "the file is ignored; `rid-daq stop` still stops all other sessions",
         "0 signals to other programs",
     ),
-    41: Row("a lock that another user left", "taken over, or explained", "no wrong process"),
-    42: Row(
-        "files of a run that do not belong together", "refused with their names", "every reader"
+    41: Row(
+        "a lock file that another user left",
+        "it is taken over, or an error explains it",
+        "no wrong process is stopped",
     ),
-    43: Row("Ctrl-Z in the terminal while the robot moves", "the stop works", "≤ 2 T"),
-    44: Row("a stray file in the run folder", "left alone; the run is finished", "exit 0"),
+    42: Row(
+        "files in a run folder that belong to different runs",
+        "refused, and the message names the files",
+        "every command that reads runs",
+    ),
+    43: Row("Ctrl-Z in the terminal while the robot moves", "a stop still works", "≤ 2 T"),
+    44: Row(
+        "an unknown file in the run folder",
+        "it is not changed; the run is completed",
+        "exit code 0",
+    ),
     45: Row(
-        "a complete run whose recording was cut is recovered",
-        "lost rows counted by the manifest; no result copied",
+        "a complete run whose recording was truncated afterwards is recovered",
+        "lost rows are counted with the help of the manifest; no result is copied",
         "count exact",
     ),
     46: Row(
-        "a second `stream` on the same socket", "refused; the first undisturbed", "0 rows changed"
+        "a second `stream` on the same socket",
+        "the second is refused; the first is not disturbed",
+        "0 rows changed",
     ),
-    47: Row("an unfinished run is read", "reported; used only on request", "every reader"),
+    47: Row(
+        "an unfinished run is read",
+        "reported; the run is used only on request",
+        "every command that reads runs",
+    ),
     48: Row(
-        "the recording is deleted or cut in motion",
-        "quick stop with its cause",
+        "the recording is deleted or truncated during the motion",
+        "quick stop; the message names the cause",
         "no process killed",
     ),
     49: Row(
-        "a node that answers before another, or twice, in every cycle",
-        "counted and reported; persistent: quick stop",
-        "≤ the stated cycles",
+        "a node answers before another one, or twice",
+        "counted and reported; quick stop if it happens in every cycle",
+        "≤ the stated number of cycles",
     ),
     50: Row(
         "a file of a gigabyte, no memory, no disk space, invalid numbers, killed processes",
-        "an error that has a name",
-        "no traceback, nothing left",
+        "an error with a code and a message",
+        "no traceback, no process or file left behind",
     ),
     51: Row(
         "the service that ordered a motion hangs",
-        "quick stop with its cause, whatever its client declared; the next motion needs a check",
+        "quick stop with its cause, for any `on_lost_client`; the next motion needs a preflight",
         "≤ 3 s + 2 T",
     ),
 }
 
 _HEAD = """# Faults
 
-Injected faults, required reactions, and the values that the tests measured when this page was last
-made. T is the cycle time, 8 ms in the bundled cells. "Quick stop" means: a latched quick stop of
-every axis, the recording closed, no automatic restart. Reactions are counted in cycles of a
-simulated clock, so that a count is exact; the motion of the axes is read from the simulated robot,
-not from the program's own records.
+This page lists faults that tests inject, the required reactions, and the values that the tests
+measured when the page was last made. T is the cycle time, 8 ms in the bundled cells. "Quick stop"
+means: every axis makes a quick stop and does not start again by itself, and the recording is
+closed. Reaction times are counted in cycles of a simulated clock, so that a count is exact. The
+motion of the axes is read from the simulated robot, not from the program's own records.
 
-Measured in real time and over hours, on two cores of a virtual machine without a real-time kernel:
+Three benchmarks measure in real time or for hours, on two cores of a virtual machine without a
+real-time kernel:
 
 - `python -m benchmarks.reactions`: time from a fault on the bus (or Ctrl-C) to the last axis's
-  quick stop, by the bus's own log, 23 to 26 faults of each kind. The largest share of the time that
-  the rows below allow was 54 % for an emergency message, 54 % for a drive that boots, 95 % for lost
-  answers, 51 % for Ctrl-C. The end of a heartbeat was detected after 104 ms in the median and
-  107.6 ms at most (row 11 allows 108 ms). With 1,000 emergency messages a second cycles start late
-  by 40 us, without by 45 us (p99 of 2 s, lower quartile).
+  quick stop, measured in the log of the bus, with 23 to 26 faults of each kind. The longest
+  reactions took 54 % of the time that the rows below allow for an emergency message, 54 % for a
+  drive that boots, 95 % for lost answers, 51 % for Ctrl-C. The end of a heartbeat was detected
+  after 104 ms in the median and after 107.6 ms at most (row 11 allows 108 ms). With 1,000 emergency
+  messages a second, cycles start 40 us late; without these messages, 45 us late (p99 of windows of
+  2 s, lower quartile).
 - `python -m benchmarks.live`: time from a click on the stop button to the last axis's quick stop,
   with both cores busy and 1,000 clients of the page: 6 ms in the median, 15 ms at most (20 ms are
   allowed).
 - `python -m benchmarks.soak`: eight simulated hours, 480 faults of 16 kinds, no wrong reaction;
-  memory grew by 0.005 % an hour, the number of file descriptors did not.
+  memory grew by 0.005 % an hour, and the number of file descriptors did not grow.
 
 This software is not a safety function: the cell's own emergency stop is required.
 
-The tests write this page: `.venv/bin/python -m pytest --fault-page FILE...` replaces the lines of
-the tests that ran.
+The tests write this page: `.venv/bin/python -m pytest --fault-page FILE...` replaces the entries
+of the tests that it runs.
 
 | # | fault | reaction | requirement | measured |
 |---|---|---|---|---|
@@ -204,8 +288,8 @@ def render(entries: Mapping[int, list[Entry]]) -> str:
     """Return the page."""
     lines = []
     for number, row in ROWS.items():
-        told = sorted(set(entries.get(number, [])))
-        cell = "<br>".join(f"{entry.figure} (`{entry.function}`)" for entry in told) or _NOTHING
+        listed = sorted(set(entries.get(number, [])))
+        cell = "<br>".join(f"{entry.figure} (`{entry.function}`)" for entry in listed) or _NOTHING
         lines.append(f"| {number} | {row.fault} | {row.reaction} | {row.bar} | {cell} |")
     return _HEAD + "\n".join(lines) + "\n"
 
@@ -214,21 +298,21 @@ def updated(
     text: str,
     ran: Mapping[int, list[Entry]],
     functions: set[str],
-    there: Mapping[int, set[str]],
+    existing: Mapping[int, set[str]],
 ) -> str:
-    """Return a page with the lines of the functions that ran replaced, for existing tests."""
+    """Return the page with new entries for the functions that ran, and without removed tests."""
     kept = {
-        number: [e for e in told if e.function in there.get(number, set()) - functions]
-        for number, told in read(text).items()
+        number: [e for e in old if e.function in existing.get(number, set()) - functions]
+        for number, old in read(text).items()
     }
-    for number, told in ran.items():
-        for function in dict.fromkeys(entry.function for entry in told):
-            figures = dict.fromkeys(e.figure for e in told if e.function == function)
+    for number, new in ran.items():
+        for function in dict.fromkeys(entry.function for entry in new):
+            figures = dict.fromkeys(e.figure for e in new if e.function == function)
             kept.setdefault(number, []).append(Entry(function, "; ".join(figures)))
-    for number, names in there.items():
-        told = kept.setdefault(number, [])
-        missing = names - {entry.function for entry in told}
-        told += [Entry(function, _NOT_YET) for function in sorted(missing)]
+    for number, names in existing.items():
+        listed = kept.setdefault(number, [])
+        missing = names - {entry.function for entry in listed}
+        listed += [Entry(function, _NOT_YET) for function in sorted(missing)]
     return render(kept)
 
 

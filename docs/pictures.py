@@ -1,10 +1,11 @@
 """Take the pictures of reports and workbench: `python docs/pictures.py [FOLDER]`.
 
-Commands of the tutorials run on simulated cells in a scratch folder; Debian's chromium takes the
-pictures, light and 960 pixels wide. Into FOLDER (`build/pictures`) go reports and every page of the
-workbench, into `docs/pictures` those that the guides show. It takes some minutes. The tests keep
-pictures of every page of the workbench at three widths, light and dark, too, where
-`RID_DAQ_SCREENSHOTS` names a folder.
+The program runs commands of the tutorials on simulated cells in a temporary folder. Debian's
+chromium takes the pictures, in the light theme and 960 pixels wide. FOLDER (default:
+`build/pictures`) receives pictures of the reports and of every page of the workbench;
+`docs/pictures` receives those that the guides show. This takes some minutes. If the environment
+variable `RID_DAQ_SCREENSHOTS` names a folder, the tests also store pictures of every page of the
+workbench there, at three widths, light and dark.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ from playwright.sync_api import Browser, Locator, ViewportSize, sync_playwright
 from rid_daq.workbench.menu import MENU
 
 DOCS: Final = Path(__file__).resolve().parent
-BLOCKS_BY_SECTION: Final = DOCS / "pictures"
+GUIDE_PICTURES: Final = DOCS / "pictures"
 LARGEST_BYTES: Final = 150_000
 PROGRAM: Final = (sys.executable, "-P", "-m", "rid_daq")
 FLAGS: Final = ("--no-sandbox", "--disable-gpu", "--no-first-run")
@@ -42,16 +43,16 @@ COMMANDS: Final = (
     ("plate zero ir361 --label zero", 0),
     ("payload kr15 --payload medium --label payload --periods 3 --warm-up 2 --yes", 0),
 )
-"""Commands in the scratch folder, and their exit codes."""
+"""Commands that run in the temporary folder, with their expected exit codes."""
 
 
 class Shot(NamedTuple):
-    """A part of a report that is taken in addition to the whole report.
+    """A part of a report of which a separate picture is taken.
 
     Attributes:
-        run: The run's label.
-        plot: The kind of plot.
-        height_px: How much of it from its top, 0 for all.
+        run: Label of the run.
+        plot: Kind of the plot that the picture shows.
+        height_px: Height of the picture, from the top of the plot; 0 for the whole plot.
     """
 
     run: str
@@ -73,7 +74,7 @@ GUIDES: Final = ("fit", "path", "stop", "centre", "friction", "workbench")
 
 
 def take(folder: Path) -> None:
-    """Take all pictures into a folder, and those of the guides into `docs/pictures`."""
+    """Take all pictures into a folder, and copy those of the guides into `docs/pictures`."""
     folder.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="rid-daq-pictures-") as scratch:
         work = Path(scratch)
@@ -82,20 +83,20 @@ def take(folder: Path) -> None:
             print(f"$ rid-daq {words}", flush=True)  # noqa: T201
             found = subprocess.call([*PROGRAM, *words.split()], cwd=work, stdout=subprocess.DEVNULL)
             if found != code:
-                raise SystemExit(f"exit code {found}, expected {code}")
+                raise SystemExit(f"rid-daq {words}: exit code {found}, expected {code}")
         with chromium() as browser:
             take_reports(browser, work, folder)
             take_workbench(browser, work, folder)
-    BLOCKS_BY_SECTION.mkdir(exist_ok=True)
+    GUIDE_PICTURES.mkdir(exist_ok=True)
     for name in GUIDES:
         size = (folder / f"{name}.png").stat().st_size
         if size > LARGEST_BYTES:
-            raise SystemExit(f"{name}.png has {size} bytes, at most {LARGEST_BYTES} are kept")
-        shutil.copy(folder / f"{name}.png", BLOCKS_BY_SECTION)
+            raise SystemExit(f"{name}.png has {size} bytes; the limit is {LARGEST_BYTES}")
+        shutil.copy(folder / f"{name}.png", GUIDE_PICTURES)
 
 
 def take_reports(browser: Browser, work: Path, folder: Path) -> None:
-    """Take each report, and the plots that `SHOTS` names."""
+    """Take a picture of each report, and of the plots in `SHOTS`."""
     page = browser.new_page(viewport=PAGE)
     for run in REPORTS:
         page.goto(report_of(work / "runs", run).as_uri())
@@ -108,22 +109,22 @@ def take_reports(browser: Browser, work: Path, folder: Path) -> None:
             if shot.run == run:
                 plot = page.locator(f'[data-plot^="{shot.plot}-"]').first
                 place = plot.locator(".live > div").last
-                (folder / f"{name}.png").write_bytes(taken(place, shot.height_px))
+                (folder / f"{name}.png").write_bytes(picture_of(place, shot.height_px))
 
 
 def take_workbench(browser: Browser, work: Path, folder: Path) -> None:
-    """Take every page of a served cell's workbench."""
+    """Take a picture of every page of a cell's workbench."""
     words = "serve ir361 --listen 127.0.0.1:0 --json"
     with subprocess.Popen(
         [*PROGRAM, *words.split()], cwd=work, stdout=subprocess.PIPE, text=True
     ) as service:
         assert service.stdout is not None
-        said = ""
-        while not said.endswith("}\n"):
-            said += service.stdout.readline()
+        output = ""
+        while not output.endswith("}\n"):
+            output += service.stdout.readline()
         try:
             page = browser.new_page(viewport=PAGE)
-            url = json.loads(said)["url"]
+            url = json.loads(output)["url"]
             page.goto(url)
             for entry in MENU:
                 page.goto(f"{url.split('/?')[0]}/cells/ir361{entry.path}")
@@ -137,8 +138,8 @@ def take_workbench(browser: Browser, work: Path, folder: Path) -> None:
             service.send_signal(signal.SIGTERM)
 
 
-def taken(place: Locator, height_px: int) -> bytes:
-    """Return a picture of a part of a page, or of its top."""
+def picture_of(place: Locator, height_px: int) -> bytes:
+    """Return a picture of a part of a page, or of the top `height_px` pixels of this part."""
     place.scroll_into_view_if_needed()
     box = place.bounding_box()
     assert box is not None
@@ -151,7 +152,7 @@ def taken(place: Locator, height_px: int) -> bytes:
 
 
 def report_of(runs: Path, label: str) -> Path:
-    """Return the report of the run of a label."""
+    """Return the report of the run with a label."""
     for manifest in runs.glob("*/manifest.json"):
         if json.loads(manifest.read_text(encoding="utf-8"))["label"] == label:
             return manifest.with_name("report.html")

@@ -1,1 +1,1 @@
-"""Device communication: transport, CANopen, CiA 402 drives; `open_cell`."""
+"""Communication with devices: buses and ports, CANopen, CiA 402 drives, force plate, Modbus."""

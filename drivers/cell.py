@@ -1,4 +1,4 @@
-"""`Cell`: the opened devices. Leaving its `with` block always stops and disables the drives."""
+"""`Cell`: the open devices of a cell; the end of its `with` block stops and disables the drives."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from drivers.settings.write_log import WriteLog
 
 
 class Cell:
-    """The devices of one cell, open.
+    """The open devices of one cell.
 
     Attributes:
         config: The cell file.
         axes: The robot's drives.
-        link: Their bus.
-        clock: Clock of all deadlines of this cell.
+        link: The CAN bus of the drives.
+        clock: Clock to which all deadlines of this cell refer.
     """
 
     def __init__(
@@ -43,10 +43,11 @@ class Cell:
         return self
 
     def __exit__(self, _kind: object, error: BaseException | None, *_: object) -> None:
-        """Quick stop, disable voltage, NMT pre-operational, close the bus; each step always runs.
+        """Stop and disable the drives, then close the bus; every step runs, even after a failure.
 
-        A failure of a step is added as a note to the current error; without a current error, the
-        first failure is raised.
+        The steps are: quick stop, disable voltage with NMT pre-operational, close the bus. If the
+        `with` block raised an error, the failures of the steps are added to it as notes. Otherwise
+        the first failure is raised.
         """
         troubles: list[RidDaqError] = []
         with ExitStack() as leaving:
@@ -85,16 +86,16 @@ def open_cell(
     *,
     stopped: Callable[[], bool] = lambda: False,
 ) -> Cell:
-    """Open the devices of a cell; nothing is sent to them yet (`CanServoAxes.bring_up`).
+    """Open the devices of a cell; send nothing to them (`CanServoAxes.bring_up` begins).
 
     Args:
         cell, robot: The cell and its robot.
-        write_log: Log of the values that are written to the drives, and of the previous ones.
-        stopped: Whether a stop was ordered; see `CanServoAxes`.
+        write_log: Log of every value that is written to a drive, with the previous value.
+        stopped: Returns True once a stop was ordered; see `CanServoAxes`.
 
     Raises:
         ConfigError: Cell and robot do not fit, or the bus would be overloaded.
-        TransportError: A bus cannot be opened.
+        TransportError: The bus cannot be opened.
     """
     link = open_can(cell.can)
     try:
@@ -105,7 +106,7 @@ def open_cell(
 
 
 def _attempt(action: Callable[[], None], troubles: list[RidDaqError]) -> None:
-    """Run one step of leaving the cell; store its error, so that the next step also runs."""
+    """Run one step of closing the cell; store its error, so that the next step also runs."""
     try:
         action()
     except RidDaqError as error:

@@ -1,4 +1,4 @@
-"""Text that a device controls, made safe to show on a terminal and in a report."""
+"""Text from a device, escaped so that a terminal or a report can show it safely."""
 
 from __future__ import annotations
 

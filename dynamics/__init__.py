@@ -1,1 +1,1 @@
-"""The robot model: kinematics, rigid bodies, rotors, friction, spring, and their sum."""
+"""The robot model: kinematics, and torques of rigid bodies, rotors, friction and spring."""

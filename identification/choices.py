@@ -1,6 +1,7 @@
 """Options of an estimate, with their ranges and default values.
 
-The command line's help is generated from these, so this module does not import numerical libraries.
+The command line's help is generated from these options. To keep the help fast, this module does not
+import numerical libraries.
 """
 
 from __future__ import annotations
@@ -16,11 +17,11 @@ from config.ranges import Ranged
 
 BAND_HZ: Final = 10.0
 BandHz = Annotated[float, Field(ge=0.01), Plausible(0.1, 1e3, "Hz")]
-"""Highest frequency that is used [Hz]."""
+"""Highest frequency that an estimate uses [Hz]."""
 
 STANDSTILL_RAD_S: Final = 0.02
 StandstillRadS = Annotated[float, Field(ge=0.0), Plausible(1e-4, 1.0, "rad/s")]
-"""Lowest speed at which friction is used [rad/s or m/s]."""
+"""Speed below which an estimate treats friction as unknown [rad/s or m/s]."""
 
 BaseMassKg = Annotated[float, Field(ge=0.0), Plausible(0.1, 1e5, "kg")]
 """Total mass on the base [kg]."""
@@ -29,7 +30,7 @@ LoadMassKg = Annotated[float, Field(ge=1e-3), Plausible(1e-3, 2.5e3, "kg")]
 """Mass of a weighed load [kg]."""
 
 LoadMassSigmaKg = Annotated[float, Field(ge=1e-6), Plausible(1e-6, 20.0, "kg")]
-"""Standard deviation of scales (1 σ) [kg]."""
+"""Standard deviation of the scales that weighed a load (1 σ) [kg]."""
 
 TorqueConstantSigma = Annotated[float, Field(ge=0.0), Plausible(5e-4, 0.5, "")]
 """Relative standard deviation of a torque constant (1 σ)."""
@@ -41,22 +42,22 @@ RehearsalPercent = Annotated[float, Field(ge=0.0), Plausible(1.0, 100.0, "%")]
 """Speed of a rehearsal relative to the motion [%]."""
 
 WarmUpPercent = Annotated[float, Field(ge=0.0), Plausible(0.02, 500.0, "%")]
-"""Largest change of friction per period of a warm robot [%]."""
+"""Change of friction from period to period below which a robot counts as warm [%]."""
 
 Share = Annotated[float, Field(ge=0.0), Plausible(0.1, 1e3, "%")]
-"""Limit relative to a reference value [%]."""
+"""Upper limit of a quantity, relative to a reference value [%]."""
 
 Millimetres = Annotated[float, Field(ge=0.0), Plausible(0.05, 500.0, "mm")]
-"""Limit of a length [mm]."""
+"""Upper limit of a length's uncertainty [mm]."""
 
 MassLimitKg = Annotated[float, Field(ge=0.0), Plausible(1e-3, 100.0, "kg")]
-"""Limit of a mass [kg]."""
+"""Upper limit of a mass's uncertainty [kg]."""
 
 InertiaLimitKgM2 = Annotated[float, Field(ge=0.0), Plausible(1e-5, 100.0, "kg m²")]
-"""Limit of a moment of inertia [kg m²]."""
+"""Upper limit of a moment of inertia's uncertainty [kg m²]."""
 
 ResidualLimitNm = Annotated[float, Field(ge=0.0), Plausible(1e-3, 1e3, "N m")]
-"""Limit of a torque or force [N m or N]."""
+"""Upper limit of a residual torque or force [N m or N]."""
 
 
 @dataclass(frozen=True)
@@ -64,8 +65,8 @@ class PayloadLimits(Ranged):
     """Limits of a payload's uncertainty, each for two standard deviations.
 
     A quantity with a relative and an absolute limit satisfies them if it satisfies either. Absolute
-    limits have no default, because what a robot can carry decides them; a relative limit of 0
-    leaves the absolute limit alone.
+    limits have no default, because they depend on the robot's rated payload. With a relative limit
+    of 0, only the absolute limit counts.
 
     Attributes:
         mass_percent: Limit for the mass [%].

@@ -1,1 +1,1 @@
-"""Simulated hardware with real byte streams: robot, drives, CAN bus, force plate, processes."""
+"""Simulated hardware that exchanges real bytes: robot, drives, CAN bus, force plate, registers."""

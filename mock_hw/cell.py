@@ -1,4 +1,4 @@
-"""`SimulatedCell`: a cell's drives and robot on a simulated bus, in separate processes."""
+"""`SimulatedCell`: a cell's simulated drives and robot on a bus, in separate processes."""
 
 from __future__ import annotations
 
@@ -25,23 +25,24 @@ from mock_hw.simulation import CellSimulation, on_pseudo_terminal, with_address
 class SimulatedCell:
     """A running simulated cell: ``with SimulatedCell(simulation) as simulated: ...``.
 
-    The cell's `can.interface` selects the bus. `rid_sim` is the hub, with transmission times and
-    both clocks; it has a process of its own in real time, and is in the drives' process in
-    lock-step. `slcan` is a simulated adapter on a pseudo-terminal. `virtual` is a bus within this
-    process, for the drives alone. On any other interface of python-can, such as `socketcan` or
-    `udp_multicast`, the drives join the existing bus in real time.
+    The cell's `can.interface` selects the bus. `rid_sim` is the simulated bus (hub) with
+    transmission times; it supports real time, in which the hub has a process of its own, and
+    lock-step, in which the hub is in the drives' process. `slcan` is a simulated adapter on a
+    pseudo-terminal. `virtual` is a bus within this process, for drives only. On any other interface
+    of python-can, such as `socketcan` or `udp_multicast`, the drives join the existing bus in real
+    time.
 
     Entering the context starts the hub and the drives, and returns when they are on the bus.
-    Leaving it ends them and removes their files. They also end by themselves some seconds after the
-    process that started them has died. This delay lets the drives detect the loss of their master
-    and stop.
+    Leaving the context ends them and removes their files. Hub and drives also end by themselves
+    some seconds after the process that started them has died; in this time the drives detect the
+    loss of their master and stop.
 
     Args:
         simulation: The simulated cell and its settings.
 
     Raises:
         ConfigError: On entering: the cell's bus does not support a setting of the simulation.
-        TransportError: On entering: the bus or the drives cannot be served.
+        TransportError: On entering: the bus or the drives cannot be started.
     """
 
     def __init__(self, simulation: CellSimulation) -> None:
@@ -54,12 +55,12 @@ class SimulatedCell:
 
     @property
     def channel(self) -> str:
-        """Value for the cell's `can.channel`."""
+        """Value of `can.channel` with which a program opens the simulated bus."""
         return self._channel
 
     @property
     def cell(self) -> CellConfig:
-        """The cell with the channel and the ports at which it is served."""
+        """The cell, with the channel and the ports of its simulated devices."""
         described = self.simulation.cell
         can = described.can.model_copy(update={"channel": self._channel})
         update: dict[str, object] = {"can": can}
@@ -76,7 +77,7 @@ class SimulatedCell:
         """Return the true state of the axes, at most some milliseconds old.
 
         Raises:
-            TransportError: The cell is not served.
+            TransportError: The simulated cell is not running.
         """
         if self._snapshots is None:
             raise TransportError(
@@ -96,12 +97,12 @@ class SimulatedCell:
         return self.simulation.plant.attached
 
     def attach(self, payload: str | None) -> None:
-        """Mount a payload on the flange, or remove the payload (None), as a person would.
+        """Mount a payload on the flange, or remove the payload (None), as a person does.
 
         Raises:
             ConfigError: The plant has no such payload.
-            TransportError: The cell is not served, or a drive is powered, so that a person must not
-                enter the cell.
+            TransportError: The simulated cell is not running, or a drive is powered, so that a
+                person must not enter the cell.
         """
         changed = self.simulation.with_payload(payload)
         if self.axes().enabled.any():
@@ -168,7 +169,7 @@ class SimulatedCell:
 
 
 def _served_monitor(registers: RegisterSettings | None, port: int | None) -> MonitorConfig | None:
-    """Return the monitor with the address at which its drives are served."""
+    """Return the monitor, with the address at which the drives' registers can be reached."""
     if registers is None:
         return None
     link = registers.monitor.link
@@ -178,7 +179,7 @@ def _served_monitor(registers: RegisterSettings | None, port: int | None) -> Mon
 
 
 def _launch_thread(stack: contextlib.ExitStack, settings: DrivesSettings) -> Connection:
-    """Start the drives in a thread of this process, for the bus that exists within one process."""
+    """Start the drives in a thread, for the bus `virtual`, which exists within one process."""
     ours, theirs = multiprocessing.Pipe()
     ended = threading.Event()
     thread = threading.Thread(

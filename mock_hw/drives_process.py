@@ -1,6 +1,6 @@
-"""The process of the simulated drives and their robot: connects a `DriveRack` to the bus.
+"""Process of the simulated drives and the robot: connects a `DriveRack` to the bus.
 
-In lock-step it is also the process of the bus: drives and hub exchange frames by calls.
+In lock-step the bus (hub) is in this process too: drives and hub exchange frames by function calls.
 """
 
 from __future__ import annotations
@@ -46,10 +46,10 @@ _LOOK_S = 0.1
 _FAULT_PATIENCE_S = 5.0
 
 DeviceClient = HubClient | BusClient | EmbeddedClient
-"""Connection of the drives to their bus."""
+"""Type of the connection between the drives and their bus."""
 
 LONGEST_WAIT_S = 0.010
-"""Largest age of the axes' snapshot while the bus is idle [s]."""
+"""Longest time between two snapshots of the axes while the bus is idle [s]."""
 
 
 @dataclass(frozen=True)
@@ -58,10 +58,11 @@ class DrivesSettings:
 
     Attributes:
         simulation: The simulated cell and its settings.
-        socket: Socket of the hub. The names of all other files begin with its name.
+        socket: Path of the hub's socket. The names of all other files of the cell begin with its
+            name.
         plate: Settings of the plate's amplifier.
         registers: Settings of the drives' registers.
-        bus: Bus of the drives; None for the hub.
+        bus: Bus that the drives join; None for the hub of `rid_sim`.
     """
 
     simulation: CellSimulation
@@ -72,22 +73,22 @@ class DrivesSettings:
 
     @property
     def has_hub_process(self) -> bool:
-        """True if the hub has a process of its own, as in real time."""
+        """True if the hub has a process of its own, as it has in real time."""
         return self.bus is None and self.simulation.realtime
 
     @property
     def snapshot(self) -> Path:
-        """File with the true state of the axes."""
+        """Path of the file with the true state of the axes."""
         return axes_path(str(self.socket))
 
 
 def serve_drives(settings: DrivesSettings, pipe: Connection) -> None:
-    """Serve a cell's drives until their hub ends.
+    """Run a cell's drives until their hub ends.
 
-    Without a hub in another process, the drives end some seconds after the parent process. The
-    function waits for a message in `pipe` before it joins the bus. When the drives are on the bus,
-    it sends the TCP port of their registers (0 without registers). After an error it sends the
-    error's text instead.
+    If no other process contains their hub, the drives end some seconds after the parent process.
+    The function waits for a message in `pipe` before it joins the bus. When the drives are on the
+    bus, it sends the TCP port of their registers, or 0 without registers. After an error, it sends
+    the error's text instead.
     """
     leave_signals_to_parent()
     signal.signal(signal.SIGTERM, _exit)
@@ -107,12 +108,12 @@ def serve_drives(settings: DrivesSettings, pipe: Connection) -> None:
 def serve_until(
     settings: DrivesSettings, pipe: Connection, ended: Callable[[], bool], *, alone: bool = True
 ) -> None:
-    """Serve a cell's drives until `ended` returns True, or until the hub ends.
+    """Run a cell's drives until `ended` returns True, or until their hub ends.
 
     Args:
         pipe: As for `serve_drives`.
-        ended: Called at every wait of a bus without a hub process.
-        alone: True in a separate process; False in a thread.
+        ended: Called at every wait, if the bus has no hub process.
+        alone: True if the drives have a process of their own; False in a thread.
     """
     try:
         with (
@@ -137,11 +138,11 @@ def serve_until(
 def _rack_on_bus(
     settings: DrivesSettings, pipe: Connection, ended: Callable[[], bool]
 ) -> Iterator[tuple[DriveRack, DeviceClient]]:
-    """Build the rack, compile its kernels and join the bus; remove the snapshot at the end."""
+    """Build the rack, compile its kernels and join the bus; remove the snapshot file at the end."""
     simulation = settings.simulation
     cell, robot, plant, seed = simulation.cell, simulation.robot, simulation.truth, simulation.seed
-    with signals_deferred():  # an exception in a compiler's callback would be lost
-        from mock_hw.rack import DriveRack  # imports Pinocchio, which only this process needs
+    with signals_deferred():  # signals would be lost in a compiler's callback
+        from mock_hw.rack import DriveRack  # imports Pinocchio: only for this process
 
         DriveRack(cell, robot, plant, seed).advance(LONGEST_WAIT_S)
     pipe.recv()
@@ -149,7 +150,7 @@ def _rack_on_bus(
     try:
         with _join_bus(settings, ended) as client:
             now_s = client.now_ns * 1e-9
-            announce = _announcer(pipe, client)
+            announce = _fault_announcer(pipe, client)
             faults = simulation.faults
             rack = DriveRack(cell, robot, plant, seed, snapshots, now_s, faults, announce)
             yield rack, client
@@ -157,15 +158,15 @@ def _rack_on_bus(
         settings.snapshot.unlink(missing_ok=True)
 
 
-def _announcer(pipe: Connection, client: DeviceClient) -> Callable[[int], None]:
-    """Return a function that announces to the program's process that one of its faults begins.
+def _fault_announcer(pipe: Connection, client: DeviceClient) -> Callable[[int], None]:
+    """Return a function that makes the program's process execute one of its faults.
 
-    In lock-step, simulated time stands still until the fault has taken effect, so that it happens
-    in its cycle.
+    In lock-step, simulated time stands still until the fault has taken effect, so that the fault
+    happens in the cycle that the script states.
     """
 
     def announce(number: int) -> None:
-        with contextlib.suppress(EOFError, OSError):  # the program has ended
+        with contextlib.suppress(EOFError, OSError):  # the program's process has ended
             pipe.send(number)
             if client.lockstep and pipe.poll(_FAULT_PATIENCE_S):
                 pipe.recv()
@@ -175,7 +176,7 @@ def _announcer(pipe: Connection, client: DeviceClient) -> Callable[[int], None]:
 
 @contextlib.contextmanager
 def _join_bus(settings: DrivesSettings, ended: Callable[[], bool]) -> Iterator[DeviceClient]:
-    """Join the bus, or in lock-step open the hub; leave it at the end."""
+    """Join the bus, or open the hub in lock-step; leave or close it at the end."""
     bus, simulation = settings.bus, settings.simulation
     with contextlib.ExitStack() as stack:
         client: DeviceClient
@@ -198,7 +199,7 @@ def _join_bus(settings: DrivesSettings, ended: Callable[[], bool]) -> Iterator[D
 
 
 def _parent_ended() -> Callable[[], bool]:
-    """Return a function that returns True once the parent has been dead for `LINGER_NS`."""
+    """Return a function that returns True if the parent process ended over `LINGER_NS` ago."""
     parent = multiprocessing.parent_process()
     asked_s = gone_s = 0.0
 
@@ -217,13 +218,13 @@ def _parent_ended() -> Callable[[], bool]:
 def _plate_service(
     settings: DrivesSettings, rack: DriveRack, client: DeviceClient
 ) -> Iterator[PlateService | None]:
-    """Serve the plate's amplifier, if there is a plate; remove its port at the end."""
+    """Yield the service of the plate's amplifier, or None without a plate; close it at the end."""
     if settings.plate is None:
         yield None
         return
     if settings.plate.path.is_symlink():
-        settings.plate.path.unlink()  # left by drives that were killed
-    with signals_deferred():  # as in `_rack_on_bus`
+        settings.plate.path.unlink()  # a killed process has left it
+    with signals_deferred():  # compiles, as in `_rack_on_bus`
         port = AmplifierPort(settings.plate, realtime=not client.lockstep, now_s=rack.time_s)
     service = PlateService(port, rack, client)
     try:
@@ -235,7 +236,7 @@ def _plate_service(
 
 @contextlib.contextmanager
 def _register_service(settings: DrivesSettings) -> Iterator[int]:
-    """Serve the drives' registers, if the cell has a monitor; yield their TCP port."""
+    """Serve the drives' registers and yield their TCP port; without a monitor, yield 0."""
     simulation = settings.simulation
     if settings.registers is None:
         yield 0
@@ -251,11 +252,11 @@ def _register_service(settings: DrivesSettings) -> Iterator[int]:
 
 
 def run_rack(rack: DriveRack, client: DeviceClient, plate: PlateService | None = None) -> None:
-    """Serve the bus and the plate until the hub ends, which raises `TransportError`."""
+    """Exchange frames with the bus, and serve the plate, until a `TransportError` ends it."""
     wait = client.wait if plate is None else plate.wait
     while True:
         wake_s = min(rack.next_s, rack.time_s + LONGEST_WAIT_S)
-        # Round up to a whole nanosecond, never before `wake_s`.
+        # Whole nanoseconds, rounded up, so that the wait never ends before `wake_s`.
         frames = wait(int(wake_s * 1e9) + 1, rack.acts_on_arrival)
         for frame in frames:
             data = frame.data[: frame.length]
@@ -272,5 +273,5 @@ def run_rack(rack: DriveRack, client: DeviceClient, plate: PlateService | None =
 
 
 def _exit(_number: int, _frame: object) -> None:
-    """End the process on SIGTERM with all clean-up."""
+    """End the process on SIGTERM, with all cleaning up."""
     raise SystemExit(0)

@@ -1,8 +1,8 @@
-"""`PlateService`: serves the plate's amplifier in the drives' process, with the robot's time.
+"""`PlateService`: runs the plate's amplifier in the drives' process, in step with the robot.
 
-In lock-step, a command to the amplifier always arrives at the same simulated time of a run. The
-reason is the order: the hub reads no packet of a master before the amplifier has received the
-commands that were sent earlier.
+In lock-step, a command to the amplifier arrives at the same simulated time in every run with the
+same program. For this purpose, the amplifier receives all commands that were sent before a packet
+of the master, before the hub reads this packet.
 """
 
 from __future__ import annotations
@@ -24,14 +24,15 @@ if TYPE_CHECKING:
 
 LOCKSTEP_BATCH_S = 0.045
 IDLE_BATCH_S = 1.0
-"""Largest delay of the amplifier behind the robot, while it works and while it is idle [s]."""
+"""Longest time by which the amplifier's simulated time is behind the robot's, in lock-step while
+the amplifier works, and while it is idle [s]."""
 
 
 class PlateService:
-    """Connects a rack, which moves the robot, with the port of the plate under the robot.
+    """Connects the rack, which moves the robot, with the amplifier of the plate under the robot.
 
     Args:
-        port: The amplifier.
+        port: The amplifier with its port.
         rack: The robot with its drives.
         client: Connection to the bus, which provides the time.
     """
@@ -53,11 +54,11 @@ class PlateService:
             self._epoll.register(client.fileno(), select.EPOLLIN)
 
     def note_sync(self, time_s: float) -> None:
-        """Store an edge of the trigger input, which is wired to SYNC."""
+        """Store an edge at the amplifier's trigger input, which every SYNC causes."""
         self._edges.append(time_s)
 
     def keep_up(self) -> None:
-        """Advance the amplifier to the robot's time, if its delay exceeds the allowed one."""
+        """Advance the amplifier to the robot's time, if it is further behind than allowed."""
         behind_s = self._rack.time_s - self._port.time_s
         if not self._port.works:
             allowed_s = IDLE_BATCH_S
@@ -67,7 +68,7 @@ class PlateService:
             self._catch_up()
 
     def wait(self, until_ns: int, on_frames: bool) -> Sequence[WireFrame]:
-        """Wait as the bus client does, and execute commands from the port meanwhile.
+        """Wait as the bus client's `wait` does; execute commands from the port during the wait.
 
         Raises:
             TransportError: The hub has ended.
@@ -102,14 +103,14 @@ class PlateService:
         return client.end_wait()
 
     def _poll(self, timeout_s: float) -> None:
-        """Wait for frames of the bus in real time, and for commands at the port."""
+        """Wait for commands at the port and, in real time, for frames of the bus."""
         if any(fd == self._port_fd for fd, _ in self._epoll.poll(timeout_s)):
             self._commanded = True
 
     def _execute_commands(self, now_s: float | None) -> None:
         self._commanded = False
         data = self._port.read()
-        if not data:  # a computer opened or closed the port
+        if not data:  # a program opened or closed the port
             return
         self._catch_up()
         self._port.receive(data, self._rack.base_wrench, now_s)
@@ -121,15 +122,15 @@ class PlateService:
         self._port.apply_loads(self._rack.time_s, ends_s, wrenches, edges)
 
     def _follow_port(self) -> None:
-        """Register the present port in epoll.
+        """Register the port's present file descriptor in epoll.
 
-        The registration is edge-triggered, because a port without a listener is always ready.
+        The registration is edge-triggered, because a port that no program has open is always ready.
         """
         fd = self._port.fileno()
         if fd == self._port_fd:
             return
         if self._port_fd >= 0:
-            with contextlib.suppress(OSError):  # epoll has already removed a closed port
+            with contextlib.suppress(OSError):  # epoll removes closed ports itself
                 self._epoll.unregister(self._port_fd)
         if fd >= 0:
             self._epoll.register(fd, select.EPOLLIN | select.EPOLLET)

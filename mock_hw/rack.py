@@ -1,4 +1,4 @@
-"""`DriveRack`: the drives of a simulated robot and the robot, advanced in time together."""
+"""`DriveRack`: a simulated robot with its drives, which advance in time together."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ from mock_hw.plant.plant import Plant
 from mock_hw.plant.snapshot import SnapshotWriter
 
 CONTROL_PERIOD_S = 0.004
-"""Time between two measurements of the axes by the drives, if no event occurs [s]."""
+"""Longest time between two measurements of the axes by the drives [s]."""
 
 
 class PlantAxis(AxisPort):
-    """One axis of the plant as its drive measures it.
+    """Values of one axis of the plant, as its drive measures them.
 
     Args:
         measured: Latest measurements of all axes.
         number: Number of the axis.
-        axis: Zero point and counting direction.
+        axis: The drive's axis in the cell file, with zero point and counting direction.
     """
 
     def __init__(self, measured: AxisMeasurements, number: int, axis: DriveAxis) -> None:
@@ -56,7 +56,7 @@ class PlantAxis(AxisPort):
 
 
 class AxisMeasurements:
-    """Encoder positions, velocities and torques of all axes, in the joints' directions."""
+    """Measured positions, velocities and torques of all axes, in the joints' directions."""
 
     def __init__(self, count: int) -> None:
         self.counts = [0] * count
@@ -65,7 +65,7 @@ class AxisMeasurements:
 
 
 class DriveRack:
-    """Drives and plant with one clock, as one `SimulatedDevice`.
+    """Drives and plant, which advance in time together, as one `SimulatedDevice`.
 
     Args:
         cell: The cell.
@@ -75,7 +75,7 @@ class DriveRack:
         snapshots: Receives the true state of the axes after every step; None for no snapshots.
         now_s: Switch-on time [s].
         faults: Faults of the drives.
-        announce: Called with the number of a fault of the program when it begins.
+        announce: Called with the number of a fault in the script's part `program` when it begins.
 
     Attributes:
         drives: The drives in the order of the robot's joints.
@@ -140,13 +140,13 @@ class DriveRack:
 
     @property
     def next_s(self) -> float:
-        """Time of the next action of a drive [s]."""
+        """Time of the next action of a drive or a fault [s]."""
         due_s = min(drive.next_s for drive in self.drives)
         return due_s if self._faults is None else min(due_s, self._faults.next_s)
 
     @property
     def acts_on_arrival(self) -> bool:
-        """True if a drive must receive its frames at once."""
+        """True if an RPDO of a drive acts on arrival, and must not wait for the next SYNC."""
         return any(drive.acts_on_arrival for drive in self.drives)
 
     @property
@@ -159,12 +159,12 @@ class DriveRack:
         self._plant.watch_base(watched)
 
     def take_base_wrenches(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the result of `Plant.take_base_wrenches` with times of this rack."""
+        """Return the result of `Plant.take_base_wrenches`, with times on the rack's time scale."""
         end_s, wrenches = self._plant.take_base_wrenches()
         return end_s + (self.time_s - self._plant.time_s), wrenches
 
     def receive(self, frame: Frame, now_s: float) -> None:
-        """Give every drive a frame that was on the bus at `now_s` [s]."""
+        """Pass a frame, whose transmission ended at `now_s` [s], to every drive."""
         if not all(drive.only_stores(frame.cob_id) for drive in self.drives):
             self.advance(now_s)
         if self._faults is not None:
@@ -173,7 +173,7 @@ class DriveRack:
             drive.receive(frame, now_s)
 
     def advance(self, until_s: float) -> None:
-        """Advance drives and plant to `until_s` [s], with all actions that are due before."""
+        """Advance drives and plant to `until_s` [s], with all actions that are due by then."""
         while True:
             due_s = max(self.next_s, self.time_s)
             if due_s > until_s:
@@ -187,7 +187,7 @@ class DriveRack:
         self._publish()
 
     def take_frames(self) -> Sequence[tuple[int, float, Frame]]:
-        """Return (drive's number, earliest time [s], frame) of all frames to be sent."""
+        """Return all frames to send: (number of the drive, earliest time [s], frame)."""
         return [
             (number, time_s, frame)
             for number, drive in enumerate(self.drives)
@@ -195,7 +195,7 @@ class DriveRack:
         ]
 
     def _move_to(self, end_s: float) -> None:
-        """Move the plant in control periods; call the drives when an action is due."""
+        """Move the plant in steps of at most `CONTROL_PERIOD_S`; do the drives' due actions."""
         while (left_s := end_s - self.time_s) > 0.0:
             steps = max(1, math.ceil(left_s / CONTROL_PERIOD_S - 1e-6))
             step_end_s = end_s if steps == 1 else self.time_s + CONTROL_PERIOD_S

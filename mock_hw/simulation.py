@@ -27,20 +27,20 @@ class CellSimulation:
     """The simulated parts of a cell, and the settings of the simulation.
 
     Attributes:
-        cell: Bus, drives, and the other devices of the computer.
-        robot: Description of the robot, which all programs know.
+        cell: The cell file: bus, drives, and the other devices that are connected to the computer.
+        robot: Description of the robot, as in the robot file.
         plant: True parameters of the robot.
-        realtime: True for real time. False for lock-step, in which time advances while the master
-            waits.
-        pace: Largest number of simulated seconds per second, in lock-step on `rid_sim`; None for no
+        realtime: True for real time. False for lock-step, in which simulated time advances only
+            while the master waits.
+        pace: In lock-step on `rid_sim`, largest number of simulated seconds per second; None for no
             limit.
         seed: Random seed of all noise. In lock-step, equal seeds give equal bytes on the bus.
-        directory: Folder in which the bus is served under the channel name of the cell file; None
-            for a private folder that is removed at the end.
-        unmodelled: True if the plant has the unmodelled effects.
+        directory: Folder for the socket of the bus, whose name is the channel in the cell file;
+            None for a private folder that is removed at the end.
+        unmodelled: True to simulate the effects under `unmodelled` in the plant file.
         log: File to which all frames are written in candump's format; None for no file.
-        faults: Faults on all lines of the cell. The faults of its part `program` affect the process
-            that enters the cell, and the processes that it starts.
+        faults: Fault script. The faults in its part `program` affect the process that runs
+            `SimulatedCell`, and the processes that this process starts.
         amplifier_profile: Profile of the plate's amplifier; None for the bundled profile that the
             cell names.
         amplifier_baud_rate: Baud rate of the amplifier, if it differs from the cell file [bit/s].
@@ -49,7 +49,7 @@ class CellSimulation:
         certificates: TLS certificates of the drives, if the cell's monitor uses TLS.
 
     Raises:
-        ValueError: The faults name joints that the robot does not have.
+        ValueError: The fault script names joints that the robot does not have.
     """
 
     cell: CellConfig
@@ -72,12 +72,12 @@ class CellSimulation:
 
     @property
     def truth(self) -> PlantConfig:
-        """The plant as it is simulated."""
+        """The plant that is simulated, with or without unmodelled effects."""
         return self.plant if self.unmodelled else self.plant.without_unmodelled()
 
     @property
     def name(self) -> str:
-        """Name of the files next to the bus."""
+        """Name with which all files of the simulated cell begin."""
         return served_name(self.cell).rsplit("/", 1)[-1]
 
     @property
@@ -94,7 +94,7 @@ class CellSimulation:
         return replace(self, plant=self.plant.with_payload(payload))
 
     def bus(self, folder: Path) -> CanBusConfig | None:
-        """Return the bus to be served, with its channel; None for the hub of `rid_sim`.
+        """Return the bus that the drives join, with its channel; None for the hub of `rid_sim`.
 
         Raises:
             ConfigError: The bus does not support a setting of the simulation.
@@ -110,12 +110,11 @@ class CellSimulation:
             ),
             (
                 self.log is not None,
-                f"frames can be logged on {SIMULATED} only; on {can.interface} use candump or"
-                " can_logger",
+                f"only {SIMULATED} can log frames; on {can.interface} use candump or can_logger",
             ),
             (
                 bool(self.faults.bus),
-                f"the bus part of a fault script works on {SIMULATED} only, and can.interface is"
+                f"the bus part of a fault script works only on {SIMULATED}, but can.interface is"
                 f" {can.interface}; remove it from the script",
             ),
             (
@@ -132,7 +131,7 @@ class CellSimulation:
         return with_served_channel(can)
 
     def hub(self, socket: Path) -> HubSettings:
-        """Return the settings of the hub that listens at `socket`."""
+        """Return the settings of a hub that listens at `socket`."""
         return HubSettings(
             socket,
             self.cell.can.bitrate,
@@ -147,9 +146,9 @@ class CellSimulation:
         )
 
     def plate(self, path: Path) -> PlateSettings | None:
-        """Return the settings of the plate at a port; None if the cell has no plate.
+        """Return the settings of the plate with a port at `path`; None if the cell has no plate.
 
-        If the plant has no plate, the simulated plate has exactly the values of the cell file.
+        If the plant file has no plate, the simulated plate has exactly the values in the cell file.
         """
         plate = self.cell.plate
         if plate is None:
@@ -182,12 +181,12 @@ class CellSimulation:
 
 
 def on_pseudo_terminal(link: ModbusRtu, path: Path) -> ModbusRtu:
-    """Return a serial link on a pseudo-terminal, which has no parity."""
+    """Return a serial link with the path of a pseudo-terminal, which supports no parity."""
     return link.model_copy(update={"address": str(path), "parity": "none"})
 
 
 def with_address(cell: CellConfig, address: str) -> CellConfig:
-    """Return the cell with another address of its plate's amplifier, if it has one."""
+    """Return the cell with another address of the plate's amplifier, if the cell has a plate."""
     if cell.plate is None or not address:
         return cell
     amplifier = cell.plate.amplifier.model_copy(update={"address": address})

@@ -17,7 +17,7 @@ if __name__ == "__main__" and not sys.flags.safe_path and Path(sys.path[0]).reso
 from rid_daq.own_packages import hidden_package  # noqa: E402
 
 if hidden := hidden_package():
-    print(hidden, file=sys.stderr)  # noqa: T201  no module of the program can be imported here
+    print(hidden, file=sys.stderr)  # noqa: T201  the program's console cannot be imported here
     sys.exit(2)
 
 from rid_daq.app import main  # noqa: E402

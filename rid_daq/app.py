@@ -128,7 +128,7 @@ def ending_of(command: Callable[[], object]) -> Ending:
 
 
 def _reported_ending(code: int) -> tuple[str, str]:
-    """Return kind and message of an ending that the command itself has reported."""
+    """Return kind and message of the end of a command that has printed its own message."""
     return _ENDINGS.get(code, ("Failure", "see the exit code")) if code else ("", "")
 
 
@@ -137,15 +137,16 @@ _ENDINGS: dict[int, tuple[str, str]] = {
     ExitCode.INTERRUPTED: ("Interrupted", "interrupted"),
     ExitCode.TERMINATED: ("Terminated", "terminated"),
 }
-"""Kind and message in the JSON document of a command that ended without its own document."""
+"""By exit code: kind and message for the JSON document that `run` writes if the command wrote none.
+"""
 
 
 class _Interrupted(SystemExit):
-    """A signal ended the program outside a motion or search that handles signals itself."""
+    """A signal ended the program while no motion or search was handling signals itself."""
 
 
 def _as_program_error(error: Exception) -> RidDaqError:
-    """Return a system error as an error of the program; raise programming errors."""
+    """Return an error of the operating system as a `RidDaqError`; raise programming errors."""
     try:
         return named_error(error)
     except OSError:
@@ -178,12 +179,12 @@ def main() -> None:
 
 
 def _checked_output(code: int) -> int:
-    """Return the exit code, or another one if the output could not be written.
+    """Return `code`, or `STORAGE` instead of 0 if standard output could not be written.
 
     A closed pipe is not an error.
     """
     error = output_error()
     if error is None or isinstance(error, BrokenPipeError):
         return code
-    click.echo(f"rid-daq: standard output: {error.strerror}", err=True)
+    click.echo(f"rid-daq: cannot write to standard output: {error.strerror}", err=True)
     return code or ExitCode.STORAGE

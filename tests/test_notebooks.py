@@ -25,7 +25,9 @@ def make() -> Any:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_a_notebook_agrees_with_its_page(page: Path, make: Any) -> None:
     written = page.with_suffix(".ipynb").read_text(encoding="utf-8")
-    assert written == make.notebook(page.read_text(encoding="utf-8")), "run docs/notebooks/make.py"
+    assert written == make.to_notebook(page.read_text(encoding="utf-8")), (
+        "run docs/notebooks/make.py"
+    )
 
 
 @pytest.mark.slow
@@ -37,5 +39,5 @@ def test_a_notebook_runs_without_an_error(
         (tmp_path / folder).symlink_to(real_robot.parent / folder)
     monkeypatch.chdir(tmp_path)
     names: dict[str, Any] = {}
-    for number, cell in enumerate(make.cells(page.read_text(encoding="utf-8")), start=1):
+    for number, cell in enumerate(make.find_cells(page.read_text(encoding="utf-8")), start=1):
         exec(compile(cell, f"{page.name}, cell {number}", "exec"), names)

@@ -39,7 +39,7 @@ def velocity_depends_on_stamps(samples: Samples) -> bool:
 
     A displacement divided by a step that is too short gives a velocity that is too high. A measured
     velocity does not depend on the steps. The regression includes several steps before and after
-    each row, so that it detects any difference formula, filtered or not.
+    each row, so that it detects velocities from any difference formula, filtered or not.
     """
     steps = np.diff(samples.time_s)
     if len(steps) < FEWEST_ROWS or float(np.std(steps)) < UNEVEN * float(np.mean(steps)):
@@ -62,5 +62,5 @@ def velocity_depends_on_stamps(samples: Samples) -> bool:
 
 
 def _high_pass(values: FloatArray) -> FloatArray:
-    """Return the differences of values from the mean of their neighbours; two values fewer."""
+    """Return each inner value minus the mean of its two neighbours, shape (rows - 2,)."""
     return np.asarray(values[1:-1] - (values[2:] + values[:-2]) / 2.0)

@@ -1,10 +1,11 @@
 """Estimation of sample times from positions and velocities.
 
-Between two rows a joint moves by q1 - q0 = h (v0 + v1)/2 + h^2 (a0 - a1)/12. Weighted least squares
-over all joints gives the length h of each interval. Each velocity has an unknown delay and an
-unknown scale relative to the other joints. Both are estimated over 0.1 s, because the errors of the
-stamps are negligible over this time. If the motion does not determine an interval, for example at
-rest, the usual length is used: that of intervals with the same number of dropped repeated rows.
+Between two rows, a joint with velocities v and accelerations a moves by q1 - q0 = h (v0 + v1)/2 +
+h^2 (a0 - a1)/12. Weighted least squares over all joints gives the length h of each interval. Each
+velocity has an unknown delay and an unknown scale relative to the other joints. Delay and scale are
+estimated from changes over 0.1 s, because the errors of the stamps are negligible over this time.
+If the motion does not determine an interval, for example at rest, the interval gets the mean length
+of the intervals with the same number of dropped repeated rows.
 """
 
 from __future__ import annotations
@@ -20,26 +21,30 @@ from config.arrays import BoolArray, FloatArray, IntArray
 
 ROUNDS: Final = 4
 DETERMINED: Final = 0.05
-"""Largest standard deviation of a determined interval, relative to the usual length."""
+"""Largest standard deviation of an interval that the motion determines, relative to the median step
+of the stamps."""
 FEWEST_DETERMINED: Final = 50
 FEWEST_OF_CLASS: Final = 10
 SHORTEST: Final = 0.1
-"""Shortest permitted interval, relative to the usual length."""
+"""Shortest permitted interval, relative to the median step of the stamps."""
 ON_TICK: Final = 0.95
-"""Smallest fraction of intervals on whole ticks from which all intervals are set to whole ticks."""
+"""Smallest fraction of well-determined intervals that must be whole multiples of a common tick, so
+that all intervals are rounded to whole ticks."""
 COUNTED: Final = 0.12
-"""Largest standard deviation of an interval that can be rounded to whole ticks [ticks]."""
+"""Largest standard deviation of an interval that is rounded to whole ticks on its own [ticks]."""
 RATE_KEPT: Final = 0.005
 """Smallest relative difference from the stamps' mean rate for which the estimated rate is used."""
 LARGEST_RATE_ERROR: Final = 0.05
-"""Largest relative difference between the velocities' rate and the stamps' rate; else velocities
-are not used."""
+"""Largest relative difference between the duration computed from the velocities and that of the
+stamps; if it is larger, the velocities are not used."""
 SIGNIFICANT: Final = 3.0
-"""Smallest significant common delay of the velocities [standard deviations]."""
+"""Smallest common delay of the velocities that counts as significant [standard deviations]."""
 WRONG_STEPS: Final = 0.5
-"""Smallest common delay of the velocities, relative to the RMS error of the stamps' steps."""
+"""Smallest common delay of the velocities that is corrected, relative to the RMS error of the
+stamps' steps."""
 FAR_OFF: Final = 4.0
-"""Largest residual over 0.1 s that is not an outlier, as at a motion's start [standard deviations].
+"""Largest residual of a displacement over 0.1 s that does not count as an outlier [standard
+deviations].
 """
 _MAD: Final = 1.4826
 
@@ -51,8 +56,8 @@ class Times:
     Attributes:
         time_s: Shape (rows,). Estimated times; the first one is the first stamp [s].
         tick_s: Time of which all intervals are whole multiples [s]; None if there is no such time.
-        rate: Duration by the velocities divided by the duration by the stamps. The estimated times
-            keep the duration of the stamps.
+        rate: Duration computed from the velocities divided by the true duration, which the stamps
+            show. The intervals of `time_s` are already divided by this ratio.
     """
 
     time_s: FloatArray
@@ -62,7 +67,7 @@ class Times:
 
 @dataclass(frozen=True, eq=False)
 class _Motion:
-    """Data that are the same in each iteration: differences of neighbouring rows, and the rows."""
+    """Positions, velocities and displacements between rows; they are the same in each iteration."""
 
     moved: FloatArray
     velocity: FloatArray
@@ -98,7 +103,7 @@ def estimate_times(
         if np.count_nonzero(seen) < FEWEST_DETERMINED:
             return None
         if abs(delay_s) < WRONG_STEPS * float(np.std((length - given)[seen])):
-            delay_s = 0.0  # stamp errors that depend on the step length look like a delay
+            delay_s = 0.0  # stamp errors that depend on the step look like a delay
         left = np.abs(moved - length[:, np.newaxis] * mean)[seen]
         noise = np.maximum(_MAD * np.median(left, axis=0), least)
         length = _shrink_to_usual_length(length, sigma, seen, repeats, usual)
@@ -119,7 +124,7 @@ def estimate_times(
 
 
 def displacement_error(samples: Samples, time_s: FloatArray, joint: int) -> FloatArray:
-    """Return the error of one joint in each interval, (rows - 1,).
+    """Return the displacement error of one joint in each interval, shape (rows - 1,).
 
     The error is the joint's displacement minus the integral of its velocity over `time_s`.
     """
@@ -131,10 +136,10 @@ def displacement_error(samples: Samples, time_s: FloatArray, joint: int) -> Floa
 
 
 def _smallest_noise(motion: _Motion, usual: float) -> FloatArray:
-    """Return the smallest noise that is assumed for a joint's displacement, (joints,).
+    """Return a lower bound for the noise of each joint's displacement, shape (joints,).
 
     It is computed from the resolution of the position and the noise of the velocity. The residuals
-    alone are not a sufficient measure: they vanish for a joint that determines the intervals.
+    alone do not show the noise: they vanish for a joint that determines the intervals.
     """
     steps = np.array([max(smallest_step(q), 1e-9) for q in motion.position.T])
     fast = motion.velocity[1:-1] - (motion.velocity[2:] + motion.velocity[:-2]) / 2.0
@@ -145,11 +150,12 @@ def _smallest_noise(motion: _Motion, usual: float) -> FloatArray:
 def _calibrate_velocities(
     motion: _Motion, time_s: FloatArray, delay_s: float | None
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the mean velocity of each interval, and the displacement that it must explain.
+    """Return the corrected mean velocity and the corrected displacement of each interval.
 
-    Velocities are corrected for their scale, displacements for the delay of the velocity. `delay_s`
-    is the common delay of all velocities; the scales are then relative to each other. If `delay_s`
-    is None, each joint is calibrated alone.
+    The displacement divided by the mean velocity is the length of the interval. Velocities are
+    corrected for their scale, displacements for the delay of the velocity. `delay_s` is the common
+    delay of all velocities; the scales are then relative to each other. If `delay_s` is None, each
+    joint is calibrated alone.
     """
     mean = _mean_velocity(motion, time_s)
     scale, late, _ = _scale_and_delay(motion, time_s)
@@ -166,8 +172,8 @@ def _calibrate_velocities(
 def _common_delay(motion: _Motion, stamps: FloatArray) -> float:
     """Return the common delay of the velocities relative to the stamps; 0 if insignificant.
 
-    Times that are estimated from velocities cannot show this delay, because the delay changes them
-    too.
+    Times that are estimated from the velocities cannot show this delay, because the delay shifts
+    these times too. Therefore the stamps are used.
     """
     _, late, error = _scale_and_delay(motion, stamps)
     common = float(np.median(late))
@@ -208,12 +214,13 @@ def _scale_and_delay(
 def _fit_without_outliers(
     x: FloatArray, y: FloatArray, overlapping: int
 ) -> tuple[float, float, float]:
-    """Return two least-squares coefficients without outliers, and the error of the second one.
+    """Return two coefficients, fitted without outliers, and the second one's standard error.
 
     Args:
         x: Shape (rows, 2). Columns of the regression.
         y: Shape (rows,). Right-hand side.
-        overlapping: Number of neighbouring rows that share their noise.
+        overlapping: Number of neighbouring rows whose windows overlap, so that they share their
+            noise.
     """
     solution = np.linalg.lstsq(x, y, rcond=None)[0]
     left = np.abs(y - x @ solution)
@@ -238,10 +245,10 @@ def _interval_lengths(
 def _shrink_to_usual_length(
     length: FloatArray, sigma: FloatArray, seen: BoolArray, repeats: IntArray, usual: float
 ) -> FloatArray:
-    """Return the interval lengths, shrunk towards the usual length of their class.
+    """Return the interval lengths, shrunk towards the mean length of their class.
 
     A class contains the intervals with the same number of repeated rows. An interval that the
-    motion determines poorly moves closer to the usual length.
+    motion determines poorly moves closer to the mean length.
     """
     drawn = np.empty_like(length)
     for number in np.unique(repeats):
@@ -249,7 +256,7 @@ def _shrink_to_usual_length(
         used = own & seen
         if np.count_nonzero(used) < FEWEST_OF_CLASS:
             used = seen
-        centre = float(np.mean(length[used]))  # not the median: the sum must be right
+        centre = float(np.mean(length[used]))  # the median would change the sum of the lengths
         spread = float(np.mean((length[used] - centre) ** 2)) - float(np.median(sigma[used] ** 2))
         spread = max(spread, (1e-4 * usual) ** 2)
         drawn[own] = centre + spread / (spread + sigma[own] ** 2) * (length[own] - centre)
@@ -257,7 +264,7 @@ def _shrink_to_usual_length(
 
 
 def _common_tick(length: FloatArray, sigma: FloatArray, usual: float) -> float | None:
-    """Return the time of which the well-determined intervals are multiples, or None."""
+    """Return the time of which well-determined intervals are multiples; None without one."""
     seen = sigma < 0.4 * DETERMINED * usual
     if np.count_nonzero(seen) < FEWEST_DETERMINED:
         return None
@@ -283,9 +290,9 @@ def _duration_ratio(
 ) -> tuple[float, bool]:
     """Return the ratio of estimated to true duration, and True if the stamps' mean rate is right.
 
-    Velocities can have a common scale error. Therefore the mean rate of the stamps is kept.
-    Inserted repeated rows make the duration of the stamps too long; then only intervals without
-    repeated rows are compared.
+    Velocities can have a common scale error. Therefore the duration of the stamps counts as true.
+    Inserted repeated rows make this duration too long; then only intervals without repeated rows
+    are compared.
     """
     total = float(found[seen].sum() / given[seen].sum())
     plain = seen & (repeats == 0)
@@ -294,7 +301,7 @@ def _duration_ratio(
         or abs(total - 1.0) < RATE_KEPT
         or np.count_nonzero(plain) < FEWEST_DETERMINED
     ):
-        # Stamps have errors at both ends of each stretch: these can explain a rate error.
+        # The stamps' errors at both ends of each determined stretch can explain the difference.
         stretches = np.count_nonzero(np.diff(seen, prepend=False) & seen)
         error = float(np.std((found - given)[seen])) * np.sqrt(stretches) / given[seen].sum()
         return (1.0 if abs(total - 1.0) < 2.0 * error else total), True
@@ -307,9 +314,10 @@ def _anchor_to_stamps(
 ) -> FloatArray:
     """Return times that stay close to the stamps if the motion does not determine them.
 
-    Stamps with a correct mean rate prevent that the errors of intervals at rest add up.
+    The stamps must have a correct mean rate. They then prevent the errors of intervals at rest from
+    adding up.
     """
-    from scipy.linalg import solveh_banded  # large, and few recordings need it
+    from scipy.linalg import solveh_banded  # a slow import that few recordings need
 
     length, given = np.diff(now), np.diff(stamps)
     usual = float(np.median(length))
@@ -329,7 +337,10 @@ def _anchor_to_stamps(
 
 
 def _round_to_ticks(ticks: FloatArray, seen: BoolArray, anchored: bool) -> FloatArray:
-    """Return whole numbers of ticks; a stretch that the motion does not determine keeps its sum."""
+    """Return the intervals in whole ticks.
+
+    If `anchored`, a stretch that the motion does not determine keeps the sum of its intervals.
+    """
     whole = np.maximum(np.round(ticks), 1.0)
     if not anchored:
         return whole
@@ -342,5 +353,5 @@ def _round_to_ticks(ticks: FloatArray, seen: BoolArray, anchored: bool) -> Float
 
 
 def _times_from_intervals(start: float, length: FloatArray) -> FloatArray:
-    """Return the times that begin at `start` and have these intervals."""
+    """Return the times that begin at `start` and are `length` apart."""
     return start + np.concatenate([[0.0], np.cumsum(length)])

@@ -29,8 +29,8 @@ UNEVEN: Final = 0.2
 TORQUE_WORSE: Final = -0.05
 TORQUE_SIGMAS: Final = 3.5
 SAME: Final = 0.02
-"""RMS difference of times and stamps, relative to the median step, up to which the times confirm
-the stamps."""
+"""RMS difference between estimated times and stamps, relative to the median step, up to which the
+stamps count as confirmed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,8 +63,10 @@ def judge_clock(
 
     Args:
         samples: Rows of the recording.
-        robot: If given, measured torques can reject rebuilt times.
-        coupling: Shape (n, n). C of q = C alpha, if the positions are the actuators' alpha.
+        robot: Robot whose model predicts the torques. Rebuilt times that make this prediction worse
+            are rejected. Without a robot, the torques are not used.
+        coupling: Shape (n, n). Coupling matrix C in q = C alpha, if the positions are those of the
+            actuators (alpha).
         copies: Number of rows that were already dropped because they also repeat the stamp of the
             previous row.
         left_out: Number of rows that were already dropped for other reasons; they do not count as
@@ -73,7 +75,8 @@ def judge_clock(
     repeated = repeated_rows(samples)
     kept = ~repeated
     stamps, start_s = samples.time_s[kept], float(samples.time_s[0]) if len(samples) else 0.0
-    samples = replace(samples, time_s=samples.time_s - start_s)  # large epoch times lose digits
+    # Times since 1970 are too large to keep all their digits in the computation.
+    samples = replace(samples, time_s=samples.time_s - start_s)
     fresh = samples.part(kept)
     missing, jitter_s = _missing_rows_and_jitter(samples.time_s)
     report = ClockReport(
@@ -123,7 +126,7 @@ def _missing_rows_and_jitter(stamps: FloatArray) -> tuple[int, float]:
 
 
 def _rate_and_difference(stamps: FloatArray, times: FloatArray) -> tuple[float, float]:
-    """Return the rate of `times` relative to the stamps, and their other difference, RMS [s]."""
+    """Return the rate of `times` relative to the stamps, and the remaining RMS difference [s]."""
     rate, shift = np.polyfit(stamps - stamps[0], times, 1)
     off = times - (rate * (stamps - stamps[0]) + shift)
     return float(rate), float(np.sqrt(np.mean(off**2)))
@@ -136,7 +139,7 @@ def _rebuild_times(
     robot: RobotDescription | None,
     coupling: FloatArray | None,
 ) -> tuple[Times | None, ClockReport]:
-    """Return rebuilt times if they are accepted, else None, and the report."""
+    """Return the rebuilt times (None if they are rejected) and the completed report."""
     fresh = samples.part(~repeated)
     repeats = np.diff(np.flatnonzero(~repeated)) - 1
     doubtful = report.repeated_share > NAMED_SHARE
@@ -150,7 +153,7 @@ def _rebuild_times(
         return keep_stamps("no velocities were recorded from which the times could be estimated")
     if velocity_changes_in_repeats(samples, repeated) or velocity_depends_on_stamps(samples):
         return keep_stamps(
-            "its velocities were computed from the positions and the time stamps, so that they"
+            "the velocities were computed from the positions and the time stamps, so that they"
             " cannot confirm the stamps"
         )
     joints = fresh.moving()

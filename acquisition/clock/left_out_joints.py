@@ -12,7 +12,7 @@ from acquisition.clock.samples import STANDSTILL_SPEED, Samples, smallest_step
 from config.arrays import FloatArray, IntArray
 
 JUDGED_ROWS: Final = 60_000
-"""Largest number of rows that are used; of a longer recording, those in its middle."""
+"""Largest number of rows that the test uses; of a longer recording, the rows in the middle."""
 BLOCK_ROWS: Final = 200
 FEWEST_BLOCKS: Final = 8
 LEAST_GAIN: Final = 0.05
@@ -21,17 +21,20 @@ ROUNDS: Final = 2
 
 
 def left_out_gain(samples: Samples, repeats: IntArray) -> float | None:
-    """Return the improvement of a joint's prediction with the times that the other joints give.
+    """Return the improvement of a joint's predicted displacements by the times of other joints.
+
+    Each joint is left out once. The times are estimated from the other joints. The displacements of
+    the joint are then predicted with these times and with the stamps.
 
     Args:
         samples: Rows without repeats.
         repeats: Shape (rows - 1,). Number of repeated rows that were dropped from each interval.
 
     Returns:
-        Mean logarithm of the error with the stamps divided by the error with the other joints'
-        times. None if fewer than two joints determine the times. 0 if the gain is not significant.
-        A significant gain exceeds two standard errors and 5 %, exceeds 5 % in more than half of the
-        blocks in motion, and makes at most a quarter of the joints worse.
+        Mean logarithm of a ratio: the prediction error with the stamps divided by the prediction
+        error with the estimated times. None if fewer than two joints determine the times. 0 if the
+        gain is not significant. A significant gain exceeds two standard errors and 5 %, exceeds 5 %
+        in more than half of the blocks in motion, and makes at most a quarter of the joints worse.
     """
     begin = max(0, (len(samples) - JUDGED_ROWS) // 2)
     samples = samples.part(slice(begin, begin + JUDGED_ROWS))
@@ -63,7 +66,7 @@ def left_out_gain(samples: Samples, repeats: IntArray) -> float | None:
     worse = sum(float(own.mean()) < WORSE for own in gains)
     error = float(gain_of_block.std(ddof=1)) / math.sqrt(len(gain_of_block))
     distinct = gain > max(2.0 * error, LEAST_GAIN) and worse <= len(joints) / 4.0
-    distinct &= float(np.median(gain_of_block)) > LEAST_GAIN  # a wrong clock is wrong everywhere
+    distinct &= float(np.median(gain_of_block)) > LEAST_GAIN  # a wrong clock affects most blocks
     return gain if distinct else 0.0
 
 

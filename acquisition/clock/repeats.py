@@ -1,7 +1,7 @@
 """Detection of rows and positions that repeat the previous row although the robot moves.
 
 A logger that polls faster than its source reads the same value twice. At rest equal rows are
-correct. A run of equal rows counts as a repeat of a joint if three conditions hold:
+correct. A run of equal rows contradicts the motion of a joint if three conditions hold:
 - The joint moves in the same direction before, across and after the run.
 - It is not much slower across the run than before and after it.
 - It moves by more than three of its smallest steps per row.
@@ -22,22 +22,24 @@ FEWEST_ROWS: Final = 100
 MOST_STEPS: Final = 3.0
 SHARE_OF_SPEED: Final = 0.3
 MOST_AT_REST: Final = 2.0
-"""Largest frequency of equal rows at rest, relative to that in motion, for which they are repeats.
+"""Largest frequency of equal rows at rest, relative to the frequency of repeated rows in motion,
+for which the equal rows at rest count as repeats.
 """
 FEW: Final = 0.1
-"""Number of equal rows at rest, relative to the repeats in motion, up to which they count as
-repeats.
+"""Largest number of equal rows at rest, relative to the number of repeated rows in motion, for
+which the equal rows at rest always count as repeats.
 
-They are repeats at which a joint is slow or reverses.
+So few equal rows are repeats at which a joint was slow or reversed.
 """
 
 
 def repeated_rows(samples: Samples) -> BoolArray:
     """Return True for each row with the position and torque of the previous row, shape (rows,).
 
-    Velocities are ignored: a velocity computed from positions differs in such rows. At rest, equal
-    rows count if they are about as frequent as in motion and their runs are no longer. A torque has
-    noise; therefore an equal torque shows that the row is a repeat.
+    Velocities are ignored: a velocity computed from positions differs in such rows. Equal rows at
+    rest count as repeats if they are about as frequent as the repeats in motion, and if their runs
+    are not longer than those in motion. A measured torque contains noise; therefore an equal torque
+    shows that the row is a repeat.
     """
     if len(samples) < FEWEST_ROWS:
         return np.zeros(len(samples), dtype=np.bool_)
@@ -75,8 +77,8 @@ def repeated_positions(samples: Samples) -> BoolArray:
 
 
 def interpolate_repeats(time_s: FloatArray, position: FloatArray, held: BoolArray) -> FloatArray:
-    """Return the positions; repeated ones are replaced by a spline through the other ones."""
-    from scipy.interpolate import CubicSpline  # large, and few recordings need it
+    """Return the positions, with repeated ones replaced by a spline through the other ones."""
+    from scipy.interpolate import CubicSpline  # a slow import that few recordings need
 
     filled = position.copy()
     for j in np.flatnonzero(held.any(axis=0)):
@@ -94,7 +96,7 @@ def longest_run(repeated: BoolArray) -> int:
 
 
 def _contradicts_motion(position: FloatArray, same: BoolArray, period_s: float) -> BoolArray:
-    """Return True for each row whose equal position contradicts the joint's motion, (rows,)."""
+    """Return True for each row that repeats a position although the joint was moving, (rows,)."""
     n = len(position)
     held = np.zeros(n, dtype=np.bool_)
     firsts, lasts = _runs_of_equal_rows(~same)
@@ -106,7 +108,7 @@ def _contradicts_motion(position: FloatArray, same: BoolArray, period_s: float) 
     across = (position[tail] - position[first]) / (tail - first)
     before = (position[first] - position[start]) / np.maximum(first - start, 1)
     after = (position[stop] - position[tail]) / np.maximum(stop - tail, 1)
-    # At an end of the recording there are rows on one side only.
+    # At an end of the recording, only one side has a speed: it is used for both sides.
     before, after = np.where(first == start, after, before), np.where(tail == stop, before, after)
     slower = np.minimum(np.abs(before), np.abs(after))
     found = (across * before > 0.0) & (across * after > 0.0)
@@ -118,6 +120,9 @@ def _contradicts_motion(position: FloatArray, same: BoolArray, period_s: float) 
 
 
 def _runs_of_equal_rows(changed: BoolArray) -> tuple[IntArray, IntArray]:
-    """Return the first and last row of each run; `changed` refers to the rows after the first."""
+    """Return the first and last row of each run of equal rows.
+
+    `changed` is True for each row that differs from the previous one, from the second row on.
+    """
     firsts = np.flatnonzero(np.concatenate([[True], changed]))
     return firsts, np.concatenate([firsts[1:], [len(changed) + 1]]) - 1

@@ -31,24 +31,22 @@ class ClockReport:
     Attributes:
         clock: Origin of the times.
         rows: Number of rows.
-        repeated_rows: Number of rows that repeat the previous row although the robot moves; they
-            are
-            dropped.
+        repeated_rows: Number of rows that repeat the previous row although the robot moves; these
+            rows are dropped.
         longest_repeat: Number of rows in the longest run of equal rows; 1 if no row repeats.
         missing_rows: Number of missing rows according to the steps of the stamps.
         jitter_rms_s: Deviation of the stamps' steps from whole multiples of the median step, RMS
             [s].
         held_share: For each joint, the fraction of positions that repeat the previous row although
             the joint moves.
-        corrected_rms_s: Difference of rebuilt times and stamps, without the best shift and
-            rate,
-            RMS [s].
-        rate: Duration of the rebuilt times divided by the duration of the stamps; 1 if the
-            stamps
+        corrected_rms_s: RMS difference between rebuilt times and stamps, after removal of a common
+            shift and rate [s].
+        rate: Duration of the rebuilt times divided by the duration of the stamps; 1 if the stamps
             are kept.
         tick_s: Time of which all rebuilt steps are whole multiples [s].
-        left_out_gain, torque_gain: Logarithm of the error with the stamps divided by the error with
-            rebuilt times, for joints left out and for held-out torques; None if unknown.
+        left_out_gain, torque_gain: Logarithm of a ratio: the prediction error with the stamps
+            divided by the prediction error with the rebuilt times. The predictions are
+            displacements of left-out joints, or held-out torques. None if unknown.
         doubt: Reason for an unknown clock; empty otherwise.
     """
 
@@ -73,7 +71,7 @@ class ClockReport:
 
     @property
     def is_sound(self) -> bool:
-        """True if no row repeats another one and nothing contradicts the stamps."""
+        """True if no row repeats the previous one and nothing contradicts the stamps."""
         held = max(self.held_share, default=0.0) > NAMED_SHARE
         stamps = self.clock in (ClockState.CONFIRMED, ClockState.UNVERIFIED)
         return stamps and not self.repeated_rows and not held
@@ -114,8 +112,8 @@ class ClockReport:
         ]
         if held:
             sentences.append(
-                "The source updates positions more slowly than the logger writes rows. Share of"
-                " positions that repeat the previous row although the joint moves:"
+                "The source updates positions more slowly than the logger writes rows. Percentage"
+                " of positions that repeat the previous row although the joint moves:"
                 f" {', '.join(held)}. Repeated positions are interpolated"
             )
         if self.clock is ClockState.REBUILT:

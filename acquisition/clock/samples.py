@@ -10,20 +10,19 @@ import numpy as np
 from config.arrays import BoolArray, FloatArray
 
 STANDSTILL_SPEED: Final = 0.02
-"""Lowest speed of a joint that is used to judge a clock [rad/s or m/s]."""
+"""Lowest speed at which a joint is used to judge a clock [rad/s or m/s]."""
 WIDE_S: Final = 0.1
 """Time over which the effect of jitter and rounding on a displacement is negligible [s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """Rows of a recording.
+    """Rows of a recording whose clock is judged.
 
     Attributes:
         time_s: Shape (rows,). Time stamps, increasing [s].
         position, velocity, torque: Shape (rows, joints). Position [rad or m], velocity [rad/s or
-            m/s],
-            torque [N m or N]. The velocity is NaN for a joint without a recorded velocity.
+            m/s], torque [N m or N]. The velocity is NaN for a joint without a recorded velocity.
     """
 
     time_s: FloatArray
@@ -35,7 +34,7 @@ class Samples:
         return len(self.time_s)
 
     def part(self, rows: slice | BoolArray) -> Samples:
-        """Return some of the rows."""
+        """Return the selected rows."""
         return Samples(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     @property

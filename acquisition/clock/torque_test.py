@@ -27,7 +27,8 @@ FRICTION: Final[tuple[FrictionTerm, ...]] = (
 )  # fmt: skip
 BAND_HZ: Final = 8.0
 GUARD_S: Final = 0.06
-"""Time around a reversal that is not used, because the low-pass blurs the friction's sign [s]."""
+"""Time before and after a reversal from which no rows are used, because the low-pass blurs the sign
+of the friction there [s]."""
 MOST_ROWS: Final = 4000
 PARTS: Final = 8
 CONDITION: Final = 1e-6
@@ -36,17 +37,18 @@ CONDITION: Final = 1e-6
 def torque_gain(
     robot: RobotDescription, samples: Samples, time_s: FloatArray, coupling: FloatArray | None
 ) -> tuple[float, float] | None:
-    """Return the reduction of the error of held-out torques, and its standard error.
+    """Return the reduction of the error of predicted held-out torques, and its standard error.
 
     Args:
         samples: Rows without repeats, with the stamps.
-        time_s: Shape (rows,). The other times.
-        coupling: Shape (n, n). C of q = C alpha, if the positions are the actuators' alpha.
+        time_s: Shape (rows,). Rebuilt times, which are compared with the stamps.
+        coupling: Shape (n, n). Coupling matrix C in q = C alpha, if the positions are those of the
+            actuators (alpha).
 
     Returns:
-        Mean logarithm of the error with the stamps divided by the error with the other times. None
-        if
-        the recording is too short or its sampling rate is too low.
+        Mean logarithm of a ratio, and its standard error. The ratio is the prediction error with
+        the stamps divided by the prediction error with `time_s`. None if the recording is too short
+        or its sampling rate is too low.
     """
     try:
         by_stamps = _held_out_errors(robot, samples, samples.time_s, coupling)
@@ -65,7 +67,7 @@ def torque_gain(
 def _held_out_errors(
     robot: RobotDescription, samples: Samples, time_s: FloatArray, coupling: FloatArray | None
 ) -> FloatArray:
-    """Return the mean squared held-out error of each part and joint, (2 parts, joints)."""
+    """Return the mean squared error of held-out torques, shape (2 * PARTS, joints)."""
     from scipy.ndimage import minimum_filter1d
 
     from dynamics.model.robot_model import RobotModel, regressor  # loads the compiler
@@ -83,9 +85,8 @@ def _held_out_errors(
     size = np.maximum(np.sqrt(np.mean(torque**2, axis=0)), 1e-9)
     columns, torque = columns / size[:, np.newaxis], torque / size
     guard = 1 + 2 * math.ceil(GUARD_S / signals.sample_period_s)
-    slowest = minimum_filter1d(
-        np.abs(signals.velocity), guard, axis=0
-    )  # excludes rows near reversals
+    # The lowest speed around each row excludes rows near reversals.
+    slowest = minimum_filter1d(np.abs(signals.velocity), guard, axis=0)
     use = slowest[rows] > STANDSTILL_SPEED
     halves = np.array_split(np.arange(len(rows)), 2)
     errors = []

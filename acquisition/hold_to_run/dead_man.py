@@ -1,9 +1,9 @@
 """`DeadMan`: shared memory by which a held key permits the cyclic task to move the robot.
 
 A key counts as held until a time on the clock of `safety_now_s`. Each repeat of a keyboard key and
-each fresh message of a button moves this time on. A release needs no message: the key counts as
-released once the time has passed, also if the program was killed or suspended, or if its computer
-hangs.
+each new message of a button extends this time. A release needs no message: the key counts as
+released once the time has passed. This is also true if the program was killed or suspended, or if
+the user's computer hangs.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ class _Words(ctypes.Structure):
 class DeadMan(SharedBlock):
     """Shared memory between a held key and the cyclic task.
 
-    One press permits one line: the robot may move along it while the key is held. A release ends
-    the press; a new press is needed to continue. The counters `press` and `begun` are written after
-    the fields that they announce.
+    Each press of a key permits the motion along one straight line while the key is held. A release
+    ends the press; a new press is needed to continue. The counters `press` and `begun` are written
+    after the fields whose new values they announce.
     """
 
     LABEL = "rid-daq-dead-man-1"
@@ -51,11 +51,11 @@ class DeadMan(SharedBlock):
     _words: Any
 
     def press(self, line: HoldLine, until_s: float) -> None:
-        """Begin a press along a line that begins at the robot's pose at rest.
+        """Permit the motion along a line that begins at the robot's pose at rest.
 
         Args:
             line: The checked line.
-            until_s: Time until which the key is known to be held, by `safety_now_s` [s].
+            until_s: Time until which the key counts as held, on the clock of `safety_now_s` [s].
         """
         words = self._words
         words.goal[: len(line.goal)] = line.goal.tolist()
@@ -64,7 +64,7 @@ class DeadMan(SharedBlock):
         words.press += 1
 
     def hold(self, until_s: float) -> None:
-        """Set the time until which the key is held, by `safety_now_s` [s]."""
+        """Set the time until which the key counts as held, on the clock of `safety_now_s` [s]."""
         self._words.held_until_s = until_s
 
     def release(self) -> None:
@@ -87,15 +87,15 @@ class DeadMan(SharedBlock):
 
     @property
     def held_until_s(self) -> float:
-        """Time until which the key is held [s]."""
+        """Time until which the key counts as held, on the clock of `safety_now_s` [s]."""
         return float(self._words.held_until_s)
 
     def latest_line(self, joints: int) -> tuple[FloatArray, float]:
-        """Return the goal of the latest press, (joints,), and its pace [1/s]."""
+        """Return the latest line's goal, (joints,), and its pace, a fraction per second [1/s]."""
         return np.array(self._words.goal[:joints]), float(self._words.pace_per_s)
 
     def report_rest(self, pose: FloatArray, over: int) -> None:
-        """Report, from the cyclic task, the pose at rest and the number of ended presses."""
+        """Report the pose at rest and the number of ended presses; called by the cyclic task."""
         words = self._words
         words.pose[: len(pose)] = pose.tolist()
         words.over = over

@@ -35,8 +35,7 @@ LinePlanner = Callable[[str, FloatArray], HoldLine | None]
 class DeadManThread:
     """Thread that polls the keys and updates the dead-man while the `with` block is active.
 
-    If the thread ends, also by an error, the dead-man gets no more signs of a held key and the
-    robot stops.
+    If the thread ends, also by an error, no key counts as held any more and the robot stops.
 
     Args:
         dead_man: Shared memory that the cyclic task reads.
@@ -44,7 +43,7 @@ class DeadManThread:
         keys: Source of held keys.
         plan: Returns the line that a key requests.
         until: Shape (joints,). Pose that ends the motion once the robot rests there [rad or m].
-        ready: Called once with the pose at rest, when keys can move the robot.
+        ready: Called once with the pose at rest, as soon as keys can move the robot.
     """
 
     def __init__(
@@ -62,7 +61,7 @@ class DeadManThread:
         self._plan = plan
         self._until = until
         self._ready: Callable[[FloatArray], None] | None = ready
-        self._pressed = 0  # number of the press that was processed
+        self._pressed = 0  # number of the press in progress; 0 after its release
         self._error: BaseException | None = None
         self._over = threading.Event()
         self._thread = threading.Thread(target=self._run, name="rid-daq pilot", daemon=True)
@@ -105,7 +104,7 @@ class DeadManThread:
         if held is None or pose is None:  # no key is held, or the robot is not at rest
             return
         line = self._plan(held.key, pose)
-        still = self._keys.look()  # planning the line takes time
+        still = self._keys.look()  # the key may have been released during the planning
         if still is None or still.press != held.press:
             return
         self._pressed = held.press
@@ -123,5 +122,5 @@ class AlwaysHeldKey:
         """Do nothing."""
 
     def look(self) -> KeyPress:
-        """Return the key as held."""
+        """Return the key, which always counts as held."""
         return KeyPress(self._key, 1, safety_now_s())

@@ -1,4 +1,4 @@
-"""`HeldKey`: decides if a key counts as held, from messages that may be late, lost or repeated.
+"""`HeldKey`: decides if a key counts as held; its messages may be late, lost or repeated.
 
 Each message answers a challenge of the service and is valid according to the age of that challenge.
 Therefore a delay anywhere between the user and this class shortens the time for which a key counts
@@ -29,7 +29,8 @@ class KeyPress(NamedTuple):
     Attributes:
         key: Name of the key.
         press: Number of the press; it increases with each press after a release.
-        until_s: Time from which the key no longer counts as held, by `safety_now_s` [s].
+        until_s: Time from which the key no longer counts as held, on the clock of `safety_now_s`
+            [s].
     """
 
     key: str
@@ -46,8 +47,9 @@ class KeyMessage:
         tapped: True for a key that was tapped, False for a key that is held.
         sender: Connection and lease that sent the message.
         sequence: Number of this message, counted by the sender.
-        issued_s: Time at which the service issued the challenge that the message answers, by
-            `safety_now_s` [s]; 0 if the service did not issue it to this sender for this job.
+        issued_s: Time at which the service issued the challenge that the message answers, on the
+            clock of `safety_now_s` [s]; 0 if the service did not issue it to this sender for this
+            job.
     """
 
     key: str
@@ -94,15 +96,16 @@ class KeyVerdict(Enum):
 
     COUNTS = auto()
     IGNORED = auto()
-    """The message is a repeat, was overtaken by a later one, or no job waits for keys."""
+    """The message is a repeat, or a later one arrived before it, or no job waits for keys."""
     LATE = auto()
     """The challenge of the message is too old: the press has ended, or the tap is lost."""
     UNRELEASED = auto()
-    """The press has ended, or has never counted: release the key and press again."""
+    """The press of the held key has ended, or never counted: release the key and press again."""
     ELSEWHERE = auto()
     """Another sender holds a key."""
     TAP_LOST = auto()
-    """A tap of this sender was late: its user sees a selection that does not exist."""
+    """An earlier tap of this sender was late and ignored: its page shows a selection that was not
+    made."""
 
 
 @dataclass
@@ -111,8 +114,8 @@ class _Sender:
 
     Attributes:
         sequence: Number of its latest message.
-        released: True if it may begin a press: since its last press it has reported that no key is
-            held.
+        released: True if the sender may begin a press: since its last press, it has reported that
+            no key is held.
         tap_lost: True if its latest tap was late.
     """
 
@@ -122,15 +125,15 @@ class _Sender:
 
 
 class HeldKey:
-    """The one held key, judged from the messages of several senders.
+    """The key that is held, at most one, according to the messages of several senders.
 
     - A press begins with a message about a new challenge, from a sender that has released its key
       before.
     - The press continues while further messages of this sender arrive within `DEAD_MAN_S`, with
       increasing sequence numbers and with challenges younger than `CHALLENGE_LIMIT_S`.
     - After a gap, only a release followed by a new press counts.
-    - If a sender has not released its key, a new sender must first release its own: both may be the
-      same key over two connections.
+    - While any sender has not released its key, a new sender must first report that no key is held:
+      both may be the same key over two connections.
     """
 
     def __init__(self) -> None:
@@ -139,10 +142,10 @@ class HeldKey:
         self._presses = 0
         self._held: KeyPress | None = None
         self._sender = ""  # sender of the latest press
-        self._issued_s = 0.0  # time of the newest challenge that counted
+        self._issued_s = 0.0  # issue time of the newest challenge that counted
 
     def set_accepting(self, accepting: bool) -> None:
-        """Begin or end the time in which keys count; a key held meanwhile does not count."""
+        """Begin or end the time in which keys count; a key that is already held does not count."""
         self._accepting = accepting
         self._held = None
 
@@ -165,7 +168,7 @@ class HeldKey:
         """Process a message and return the verdict.
 
         Args:
-            now_s: Present time, by `safety_now_s` [s].
+            now_s: Present time, on the clock of `safety_now_s` [s].
         """
         self.end_expired_press(now_s)
         sender = self._senders.get(message.sender)

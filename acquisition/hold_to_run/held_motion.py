@@ -33,13 +33,13 @@ class HeldMotion:
     holds the key.
 
     Args:
-        robot: Its limits apply.
+        robot: Robot whose joint limits apply.
         cycle_time_s: Cycle time of the cell [s].
         dead_man: Shared memory with the held key.
         once: True to end the motion with the first press. Otherwise the motion ends with
             `DeadMan.finish`, or after `IDLE_S` without a held key.
-        unattended: True if each press counts as held to its end: for simulated cells without a
-            person.
+        unattended: True if the key counts as held until the end of each line: for simulated cells
+            without a person.
         now_s: Clock of the held keys [s].
     """
 
@@ -65,9 +65,9 @@ class HeldMotion:
         self._slope = APPROACH_SPEED_FRACTION * np.array([each.acceleration for each in limits])
         self._row = -1
         self._idle_rows = 0
-        self._press = 0  # number of the latest press that was begun
-        self._share = self._rate = 0.0  # share of the line that was driven, and its rate [1/s]
-        self._pace = self._change = 0.0  # largest rate, and its largest change per cycle
+        self._press = 0  # number of the press whose line was begun last
+        self._share = self._rate = 0.0  # driven fraction of the line, and its derivative [1/s]
+        self._pace = self._change = 0.0  # largest `_rate`, and its largest change per cycle
         self._paced_s: float | None = None
 
     samples_per_period: int | None = None
@@ -76,12 +76,12 @@ class HeldMotion:
 
     @property
     def rows_expected(self) -> int:
-        """Number of rows of an unusually long motion."""
+        """Largest expected number of rows, to check the disk space."""
         return round(LONGEST_S / self._step_s)
 
     @property
     def notes(self) -> Sequence[str]:
-        """Note that no key was held for too long, if that ended the motion."""
+        """One note if the motion ended because no key was held for `IDLE_S`; otherwise empty."""
         if not self._idle_too_long:
             return ()
         return (f"no key was held for {IDLE_S:g} s: the drives were disabled",)
@@ -107,7 +107,7 @@ class HeldMotion:
             self._advance()
         self._row = row
         if self._rate == 0.0:
-            if self._over and self._idle_rows > 0:  # the pose at rest was sent
+            if self._over and self._idle_rows > 0:  # a set-point at rest was sent
                 return None
             self._idle_rows += 1
             self._dead_man.report_rest(self._pose, self._press)
@@ -126,7 +126,7 @@ class HeldMotion:
         return self._idle_rows * self._step_s > IDLE_S
 
     def _held(self) -> bool:
-        """Return True if a key is held now; a time too far in the future does not count."""
+        """Return True if a key is held now; an end time too far in the future is invalid."""
         if self._unattended:
             return True
         left_s = self._dead_man.held_until_s - self._now_s()
@@ -151,7 +151,7 @@ class HeldMotion:
         goal, pace = self._dead_man.latest_line(len(self._pose))
         inside = (goal >= self._low) & (goal <= self._high) | (goal == self._pose)
         if not (inside.all() and math.isfinite(pace) and pace > 0.0):
-            return False  # invalid order, or NaN
+            return False  # the goal is outside the limits, or the pace is invalid
         self._start, self._way = self._pose, goal - self._pose
         self._share = 0.0
         moving = self._way != 0.0
@@ -166,12 +166,11 @@ class HeldMotion:
         """Return the pose of the next cycle: accelerated, at the permitted pace, or braking."""
         step_s, change, before = self._step_s, self._change, self._rate
         left = 1.0 - self._share
-        if (
-            left <= change * step_s and before <= change
-        ):  # one cycle is enough for the rest of the line
+        # One cycle is enough for the rest of the line.
+        if left <= change * step_s and before <= change:
             self._share, self._rate = 1.0, 0.0
             return self._start + self._way
-        # the largest rate from which the robot can stop on the rest of the line
+        # Largest rate from which the robot can stop on the rest of the line.
         room = max(0.0, left - 0.5 * before * step_s)
         braking = -0.5 * change + math.sqrt(0.25 * change**2 + 2.0 * change / step_s * room)
         most = min(self._pace, braking)
@@ -190,4 +189,4 @@ class HeldMotion:
         if wait_s > 0.0:
             time.sleep(wait_s)
         else:
-            self._paced_s -= wait_s  # a delay of the computer is not made up for
+            self._paced_s -= wait_s  # simulated time does not catch up after a delay

@@ -1,4 +1,4 @@
-"""`HoldLine`: a straight line in joint space, with its clear length and permitted pace."""
+"""`HoldLine`: a straight line in joint space, checked for limits and collisions, with its pace."""
 
 from __future__ import annotations
 
@@ -27,12 +27,13 @@ STEP: Final = 0.01
 
 @dataclass(frozen=True, eq=False)
 class HoldLine:
-    """A checked line.
+    """A straight line in joint space, checked for limits and collisions.
 
     Attributes:
         start, goal: Shape (joints,). Start and end of the line [rad or m].
         pace_per_s: Fraction of the line that may be driven per second [1/s].
-        obstacle: Obstacle or limit before which the line was cut; empty if the line is complete.
+        obstacle: Name of the obstacle or limit before which the line was cut; empty if the line is
+            complete.
     """
 
     start: FloatArray
@@ -47,7 +48,7 @@ class HoldLine:
 
 
 class LineCheck:
-    """Check of lines of one robot in one cell for limits and collisions.
+    """Check of straight lines in joint space for limits and collisions.
 
     Args:
         cell, robot: Limits, bodies and surroundings.
@@ -61,8 +62,8 @@ class LineCheck:
     def __init__(self, cell: CellConfig, robot: RobotDescription, speed_share: float) -> None:
         if not 0.0 < speed_share <= FASTEST_SHARE:
             raise ConfigError(
-                f"invalid speed share {speed_share:g} of a motion by hand: give more than 0 and"
-                f" at most {FASTEST_SHARE:g}",
+                f"invalid speed {speed_share:g} of a motion by hand, as a fraction of the joint"
+                f" speed limits: give more than 0 and at most {FASTEST_SHARE:g}",
                 code=CODE,
             )
         self._robot = robot
@@ -75,10 +76,10 @@ class LineCheck:
         self._low, self._high = low + margin, high - margin
 
     def __call__(self, start: FloatArray, wanted: FloatArray) -> HoldLine:
-        """Return the clear part of the line from a pose towards another one, (joints,) each.
+        """Return the collision-free part of the line from one pose to another, (joints,) each.
 
-        The line ends before a joint's limit, or before two bodies come too close. If they are too
-        close at the start, the line may lead away.
+        The line ends before a joint's limit, or before two bodies come too close. If two bodies are
+        already too close at the start, the line may increase their distance.
         """
         share, obstacle = self._within_limits(start, wanted)
         goal = start + share * (wanted - start)
@@ -104,7 +105,7 @@ class LineCheck:
         return share, obstacle
 
     def _pace(self, poses: FloatArray) -> float:
-        """Return the fraction of a line that joints and tool point may drive per second [1/s]."""
+        """Return the largest fraction of a line per second within all speed limits [1/s]."""
         way = np.abs(poses[-1] - poses[0])
         if not way.any():
             return 1.0

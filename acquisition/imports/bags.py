@@ -26,7 +26,7 @@ _KEPT = ("name", "robot", "units", "side", "plausible", "left_out_limit", "rows"
 
 
 def is_bag(path: Path) -> bool:
-    """Return True if a path is a bag: a file with such an extension, or a folder with metadata."""
+    """Return True for a bag: a file with a bag's ending, or a folder with `metadata.yaml`."""
     return path.suffix in BAG_ENDINGS or (path / "metadata.yaml").is_file()
 
 
@@ -41,8 +41,8 @@ def convert_bag_to_table(
       which the bag recorded the message.
     - Messages without any of the joints belong to another device and are ignored.
     - Values that a message does not contain are empty cells.
-    - If the joints come in several messages, the map interpolates them to the messages of the first
-      joint.
+    - If different messages contain different joints, the returned map requests interpolation to the
+      times of the messages with the first joint.
 
     Args:
         path: Folder of a bag, or a file `.db3`, `.mcap` or `.bag`.
@@ -54,8 +54,8 @@ def convert_bag_to_table(
         Import map of the CSV file.
 
     Raises:
-        ConfigError: The bag cannot be read, has no such topic or several, or does not name the
-            joints.
+        ConfigError: The bag cannot be read, has no topic with joint states or several such topics,
+            or does not name the joints.
         DataQualityError: The messages contain no efforts, or lack a joint.
     """
     states = import_map.joint_states
@@ -83,7 +83,7 @@ def convert_bag_to_table(
         raise ConfigError(f"{place}{error}", code=error.refusal) from None
     except (RidDaqError, MemoryError):
         raise
-    except Exception as error:  # the library raises many types for a damaged file
+    except Exception as error:  # a damaged file can raise any type of exception
         raise ConfigError(
             f"{path}: cannot be read as a bag: {type(error).__name__}: {error}",
             code="RID-FILE-TYPE",
@@ -95,8 +95,8 @@ def convert_bag_to_table(
             code="RID-BAG-TOPIC",
         )
     values = np.frombuffer(numbers, dtype=np.float64).reshape(-1, 3, n)
-    there = np.array([bool(np.isfinite(values[:, i]).any()) for i in range(len(_QUANTITIES))])
-    if not there[2]:
+    is_recorded = np.array([bool(np.isfinite(values[:, i]).any()) for i in range(len(_QUANTITIES))])
+    if not is_recorded[2]:
         raise DataQualityError(
             f"{path}: the messages contain no efforts: record a topic with torques or currents",
             code="RID-BAG-TOPIC",
@@ -106,21 +106,21 @@ def convert_bag_to_table(
             if not np.isfinite(values[:, quantity, number]).any():
                 raise DataQualityError(
                     f"{path}: no message has the {_QUANTITIES[quantity]} of joint {name}: correct"
-                    " joint_states.names, or record the topic that has it",
+                    " joint_states.names, or record a topic that contains it",
                     code="RID-BAG-TOPIC",
                 )
     complete = np.isfinite(values[:, (0, 2)]).all(axis=(1, 2))
     is_split = 1.0 - complete.mean() > import_map.left_out_limit
     moving = np.ptp(np.frombuffer(stamps, dtype=np.int64)) > 0
     times = np.frombuffer(stamps if moving else received, dtype=np.int64)
-    _write_csv(table, (times - times[0]) * 1e-9, values[:, there].reshape(len(times), -1))
-    efforts, is_torque = 1 + (1 + int(there[1])) * n, states.effort == "torque"
+    _write_csv(table, (times - times[0]) * 1e-9, values[:, is_recorded].reshape(len(times), -1))
+    efforts, is_torque = 1 + (1 + int(is_recorded[1])) * n, states.effort == "torque"
     reading_of = {joint.joint: joint for joint in states.joints}
     joints = tuple(
         ImportJoint(
             **reading_of.get(name, JointReading(joint=name)).model_dump(),
             position=1 + i,
-            velocity=1 + n + i if there[1] else None,
+            velocity=1 + n + i if is_recorded[1] else None,
             torque=efforts + i if is_torque else None,
             current=None if is_torque else efforts + i,
         )
@@ -135,7 +135,7 @@ def convert_bag_to_table(
         implausible_on_purpose=tuple(
             _translate_key(name, places) for name in import_map.implausible_on_purpose
         ),
-        columns=1 + int(there.sum()) * n,
+        columns=1 + int(is_recorded.sum()) * n,
         empty_cells="interpolate" if is_split else "damaged",
         time=TimeColumn(column=0),
         joints=joints,
@@ -158,10 +158,10 @@ def _read_messages(path: Path, topic: str | None) -> Iterator[tuple[int, Any]]:
         topics = sorted({each.topic for each in found})
         if topic is None and len(topics) != 1:
             what = "several topics" if topics else "no topic"
-            there = topics or sorted({each.topic for each in reader.connections})
+            listed = topics or sorted({each.topic for each in reader.connections})
             raise ConfigError(
                 f"{path}: has {what} with {JOINT_STATE}; topics found:"
-                f" {', '.join(there) or 'none'}. Name one topic in the map: joint_states.topic",
+                f" {', '.join(listed) or 'none'}. Name one topic in the map: joint_states.topic",
                 code="RID-BAG-TOPIC",
             )
         wanted = [each for each in found if topic in (None, each.topic)]
@@ -177,7 +177,7 @@ def _read_messages(path: Path, topic: str | None) -> Iterator[tuple[int, Any]]:
 
 
 def _joint_values(message: Any, names: Sequence[str]) -> list[float] | None:
-    """Return positions, velocities and efforts of the joints (NaN if missing), or None."""
+    """Return positions, velocities and efforts, NaN if missing; None if no joint is named."""
     index = {name: i for i, name in enumerate(message.name)}
     places = [index.get(name) for name in names]
     if all(place is None for place in places):
@@ -192,8 +192,10 @@ def _joint_values(message: Any, names: Sequence[str]) -> list[float] | None:
     row: list[float] = []
     for quantity in _QUANTITIES:
         values = getattr(message, quantity)
-        there = len(values) == len(message.name)
-        row += [float(values[place]) if there and place is not None else np.nan for place in places]
+        complete = len(values) == len(message.name)
+        row += [
+            float(values[place]) if complete and place is not None else np.nan for place in places
+        ]
     return row
 
 

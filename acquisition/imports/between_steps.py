@@ -19,15 +19,17 @@ from config.arrays import FloatArray
 from dynamics.kernels.taut_string import pull_taut
 
 MOST_STEPS: Final = 100
-"""Largest change that is used [steps]; rounding errors add up in larger changes."""
+"""Largest change of a position from which the step size is computed [steps]; rounding errors add up
+in larger changes."""
 OFF_THE_GRID: Final = 0.1
-"""Permitted deviation of a change from whole steps, due to rounding of the last digit [steps]."""
+"""Permitted deviation of a position change from whole steps [steps]; the file's last digit is
+rounded."""
 FEWEST_STEPS: Final = 10
-"""Smallest number of changes; fewer can be multiples of one step by chance."""
+"""Smallest number of position changes; fewer changes can be multiples of one step by chance."""
 
 
 def position_steps(rows: ImportRows) -> tuple[float | None, ...]:
-    """Return the quantisation step of each joint's position [rad or m]; None without steps.
+    """Return the quantisation step of each joint's position [rad or m]; None if none is visible.
 
     Args:
         rows: The recording.
@@ -41,7 +43,7 @@ def _quantisation_step(position: FloatArray) -> float | None:
     if not len(sizes):
         return None
     step = float(sizes.min())
-    for most in (2.5, 10.5, 30.5, MOST_STEPS):  # more steps give a more accurate step size
+    for most in (2.5, 10.5, 30.5, MOST_STEPS):  # larger changes give a more accurate step
         few = sizes[sizes < most * step]
         count = np.round(few / step)
         step = float(count @ few / (count @ count))
@@ -50,7 +52,7 @@ def _quantisation_step(position: FloatArray) -> float | None:
         return None
     goes_on = np.count_nonzero(changes[1:] * changes[:-1] > 0.0)
     steady = sizes.max() < 1.5 * step and 2 * goes_on > len(sizes)
-    return None if steady else step  # a constant speed also gives changes of one size
+    return None if steady else step  # changes are alike at constant speed, too
 
 
 def refine_between_steps(rows: ImportRows, steps: tuple[float | None, ...]) -> FloatArray:

@@ -18,7 +18,7 @@ from config.arrays import FloatArray
 from config.robot.robot import JointLimits, RobotDescription
 
 BEYOND_LIMIT = 0.05
-"""Permitted excess of a joint's limits, as a fraction of its range."""
+"""Distance by which positions may exceed a joint's limits, as a fraction of the joint's range."""
 
 _BY_REASON = {
     "with a wrong number of columns": "check columns, delimiter and header_rows of the map",
@@ -28,20 +28,20 @@ _BY_REASON = {
         " --rows"
     ),
     "without a time stamp": "check column and unit of time, and header_rows, in the map",
-    "with a doubled time stamp": (
+    "with a repeated time stamp": (
         "the time stamps are too coarse for the rows: record finer ones, or replace time by"
         " rate_hz if the rate is known"
     ),
     "with a time stamp out of order": "check the column and unit of time in the map",
     "whose position jumps": (
-        "a joint is faster than plausible.speed (raise it, or check the unit of position and"
-        " time), or its encoder lost its zero (leave out the rows before or after with --rows)"
+        "a joint is faster than plausible.speed (raise this limit, or check the unit of position"
+        " and time), or its encoder lost its zero (use only the rows before or after this: --rows)"
     ),
 }
 
 
 def respects_position_limits(position: FloatArray, limits: Sequence[JointLimits]) -> bool:
-    """Return True if the middle 96 % of positions, shape (rows, joints), keep the limits."""
+    """Return True if positions, (rows, joints), respect the limits; 2 % at each end are ignored."""
     if not np.isfinite(position).any(axis=0).all():
         return False
     low, high = np.nanpercentile(position, [2.0, 98.0], axis=0)
@@ -71,8 +71,9 @@ def likely_cause_of_positions(
     shift -= (joint.position_max + joint.position_min) / 2.0
     if high - low <= span and abs(shift) <= 2.0 * math.pi:
         return (
-            f"its zero position probably differs: set zero_offset of {robot.joint_names[number]}"
-            f" in the map ({shift:.2g} rad or m would centre the motion), or correct the limits"
+            "its zero position probably differs from the robot file's: set zero_offset of"
+            f" {robot.joint_names[number]} in the map ({shift:.2g} rad or m would centre the"
+            " motion), or correct the limits"
         )
     likely = []
     if import_map.units.position == "rad" and respects_position_limits(
@@ -84,12 +85,12 @@ def likely_cause_of_positions(
         and np.abs(gears).max() > 1.0
         and respects_position_limits(position / gears, limits)
     ):
-        likely.append("those of the motors: put `side: motor` into the map")
+        likely.append("measured at the motors: put `side: motor` into the map")
     if likely:
         return f"the positions are probably {', or '.join(likely)}"
     return (
-        "its unit, gear ratio or column is wrong, or the limits are wrong: correct the map or the"
-        " robot file"
+        "the unit, gear ratio or column of the position is wrong, or the limits are wrong: correct"
+        " the map or the robot file"
     )
 
 
@@ -113,7 +114,7 @@ def likely_cause_of_damage(
         return "record more"
     ((reason, _),) = Counter(row.reason for row in damaged).most_common(1)
     if reason == "without a number" and _has_decimal_commas(damaged, import_map):
-        return "its numbers have a decimal comma: put `decimal: ','` into the map"
+        return "the numbers have a decimal comma: put `decimal: ','` into the map"
     if reason == "without a number" and " is empty (" in damaged[-1].detail:
         return (
             "cells are empty: if several topics were exported into one file, put `empty_cells:"
@@ -121,10 +122,10 @@ def likely_cause_of_damage(
         )
     if reason == "without a time stamp" and _has_dates(damaged):
         return "the time stamps are dates: put `unit: iso` into `time` of the map"
-    if reason == "with a doubled time stamp" and _are_whole_seconds(rows.time_s, import_map):
+    if reason == "with a repeated time stamp" and _are_whole_seconds(rows.time_s, import_map):
         return (
-            "the time stamps are whole seconds: if another column has their nanoseconds, name it:"
-            " `time: {column: 0, nanoseconds: 1}`"
+            "the time stamps are whole seconds: if another column has their nanoseconds, give its"
+            " number as `nanoseconds`: `time: {column: 0, nanoseconds: 1}`"
         )
     if reason != "with an absurd value":
         return _BY_REASON.get(
@@ -151,13 +152,13 @@ def likely_cause_of_damage(
 
 
 def _has_decimal_commas(damaged: Sequence[DamagedRow], import_map: ImportMap) -> bool:
-    """Return True if the last damaged row would be a number with a decimal comma."""
+    """Return True if a field of the last damaged row is a number with a decimal comma."""
     last = damaged[-1].detail
     return import_map.decimal == "." and bool(re.search(r"'[-+]?\d+,\d+(e[-+]?\d+)?' \(", last))
 
 
 def _has_dates(damaged: Sequence[DamagedRow]) -> bool:
-    """Return True if the last damaged row has an ISO 8601 date for a time stamp."""
+    """Return True if the time stamp of the last damaged row is an ISO 8601 date."""
     return any(match_iso(text) for text in damaged[-1].detail.split("'"))
 
 

@@ -65,7 +65,8 @@ class ImportColumns:
             instead. Temperatures are present for all joints or for none.
         factors, offsets: Shape (columns,). SI value at the link side = factor * number + offset;
             NaN for a velocity that was not recorded.
-        coupling: Shape (n, n). C of q = C alpha, if the positions are the actuators' alpha.
+        coupling: Shape (n, n). Coupling matrix C in q = C alpha, if the positions are those of the
+            actuators (alpha).
     """
 
     columns: tuple[int, ...]
@@ -75,7 +76,7 @@ class ImportColumns:
 
     @classmethod
     def of(cls, import_map: ImportMap, robot: RobotDescription | None) -> ImportColumns:
-        """Return the columns of a map, with missing values taken from its robot.
+        """Return the columns of a map; the robot file gives values that the map lacks.
 
         Raises:
             ConfigError: A value is neither in the map nor in the robot file, or no robot is given.
@@ -123,22 +124,22 @@ class ImportColumns:
         )
 
     def rows(self, table: ImportTable, joints: int) -> ImportRows:
-        """Return the rows of a table of these columns in SI units."""
+        """Return the rows of a table with these columns, converted to SI units."""
         with np.errstate(over="ignore", invalid="ignore"):
             values = table.values * self.factors + self.offsets
         position, torque, velocity, warmth = np.split(values, joints * np.arange(1, 4), axis=1)
         return ImportRows(table.row, table.time_s, position, velocity, torque, warmth)
 
     def joint_positions(self, read: FloatArray) -> FloatArray:
-        """Return the joint positions from those read, (samples, n): q = C alpha (5.18)."""
+        """Return joint positions for positions of the file, (samples, n): q = C alpha (5.18)."""
         return read if self.coupling is None else np.asarray(read @ self.coupling.T)
 
 
 def _unit_value(unit: str, fixed: Mapping[str, float], of_joint: float | None) -> float:
-    """Return the SI value of a unit; that of a drive's unit differs between joints."""
+    """Return the SI value of a unit; `of_joint` is that of a unit that depends on the joint."""
     if unit in fixed:
         return fixed[unit]
-    assert of_joint is not None  # the map was checked
+    assert of_joint is not None  # the map's validation requires this value
     return of_joint
 
 
@@ -169,7 +170,7 @@ def _described_joint(
 
 
 def _gear_ratio(import_map: ImportMap, joint: ImportJoint, description: Joint | None) -> float:
-    """Return the motor turns per turn of the column's side."""
+    """Return the gear ratio between the columns' side and the link side; 1 for the link side."""
     if joint.gear_ratio is not None:
         return joint.gear_ratio
     if import_map.side == "link":
@@ -186,7 +187,7 @@ def _gear_ratio(import_map: ImportMap, joint: ImportJoint, description: Joint | 
 def _torque_constant(
     import_map: ImportMap, joint: ImportJoint, gear: float, description: Joint | None
 ) -> float:
-    """Return the torque at the link side per ampere; the robot file's constant is link side."""
+    """Return the torque at the link side per ampere; the robot file gives it for this side."""
     if joint.torque_constant_nm_per_a is not None:
         return joint.torque_constant_nm_per_a * gear
     if description is None or description.torque_constant_nm_per_a is None:

@@ -27,8 +27,8 @@ RATIO_TOLERANCE = 0.03
 ALIKE = 0.015
 STUCK = 1e-4
 SELDOM_S = 0.2
-"""Longest step between rows [s]; longer steps show less than 2 Hz of the 10 Hz used for
-identification."""
+"""Longest step between rows without a finding [s]. With longer steps, rows show motion only below
+about 2 Hz, but identification uses up to 10 Hz."""
 STUCK_ROWS = 100
 STUCK_SHARE = 0.2
 _FACTORS = (
@@ -36,8 +36,8 @@ _FACTORS = (
     (180.0 / math.pi, "radians are read as degrees"),
     (2.0 * math.pi, "radians are read as turns"),
     (0.5 / math.pi, "turns are read as radians"),
-    (1e-3, "the unit of time, or of one of the two columns, is wrong by a thousand"),
-    (1e3, "the unit of time, or of one of the two columns, is wrong by a thousand"),
+    (1e-3, "the unit of time, or of one of the two columns, is wrong by a factor of 1000"),
+    (1e3, "the unit of time, or of one of the two columns, is wrong by a factor of 1000"),
 )
 
 
@@ -114,7 +114,7 @@ def changes_over_window(rows: ImportRows) -> tuple[FloatArray, FloatArray, Float
 def _velocity_ratios(
     rows: ImportRows, import_map: ImportMap
 ) -> tuple[list[float | None], list[float]]:
-    """Return the ratios of position-based to recorded velocity, with standard deviations.
+    """Return each joint's ratio of velocity from positions to recorded velocity, and its sigma.
 
     Over 0.1 s the position changes by the ratio times the integral of the velocity, plus the
     effects of a delay and an offset of the velocity.
@@ -152,7 +152,7 @@ def _velocity_ratios(
 
 
 def _obvious_contradiction(moved: float, recorded: float) -> str:
-    """Return the obvious reason for contradicting positions and velocities, if any."""
+    """Return the obvious reason for a contradiction of position and velocity; empty if unknown."""
     if moved < STUCK * recorded:
         return " (the position is stuck)"
     if recorded < STUCK * moved:
@@ -181,7 +181,7 @@ def _rate_findings(rows: ImportRows, import_map: ImportMap) -> Iterator[str]:
 def _velocity_findings(
     ratios: list[float | None], sigmas: list[float], import_map: ImportMap
 ) -> Iterator[str]:
-    """Yield findings if velocities and positions differ by a factor, in all joints or in one."""
+    """Yield findings if recorded velocities and changes of positions differ by a factor."""
     known = {
         joint.joint: (ratio, RATIO_TOLERANCE + 2.0 * sigma)
         for joint, ratio, sigma in zip(import_map.joints, ratios, sigmas, strict=True)
@@ -200,15 +200,15 @@ def _velocity_findings(
         yield (
             f"The clock is wrong: velocities computed from positions and {key} are {common:.3f}"
             f" times the recorded velocities, in all joints. Multiply the times by {common:.4g},"
-            " or find out which of the two is right: inertial torques are wrong by the square of"
-            " this factor"
+            " or find out whether times or velocities are right: with wrong times, inertial torques"
+            " are wrong by the square of this factor"
         )
         return
     for name, (ratio, tolerance) in known.items():
         if abs(ratio - 1.0) > tolerance:
             yield (
                 f"{name}: its position moves {ratio:.3f} times as fast as its velocity column:"
-                " check the unit, resolution or gear_ratio of these two columns"
+                " check unit, resolution and gear_ratio of position and velocity"
             )
 
 

@@ -18,7 +18,7 @@ class JointReading(ConfigModel):
     Attributes:
         joint: Name of the joint in the robot file.
         torque_constant_nm_per_a: Torque per ampere [N m/A]: that of the motor if `gear_ratio` is
-            given, else that of the link side. Left out, it is the constant of the robot file.
+            given, else that of the link side. Default: the constant of the robot file.
         gear_ratio: Motor turns per joint turn, to convert values of the motor to the link side;
             negative if motor and joint turn in opposite directions.
         zero_offset: Recorded position at position 0 of the robot file's joint, in the unit of the
@@ -26,10 +26,12 @@ class JointReading(ConfigModel):
         position_sign: -1 if recorded positions and velocities have the opposite direction to the
             robot file's joint.
         torque_sign: -1 if recorded torques have the opposite direction to the robot file's joint.
-        increments_per_rev: Increments of the encoder in one turn of the side at which positions
-            were measured (`side`), for the units `increments` and `increments/s`.
-        rated_torque_nm: Torque of 1000 per mille or 100 percent, at that side [N m].
-        rated_current_a: Motor current of 1000 per mille or 100 percent [A].
+        increments_per_rev: Encoder increments per turn, at the side of the gear on which positions
+            were measured (`side` of the map); for the units `increments` and `increments/s`.
+        rated_torque_nm: Rated torque, which the file contains as 1000 per mille or 100 percent; at
+            the side of the gear that `side` names [N m].
+        rated_current_a: Rated motor current, which the file contains as 1000 per mille or 100
+            percent [A].
     """
 
     joint: str

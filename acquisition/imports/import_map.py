@@ -24,7 +24,7 @@ PositionUnit = Literal["rad", "deg", "rev", "m", "mm", "increments"]
 VelocityUnit = Literal["rad/s", "deg/s", "rpm", "m/s", "mm/s", "increments/s"]
 RatedUnit = Literal["permille", "percent"]
 RATED: Final[dict[str, float]] = {"permille": 1e-3, "percent": 1e-2}
-"""Units that are fractions of a rated value, and their values."""
+"""Units relative to a rated value, each with its fraction of the rated value."""
 
 _LARGEST_OFFSET = {
     "rad": 15.0, "deg": 900.0, "rev": 2.5, "m": 50.0, "mm": 5e4, "increments": 1e9
@@ -36,9 +36,8 @@ class FurtherFile(ConfigModel):
     """An additional file, read in the same way as the first one.
 
     Attributes:
-        columns: Number of columns; they continue the numbering of the previous file.
-        time: Column of the time stamps, counted in this file; left out, the same as in the first
-            file.
+        columns: Number of columns of this file; their numbers continue those of the previous file.
+        time: Column of the time stamps, counted in this file; default: as in the first file.
     """
 
     columns: Columns
@@ -100,8 +99,9 @@ class DamageLimits(ConfigModel):
 
     Attributes:
         position: Largest absolute position [rad or m].
-        speed: Largest absolute speed [rad/s or m/s]. A faster step between neighbouring rows is a
-            jump and also counts as damage, unless a long stretch of rows continues from there.
+        speed: Largest absolute speed [rad/s or m/s]. A faster change between neighbouring rows is a
+            jump. Rows that are reached only by a jump also count as damaged; a long stretch of rows
+            is kept if a wrong time stamp can explain its jump.
         torque: Largest absolute torque or force [N m or N].
     """
 
@@ -115,7 +115,7 @@ class RowRange(ConfigModel):
 
     Attributes:
         first: First row to use.
-        last: Last row to use; left out, the last row of the file.
+        last: Last row to use; default: the last row of the file.
     """
 
     first: Annotated[int, Field(ge=1)] = 1
@@ -155,7 +155,8 @@ class ImportMap(PhysicalFile, Derived):
             link side.
         joints: Columns of each joint, base to flange.
         plausible: Limits beyond which a row counts as damaged.
-        left_out_limit: Largest share of damaged rows; an import with more of them is refused.
+        left_out_limit: Largest fraction of damaged rows; an import with a larger fraction is
+            refused.
         rows: Rows to use.
         period_s: Duration of one period, if the rows contain whole periods [s]. Periods are
             averaged; without this key the recording is smoothed instead.
@@ -188,7 +189,8 @@ class ImportMap(PhysicalFile, Derived):
             given |= self.model_fields_set & {"empty_cells"}
             if given:
                 raise ValueError(
-                    f"joint_states excludes {', '.join(sorted(given))}: the messages define these"
+                    f"joint_states cannot be combined with {', '.join(sorted(given))}: the messages"
+                    " define these. Remove these keys"
                 )
             return self
         if self.columns is None or not self.joints:
@@ -223,14 +225,14 @@ class ImportMap(PhysicalFile, Derived):
         without = [joint.joint for joint in self.joints if joint.temperature is None]
         if 0 < len(without) < len(self.joints):
             raise ValueError(
-                f"{', '.join(without)} has no temperature column, but other joints have: give"
-                " every joint one, or none"
+                f"{', '.join(without)} has no temperature column, but other joints have one:"
+                " give a temperature column for every joint, or for none"
             )
         return self
 
     @model_validator(mode="after")
     def _check_drive_units(self) -> ImportMap:
-        """Check that the joints have the values that the units need, and no others."""
+        """Check that the joints have exactly the conversion values that the units need."""
         units, states = self.units, self.joint_states
         joints: Sequence[JointReading] = self.joints if states is None else states.joints
         increments: list[str] = [
@@ -255,13 +257,15 @@ class ImportMap(PhysicalFile, Derived):
                 given = getattr(joint, key) is not None
                 has_column = getattr(joint, columns[key], None) is not None
                 if given and not (needing and has_column):
-                    raise ValueError(f"{key} of {joint.joint} is not used: no unit needs it")
+                    raise ValueError(
+                        f"{key} of {joint.joint} is not used, because no unit needs it: remove it"
+                    )
                 if needing and has_column and not given:
                     raise ValueError(f"unit {needing[0]}: give {key} of {joint.joint}")
         return self
 
     def derived(self) -> dict[str, tuple[float, Plausible]]:
-        """Return the zero offsets, in the unit and at the side of the positions."""
+        """Return the zero offsets with their plausible ranges, in the unit of the positions."""
         states = self.joint_states
         prefix = "joints" if states is None else "joint_states.joints"
         joints: Sequence[JointReading] = self.joints if states is None else states.joints
@@ -276,17 +280,17 @@ class ImportMap(PhysicalFile, Derived):
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Joint names, base to flange; empty if `joint_states` takes them from the robot."""
+        """Joint names, base to flange; empty with `joint_states`, since the robot file has them."""
         return tuple(joint.joint for joint in self.joints)
 
     @property
     def first_columns(self) -> tuple[int, ...]:
-        """First column of each file, and the end of the last file's columns."""
+        """Number of each file's first column; the last element is the number of all columns."""
         widths = (self.columns or 0, *(file.columns for file in self.further_files))
         return (0, *accumulate(widths))
 
     def time_column_of_file(self, number: int) -> TimeColumn | None:
-        """Return the time column of file `number`, counted in that file; None with `rate_hz`."""
+        """Return the time column of a file, counted within the file; None with `rate_hz`."""
         return self.time if number == 0 else self.further_files[number - 1].time or self.time
 
     @property

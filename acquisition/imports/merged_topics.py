@@ -1,4 +1,4 @@
-"""`merge_topics`: interpolates the columns of a table to the rows that have the first one.
+"""`merge_topics`: interpolates the columns of a table to the rows with a value in the first one.
 
 Programs that export several topics into one file write each message in a row of its own and leave
 the cells of the other topics empty. A bag with the messages of two broadcasters of one robot has
@@ -18,19 +18,19 @@ from acquisition.processing.smoothing import GAP_STEPS
 from config.arrays import BoolArray, FloatArray
 from config.errors import DataQualityError
 
-NO_NEIGHBOUR = "without a value of another topic at its time"
+NO_NEIGHBOUR = "without a value of another topic near its time"
 
 
 def merge_topics(
     table: ImportTable, columns: Sequence[int], names: Sequence[str], damaged: list[DamagedRow]
 ) -> ImportTable:
-    """Return the rows that have the first column, with the other columns interpolated to them.
+    """Return the rows with a value in the first column; other columns are interpolated to them.
 
     Args:
         table: Rows in which NaN marks an empty cell.
         columns: Indices of the table's columns to interpolate; the first one selects the rows.
         names: Name of each column in messages.
-        damaged: List to which rows without a value nearby are appended.
+        damaged: List to which rows are appended for which a column has no value at a near time.
 
     Raises:
         DataQualityError: A column is empty in all rows but one.
@@ -49,7 +49,7 @@ def merge_topics(
         if np.count_nonzero(sound) < 2:
             raise DataQualityError(
                 f"{name} is empty in every row, or in all rows but one: correct the map's columns,"
-                " or remove this one",
+                " or remove this column",
                 code="RID-IMPORT-ROWS",
             )
         stamps = table.time_s[sound]
@@ -63,8 +63,9 @@ def merge_topics(
     other = len(kept) - len(at_s)
     notes = (
         *table.notes,
-        f"Values of several topics are put together: of {len(at_s)} rows with {names[0]}, {filled}"
-        f" lack other values, which are interpolated; {other} rows have other values only",
+        f"Values of several topics are merged: of {len(at_s)} rows with {names[0]}, {filled} lack"
+        f" values of other columns, which are interpolated from the {other} rows without"
+        f" {names[0]}",
     )
     return replace(
         table,

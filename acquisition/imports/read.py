@@ -2,7 +2,8 @@
 
 Impossible rows are reported and left out; a file with too few sound rows is refused. Repeated rows
 are left out, too. The times are rebuilt if positions and velocities show that the stamps are wrong
-(`acquisition.clock`). Everything else stays as recorded.
+(`acquisition.clock`). Positions that were recorded in steps follow the recorded velocity between
+the steps (`between_steps.py`). Everything else stays as recorded.
 """
 
 from __future__ import annotations
@@ -58,9 +59,9 @@ def import_csv(
         further: The map's `further_files`.
 
     Returns:
-        The sound rows, all in the main phase, with their own or rebuilt times. If the map has
-        `period_s`, they are on a uniform grid of whole periods.
-        The report: rows that were read and left out, and findings about the other rows.
+        The recording, and the report. The recording contains the sound rows, all in the main phase,
+        with recorded or rebuilt times. If the map has `period_s`, its rows are on a uniform grid of
+        whole periods. The report lists the rows that were left out, and findings about the others.
 
     Raises:
         ConfigError: A file cannot be read, or neither map nor robot gives a value that is needed
@@ -105,7 +106,7 @@ def import_csv(
     clock, used = judged.report, int(np.count_nonzero(judged.kept))
     if used < FEWEST_ROWS:
         raise DataQualityError(
-            f"{file.name}: only {used} of {table.rows_read} rows are not repeated with map"
+            f"{file.name}: only {used} of {table.rows_read} rows have new values with map"
             f" {import_map.name!r} ({FEWEST_ROWS} are needed): {clock.repeated_rows} rows repeat"
             " the previous row although the robot moves. Record longer, or at the rate at which"
             " the source updates",
@@ -177,6 +178,6 @@ def _first_row_of_each_reason(damaged: Sequence[DamagedRow]) -> str:
     for row in sorted(damaged, key=lambda each: each.row):
         first.setdefault(row.reason, row)
     rows = "; ".join(f"row {row.row}: {row.detail}" for row in first.values())
-    which = "of each kind" if len(first) > 1 else "one"
+    which = "row of each kind" if len(first) > 1 else "damaged row"
     last = max(row.row for row in damaged) if damaged else 0
-    return f" The first {which} is {rows}; the last is row {last}" if rows else ""
+    return f" The first {which} is {rows}; the last damaged row is row {last}" if rows else ""

@@ -16,7 +16,7 @@ RANGES_IN_WORDS = 20
 
 @dataclass(frozen=True)
 class DamagedRow:
-    """One row that is not used; `row` counts from 1 as in an editor."""
+    """One row that is not used; `row` is its line number in the file, from 1."""
 
     row: int
     reason: str
@@ -27,7 +27,7 @@ class DamagedRow:
 class DamagedRows:
     """Neighbouring rows that are not used.
 
-    `counts` is the number of rows for each reason; `examples` is the first row of each reason.
+    `counts` contains each reason and its number of rows, `examples` the first row of each reason.
     """
 
     first: int
@@ -63,8 +63,9 @@ class ImportReport:
         travel: Range of each joint's position [rad or m].
         velocity_ratio: For each joint, velocity from the positions divided by the velocity column:
             1 if both agree, None if there is no such column or the joint is at rest.
-        refined_step: For each joint, the quantisation step of its position [rad or m], between
-            which the position follows the recorded velocity; None without such a step or velocity.
+        refined_step: For each joint, the quantisation step of its position [rad or m]; between the
+            steps, the position follows the recorded velocity. None without a visible step or a
+            velocity.
         findings: Oddities of the used rows, one sentence each.
         static: True if no joint moves.
         clock: Repeated rows, jitter and origin of the times; None if the clock was not judged.

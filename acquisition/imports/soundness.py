@@ -33,7 +33,7 @@ def drop_copies(rows: ImportRows) -> ImportRows:
 def drop_unsound_rows(
     rows: ImportRows, import_map: ImportMap, damaged: list[DamagedRow]
 ) -> tuple[ImportRows, tuple[str, ...]]:
-    """Drop rows that have absurd values, are out of time order, or cannot be reached.
+    """Drop rows with absurd values, out of time order, or at positions that cannot be reached.
 
     Args:
         rows: Rows as read.
@@ -41,12 +41,12 @@ def drop_unsound_rows(
         damaged: List to which the dropped rows are appended.
 
     Returns:
-        The sound rows; their stamps increase. Oddities of the sound rows, one sentence each.
+        The sound rows, whose stamps increase, and their oddities, one sentence each.
     """
     rows = _drop_absurd_rows(rows, import_map, damaged)
     doubled, disordered = find_unordered(rows.time_s)
     for mask, reason in (
-        (doubled, "with a doubled time stamp"),
+        (doubled, "with a repeated time stamp"),
         (disordered, "with a time stamp out of order"),
     ):
         damaged.extend(
@@ -54,7 +54,7 @@ def drop_unsound_rows(
             for row, stamp in zip(rows.row[mask], rows.time_s[mask], strict=True)
         )
     rows = rows.keep(~(doubled | disordered))
-    # A repeated position jumps when the source updates it: this is not damage.
+    # After repeated rows, the position jumps when the source updates it: this is not damage.
     fresh = ~repeated_rows(Samples(rows.time_s, rows.position, rows.velocity, rows.torque))
     reached, notes = _drop_jumps(rows.keep(fresh), import_map, damaged)
     sound = np.isin(rows.row[fresh], reached.row)
@@ -96,7 +96,7 @@ def _drop_absurd_rows(
 def _drop_jumps(
     rows: ImportRows, import_map: ImportMap, damaged: list[DamagedRow]
 ) -> tuple[ImportRows, tuple[str, ...]]:
-    """Drop rows that the joints cannot have reached, or whose stamps are far away.
+    """Drop rows that the joints cannot have reached, or whose stamps are far from all others.
 
     A run is a series of rows, each of which the joints can have reached from the previous one. The
     longest run is sound. Starting from it, the other runs are checked in both directions:
@@ -133,8 +133,8 @@ def _drop_jumps(
             distance = np.abs(rows.position[near] - rows.position[last_sound])
             joint = import_map.joint_names[int(distance.argmax())]
             away = (
-                f"position of {joint} is {distance.max():.6g} away from the nearest sound row"
-                f" within {gap_s:.4g} s, faster than plausible.speed {speed:g}"
+                f"position of {joint} changes by {distance.max():.6g} from the nearest sound row"
+                f" in {gap_s:.4g} s, faster than plausible.speed {speed:g}"
             )
             if length < SHORT_RUN and gap_s > leap_s:
                 reason = "with a time stamp out of order"

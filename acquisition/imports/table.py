@@ -1,4 +1,4 @@
-"""`ImportTable`: rows of a file as numbers in their own units; `find_unordered`: time order."""
+"""`ImportTable`: rows of a file as numbers; `find_unordered`: finds rows out of time order."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class ImportTable:
         values: Shape (rows, columns). Requested columns, in the units of the files.
         rows_read: Number of rows with data, damaged ones included.
         notes: Problems of the files, one sentence each.
-        origin_ns: Origin of the time stamps if they consist of whole nanoseconds, else 0.
+        origin_ns: Origin of the time stamps if they consist of whole nanoseconds, else 0 [ns].
     """
 
     row: IntArray
@@ -38,15 +38,15 @@ def find_unordered(stamps: FloatArray) -> tuple[BoolArray, BoolArray]:
         stamps: Shape (rows,). Finite time stamps.
 
     Returns:
-        `doubled, disordered`, shape (rows,): rows with the stamp of the previous row, and other
-        rows.
+        `doubled, disordered`, shape (rows,). True for rows with the stamp of the previous row, and
+        for the other rows to drop.
     """
     doubled = np.zeros(len(stamps), dtype=np.bool_)
     doubled[1:] = stamps[1:] == stamps[:-1]
     if (np.diff(stamps[~doubled]) > 0.0).all():
         return doubled, np.zeros_like(doubled)
     disordered = ~doubled
-    # Longest increasing subsequence: ends[k] is the last row of the best one of length k + 1.
+    # Longest increasing subsequence: ends[k] is the last row of the best one with k + 1 rows.
     ends: list[int] = []
     end_stamps: list[float] = []
     before = np.full(len(stamps), -1)

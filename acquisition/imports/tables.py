@@ -1,4 +1,4 @@
-"""`read_tables`: reads CSV files as numbers in their own units, at the first file's times."""
+"""`read_tables`: reads CSV files as numbers, interpolated to the times of the first file."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def read_tables(
         import_map: Layout of the files.
         columns: Requested columns, counted through all files.
         damaged: List to which the dropped rows are appended, as rows of the first file.
-        optional: Requested columns in which a cell may be empty: it is NaN.
+        optional: Requested columns in which cells may be empty; an empty cell becomes NaN.
 
     Raises:
         ConfigError: The number of files differs from the map's, a file cannot be read, or it ends
@@ -70,7 +70,7 @@ def _read_file(
     optional: Collection[int],
     origin_ns: int | None,
 ) -> ImportTable:
-    """Read one file; columns of other files are NaN."""
+    """Read one file; the columns that belong to other files are NaN."""
     begin, end = import_map.first_columns[number : number + 2]
     time = import_map.time_column_of_file(number)
     stamps = None if time is None else Stamps(time)
@@ -79,8 +79,8 @@ def _read_file(
     roles = {column - begin: role for column, role in import_map.column_roles.items()}
     merged = import_map.empty_cells == "interpolate"
     may_be_empty = [merged or columns[i] in optional for i in here]
-    asked = import_map.rows if number == 0 else RowRange()
-    last = asked.last or math.inf
+    row_range = import_map.rows if number == 0 else RowRange()
+    last = row_range.last or math.inf
     numbers, rows, counts = array("d"), array("q"), array("q")
     count = found = row = 0
     for row, line in _lines(path):
@@ -89,7 +89,7 @@ def _read_file(
         if row <= import_map.header_rows:
             continue
         count += 1
-        if row < asked.first:
+        if row < row_range.first:
             continue
         found += 1
         fields, read_one = _split(line, import_map)
@@ -116,9 +116,10 @@ def _read_file(
         numbers.extend(read)
         rows.append(row)
         counts.append(count)
-    if row < (asked.last or asked.first) and asked != RowRange():
+    last_requested = row_range.last or row_range.first
+    if row < last_requested and row_range != RowRange():
         raise ConfigError(
-            f"{path}: has {row} rows, but rows up to {asked.last or asked.first} are requested:"
+            f"{path}: has {row} rows, but rows up to {last_requested} are requested:"
             " correct --rows or `rows` in the map",
             code="RID-IMPORT-RANGE",
         )
@@ -192,7 +193,7 @@ def _lines(path: Path) -> Iterator[tuple[int, str]]:
 
 
 def _strict_parser(decimal: str) -> Callable[[str], float]:
-    """Return a parser for fields with more than plain digits: `1_5`, `1.234,5`."""
+    """Return a parser that refuses `1_5`, which `float` accepts, and `1.234,5`."""
 
     def read(text: str) -> float:
         if decimal == ",":
@@ -224,7 +225,7 @@ def _append_columns(
         lost = other.rows_read - len(stamps)
         notes += (
             f"{path.name}: {lost} of {other.rows_read} rows cannot be read or are out of time"
-            " order; the rows around them are used",
+            " order; their values are interpolated from the rows around them",
         )
     if len(stamps) < 2:
         raise ConfigError(
@@ -232,8 +233,9 @@ def _append_columns(
             code="RID-IMPORT-ROWS",
         )
     near = rows_near(stamps, first.time_s)
+    reason = f"without a row in {path.name} near its time"
     damaged.extend(
-        DamagedRow(int(row), f"without a row in {path.name} at its time", f"it is {stamp:.9g} s")
+        DamagedRow(int(row), reason, f"its time stamp is {stamp:.9g} s")
         for row, stamp in zip(first.row[~near], first.time_s[~near], strict=True)
     )
     values = first.values[near]
@@ -250,5 +252,5 @@ def _delimiter_hint(line: str, import_map: ImportMap, columns: int) -> str:
         return "; decimal and delimiter are both ',', so numbers must be quoted"
     for name, separator in SEPARATORS.items():
         if name != import_map.delimiter and len(line.split(separator)) == columns:
-            return f"; {columns} with `delimiter: {name!r}` in the map"
+            return f"; with `delimiter: {name!r}` in the map, it has {columns} columns"
     return ""

@@ -45,7 +45,7 @@ class TimeColumn(ConfigModel):
         column: Column of the time stamps, counted from 0.
         unit: Unit of the time stamps; `ns` are whole nanoseconds, `iso` are dates with a time of
             day (2026-11-26T08:00:00.123456+01:00; without time zone UTC).
-        nanoseconds: Second column, which has the nanoseconds of the second; the first has whole
+        nanoseconds: Additional column with the nanoseconds within the second; `column` has whole
             seconds.
     """
 
@@ -72,7 +72,7 @@ class Stamps:
     """Time stamps of one file.
 
     Whole nanoseconds since 1970 have more digits than a float. Stamps that consist of whole
-    nanoseconds are therefore summed up as integers, and counted from an origin.
+    nanoseconds are therefore stored as integers, and returned relative to an origin.
     """
 
     def __init__(self, time: TimeColumn) -> None:

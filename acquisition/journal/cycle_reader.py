@@ -19,7 +19,7 @@ from config.errors import RecordingError
 
 
 class CycleReader:
-    """Reader that continues after its last row; a context manager.
+    """Reader of a journal; each call continues after the last row that was read. A context manager.
 
     Args:
         path: The `.mcap` file, complete or not; it is not changed.
@@ -49,7 +49,7 @@ class CycleReader:
         """
         if self._header is None:
             raise RecordingError(
-                f"{self.path}: no readable row of a rid-daq recording in it",
+                f"{self.path}: contains no readable row of a rid-daq recording",
                 code="RID-RECORDING-EMPTY",
             )
         return self._header
@@ -60,7 +60,7 @@ class CycleReader:
         return self._reader.damage()
 
     def rows(self, *, growing: bool = False) -> Iterator[NDArray[Any]]:
-        """Yield the new rows, as in `MESSAGES`, about a thousand at a time.
+        """Yield the new rows in the layout of `MESSAGES`, about a thousand at a time.
 
         Args:
             growing: True if the file may still be written.
@@ -103,8 +103,8 @@ class CycleReader:
             if len(payload) != size or not payload.startswith(CDR_LITTLE_ENDIAN):
                 found = joints_of_row(len(payload) - len(CDR_LITTLE_ENDIAN))
                 raise RecordingError(
-                    f"{self.path}: its rows have {len(payload)} bytes, those of {joints} joints"
-                    f" have {size}"
+                    f"{self.path}: its rows have {len(payload)} bytes, but rows of {joints} joints"
+                    f" have {size} bytes"
                     + (f" (they look like {found} joints)" if found else "")
                     + ": the file belongs to another program or version",
                     code="RID-RECORDING-FOREIGN",
@@ -113,14 +113,15 @@ class CycleReader:
 
 
 def read_tail(path: Path, seconds: float) -> Recording:
-    """Return at least the last seconds of a journal, in pieces that need not all be in memory.
+    """Return the end of a journal, at least `seconds` long; earlier rows do not stay in memory.
 
     Args:
         path: The `.mcap` file, no longer written.
         seconds: Required duration [s].
 
     Raises:
-        RecordingError: As those of `CycleReader`.
+        RecordingError: The file cannot be read, is not a journal of this program, or has no
+            readable row.
     """
     kept: deque[Recording] = deque()
     with CycleReader(path) as reader:
@@ -130,7 +131,8 @@ def read_tail(path: Path, seconds: float) -> Recording:
                 kept.popleft()
         if not kept:
             raise RecordingError(
-                f"{path}: no readable row of a rid-daq recording in it", code="RID-RECORDING-EMPTY"
+                f"{path}: contains no readable row of a rid-daq recording",
+                code="RID-RECORDING-EMPTY",
             )
     return concatenate_recordings(kept)
 
@@ -139,7 +141,7 @@ def recording_of(header: JournalHeader, rows: NDArray[Any]) -> Recording:
     """Return rows of a journal as a `Recording`.
 
     Raises:
-        RecordingError: They are not a valid recording (time stamps that do not increase).
+        RecordingError: The rows are not a valid recording (time stamps that do not increase).
     """
     answered, imported = rows["valid"] != 0, header.source == "import"
     warmth = rows["temperature_k"] if imported else None

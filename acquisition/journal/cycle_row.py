@@ -1,6 +1,6 @@
-"""Rows of a recording: those of the cyclic task, and those of an import.
+"""Fields of a recording's rows, for recordings of the cyclic task and for imported recordings.
 
-The layouts are defined in `row_layout`.
+`row_layout` converts the fields to layouts for numpy and ROS 2.
 """
 
 from __future__ import annotations
@@ -17,43 +17,48 @@ from acquisition.journal.row_layout import Fields, packed_dtype
 MESSAGE_NAME = "rid_daq/msg/Cycle"
 
 FIELDS: Fields = (
-    ("time_s", "f8", 1, "SYNC, on the task's clock [s]"),
-    ("lateness_s", "f8", 1, "delay of the cycle after its deadline [s]"),
-    ("exchange_s", "f8", 1, "from SYNC to the last drive's answer [s]"),
-    ("target_position", "f8", None, "set-point of the position loop [rad or m]"),
-    ("target_velocity", "f8", None, "its feedforward velocity [rad/s or m/s]"),
-    ("velocity_command", "f8", None, "sent in this cycle, acts at the next SYNC [rad/s or m/s]"),
-    ("position", "f8", None, "measured, link side [rad or m]"),
-    ("torque_nm", "f8", None, "measured, link side [N m or N]"),
-    ("position_counts", "i4", None, "6064h as received"),
-    ("cycle", "u4", 1, "periods since the first cycle; a gap is an overrun"),
-    ("sample_index", "i4", 1, "row of the motion, -1 outside it"),
-    ("torque_raw", "i2", None, "6077h as received [0.1 % of rated]"),
-    ("statusword", "u2", None, "6041h"),
-    ("valid", "u1", None, "1 if the drive answered plausibly, 0 if old values are held"),
+    ("time_s", "f8", 1, "time of SYNC on the cyclic task's clock [s]"),
+    ("lateness_s", "f8", 1, "delay of the cycle's begin after its deadline [s]"),
+    ("exchange_s", "f8", 1, "time from SYNC to the last drive's answer [s]"),
+    ("target_position", "f8", None, "position set-point of the position loop [rad or m]"),
+    ("target_velocity", "f8", None, "feedforward velocity of the position loop [rad/s or m/s]"),
+    (
+        "velocity_command",
+        "f8",
+        None,
+        "velocity sent in this cycle; acts at next SYNC [rad/s or m/s]",
+    ),
+    ("position", "f8", None, "measured position, link side [rad or m]"),
+    ("torque_nm", "f8", None, "measured torque or force, link side [N m or N]"),
+    ("position_counts", "i4", None, "position (object 6064h) as received [increments]"),
+    ("cycle", "u4", 1, "cycle times since the first cycle; a gap is an overrun"),
+    ("sample_index", "i4", 1, "row of the motion; -1 outside the motion"),
+    ("torque_raw", "i2", None, "torque (object 6077h) as received [0.1 % of rated torque]"),
+    ("statusword", "u2", None, "statusword (object 6041h) as received"),
+    ("valid", "u1", None, "1 if the drive answered plausibly, 0 if old values are repeated"),
     ("phase", "u1", 1, "0 approach, 1 run-in, 2 transient, 3 main, 4 run-out, 5 hold"),
 )
 IMPORTED_FIELDS: Final[Fields] = (
-    ("time_s", "f8", 1, "stamp of the source, or the time that was rebuilt from its signals [s]"),
-    ("position", "f8", None, "link side [rad or m]"),
-    ("torque_nm", "f8", None, "link side [N m or N]"),
-    ("temperature_k", "f8", None, "of the drive [K]; NaN if the source has none"),
-    ("sample_index", "i8", 1, "row of the grid, -1 without a grid"),
-    ("valid", "u1", 1, "1 if the row is near a measured one"),
-    ("phase", "u1", 1, "as of a cycle"),
+    ("time_s", "f8", 1, "time stamp of the source, or time rebuilt from its signals [s]"),
+    ("position", "f8", None, "position, link side [rad or m]"),
+    ("torque_nm", "f8", None, "torque or force, link side [N m or N]"),
+    ("temperature_k", "f8", None, "temperature of the drive [K]; NaN if the source has none"),
+    ("sample_index", "i8", 1, "row of the uniform time grid; -1 without a grid"),
+    ("valid", "u1", 1, "1 if the row is near a measured row, else 0"),
+    ("phase", "u1", 1, "phase of the motion, as in the rows of the cyclic task"),
 )
 MESSAGES: Final[dict[Literal["cell", "import"], tuple[str, Fields]]] = {
     "cell": (MESSAGE_NAME, FIELDS),
     "import": ("rid_daq/msg/Imported", IMPORTED_FIELDS),
 }
-"""Name and layout of the rows, by the source of a recording."""
+"""Message name and fields of the rows, for each source of a recording."""
 _STRUCT_CODE = {"f8": "d", "i4": "i", "u4": "I", "i2": "h", "u2": "H", "u1": "B"}
 
 MAX_JOINTS = 16
 
 
 class CycleRow(NamedTuple):
-    """One row by the names of its fields, with the units above; lists are (joints,)."""
+    """One row of the cyclic task, with the units of `FIELDS`; each list has one value per joint."""
 
     time_s: float
     lateness_s: float
@@ -85,13 +90,13 @@ class CycleRow(NamedTuple):
 
 @cache
 def row_dtype(joints: int) -> np.dtype[Any]:
-    """Return the packed record of a row for a robot with `joints` joints."""
+    """Return the numpy record type of a row, without padding, for a robot with `joints` joints."""
     return packed_dtype(FIELDS, joints)
 
 
 @cache
 def row_struct(joints: int) -> struct.Struct:
-    """Return the same layout for `struct`, which is faster than numpy for one row."""
+    """Return the layout of `row_dtype` for `struct`, which is faster than numpy for one row."""
     codes = (f"{count or joints}{_STRUCT_CODE[kind]}" for _, kind, count, _ in FIELDS)
     return struct.Struct("<" + "".join(codes))
 

@@ -1,4 +1,4 @@
-"""Journal of a run, written and read: an MCAP file, complete, unfinished, torn or damaged."""
+"""Journal of a run: writer, and reader for complete, unfinished, torn or damaged MCAP files."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class JournalWriter(JournalFile):
         self._channel = self.add_channel(TOPIC, name, message_text(fields, joints), pairs)
 
     def append(self, rows: bytes) -> None:
-        """Write whole rows in the layout of the ring."""
+        """Write whole rows, given as bytes in the layout of the ring."""
         size = self._row_size
         for start in range(0, len(rows), size):
             time_s: float = struct.unpack_from("<d", rows, start)[0]
@@ -49,7 +49,7 @@ class JournalWriter(JournalFile):
 
 
 def write_imported(path: Path, recording: Recording) -> None:
-    """Write an imported recording to a new file; it reads back bit for bit.
+    """Write an imported recording to a new file; reading it returns the same bits.
 
     Raises:
         RecordingError: The file cannot be made or written.
@@ -88,7 +88,7 @@ class Journal:
         """Return the rows as a `Recording`.
 
         Raises:
-            RecordingError: They are not a valid recording (time stamps that do not increase).
+            RecordingError: The rows are not a valid recording (time stamps that do not increase).
         """
         return recording_of(self.header, self.rows)
 

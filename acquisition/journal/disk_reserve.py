@@ -11,20 +11,20 @@ from pathlib import Path
 from config.errors import RecordingError, system_errors
 
 RESERVE_BYTES = 16 << 20
-"Size of the reserve: more than the ring and the summary of a journal together."
+"Size of the reserve: more than the ring and the summary of a journal together [bytes]."
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 class DiskReserve:
-    """Blocks of an unlinked temporary file, which are free again when this process ends.
+    """Disk space of an unlinked temporary file; it is free again when this process ends.
 
     Args:
         folder: A folder on the disk.
-        size_bytes: Size; 0 for no reserve.
+        size_bytes: Size of the reserve; 0 for none.
 
     Raises:
-        RecordingError: The disk has less space.
+        RecordingError: The disk has less free space than `size_bytes`.
     """
 
     def __init__(self, folder: Path, size_bytes: int) -> None:
@@ -37,11 +37,11 @@ class DiskReserve:
         try:
             os.posix_fallocate(descriptor, 0, size_bytes)
         except OSError as error:
-            os.close(descriptor)  # without a reserve, a file on a full disk stays unfinished
+            os.close(descriptor)  # without a reserve, a full disk leaves the file unfinished
             if error.errno in FULL:
                 raise RecordingError(
                     f"{folder}: no space for the {size_bytes >> 20} MB that a recording reserves"
-                    " for its end: free some or choose another folder",
+                    " for its end: free disk space or choose another folder",
                     code="RID-SYSTEM-DISK-FULL",
                 ) from error
             return

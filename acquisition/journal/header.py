@@ -15,7 +15,7 @@ from config.quantities import MOST_JOINTS, Positive
 
 
 class HeaderModel(ConfigModel):
-    """A header with a checksum; the file has two copies, so that no single damage destroys it."""
+    """Header with a checksum; a file has two copies, so that damage at one place spares one."""
 
     def to_metadata(self) -> dict[str, str]:
         """Return the header as the text pairs of an MCAP metadata record or channel."""

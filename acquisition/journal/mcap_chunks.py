@@ -1,8 +1,9 @@
-"""`keep_as_bytes`: limits the memory of the MCAP writer's index, as the library cannot.
+"""`keep_as_bytes`: limits the memory of the MCAP writer's index, which the library cannot do.
 
-This is the only place that depends on internal names of the library mcap. Its writer keeps one
-object per chunk for the final summary, which takes ten times the memory of the written bytes.
-`tests/acquisition/journal/test_mcap_chunks.py` fails if the library changes these names.
+This is the only place that depends on internal names of the library mcap. The library's writer
+keeps one Python object per chunk for the final summary. These objects need ten times as much memory
+as the bytes that are finally written. `tests/acquisition/journal/test_mcap_chunks.py` fails if the
+library changes these names.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ ATTRIBUTE: Final = "_Writer__chunk_indices"
 
 
 class ChunkIndices:
-    """List of chunks in the form of the bytes that the writer finally writes."""
+    """Index of all chunks, kept as the bytes that the writer finally writes."""
 
     def __init__(self) -> None:
         self._records = RecordBuilder()
@@ -30,7 +31,7 @@ class ChunkIndices:
         index.write(self._records)
 
     def __iter__(self) -> Iterator[ChunkIndices]:
-        """Yield itself, the one entry of the list."""
+        """Yield this object once, so that the writer calls `write` once for all chunks."""
         yield self
 
     def write(self, summary: RecordBuilder) -> None:
@@ -42,7 +43,7 @@ def keep_as_bytes(writer: Writer) -> None:
     """Make a new writer keep its chunk index as bytes.
 
     Raises:
-        RecordingError: The library's writer has no such list.
+        RecordingError: The writer of the installed library has no such index.
     """
     if vars(writer).get(ATTRIBUTE) != []:
         raise RecordingError(

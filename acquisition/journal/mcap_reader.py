@@ -37,9 +37,9 @@ from config.formats.bounded_file import open_file
 PIECE_BYTES = 1 << 18
 MAX_CHUNK_BYTES = 1 << 20
 MAX_FILE_BYTES = 4_000_000_000
-# opcode, record length, first and last time, uncompressed size, CRC, length of the (empty)
-# name of the compression, size of the records
 _CHUNK = struct.Struct("<BQQQQIIQ")
+"""Head of a chunk: opcode, record length, first and last time, uncompressed size, CRC, length of
+the (empty) name of the compression, size of the records."""
 _MAYBE_CHUNK = re.compile(rb"\x06(?=.{4}\0{4}.{16}.{4}\0{4}.{4}\0{4}.{4}\0{4})", re.DOTALL)
 
 
@@ -50,7 +50,7 @@ class JournalDamage:
     Attributes:
         finished: True if the recorder closed the file. Otherwise rows after the last one may be
             missing.
-        gaps: First missing row and number of missing rows, counted from row 0.
+        gaps: For each gap, the first missing row (from 0) and the number of missing rows.
         bad_chunks: Number of chunks with a wrong CRC.
         torn_bytes: Bytes after the last readable chunk of an unclosed file.
     """
@@ -75,7 +75,7 @@ class JournalDamage:
         if self.bad_chunks:
             notes.append(f"{self.bad_chunks} blocks fail their checksum and were left out")
         if self.torn_bytes:
-            notes.append(f"the last {self.torn_bytes} bytes are torn and were left out")
+            notes.append(f"the last {self.torn_bytes} bytes are incomplete and were left out")
         if not self.finished:
             notes.append("the file was not closed: rows after the last one may be missing")
         return tuple(notes)
@@ -103,7 +103,7 @@ class RawJournal(Messages):
     """All messages of a file.
 
     Attributes:
-        headers: Candidates for the header, the better protected copy first.
+        headers: Copies of the header, which may be damaged; the better protected copy is first.
         damage: Missing data.
     """
 
@@ -125,8 +125,8 @@ class JournalReader:
         self._path = path
         self._stack = contextlib.ExitStack()
         self._head = b""
-        self._data = b""  # data read but not yet recognised
-        self._origin = 0  # their position in the file
+        self._data = b""  # data that was read, without complete chunks
+        self._origin = 0  # position of `_data` in the file
         self._spent = 0
         self._channel_pairs: dict[str, str] | None = None
         self._gaps: list[tuple[int, int]] = []
@@ -143,12 +143,12 @@ class JournalReader:
 
     @property
     def headers(self) -> tuple[dict[str, str], ...]:
-        """Candidates for the header in the data read so far, the better protected copy first."""
+        """Copies of the header in the data read so far, the better protected copy first."""
         candidates = (metadata_pairs(self._head), self._channel_pairs)
         return tuple(pairs for pairs in candidates if pairs is not None)
 
     def pieces(self, *, growing: bool = False) -> Iterator[Messages]:
-        """Yield the new data up to the file's present end, a quarter MB at a time.
+        """Yield the new messages up to the file's present end, from a quarter MB at a time.
 
         Args:
             growing: True if an incomplete end may still be completed.
@@ -159,7 +159,7 @@ class JournalReader:
         with self._named():
             at_end = False
             while not at_end:
-                # A mapped file on a failing disk would end the program with SIGBUS.
+                # Not memory-mapped: a failing disk would then end the program with SIGBUS.
                 more = self._file.read(PIECE_BYTES)
                 if not (more or self._origin or self._data or growing):
                     raise RecordingError("the file is empty", code="RID-RECORDING-DAMAGED")
@@ -262,7 +262,7 @@ class JournalReader:
             self._spent += stored_size
             if self._spent > 4 * size + MAX_CHUNK_BYTES:
                 raise RecordingError(
-                    "too damaged to read: more pieces of chunks than data",
+                    "too damaged to read: the heads of chunks announce more data than the file has",
                     code="RID-RECORDING-DAMAGED",
                 )
             records = data[begin : begin + stored_size]

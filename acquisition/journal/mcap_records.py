@@ -1,4 +1,4 @@
-"""Records of an MCAP file: frames, string maps, summary."""
+"""Parser for records of an MCAP file: frames, string maps, summary."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from config.errors import RecordingError
 METADATA_NAME = "rid_daq.header"
 CHANNEL, MESSAGE, MESSAGE_INDEX = 0x04, 0x05, 0x07
 _FOOTER, _STATISTICS = 0x02, 0x0B
-HEAD_BYTES = 1 << 16  # the first header is at their beginning
+HEAD_BYTES = 1 << 16  # first bytes of a file, which contain a header
 RECORD = struct.Struct("<BQ")
 MESSAGE_HEAD = struct.Struct("<HIQQ")
 _MAGIC = b"\x89MCAP0\r\n"
@@ -59,7 +59,7 @@ def _pairs(data: bytes, position: int) -> dict[str, str] | None:
 
 
 def metadata_pairs(data: bytes) -> dict[str, str] | None:
-    """Return the metadata record near the file's start; None if it is damaged."""
+    """Return the text pairs of the metadata record near the file's start; None if it is damaged."""
     name = struct.pack("<I", len(METADATA_NAME)) + METADATA_NAME.encode()
     start = data.find(name, 0, HEAD_BYTES)
     if start < 0:
@@ -79,7 +79,7 @@ def channel_pairs(body: bytes) -> dict[str, str] | None:
 
 
 def _summary_start(tail: bytes) -> int | None:
-    """Return the begin of a finished file's summary, from its last bytes; None without one."""
+    """Return the position of a finished file's summary; None if the last bytes name no summary."""
     if len(tail) < _TAIL_BYTES or tail[-len(_MAGIC) :] != _MAGIC:
         return None
     opcode, length = RECORD.unpack_from(tail)
@@ -88,7 +88,7 @@ def _summary_start(tail: bytes) -> int | None:
 
 
 def count_written(file: BinaryIO) -> int | None:
-    """Return the number of messages in the summary of a finished file; None without one."""
+    """Return the number of messages in the summary of a finished file; None without a summary."""
     descriptor = file.fileno()
     size = os.fstat(descriptor).st_size
     begin = _summary_start(os.pread(descriptor, _TAIL_BYTES, max(0, size - _TAIL_BYTES)))

@@ -21,10 +21,10 @@ from acquisition.journal.row_layout import CDR_LITTLE_ENDIAN
 from config.errors import RecordingError, system_errors
 from config.process.file_locks import lock_holder
 
-CHUNK_BYTES = 8 * 1024  # largest loss by a single damage
+CHUNK_BYTES = 8 * 1024  # largest loss by damage at one place
 FLUSH_PERIOD_S = 0.08
 LATEST_S = 1e10
-MOST_LOST_S = 0.1  # by a killed recorder: the interval of flushes and a delay
+MOST_LOST_S = 0.1  # loss by a killed recorder: flush period and a delay
 SYNC_PERIOD_S = 1.0
 
 
@@ -52,9 +52,9 @@ def being_written(path: Path) -> bool:
 
 
 class _Unbuffered:
-    """File interface of the MCAP writer, without a buffer that a full disk would hold back.
+    """Unbuffered file for the MCAP writer: a full disk cannot hold back buffered data.
 
-    On a full disk it continues once, in the reserved space, and sets `full`.
+    On a full disk, the file continues once, in the reserved space, and sets `full`.
     """
 
     def __init__(self, file: FileIO, reserve: DiskReserve) -> None:
@@ -90,7 +90,8 @@ class JournalFile:
 
     Attributes:
         path: The file.
-        rows: Number of messages written so far, of all channels; each message has its number.
+        rows: Number of messages written so far, of all channels; it is the sequence number of the
+            next message.
 
     Raises:
         RecordingError: The file cannot be made or written (disk full, no permission, it exists).
@@ -110,7 +111,7 @@ class JournalFile:
             raise RecordingError(
                 f"{path}: cannot create: {error.strerror}", code="RID-FILE-WRITE"
             ) from error
-        with contextlib.suppress(OSError):  # file system without locks
+        with contextlib.suppress(OSError):  # the file system may have no locks
             fcntl.flock(self._file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
         try:
             self._reserve = DiskReserve(path.parent, reserve_bytes)
@@ -141,24 +142,24 @@ class JournalFile:
         If this property is read at every flush, a deleted file is noticed within `MOST_LOST_S`.
         """
         try:
-            own, size = os.fstat(self._file.fileno()), self._output.written
-            if own.st_nlink == 0:
+            opened, size = os.fstat(self._file.fileno()), self._output.written
+            if opened.st_nlink == 0:
                 return "was deleted while it was being written"
-            if own.st_size < size:
-                return f"was cut while it was being written: {size - own.st_size} bytes are gone"
-            there = os.stat(self.path, follow_symlinks=False)
+            if opened.st_size < size:
+                return f"was cut while it was being written: {size - opened.st_size} bytes are gone"
+            at_path = os.stat(self.path, follow_symlinks=False)
         except FileNotFoundError:
             return "was moved away while it was being written"
         except OSError as error:
             return f"cannot be examined: {error.strerror}"
-        if (there.st_dev, there.st_ino) != (own.st_dev, own.st_ino):
+        if (at_path.st_dev, at_path.st_ino) != (opened.st_dev, opened.st_ino):
             return "was replaced by another file while it was being written"
         return ""
 
     def add_channel(
         self, topic: str, message_name: str, definition: str, metadata: dict[str, str]
     ) -> int:
-        """Add a channel for messages of a ROS 2 definition; return it."""
+        """Add a channel for messages of a ROS 2 definition; return the channel's id."""
         schema = self._writer.register_schema(message_name, "ros2msg", definition.encode())
         return self._writer.register_channel(topic, "cdr", schema, metadata)
 
@@ -170,7 +171,7 @@ class JournalFile:
     def copy_message(self, channel: int, time_ns: int, payload: bytes, sequence: int) -> None:
         """Copy a message of another journal with its sequence number.
 
-        Numbers increase; every reader sees omitted ones as lost.
+        The numbers must increase. Readers report omitted numbers as lost messages.
         """
         self.rows = sequence
         self._add(channel, time_ns, payload)
@@ -179,7 +180,7 @@ class JournalFile:
         try:
             self._writer.add_message(channel, time_ns, payload, time_ns, self.rows)
         except OSError as error:
-            raise self._lost(error) from error
+            raise self._write_error(error) from error
         self.rows += 1
 
     def flush(self, *, to_disk: bool = False) -> None:
@@ -189,7 +190,7 @@ class JournalFile:
             if to_disk:
                 os.fsync(self._file.fileno())
         except OSError as error:
-            raise self._lost(error) from error
+            raise self._write_error(error) from error
 
     def close(self) -> None:
         """Write the summary and close the file."""
@@ -200,18 +201,18 @@ class JournalFile:
             os.fsync(self._file.fileno())
             self._file.close()
         except OSError as error:
-            raise self._lost(error) from error
+            raise self._write_error(error) from error
         finally:
             self._reserve.release()
 
     def abandon(self) -> None:
-        """Leave the file unfinished but readable."""
+        """Close the file without a summary; it stays readable."""
         self._reserve.release()
         self._file.close()
 
-    def _lost(self, error: OSError) -> RecordingError:
+    def _write_error(self, error: OSError) -> RecordingError:
         return RecordingError(
-            f"{self.path}: cannot be written: {error.strerror}; what was flushed before is kept",
+            f"{self.path}: cannot be written: {error.strerror}; the data flushed before is kept",
             code="RID-RECORDING-LOST",
         )
 

@@ -23,10 +23,10 @@ TOPIC = "/drive_monitor"
 MESSAGE_NAME = "rid_daq/msg/DriveMonitor"
 
 FIELDS: Fields = (
-    ("time_s", "f8", 1, "on the clock of the cycles [s]"),
-    ("temperature_k", "f8", None, "of the motors; NaN without an answer [K]"),
-    ("operating_time_s", "f8", None, "since the drives were switched on, by their own clocks [s]"),
-    ("valid", "u1", None, "1 if the drive answered"),
+    ("time_s", "f8", 1, "time of the query, on the cyclic task's clock [s]"),
+    ("temperature_k", "f8", None, "temperature of the motor [K]; NaN without an answer"),
+    ("operating_time_s", "f8", None, "time since the drive was switched on, by its own clock [s]"),
+    ("valid", "u1", None, "1 if the drive answered, else 0"),
 )
 
 
@@ -41,7 +41,7 @@ class MonitorHeader(HeaderModel):
 
 
 def monitor_body(time_s: float, reading: MonitorReading) -> bytes:
-    """Return the bytes of a row; `time_s` is on the clock of the cycles [s]."""
+    """Return the bytes of a row; `time_s` is on the cyclic task's clock [s]."""
     n = len(reading.temperature_k)
     valid = np.isfinite(reading.temperature_k).tolist()
     return struct.pack(
@@ -50,7 +50,7 @@ def monitor_body(time_s: float, reading: MonitorReading) -> bytes:
 
 
 class MonitorWriter(JournalFile):
-    """Writer of query rounds to a new MCAP file; a context manager."""
+    """Writer of the drive monitor's query rounds to a new MCAP file; a context manager."""
 
     def __init__(self, path: Path, header: MonitorHeader) -> None:
         pairs = header.to_metadata()
@@ -66,7 +66,7 @@ class MonitorWriter(JournalFile):
 
 @dataclass(frozen=True, eq=False)
 class MonitorStream:
-    """Query rounds to the drives, on the clock of the cycles.
+    """Answers of the drives to the monitor's query rounds, on the cyclic task's clock.
 
     Attributes:
         joint_names: Base to flange.
@@ -120,7 +120,7 @@ def read_monitor(path: Path) -> MonitorStream:
     header = first_header(MonitorHeader, raw.headers)
     if header is None or not raw.payloads:
         raise RecordingError(
-            f"{path}: no readable round of a drive monitor in it", code="RID-RECORDING-EMPTY"
+            f"{path}: contains no readable round of a drive monitor", code="RID-RECORDING-EMPTY"
         )
     dtype = packed_dtype(FIELDS, len(header.joint_names))
     size = len(CDR_LITTLE_ENDIAN) + dtype.itemsize
@@ -150,8 +150,8 @@ def monitored(recording: Recording, folder: Path) -> tuple[MonitorStream | None,
         folder: The run's folder.
 
     Returns:
-        `stream`. Temperatures of every drive; None without a monitor.
-        `notes`. Reason for missing temperatures, or their damage; empty otherwise.
+        `stream`. Temperatures of every drive; None without a monitor. `notes`. Reason for missing
+        temperatures, or damage of their file; empty otherwise.
 
     Raises:
         RecordingError: The monitor belongs to another robot or run.
@@ -165,18 +165,18 @@ def monitored(recording: Recording, folder: Path) -> tuple[MonitorStream | None,
         return None, (f"without temperatures: {error}",)
     if stream.joint_names != recording.joint_names:
         raise RecordingError(
-            f"{path}: monitors {', '.join(stream.joint_names)}, the recording is of"
-            f" {', '.join(recording.joint_names)}: it belongs to another run",
+            f"{path}: has joints {', '.join(stream.joint_names)}, but the recording has"
+            f" {', '.join(recording.joint_names)}: the file belongs to another run",
             code="RID-RUN-MIXED",
         )
     if "" not in (stream.run_id, recording.run_id) and stream.run_id != recording.run_id:
         raise RecordingError(
             f"{path}: belongs to run {stream.run_id}, the recording to run {recording.run_id}: put"
-            " the original back",
+            " the original file back",
             code="RID-RUN-MIXED",
         )
     if not stream.valid.any(axis=0).all():
-        return None, ("without temperatures: one of the drives never told its own",)
+        return None, ("without temperatures: one of the drives never reported its temperature",)
     return stream, tuple(f"{MONITOR}: {note}" for note in stream.notes)
 
 

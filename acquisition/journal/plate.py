@@ -1,4 +1,4 @@
-"""Journal of a force plate: rows and events, written and read, complete or damaged."""
+"""Journal of a force plate's rows and events: writer, and reader for complete or damaged files."""
 
 from __future__ import annotations
 
@@ -29,25 +29,25 @@ SATURATION: Final = 0.95
 
 LINE_LOST: Final = 0x100
 LINE_RESTORED: Final = 0x101
-"""Codes of events of this computer; those of the amplifier have one byte."""
+"""Codes of the events that this computer adds; codes of the amplifier have one byte."""
 
 _ROW: Fields = (
-    ("arrival_s", "f8", 1, "when it was here, on the clock of SYNC [s]"),
-    ("device_s", "f8", 1, "when it was measured, on the amplifier's clock [s]"),
-    ("sequence", "i8", 1, "number of the row; a gap is a loss"),
-    ("force_n", "f4", CHANNELS, "fx12 fx34 fy14 fy23 fz1 fz2 fz3 fz4 [N]"),
-    ("stream", "u4", 1, "incremented when the amplifier's clock restarts"),
-    ("status", "u2", 1, "bits 0 to 7 overload of a channel, others as the profile says"),
-    ("counts", "i2", CHANNELS, "as received"),
+    ("arrival_s", "f8", 1, "time at which the row arrived, on the clock of SYNC [s]"),
+    ("device_s", "f8", 1, "time at which the row was measured, on the amplifier's clock [s]"),
+    ("sequence", "i8", 1, "number of the row; a gap means lost rows"),
+    ("force_n", "f4", CHANNELS, "forces fx12 fx34 fy14 fy23 fz1 fz2 fz3 fz4 [N]"),
+    ("stream", "u4", 1, "number of the stream; the amplifier's clock restarts with each"),
+    ("status", "u2", 1, "bits 0 to 7: overload of a channel; other bits: see the profile"),
+    ("counts", "i2", CHANNELS, "channel values as received [counts]"),
 )
 _EVENT: Fields = (
-    ("arrival_s", "f8", 1, "when it was here, on the computer's monotonic clock [s]"),
-    ("asked_s", "f8", 1, "when a mark was asked for, on the same clock [s]; NaN otherwise"),
-    ("device_s", "f8", 1, "when it happened, on the amplifier's clock [s]"),
-    ("sequence", "i8", 1, "the row before which it came"),
-    ("stream", "u4", 1, "as in the rows"),
-    ("kind", "u2", 1, "number in the profile; 256 the line was lost, 257 it is back"),
-    ("detail", "u2", 1, "name in the profile"),
+    ("arrival_s", "f8", 1, "time at which the event arrived, on the computer's clock [s]"),
+    ("asked_s", "f8", 1, "time of the request of a mark, same clock [s]; NaN otherwise"),
+    ("device_s", "f8", 1, "time of the event on the amplifier's clock [s]"),
+    ("sequence", "i8", 1, "number of the row before which the event came"),
+    ("stream", "u4", 1, "number of the stream, as in the rows"),
+    ("kind", "u2", 1, "code in the profile; 256: connection lost, 257: restored"),
+    ("detail", "u2", 1, "detail of the event, as the profile defines it"),
 )
 
 
@@ -70,7 +70,7 @@ def overloaded(rows: NDArray[Any], full_scale_counts: int) -> NDArray[np.bool_]:
     """Return the overloaded channels, (rows, 8), whose values are invalid.
 
     Args:
-        rows: Shape (rows,). As received, or as written.
+        rows: Shape (rows,). Rows as received from the amplifier, or as written to the journal.
         full_scale_counts: Counts of the full range.
     """
     flagged = (rows["status"][:, np.newaxis] >> np.arange(CHANNELS)) & 1 == 1
@@ -106,18 +106,18 @@ class PlateJournalWriter(JournalFile):
         self._per_count = np.array(header.plate.amplifier.newtons_per_count)
         self._mark = header.profile.events.mark
         self.simulated_time = header.simulated_time
-        self._asked: dict[int, float] = {}
+        self._mark_requests: dict[int, float] = {}
 
-    def asked(self, number: int, time_s: float) -> None:
+    def note_mark_request(self, number: int, time_s: float) -> None:
         """Record the time of a mark request; the answer has the same number."""
-        self._asked[number & 0xFFFF] = time_s
+        self._mark_requests[number & 0xFFFF] = time_s
 
     def append(self, read: PlateRead, first_stream: int) -> NDArray[Any]:
         """Write the data of one read.
 
         Args:
             read: Rows and events of a stream.
-            first_stream: Offset of their stream numbers.
+            first_stream: Number that is added to the stream numbers in `read`.
 
         Returns:
             Shape (rows,). The rows as written.
@@ -145,15 +145,15 @@ class PlateJournalWriter(JournalFile):
                 device_s=int(event["ticks"]) / self._ticks_per_s,
                 sequence=int(event["sequence"]),
                 stream=int(event["stream"]) + first_stream,
-                asked_s=self._asked_s(event),
+                asked_s=self._mark_request_s(event),
             )
         return rows
 
-    def _asked_s(self, event: Any) -> float:
+    def _mark_request_s(self, event: Any) -> float:
         """Return the time of a mark request; NaN for other events, and in simulated time."""
         if int(event["kind"]) != self._mark or self.simulated_time:
             return np.nan
-        return self._asked.pop(int(event["detail"]), np.nan)
+        return self._mark_requests.pop(int(event["detail"]), np.nan)
 
     def note(
         self,
@@ -172,8 +172,8 @@ class PlateJournalWriter(JournalFile):
         self.add_message(self._events, arrival_s, event.tobytes())
 
     def begin_stream(self) -> None:
-        """Forget the requests of an earlier stream: the amplifier's numbers restart."""
-        self._asked.clear()
+        """Forget the mark requests of an earlier stream: the amplifier's numbers restart."""
+        self._mark_requests.clear()
 
 
 @dataclass(frozen=True, eq=False)
@@ -265,7 +265,8 @@ def read_plate_journal(path: Path) -> PlateRows:
     header = first_header(PlateHeader, raw.headers)
     if header is None:
         raise RecordingError(
-            f"{path}: no header of a force-plate recording", code="RID-RECORDING-EMPTY"
+            f"{path}: contains no readable header of a force-plate recording",
+            code="RID-RECORDING-EMPTY",
         )
     bodies: dict[int, list[bytes]] = {ROW_CHANNEL: [], EVENT_CHANNEL: []}
     sizes = {ROW_CHANNEL: ROW_DTYPE.itemsize, EVENT_CHANNEL: EVENT_DTYPE.itemsize}

@@ -1,8 +1,8 @@
 """Rows of fixed size: one layout for memory, file, numpy, and a ROS 2 message.
 
 If the widest fields come first, the bytes of a row are a packed numpy record and also, after four
-bytes of encapsulation header, the CDR (little endian) encoding of the message in `message_text`:
-PlotJuggler and Foxglove can read it.
+bytes of encapsulation header, the CDR (little endian) encoding of the message in `message_text`.
+Therefore PlotJuggler and Foxglove can read the files.
 """
 
 from __future__ import annotations
@@ -18,11 +18,12 @@ _MESSAGE_TYPE = {
 }  # fmt: skip
 
 Fields = tuple[tuple[str, str, int | None, str], ...]
-"""Name, numpy kind, number (None: one per joint), and a comment with the unit."""
+"""Fields of a row. Each has a name, a numpy kind, the number of values (None: one per joint), and a
+comment with the unit."""
 
 
 def packed_dtype(fields: Fields, joints: int = 1) -> np.dtype[Any]:
-    """Return the packed record of a row for a robot with `joints` joints."""
+    """Return the numpy record type of a row, without padding, for a robot with `joints` joints."""
     return np.dtype(
         [
             (name, "<" + kind) if count == 1 else (name, "<" + kind, (count or joints,))

@@ -31,7 +31,7 @@ def refuse_collision(
         position: Shape (samples, n). Joint positions of the path [rad or m].
         sample_period_s: Time between rows [s].
         what: Name of the path in the message.
-        meanwhile: Called every few milliseconds.
+        meanwhile: Function that is called every few milliseconds during the check.
 
     Raises:
         PreflightError: Two bodies come too close; the text names them, the distance and the time.
@@ -72,7 +72,7 @@ def clear_rows(
     Args:
         clearances: Pairs of bodies and their minimum clearance.
         position: Shape (samples, n). Joint positions of the path [rad or m].
-        meanwhile: Called every few milliseconds.
+        meanwhile: Function that is called every few milliseconds during the check.
     """
     if len(clearances) == 0:
         return len(position)
@@ -89,5 +89,5 @@ def clear_rows(
 
 
 def _permitted_distances(clearances: Clearances, at_start: FloatArray) -> FloatArray:
-    """Return the permitted distance of each pair on a path, from its distance at the start."""
+    """Return each pair's smallest permitted distance, from its distance at the path's start."""
     return np.minimum(clearances.margin_m, at_start - TOLERANCE_M)

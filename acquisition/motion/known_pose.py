@@ -17,10 +17,10 @@ from config.robot.robot import Joint, RobotDescription
 MOVED: Final = "RID-POSE-MOVED"
 
 LEAST_RAD: Final = 0.01
-"""Smallest displacement that counts; smaller ones can be the play of the brake [rad]."""
+"""Largest accepted displacement of a revolute joint, which the play of a brake can cause [rad]."""
 
 LEAST_M: Final = 2e-3
-"""As `LEAST_RAD`, for a prismatic joint [m]."""
+"""Largest accepted displacement of a prismatic joint [m]."""
 
 _SHARE_OF_TURN: Final = 0.25
 _WHOLE_TURNS: Final = 0.02
@@ -33,8 +33,8 @@ class KnownPose:
 
     Attributes:
         position: Length joints. Joint positions [rad or m].
-        seen: Source and time, as "run 01M8... (2026-11-26T15:04:05+00:00)".
-        binding: True to refuse a motion if the robot is elsewhere; False to only note it.
+        source: Source and time of the pose, as "run 01M8... (2026-11-26T15:04:05+00:00)".
+        binding: True to refuse a motion if the robot is elsewhere; False to add only a note.
     """
 
     position: tuple[float, ...]

@@ -20,7 +20,7 @@ LIMIT_MARGIN_SHARE = 0.05
 def violations(
     path: JointTrajectory, robot: RobotDescription, sample_period_s: float, oversampling: int = 10
 ) -> list[str]:
-    """Return the exceeded limits as text: the worst value of each joint, quantity and side."""
+    """Return the exceeded limits as text, with the worst value of each joint, quantity and side."""
     limits = [joint.limits for joint in robot.joints]
     velocity = ("/s", [-x.velocity for x in limits], [x.velocity for x in limits])
     bounds = [
@@ -95,13 +95,14 @@ def sizes_between_rows(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the largest speed and acceleration around each row, also between the rows.
 
-    The quintic through two rows is within the hull of its control points. If the hull exceeds an
-    acceleration limit, the acceleration itself is evaluated.
+    The derivatives of the quintic through two rows are within the hulls of their control points. If
+    a hull exceeds the acceleration limit, the acceleration itself is evaluated.
 
     Args:
         path: The rows.
         sample_period_s: Time between rows [s].
-        acceleration_limit: Shape (n,). Below it, the hull is returned instead of the acceleration.
+        acceleration_limit: Shape (n,). Up to this limit, the bound of the hull is returned instead
+            of the acceleration.
 
     Returns:
         `speed, acceleration`, shape (rows, n): absolute values. The larger value between two rows
@@ -157,7 +158,7 @@ def verify_limits(
 
     Args:
         samples: The motion.
-        robot: The limits.
+        robot: Robot with the limits.
         oversampling: Number of checked points per sample period.
 
     Raises:

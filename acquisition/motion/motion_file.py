@@ -1,4 +1,4 @@
-"""The motion file: list of the kinds of motion, and functions to read a file."""
+"""Motion files: list of the kinds of motion, and functions that read a file."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
 """Ramps: from rest to a periodic motion and back, and from rest to rest between poses.
 
-A run-in moves along the periodic path with increasing rate: q(t) = f(s(t)), with the rate ds/dt
-rising from 0 to 1 as the polynomial 10 x^3 - 15 x^4 + 6 x^5. The positions stay within those of the
-period, the joint speeds do not exceed those of the period, and the motion is of class C3. A run-out
-is the same motion reversed in time.
+A run-in moves along the periodic path with increasing rate: q(t) = f(s(t)). Here f is the periodic
+motion, and the rate ds/dt rises from 0 to 1 as the polynomial 10 x^3 - 15 x^4 + 6 x^5 of the
+elapsed fraction x. The positions stay within those of the period, the joint speeds do not exceed
+those of the period, and the motion is of class C3. A run-out is the same motion reversed in time.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ def run_in(trajectory: FourierTrajectory, samples: int) -> JointTrajectory:
     """Return the samples from rest up to the start of the first period, which is not included.
 
     Args:
-        trajectory: The periodic motion, joined at its time zero.
+        trajectory: The periodic motion; the run-in ends at its time zero.
         samples: Number of samples of the run-in; the path time advances by half of this number.
     """
     x = np.arange(samples) / samples
@@ -41,7 +41,7 @@ def run_out(trajectory: FourierTrajectory, samples: int) -> JointTrajectory:
     """
     x = 1.0 - np.arange(samples + 1) / samples
     duration_s = samples * trajectory.sample_period_s
-    # The run-in of the time-reversed trajectory, reversed: s -> -s, and speeds change sign twice.
+    # The run-in of the time-reversed motion, itself reversed: s -> -s; speeds change sign twice.
     return _at_path_time(trajectory, 0.5 * duration_s, x, -duration_s)
 
 

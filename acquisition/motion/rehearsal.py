@@ -51,7 +51,7 @@ def rehearsal(samples: MotionSamples, slower: float = SLOWER) -> MotionSamples:
 
 
 def _rows_of_one_period(samples: MotionSamples) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-    """Return the rows of a motion with one period; omitting whole periods leaves no gap."""
+    """Return the indices of a motion's rows, with one period; omitting periods leaves no gap."""
     everything = np.arange(len(samples.position))
     if samples.samples_per_period is None:
         return everything

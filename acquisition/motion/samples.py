@@ -109,7 +109,7 @@ class MotionSamples:
         return len(self.position) + self._repeated_rows
 
     def place(self, row: int) -> int:
-        """Return the index in the arrays of a row of the motion."""
+        """Return the array index of a row of the motion."""
         if not self._repeated_rows or row < self._first_main_row:
             return row
         rows = self.samples_per_period or 1
@@ -138,7 +138,7 @@ class MotionSamples:
 
     @property
     def period_ends(self) -> dict[int, int]:
-        """Rows at which a whole number of main periods ends, and that number.
+        """Number of completed main periods at each row at which one ends.
 
         All these rows are at the same point of the same path. Therefore the motion can continue
         from each row with the run-out that follows the last period. Empty if the motion is not

@@ -21,7 +21,7 @@ MOST_BYTES: Final = 200_000_000
 TIMES: Final = ("time_s", "time_from_start")
 VELOCITIES: Final = ("{}_velocity", "velocity_{}", "{}_vel", "vel_{}")
 ENVELOPES: Final = ("trajectory", "planned_trajectory", "joint_trajectory")
-"""Keys around a `trajectory_msgs/JointTrajectory` in other messages of ROS and MoveIt."""
+"""Keys of other messages of ROS and MoveIt that contain a `trajectory_msgs/JointTrajectory`."""
 Rows = tuple[tuple[float, ...], ...]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 
@@ -65,7 +65,7 @@ def read_trajectory(path: Path) -> TrajectoryRows:
             raise ConfigError(f"{path}: {error}", code=error.refusal) from None
         return _rows_of_message(path, tree)
     if path.suffix.lower() in (".yaml", ".yml"):
-        text = data.rstrip().removesuffix(b"---")  # `ros2 topic echo` ends with it
+        text = data.rstrip().removesuffix(b"---")  # `ros2 topic echo` appends this line
         return _rows_of_message(path, parse_yaml(text, str(path)).data)
     return _rows_of_csv(path, data)
 
@@ -164,7 +164,7 @@ def _joint_columns(path: Path, header: list[str], time: int) -> tuple[list[int],
     if len(velocity) < len(moving):
         joint = next(each for each in moving if moving.count(each) > 1)
         raise ConfigError(
-            f"{path}:1: has two columns of velocities of {joint}: remove one of them",
+            f"{path}:1: has two columns of velocities of {joint}: remove one of these columns",
             code="RID-TABLE-INVALID",
         )
     without = [header[column] for column in joints if header[column] not in velocity]

@@ -1,4 +1,5 @@
 """Zero of a force plate, found by turning the first axis.
 
-Complete method, from its motion to offsets and drift. Begin with `plate_zero.py`.
+The code contains the complete method, from the motion to offsets and drift. Begin with
+`plate_zero.py`.
 """

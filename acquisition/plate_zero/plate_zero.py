@@ -1,14 +1,14 @@
 """`PlateOffset`: offsets of a force plate, separated from the moment of gravity by turning axis 1.
 
-The robot cannot be lifted off. At rest, horizontal forces and the moment about the vertical are
-zero, the weight is constant, and the moment of gravity m turns with axis 1 (thesis, 4.4). With
-poses A and B, axis 1 at -d/2 and +d/2 from the middle, J the quarter turn about axis 1 and mu the
-moment in the middle, the readings are
+The plate cannot be measured without load, because the robot stays on it. At rest, horizontal forces
+and the moment about the vertical are zero, the weight is constant, and the moment of gravity m
+turns with axis 1 (thesis, 4.4). In poses A and B, axis 1 is at -d/2 and +d/2 from the middle. With
+the offset o, the quarter turn J about axis 1, and the moment mu in the middle, the readings are
 
     r_A = o + cos(d/2) mu - sin(d/2) J mu        r_B = o + cos(d/2) mu + sin(d/2) J mu
 
-so that o = (r_A + r_B) / 2 + cot(d/2) / 2 * J (r_B - r_A): half the sum after half a turn. A third
-reading, in A again, separates a linear drift.
+so that o = (r_A + r_B) / 2 + cot(d/2) / 2 * J (r_B - r_A): for half a turn (d = pi), half the sum.
+A third reading, in pose A again, separates a linear drift.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class ZeroTurn:
 
     Attributes:
         first, second: Shape (joints,). The two poses [rad or m]; they differ in axis 1 only.
-        turn_rad: Angle from the first to the second.
+        turn_rad: Angle from the first to the second pose [rad].
         axis: Shape (3,). Axis 1 in the base frame, in the direction of positive angles.
     """
 
@@ -57,22 +57,22 @@ class ZeroTurn:
 
     @property
     def is_half(self) -> bool:
-        """True for half a turn; half-sum and half-difference are then sufficient."""
+        """True for half a turn; the offset is then the mean of the two readings."""
         return math.isclose(self.turn_rad, HALF_TURN_RAD)
 
 
 @dataclass(frozen=True, eq=False)
 class PlateOffset:
-    """Result of the turn; standard deviations are those of the readings' noise.
+    """Result of the turn; the standard deviations come from the noise of the readings.
 
     Attributes:
         offset_n, offset_sigma_n: Shape (8,). Reading of each channel without the robot's moment, at
             the end of the last reading [N].
         drift_n_s, drift_sigma_n_s: Shape (8,). Linear drift of each channel [N/s].
         rest_n: Shape (8,). Reading in the first pose minus the offset [N].
-        gravity, gravity_sigma: Shape (6,). The same as a wrench on the robot's base [N, N m]: its
-            horizontal moments are those of gravity; forces and the moment about axis 1 should be
-            zero.
+        gravity, gravity_sigma: Shape (6,). `rest_n` as a wrench on the robot's base [N, N m]. Its
+            horizontal moments are those of gravity; its forces and its moment about axis 1 should
+            be zero.
         seconds: Time from the first reading to the end of the last [s].
     """
 
@@ -108,15 +108,16 @@ def plan_turn(robot: RobotDescription, reference: FloatArray | None = None) -> Z
     middle = 0.5 * (lowest + highest) if reference is None else np.asarray(reference, float)
     if middle.shape != lowest.shape or not np.isfinite(middle).all():
         raise ConfigError(
-            f"the reference pose has {middle.size} values for {len(lowest)} joints",
+            f"the reference pose has {middle.size} values for {len(lowest)} joints: give one value"
+            " per joint",
             code="RID-MOTION-JOINTS",
         )
     for joint, value in zip(robot.joints, middle.tolist(), strict=True):
         low, high = joint.limits.position_min, joint.limits.position_max
         if not low <= value <= high:
             raise ConfigError(
-                f"the reference pose has {joint.name} at {value:g}; its limits are {low:g} to"
-                f" {high:g}",
+                f"the reference pose has {joint.name} at {value:g}, outside its limits {low:g} to"
+                f" {high:g}: choose another pose",
                 code="RID-POSE-OUTSIDE",
             )
     axis = _vertical_axis(robot)
@@ -125,9 +126,9 @@ def plan_turn(robot: RobotDescription, reference: FloatArray | None = None) -> Z
     if turn_rad < SMALLEST_TURN_RAD:
         raise ConfigError(
             f"{robot.joints[0].name} can turn by {math.degrees(max(turn_rad, 0.0)):.0f} degrees"
-            f" about {middle[0]:g} rad; separating offset and gravity needs"
-            f" {math.degrees(SMALLEST_TURN_RAD):.0f} degrees: choose a reference pose nearer to"
-            " the middle of its range",
+            f" about {middle[0]:g} rad, but at least"
+            f" {math.degrees(SMALLEST_TURN_RAD):.0f} degrees are needed to separate offset and"
+            " gravity: choose a reference pose nearer to the middle of its range",
             code="RID-PLATE-ZERO-POSE",
         )
     first, second = middle.copy(), middle.copy()
@@ -139,7 +140,7 @@ def plan_turn(robot: RobotDescription, reference: FloatArray | None = None) -> Z
 def rest_samples(
     robot: RobotDescription, pose: FloatArray, seconds: float, sample_period_s: float
 ) -> MotionSamples:
-    """Return a motion that rests in a pose (joints,); the position loop approaches it before."""
+    """Return a motion that rests in a pose, (joints,), which the cyclic task approaches first."""
     rows = max(2, math.ceil(seconds / sample_period_s))
     return MotionSamples(
         robot.joint_names, sample_period_s, *standstill(pose, rows), np.full(rows, Phase.HOLD)
@@ -153,12 +154,12 @@ def turn_samples(
     read_s: float,
     sample_period_s: float,
 ) -> tuple[MotionSamples, tuple[range, ...]]:
-    """Return the motion through first, second and first pose, and the rows of the readings.
+    """Return the motion to the first, second and again the first pose, and each reading's rows.
 
     Args:
         robot: Joints and limits.
         turn: The poses.
-        settle_s, read_s: Rest before, and during, each reading [s].
+        settle_s, read_s: Rest before each reading, and duration of each reading [s].
         sample_period_s: Cycle time of the cell [s].
 
     Raises:
@@ -194,15 +195,15 @@ def find_offset(
 ) -> PlateOffset:
     """Separate each channel's offset from gravity and drift.
 
-    Blocks of a quarter of a second count as one reading each; their scatter about two levels and
-    one slope is the noise.
+    Each block of a quarter of a second counts as one reading. The noise is the scatter of the
+    blocks about two levels and one slope.
 
     Args:
         geometry: Geometry of the plate.
         turn: Turn of axis 1.
         time_s: Shape (samples,). Times of the samples [s].
-        reading: Shape (samples,). 0, 1 or 2: the first, second and again the first pose; other rows
-            are not used.
+        reading: Shape (samples,). 0 in the first pose, 1 in the second, 2 in the first pose again;
+            rows with other values are not used.
         channels_n: Shape (samples, 8). Channel values [N].
         valid: Shape (samples, 8). False if a channel was overloaded or is missing.
 
@@ -236,7 +237,7 @@ def find_offset(
 
 
 def _vertical_axis(robot: RobotDescription) -> FloatArray:
-    """Return axis 1 in the base frame (3,); it must be along gravity."""
+    """Return axis 1 in the base frame, (3,); raise an error if it is not vertical."""
     first = robot.joints[0]
     row = robot.kinematics.modified_rows()[0]
     ca, sa, cb, sb = (f(x) for x in (row.alpha_rad, row.beta_rad) for f in (math.cos, math.sin))
@@ -253,7 +254,7 @@ def _vertical_axis(robot: RobotDescription) -> FloatArray:
 
 
 def _offset_maps(geometry: PlateGeometry, turn: ZeroTurn) -> tuple[FloatArray, FloatArray]:
-    """Return the maps from the readings in the first and second pose to the offset, 2 x (8, 8)."""
+    """Return the (8, 8) matrices of offset = first @ reading in A + second @ reading in B."""
     half = 0.5 * np.eye(CHANNELS)
     if turn.is_half:
         return half, half
@@ -267,7 +268,7 @@ def _offset_maps(geometry: PlateGeometry, turn: ZeroTurn) -> tuple[FloatArray, F
 def _sigma(
     first: FloatArray, second: FloatArray, spread: FloatArray, variance: FloatArray
 ) -> FloatArray:
-    """Return the standard deviation of first @ level A + second @ level B."""
+    """Return the standard deviation of first @ (level in pose A) + second @ (level in pose B)."""
     share = np.square(first) * spread[0, 0] + np.square(second) * spread[1, 1]
     share += 2.0 * first * second * spread[0, 1]
     return np.asarray(np.sqrt(np.maximum(share @ variance, 0.0)))
@@ -276,7 +277,7 @@ def _sigma(
 def _blocks(
     time_s: FloatArray, reading: IntArray, channels_n: FloatArray, valid: BoolArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return mean time, mean channels and reading of each block of `BLOCK_S`."""
+    """Return each block's mean time, mean channel values and number of the reading."""
     times, levels, numbers = [], [], []
     for number in range(READINGS):
         rows = np.flatnonzero(reading == number)
@@ -285,7 +286,7 @@ def _blocks(
         if len(bad) and spoilt.mean() > 0.02:
             raise DataQualityError(
                 f"reading {number + 1} of {READINGS}: {', '.join(bad)} of the force plate was"
-                " overloaded or sent nothing: choose a larger plate.amplifier.range_n, or check"
+                " overloaded or sent no values: choose a larger plate.amplifier.range_n, or check"
                 " the line",
                 code="RID-PLATE-CHANNEL",
             )

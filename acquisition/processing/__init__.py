@@ -1,4 +1,4 @@
-"""Recordings to mean periods: periods, smoothing, alignment of plate and axes.
+"""Processing of recordings: mean periods, smoothing, and alignment of force-plate rows.
 
-Nothing is estimated here. Begin with `periods.py`.
+No parameters of a robot are estimated here. Begin with `periods.py`.
 """

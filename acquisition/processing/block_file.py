@@ -1,4 +1,4 @@
-"""`BlockFile`: numbered arrays of one shape, on disk instead of in memory."""
+"""`BlockFile`: numbered arrays of equal shape, on disk instead of in memory."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ class BlockFile:
         return iter(self._places)
 
     def __getitem__(self, number: int) -> FloatArray:
-        """Return an array; all zero if none was set."""
+        """Return the array with this number; zeros if it was never set."""
         return self.rows(number, slice(None))
 
     def rows(self, number: int, rows: slice) -> FloatArray:
-        """Return neighbouring rows of an array without reading others."""
+        """Return consecutive rows of an array; only these rows are read from the file."""
         first, end, _ = rows.indices(self.shape[0])
         if number not in self._places:
             return np.zeros((end - first, self.shape[1]))
@@ -59,12 +59,12 @@ class BlockFile:
         except OSError as error:
             raise _no_room(error.strerror) from error
         if written < self._bytes:
-            raise _no_room("it is full")
+            raise _no_room("the disk is full")
 
 
 def _no_room(reason: str | None) -> RecordingError:
     return RecordingError(
-        f"{tempfile.gettempdir()}: no space for the periods of a recording ({reason}); free some,"
-        " or set TMPDIR to another folder",
+        f"{tempfile.gettempdir()}: no space for the periods of a recording ({reason}); free disk"
+        " space, or set TMPDIR to another folder",
         code="RID-SYSTEM-DISK-FULL",
     )

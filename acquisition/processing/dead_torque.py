@@ -12,7 +12,7 @@ SAME = 1e-9
 
 
 def dead_torques(measured: Recording | PeriodAverage) -> dict[str, float]:
-    """Return the joints without a measured torque, with the recorded constant.
+    """Return the joints that move with a constant recorded torque, and this torque.
 
     No robot moves by more than 0.01 rad or m with a constant torque [N m or N]: the column is
     wrong, or nothing was logged.

@@ -19,7 +19,7 @@ MISSING_FRACTION_LIMIT = 0.02
 
 @dataclass(frozen=True, eq=False)
 class PeriodTable:
-    """Positions and torques of each main period; memory hardly grows with their number.
+    """Positions and torques of each main period; memory hardly grows with the number of periods.
 
     Attributes:
         joint_names: Base to flange.
@@ -30,7 +30,7 @@ class PeriodTable:
         warm: True if the drives' temperatures were measured.
         blocks: Rows of each period: positions, torques, validity, and temperatures [K]; zero for
             missing rows.
-        present: Shape (periods, K, n). Rows present, per joint.
+        present: Shape (periods, K, n). True if the row was recorded, per joint.
     """
 
     joint_names: tuple[str, ...]
@@ -52,22 +52,22 @@ class PeriodTable:
         return self.blocks.rows(period, rows)[:, : 2 * len(self.joint_names)]
 
     def of_joint(self, joint: int) -> str:
-        """Return a prefix that names the joint, if joints have rows of their own."""
+        """Return a message prefix that names the joint; empty if `each_joint` is False."""
         return f"joint {self.joint_names[joint]!r}: " if self.each_joint else ""
 
     def places(self, recording: Recording) -> tuple[IntArray, IntArray]:
-        """Return the main rows of the recording and their index, counted from the first period."""
+        """Return the main rows of a recording, and their indices from the first period's start."""
         rows = np.flatnonzero(_is_main(recording))
         return rows, recording.sample_index[rows] - self.start
 
     def mean_temperature(self, good: BoolArray) -> FloatArray | None:
-        """Return the mean over the valid rows of the good periods, (n,) [K]."""
+        """Return the drives' mean temperatures over the valid rows of good periods, (n,) [K]."""
         if not self.warm:
             return None
         total, count = None, 0
         for period in np.flatnonzero(good).tolist():
-            there = self.present[period].all(axis=1)
-            warm = self.blocks[period][there, 3 * len(self.joint_names) :]
+            is_complete = self.present[period].all(axis=1)
+            warm = self.blocks[period][is_complete, 3 * len(self.joint_names) :]
             total, count = running_sum(total, warm), count + len(warm)
         return None if total is None else total / count
 
@@ -85,7 +85,7 @@ class PeriodCutter:
         self._after: int | None = None
 
     def add(self, part: Recording) -> None:
-        """Sort in the main rows of the next part; a recording that is not periodic has none."""
+        """Add the main rows of the next part; a recording that is not periodic has no such rows."""
         self._first = self._first or part
         if part.samples_per_period is None:
             return
@@ -142,7 +142,8 @@ class PeriodCutter:
         samples = self._samples
         if self._first is None or self._origin is None or self._blocks is None:
             raise DataQualityError(
-                "the recording has no row of the main periods: it ended before them",
+                "the recording has no row of the main periods: it ended before the first period."
+                " Record again",
                 code="RID-RECORDING-PERIODS",
             )
         if start is None:
@@ -195,7 +196,7 @@ class PeriodCutter:
         return latest
 
     def _moved(self, blocks: BlockFile, shift: int) -> BlockFile:
-        """Cut again with every row later by `shift` rows."""
+        """Return the periods, cut again with each row moved later by `shift` rows."""
         samples = self._samples
         moved = BlockFile(blocks.shape)
         for number in blocks:
@@ -213,7 +214,7 @@ class PeriodCutter:
 
 
 def cut_periods(recording: Recording, start: int | None = None) -> tuple[FloatArray, BoolArray]:
-    """Return positions and torques of the main periods, and the rows present.
+    """Return positions and torques of the main periods, and which rows are present.
 
     Args:
         recording: A periodic recording with K rows per period.
@@ -221,7 +222,7 @@ def cut_periods(recording: Recording, start: int | None = None) -> tuple[FloatAr
 
     Returns:
         `values`, shape (periods, K, 2 n). Positions, then torques; zero for missing rows.
-        `present`, shape (periods, K, n). Rows present, per joint.
+        `present`, shape (periods, K, n). True if the row was recorded, per joint.
 
     Raises:
         DataQualityError: More than 2 % of a joint's rows are missing, or the start of a period is
@@ -244,7 +245,7 @@ def sum_of(arrays: Iterable[FloatArray]) -> FloatArray:
 
 
 def running_sum(so_far: FloatArray | None, values: FloatArray, axis: int = 0) -> FloatArray:
-    """Add values to a sum along an axis, in the order of one sum over all values."""
+    """Add values along an axis to a sum, in the same order as a single sum over all values."""
     if so_far is not None:
         values = np.concatenate([np.expand_dims(so_far, axis), values], axis=axis)
     return np.asarray(values.sum(axis=axis))

@@ -51,8 +51,8 @@ class PeriodAverage:
     """Mean period and noise of K samples and n joints, over `periods_kept` periods.
 
     Bins are `numpy.fft.rfft(x, axis=0) / K`, bin k at k / (K T): a sine of amplitude A at harmonic
-    k has a bin of magnitude A / 2. Variances are those of a single period; those of the mean are
-    smaller by `periods_kept`.
+    k has a bin of magnitude A / 2. Variances are those of a single period; the variances of the
+    mean are smaller by the factor `periods_kept`.
 
     Attributes:
         joint_names: Base to flange.
@@ -117,9 +117,10 @@ def average_periods(recording: Recording, *, rejected_limit: int = REJECTED_LIMI
     periods and run-out are left out. A period is rejected if:
     - it is incomplete,
     - it lacks more than 2 % of a joint's rows, or more than 3 in sequence, or
-    - it is an outlier. Then its deviation from the median period (RMS or peak, any channel) is more
-      than twice the common one, and 6 robust standard deviations above it, and more than 1e-4 of
-      the channel's variation (for a joint at rest, of the variation of the others).
+    - it is an outlier. Then, in any channel, its deviation from the median period (RMS or peak) is
+      more than twice the median of all periods' deviations, and more than 6 robust standard
+      deviations above this median, and more than 1e-4 of the channel's variation (for a joint at
+      rest: of the largest variation of all joints).
 
     If any joint lacks a single row of a good period, this row is left out of the mean.
 
@@ -147,7 +148,7 @@ def average_table(
         rejected_limit: Largest number of rejected periods.
 
     Raises:
-        DataQualityError: As `average_periods`.
+        DataQualityError: See `average_periods`.
     """
     n = len(table.joint_names)
     rejected = _lost(table)
@@ -227,7 +228,7 @@ def average_table(
 
 
 def _without(rejected: Container[int], periods: int) -> BoolArray:
-    """Return which periods are not rejected."""
+    """Return True for each period that is not rejected, (periods,)."""
     return np.array([index not in rejected for index in range(periods)])
 
 
@@ -264,7 +265,7 @@ def _lost(table: PeriodTable) -> dict[int, str]:
 
 
 def _incomplete(present: BoolArray) -> dict[int, str]:
-    """Return the periods that lack too many rows, (periods, K), with the reason."""
+    """Return the periods with too few rows in `present`, (periods, K), with the reason."""
     rejected = {}
     periods, samples = present.shape
     for period in range(periods):
@@ -293,9 +294,10 @@ def _out_of_family(
 ) -> dict[int, str]:
     """Return the complete periods that are outliers, with the reason.
 
-    Deviations that are negligible against a channel's own variation never count. A channel at rest
-    is compared with the largest variation of its `alike` neighbours instead: a joint at rest
-    creeps, and the last digit of its encoder changes.
+    Deviations that are negligible against a channel's own variation never count. `alike`
+    consecutive channels have the same quantity. For a channel at rest, the largest variation of
+    these channels is used instead, because a joint at rest creeps and the last digit of its encoder
+    changes.
     """
     indices = np.flatnonzero(good).tolist()
     if len(indices) < 3:
@@ -332,6 +334,6 @@ def _out_of_family(
             channel = int(np.argmax(measure[row] / limit))
             rejected[int(period)] = (
                 f"{channels[channel]} differs from the median period by"
-                f" {measure[row, channel]:.3g} ({words}); {common[channel]:.3g} is common"
+                f" {measure[row, channel]:.3g} ({words}); {common[channel]:.3g} is usual"
             )
     return rejected

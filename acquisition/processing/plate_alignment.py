@@ -1,4 +1,4 @@
-"""Alignment of a force plate's rows with a recording: from `PlateRows` to `Reaction`, per stream.
+"""Alignment of a force plate's rows with a recording: converts `PlateRows` to a `Reaction`.
 
 A stream begins when the amplifier starts sending, and ends when the connection is lost. Each stream
 has its own clock.
@@ -28,7 +28,8 @@ BITS_A_BYTE = 10
 FEWEST_EDGES = 10
 GLITCH_SHARE = 0.25
 SETTLING_CYCLES = 4.0
-"""Settling time of the amplifier's low-pass after an overload, in periods of its corner."""
+"""Settling time of the amplifier's low-pass after an overload, in periods of its cut-off frequency.
+"""
 
 
 def with_plate(recording: Recording, rows: PlateRows) -> Recording:
@@ -88,15 +89,15 @@ def stream_clock(recording: Recording, rows: PlateRows, stream: int) -> DeviceCl
     marks = rows.of_kind("mark")
     marks = marks[(marks["stream"] == stream) & np.isfinite(marks["asked_s"])]
     if len(marks) >= FEWEST_MARKS and not rows.header.simulated_time:
-        there_and_back = clock_from_marks(marks["asked_s"], marks["device_s"], marks["arrival_s"])
+        mark_clock = clock_from_marks(marks["asked_s"], marks["device_s"], marks["arrival_s"])
         middle = np.array([clock.device_s])
-        if there_and_back.sigma_s(middle)[0] < clock.sigma_s(middle)[0]:
-            return there_and_back
+        if mark_clock.sigma_s(middle)[0] < clock.sigma_s(middle)[0]:
+            return mark_clock
     return clock
 
 
 def _aligned(recording: Recording, rows: PlateRows, use: BoolArray, stream: int) -> Reaction:
-    """Return the reaction of one stream.
+    """Return the force plate's readings of one stream, at the recording's times.
 
     Raises:
         DataQualityError: The stream is too short.
@@ -117,6 +118,6 @@ def _aligned(recording: Recording, rows: PlateRows, use: BoolArray, stream: int)
 
 
 def _settling(over: BoolArray, device_s: FloatArray, settling_s: float) -> BoolArray:
-    """Return which rows (rows, 8) are overloaded, or within the settling time after an overload."""
+    """Return True for overloaded values and for the settling time after an overload, (rows, 8)."""
     last_s = np.where(over, device_s[:, np.newaxis], -np.inf)
     return np.asarray(device_s[:, np.newaxis] - np.maximum.accumulate(last_s, axis=0) <= settling_s)

@@ -2,8 +2,8 @@
 
 A charge amplifier drifts, and jumps when it is switched to operate, so the constant part of a
 channel is meaningless. The part that repeats from period to period is caused by the robot. A
-channel that is often overloaded is left out completely; an occasional overload only rejects those
-periods.
+channel that is often overloaded is left out completely; an occasional overload rejects only the
+periods in which it occurs.
 """
 
 from __future__ import annotations
@@ -70,15 +70,16 @@ class ReactionPeriods:
     """Channels of a plate cut into periods, with drift and the mean of each period removed.
 
     Attributes:
-        reaction: Source of the channels.
-        values: Shape (periods, K, c). Without drift and mean; zero if not valid or left out.
+        reaction: Readings of the plate from which the periods were cut.
+        values: Shape (periods, K, c). Channel values without drift and mean [N]; zero if invalid or
+            left out.
         level_n: Shape (c,). Mean of the channels over all periods [N].
         present: Shape (periods, K, c). True for valid values; all true for a channel that is left
             out.
         used: Shape (c,). False for a channel that is left out.
         drift_n_s, drift_sigma_n_s: Shape (c,). See `ReactionAverage`.
-        too_fast_n_s: Shape (periods, c). Drift of each period beyond the limit; zero otherwise
-            [N/s].
+        too_fast_n_s: Shape (periods, c). Drift of each period that exceeds the limit; zero for
+            other periods [N/s].
     """
 
     reaction: Reaction
@@ -154,7 +155,8 @@ def cut_reaction(
 
     Args:
         reaction: Measurement of the plate.
-        rows, place: Rows of the recording in the main periods, and the index of each in them.
+        rows, place: Indices of the recording's rows in the main periods, and the index of each of
+            these rows, counted from the start of the first main period.
         good: Shape (periods,). Periods that are not rejected for other reasons.
         samples: Samples per period, K.
         sample_period_s: Time between samples [s].

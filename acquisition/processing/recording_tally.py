@@ -18,13 +18,13 @@ class RecordingTally:
 
     Attributes:
         head: Common data of all parts, without rows.
-        cutter: Its periods, if it is periodic.
+        cutter: Periods of the recording, if it is periodic.
         rows, valid_rows: Numbers of all rows, and of rows with a valid answer.
         position_min, position_max, speed, torque: Shape (joints,). Lowest and highest position,
             largest speed and torque of the valid rows [rad or m, per second, N m or N].
         following_error: Shape (joints,). Largest following error after the approach [rad or m];
             None without set-points.
-        last_row: Last row of the motion; -1 before it.
+        last_row: Latest row of the motion; -1 before the motion.
         motion_rows: Number of driven rows of the motion up to `last_row`, without rows that an
             early end skipped.
         last_phase: Phase of the last row.
@@ -67,7 +67,7 @@ class RecordingTally:
 
     @property
     def motion_rows(self) -> int:
-        """Number of driven rows of the motion, up to its last."""
+        """Number of driven rows of the motion up to `last_row`."""
         return self.last_row + 1 - self._undriven
 
     def _add_valid(self, part: Recording) -> None:
@@ -90,7 +90,7 @@ class RecordingTally:
             self.following_error = np.maximum(self.following_error, error.max(axis=0, initial=0.0))
 
     def _add_motion(self, part: Recording) -> None:
-        """Count each answered row of the motion once; the last one repeats during a wait."""
+        """Count each answered row of the motion once; during a wait, the last row repeats."""
         driven = part.sample_index >= 0
         if not driven.any():
             return
@@ -108,7 +108,7 @@ class RecordingTally:
         self.last_row, self.last_phase = last, Phase(int(part.phase[driven][-1]))
 
     def _add_undriven(self, index: IntArray, time_s: FloatArray) -> None:
-        """Count periods that were skipped without the time they take."""
+        """Count the rows of skipped periods: the row number jumps, but no time passes."""
         samples = self.head.samples_per_period
         if self.head.sample_period_s is None or samples is None:
             return

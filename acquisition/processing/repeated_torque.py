@@ -20,10 +20,11 @@ FEWEST_CHANGES: Final = 20
 SELDOM_SHARE: Final = 0.02
 """Largest fraction of a held torque's changes that directly follow another change."""
 COARSE_STEPS: Final = 3.0
-"""Smallest change of a held torque, in steps of its resolution; a coarse torque changes by one
-step."""
+"""Smallest median change of a held torque, in steps of its resolution. A torque with a coarse
+resolution changes by single steps and does not count as held."""
 MOVED_SHARE: Final = 0.5
-"""Smallest fraction of held rows in which positions change; otherwise whole rows are repeated."""
+"""Smallest fraction of held rows in which positions change; with a smaller fraction, whole rows are
+repeated, not only torques."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +32,8 @@ class RepeatedTorques:
     """Number of rows for which each joint's torque is held, and the row of each update.
 
     Attributes:
-        rows: Shape (n,). Rows for which a torque stays the same; 1 if each row has a new one.
+        rows: Shape (n,). Number of rows for which a torque stays the same; 1 if each row has a new
+            value.
         update_row: Shape (samples, n). Row of the last update for each row.
     """
 
@@ -44,7 +46,7 @@ class RepeatedTorques:
 
 
 def find_repeated_torques(position: FloatArray, torque_nm: FloatArray) -> RepeatedTorques | None:
-    """Return the held torques; None if each row has new ones.
+    """Return the rows for which torques are held; None if each row has new torques.
 
     Args:
         position, torque_nm: Shape (samples, n). Valid rows only.
@@ -63,7 +65,7 @@ def find_repeated_torques(position: FloatArray, torque_nm: FloatArray) -> Repeat
 
 
 def repeated_torque_sentence(recording: Recording) -> str:
-    """Return a sentence on held torques, their rates and the consequence; empty without any."""
+    """Return a sentence on held torques, their rates and the consequence, or an empty text."""
     found = find_repeated_torques(
         recording.position[recording.valid], recording.torque_nm[recording.valid]
     )
@@ -75,20 +77,20 @@ def repeated_torque_sentence(recording: Recording) -> str:
         for name, rows in zip(recording.joint_names, found.rows.tolist(), strict=True)
         if rows > 1
     ]
-    told = (
+    finding = (
         f"torques are updated less often than rows are recorded, at {1.0 / step_s:.3g} Hz, and"
         f" held in between: {', '.join(own)}"
     )
     if recording.samples_per_period is None:
-        return f"{told}. The model's torques are held in the same way"
+        return f"{finding}. The model's torques are held in the same way"
     return (
-        f"{told}. Mean periods do not correct this: torques are late by half of the hold time,"
+        f"{finding}. Mean periods do not correct this: torques are late by half of the hold time,"
         " and friction and inertia are biased. Record torques at the rate of the rows"
     )
 
 
 def _rows_per_update(position: FloatArray, torque_nm: FloatArray) -> int:
-    """Return the number of rows for which a joint's torque is held; 1 if it is not."""
+    """Return the number of rows for which a joint's torque is held; 1 if it is not held."""
     steps = np.diff(torque_nm)
     changed = np.flatnonzero(steps)
     if len(changed) < FEWEST_CHANGES:

@@ -49,7 +49,7 @@ class SmoothedSignals:
             torque too.
         unfiltered: The same recording at its full rate before the low-pass; None for a mean period,
             which is known below the cut-off only.
-        unfiltered_row: Shape (samples,). Index of each row in it.
+        unfiltered_row: Shape (samples,). Index of each row in `unfiltered`.
     """
 
     joint_names: tuple[str, ...]
@@ -87,7 +87,7 @@ class _Segment(NamedTuple):
 
 
 def low_pass(values: FloatArray, sample_period_s: float, cutoff_hz: float) -> FloatArray:
-    """Return uniform samples with a low-pass without phase shift, -3 dB at `cutoff_hz`.
+    """Return uniform samples after a zero-phase low-pass with -3 dB at `cutoff_hz`.
 
     A Butterworth filter of order 4 runs forwards and backwards; time is the first axis.
 
@@ -102,12 +102,12 @@ def low_pass(values: FloatArray, sample_period_s: float, cutoff_hz: float) -> Fl
             f" between 0 and {0.45 / step:.4g} Hz",
             code="RID-RECORDING-CUTOFF",
         )
-    from dynamics.kernels.low_pass import filter_both_ways  # importing it loads the compiler
+    from dynamics.kernels.low_pass import filter_both_ways  # loads the compiler
 
     sections, start = _sections(cutoff_hz * sample_period_s)
     padding = min(len(values) - 1, int(np.ceil(3.0 / (cutoff_hz * sample_period_s))))
     longer = np.empty((len(values) + 2 * padding, *values.shape[1:]))
-    longer[:padding] = 2.0 * values[:1] - values[padding:0:-1]  # turned about the end
+    longer[:padding] = 2.0 * values[:1] - values[padding:0:-1]  # point reflection about the end
     longer[padding : padding + len(values)] = values
     longer[padding + len(values) :] = 2.0 * values[-1:] - values[-2 : -padding - 2 : -1]
     filter_both_ways(sections, start, longer.reshape(len(longer), -1))
@@ -116,9 +116,9 @@ def low_pass(values: FloatArray, sample_period_s: float, cutoff_hz: float) -> Fl
 
 @lru_cache(maxsize=64)
 def _sections(cutoff: float) -> tuple[FloatArray, FloatArray]:
-    """Return second-order sections for a relative cut-off, and their initial states."""
-    # Forwards and backwards the gain is squared: 1 / (1 + (g(f) / g(f0))^8), g(f) = tan(pi f T) by
-    # the bilinear transform. f0 is where that makes -3 dB at the cut-off.
+    """Return second-order sections for a cut-off [cycles per sample], and their initial states."""
+    # Two passes, forwards and backwards, have the gain 1 / (1 + (g(f) / g(f0))^8).
+    # The bilinear transform gives g(f) = tan(pi f T); f0 makes the gain -3 dB at the cut-off.
     warped = np.tan(np.pi * cutoff)
     warped /= (np.sqrt(2.0) - 1.0) ** (0.5 / FILTER_ORDER)
     from scipy import signal  # a slow import that few commands need
@@ -146,7 +146,8 @@ def smooth_nonperiodic(
 
     Args:
         cutoff_hz: -3 dB frequency of the zero-phase low-pass, for position and torque [Hz].
-        torque_limit_hz: Low-pass of the unfiltered torque, which is unknown above [Hz].
+        torque_limit_hz: Cut-off of a low-pass for the unfiltered torque, if the torque is unknown
+            above this frequency [Hz].
 
     Raises:
         ConfigError: The cut-off does not fit the sampling rate.
@@ -224,7 +225,7 @@ def smooth_nonperiodic(
 
 
 def _rows_at(stamps: FloatArray, time_s: FloatArray) -> IntArray:
-    """Return the last row whose stamp is not later than each time, to half a step."""
+    """Return, for each time, the last row whose stamp is at most half a step later."""
     slack_s = 0.5 * float(np.median(np.diff(time_s)))
     return np.asarray(np.maximum(np.searchsorted(stamps, time_s + slack_s) - 1, 0))
 
@@ -247,14 +248,14 @@ def _temperature_at(recording: Recording, time_s: FloatArray) -> FloatArray:
 
 
 def resample_periods(recording: Recording, period_s: float) -> Recording:
-    """Return a periodic recording with any time stamps on a grid that divides its period.
+    """Return a periodic recording, resampled to a uniform grid that divides its period.
 
     The first row is the start of the first period; rows after the last whole period are left out. A
     grid row further than 5 median steps from a measured row is marked invalid.
 
     Args:
         recording: Whole periods from its first row on.
-        period_s: Period [s]; known, not estimated.
+        period_s: True period [s]; it is not estimated from the recording.
 
     Raises:
         DataQualityError: The recording has fewer than two whole periods.
@@ -266,8 +267,8 @@ def resample_periods(recording: Recording, period_s: float) -> Recording:
     periods = int((time_s[-1] - time_s[0] + step_s) / period_s) if len(time_s) > 1 else 0
     if periods < 2 or period_s < 4.0 * step_s:
         raise DataQualityError(
-            f"the recording has {periods} whole periods of {period_s:g} s, averaging needs at"
-            " least 2: correct period_s and rows in the map, or leave period_s out",
+            f"the recording has {periods} whole periods of {period_s:g} s, but averaging needs"
+            " at least 2: correct period_s and rows in the map, or leave period_s out",
             code="RID-IMPORT-RANGE",
         )
     samples_per_period = round(period_s / step_s)

@@ -1,8 +1,8 @@
 """`TorqueChannel`: delay and filter between a joint's torque and its recorded value.
 
-A drive samples, filters and sends its torque independently: the recorded torque can be late by a
-fraction of a sample, and low-passed. The channel is applied to the model's columns or to the
-predicted torque. The recorded torque is never deconvolved.
+A drive samples, filters and sends its torque independently of its position. Therefore the recorded
+torque can be late by a fraction of a sample, and low-passed. The channel is applied to the model's
+columns or to the predicted torque. The recorded torque is never deconvolved.
 """
 
 from __future__ import annotations
@@ -21,10 +21,11 @@ ComplexArray = NDArray[np.complex128]
 ChannelKind = Literal["none", "delay", "lag", "zero-phase", "delay + lag"]
 
 LAG_PERIODS: Final = 7.0
-"""Time constants after which 0.1 % of an event remains in a first-order filter."""
+"""Number of time constants after which 0.1 % of an event remains in a first-order filter."""
 WIDTH_PERIODS: Final = 4.0
 ADVANCE_PERIODS: Final = 2.0
-"""Widths after and before an event over which a zero-phase filter spreads most of the event."""
+"""Numbers of filter widths after an event (`WIDTH_PERIODS`) and before it (`ADVANCE_PERIODS`) over
+which a zero-phase filter spreads most of the event."""
 PADDING_S: Final = 0.5
 """Shortest extension of a signal at its end before it is filtered [s]."""
 
@@ -36,7 +37,8 @@ class TorqueChannel:
     Attributes:
         delay_s, lag_s, width_s: Shape (n,). Delay d, time constant T of a first-order filter, and
             width Z of a zero-phase filter (a Butterworth filter run forwards and backwards) [s]; 0
-            if the data do not show one. A negative delay means that the position is late.
+            for a delay or filter that the data do not show. A negative delay means that the
+            position is late.
         delay_sigma_s, lag_sigma_s, width_sigma_s: Shape (n,). Their standard deviations; 0 for a
             value of 0.
         order: Order m of the Butterworth filter.
@@ -58,19 +60,19 @@ class TorqueChannel:
 
     @classmethod
     def none(cls, joints: int) -> TorqueChannel:
-        """Return the channel that changes nothing."""
+        """Return a channel that does not change a torque."""
         nothing = np.zeros(joints)
         return cls.of_delays(nothing, nothing)
 
     @classmethod
     def of_delays(cls, delay_s: FloatArray, sigma_s: FloatArray) -> TorqueChannel:
-        """Return a channel that delays without a filter."""
+        """Return a channel with delays and without filters."""
         nothing = np.zeros(len(delay_s))
         return cls(delay_s, sigma_s, nothing, nothing, nothing, nothing)
 
     @property
     def kind(self) -> ChannelKind:
-        """Kind of channel that any joint has."""
+        """Kind of the channel; "none" only if no joint has a delay or a filter."""
         if np.any(self.width_s):
             return "zero-phase"
         if np.any(self.lag_s):
@@ -89,18 +91,18 @@ class TorqueChannel:
 
     @property
     def passed_s(self) -> FloatArray:
-        """Longest standstill that the filter smooths out of every later torque, shape (n,) [s]."""
+        """Longest standstill that is ignored, because the filter smooths it out, shape (n,) [s]."""
         return np.maximum(self.lag_s, self.width_s)
 
     @property
     def after_s(self) -> FloatArray:
-        """Time after an event for which the recorded torque depends on it, shape (n,) [s]."""
+        """Time after an event during which the recorded torque depends on the event, (n,) [s]."""
         filters_s = np.maximum(LAG_PERIODS * self.lag_s, WIDTH_PERIODS * self.width_s)
         return np.asarray(np.maximum(self.delay_s, 0.0) + filters_s)
 
     @property
     def before_s(self) -> FloatArray:
-        """Time before an event for which the recorded torque depends on it, shape (n,) [s]."""
+        """Time before an event during which the recorded torque depends on the event, (n,) [s]."""
         return np.asarray(np.maximum(-self.delay_s, 0.0) + ADVANCE_PERIODS * self.width_s)
 
     def response(self, frequency_hz: FloatArray) -> ComplexArray:
@@ -115,7 +117,7 @@ class TorqueChannel:
     def undelayed_period(self, average: PeriodAverage) -> PeriodAverage:
         """Return a mean period whose torque is synchronous with its position.
 
-        Its bins are rotated by the delay, which changes no amplitude.
+        The phases of the torque's bins are shifted by the delay; the amplitudes do not change.
 
         Args:
             average: The recorded mean period.
@@ -132,7 +134,7 @@ class TorqueChannel:
         return own.through(values[:, np.newaxis], sample_period_s)[:, 0] if own.changes else values
 
     def of_joints(self, joints: list[int]) -> TorqueChannel:
-        """Return the channel of some joints."""
+        """Return the channel of the selected joints."""
         return TorqueChannel(
             self.delay_s[joints], self.delay_sigma_s[joints],
             self.lag_s[joints], self.lag_sigma_s[joints],

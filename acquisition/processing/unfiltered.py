@@ -18,17 +18,18 @@ from config.arrays import FloatArray, IntArray, freeze
 from config.errors import DataQualityError
 
 WINDOW_PERIODS: Final = 0.72
-"""Length of the filter's window in periods of its cut-off: -3 dB at the cut-off."""
+"""Length of the filter's window, in periods of the cut-off frequency, for a gain of -3 dB there."""
 SLOW_RAD_S: Final = 0.02
 """Speed above which encoder steps must not look like motion [rad/s or m/s]."""
 WIDTH_STEPS: Final = 1.6
-"""Width of the smoothing, relative to the duration of one encoder step at that speed."""
+"""Standard deviation of the smoothing, relative to the duration of one encoder step at the speed
+`SLOW_RAD_S`."""
 WIDEST_SMOOTHING_S: Final = 8e-3
 """Largest standard deviation of the smoothing [s]."""
 SMOOTHING_REACH: Final = 4.0
 """Half length of the smoothing window, in standard deviations of the Gaussian."""
 NOISE_DIFFERENCES: Final = 6
-"""Order of the differences that show a position's noise."""
+"""Order of the differences from which the noise of a position is estimated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +45,7 @@ class UnfilteredSignals:
         sample_period_s: Time between rows of a segment [s].
         smoothing_s: Standard deviation of the Gaussian that smoothed all signals because the
             encoder is coarse [s]; 0 without smoothing.
-        torque_limit_hz: Low-pass of the torque, which is unknown above [Hz].
+        torque_limit_hz: Cut-off of the torque's low-pass, above which the torque is unknown [Hz].
         torque_row: Shape (samples, joints). Row of the last torque update for each row; None if
             every row has a new value.
     """
@@ -68,7 +69,7 @@ class UnfilteredSignals:
         freeze(self, DataQualityError, table, "torque_row", dtype=np.int64)
 
     def reach(self, cutoff_hz: float) -> int:
-        """Return the rows to either side over which smoothing and window spread a jump."""
+        """Return the number of rows before and after a jump over which the filters spread it."""
         smoothing = round(SMOOTHING_REACH * self.smoothing_s / self.sample_period_s)
         return window_reach(self.sample_period_s, cutoff_hz) + smoothing
 
@@ -95,10 +96,11 @@ def derived(position: FloatArray, step_s: float) -> tuple[FloatArray, FloatArray
 
 
 def smoothing_width(position: FloatArray, step_s: float) -> float:
-    """Return the width of a Gaussian after which the velocity's sign is reliable [s].
+    """Return the smoothing's standard deviation that makes the velocity's sign reliable [s].
 
-    One standard deviation is the time that an encoder step takes at the lowest speed that counts.
-    The result is 0 if this is shorter than a row, or if the rows are too far apart for smoothing.
+    It is `WIDTH_STEPS` times the duration of an encoder step at the speed `SLOW_RAD_S`, but at most
+    `WIDEST_SMOOTHING_S`. The result is 0, no smoothing, if this is not longer than the time between
+    rows.
 
     Args:
         position: Shape (samples, joints). Recorded positions.
@@ -110,7 +112,7 @@ def smoothing_width(position: FloatArray, step_s: float) -> float:
 
 
 def smoothed(values: FloatArray, step_s: float, width_s: float) -> FloatArray:
-    """Return uniform rows convolved with a Gaussian of a standard deviation [s]."""
+    """Return uniform rows convolved with a Gaussian of standard deviation `width_s` [s]."""
     if width_s == 0.0:
         return values
     from scipy import ndimage
@@ -123,14 +125,14 @@ def smoothed(values: FloatArray, step_s: float, width_s: float) -> FloatArray:
 
 
 def window_reach(step_s: float, cutoff_hz: float) -> int:
-    """Return the number of rows to either side in the window of `window_mean`."""
+    """Return the number of rows on each side of the centre in the window of `window_mean`."""
     return max(1, round(0.5 * WINDOW_PERIODS / (cutoff_hz * step_s)))
 
 
 def window_mean(values: FloatArray, rows: IntArray, step_s: float, cutoff_hz: float) -> FloatArray:
-    """Return the mean of uniform values around some rows, weighted by a Hann window.
+    """Return the mean of uniform values around requested rows, weighted by a Hann window.
 
-    A low-pass without phase shift, -3 dB at the cut-off, of finite length.
+    This is a zero-phase low-pass of finite length, with -3 dB at the cut-off.
 
     Args:
         values: Shape (samples, any). Uniform rows.
@@ -145,11 +147,11 @@ def window_mean(values: FloatArray, rows: IntArray, step_s: float, cutoff_hz: fl
     offset = np.arange(-half, half + 1)
     weight = np.cos(0.5 * np.pi * offset / (half + 1)) ** 2
     weight /= weight.sum()
-    taken = np.clip(rows[:, np.newaxis] + offset, 0, len(values) - 1)
+    neighbours = np.clip(rows[:, np.newaxis] + offset, 0, len(values) - 1)
     mean = sparse.csr_array(
         (
             np.tile(weight, len(rows)),
-            taken.ravel(),
+            neighbours.ravel(),
             np.arange(len(rows) + 1) * len(offset),
         ),
         shape=(len(rows), len(values)),
@@ -178,6 +180,6 @@ def _noise(position: FloatArray) -> float:
     if len(rough) == 0:
         return 0.0
     gain = 1.0
-    for k in range(NOISE_DIFFERENCES):  # sqrt of the binomial coefficient of 2k over k
+    for k in range(NOISE_DIFFERENCES):  # gain: binomial coefficient (2 N over N)
         gain *= (2 * NOISE_DIFFERENCES - k) / (NOISE_DIFFERENCES - k)
     return float(np.median(rough)) / 0.6745 / float(np.sqrt(gain))

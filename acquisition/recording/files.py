@@ -88,7 +88,7 @@ def _mat(table: RecordingTable) -> bytes:
     with TemporaryDirectory() as folder:
         path = Path(folder) / "recording.mat"
         savemat(str(path), variables, long_field_names=True, oned_as="column")
-        # replace the header, which contains the time: equal recordings give equal files
+        # The library's header contains the time. Without it, equal recordings give equal files.
         return b"MATLAB 5.0 MAT-file, rid-daq".ljust(116) + path.read_bytes()[116:]
 
 

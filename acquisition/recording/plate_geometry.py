@@ -60,7 +60,7 @@ class PlateGeometry:
 
 
 def plate_wrench_matrix(a_m: float, b_m: float, az0_m: float) -> FloatArray:
-    """Return the wrench on the plate about the centre of its surface per channel, (6, 8).
+    """Return the wrench on the plate, about its surface's centre, per unit of channel, (6, 8).
 
     Args:
         a_m, b_m: Distances of the sensors from the centre along x and y [m].

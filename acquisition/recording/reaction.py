@@ -50,7 +50,7 @@ class Reaction:
 
     @property
     def base_wrench(self) -> FloatArray:
-        """Wrench on the robot's base, with offsets, shape (samples, 6) [N, N m]."""
+        """Wrench on the robot's base, with the channels' offsets, shape (samples, 6) [N, N m]."""
         return np.asarray(self.channels_n @ self.base_wrench_matrix.T)
 
 
@@ -65,7 +65,7 @@ def resample_reaction(
     """Resample the rows of a plate's amplifier to the recording's times.
 
     Args:
-        plate: Plate and amplifier; its `zero`, if any, is subtracted.
+        plate: Plate and amplifier; the offsets in its `zero`, if any, are subtracted.
         clock: Clock of the amplifier.
         device_s: Shape (rows,). Device time of each row, increasing [s].
         channels_n: Shape (rows, 8). Readings [N].

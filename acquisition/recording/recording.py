@@ -23,8 +23,8 @@ class Recording:
         time_s: Shape (samples,). Sampling time of each row [s], strictly increasing.
         position: Shape (samples, joints). Measured joint positions, link side [rad or m].
         torque_nm: Shape (samples, joints). Measured actuator torques, link side [N m or N].
-        valid: Shape (samples,). False if a device did not deliver; the row then repeats its last
-            values.
+        valid: Shape (samples,). False if a device delivered no values; the row then repeats the
+            device's last values.
         phase: Shape (samples,). `acquisition.motion.samples.Phase` of each row.
         sample_index: Shape (samples,). Row of the motion that was streamed; -1 outside the motion.
         target_position, velocity_command: Shape (samples, joints). Commanded joint positions, and
@@ -34,8 +34,8 @@ class Recording:
         torque_filter: Analog filter of the measured torques.
         temperature_k: Shape (samples, joints). Temperature of each joint's drive [K].
         reaction: Readings of a force plate under the robot at the same times.
-        answered: Shape (samples, joints). True if the joint's drive delivered; None if `valid`
-            applies to all joints.
+        answered: Shape (samples, joints). True if the joint's drive delivered values; None if
+            `valid` applies to all joints.
         source: Origin of the data: measured by this program, or read from a file.
         cell_name, robot_name, run_id: Provenance; `cell_name` is empty for an import.
     """
@@ -128,7 +128,7 @@ _COLUMNS = (
 
 
 def concatenate_recordings(parts: Iterable[Recording]) -> Recording:
-    """Return one recording from consecutive parts, none with a force plate.
+    """Return one recording from consecutive parts without force-plate readings.
 
     Args:
         parts: At least one; values that are not arrays are taken from the first part.
@@ -148,6 +148,6 @@ def concatenate_recordings(parts: Iterable[Recording]) -> Recording:
     whole: dict[str, Any] = {}
     for name in _COLUMNS:
         if name in columns:
-            whole[name] = np.concatenate(columns.pop(name))  # frees the parts of this column
+            whole[name] = np.concatenate(columns.pop(name))  # frees the memory of the parts
             whole[name].setflags(write=False)
     return replace(first, **whole)

@@ -21,7 +21,8 @@ class RecordingColumn:
     """One quantity over time.
 
     Attributes:
-        name: Quantity, joint and unit, of letters, digits and `_` (`torque_axis1_nm`).
+        name: Name made of quantity, joint and unit, with letters, digits and `_`
+            (`torque_axis1_nm`).
         unit: Unit as printed for users; empty for counts and flags.
         values: Shape (samples,). Float or integer.
     """
@@ -37,7 +38,7 @@ class RecordingTable:
 
     Attributes:
         columns: The first one is `time_s`.
-        origin: Names of run, robot, cell and source.
+        origin: Provenance: names of run, robot, cell and source.
     """
 
     columns: tuple[RecordingColumn, ...]

@@ -1,5 +1,5 @@
 """Run folders, each with a manifest that lists its files.
 
-This folder of code handles files by name and hash; the contents are read elsewhere. Begin with
+The code here handles files by name and hash; other packages read their contents. Begin with
 `folder.py`.
 """

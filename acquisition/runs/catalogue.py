@@ -54,7 +54,7 @@ def find_runs(root: Path, references: Iterable[str]) -> tuple[RunFolder, ...]:
     Raises:
         ConfigError: A reference matches no run or several, or two references name the same run or
             its copy.
-        RecordingError: As `find_run` does.
+        RecordingError: See `find_run`.
     """
     found = tuple(find_run(root, reference) for reference in references)
     seen: set[str] = set()

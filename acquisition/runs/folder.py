@@ -1,9 +1,9 @@
 """`RunFolder`: one folder with all files of a run, complete and portable.
 
 `manifest.json` lists each file of the run with the SHA-256 that it had when the run was made. Files
-are written completely or not at all. The id is generated and the label is only text; neither can
-lead outside the folder. Files that other programs put into the folder are strays: the program does
-not use or change them.
+are written completely or not at all. The id is generated and the label is only text: neither can
+name a place outside the folder. Files that other programs put into the folder are strays: the
+program does not use or change them.
 """
 
 from __future__ import annotations
@@ -141,10 +141,11 @@ class RunFolder:
         """Return the path of the file `name`, which need not exist yet.
 
         Args:
-            name: A plain name, or names joined by `/` for a file in a subfolder.
+            name: A valid name (`is_plain_name`), or valid names joined by `/` for a file in a
+                subfolder.
 
         Raises:
-            ConfigError: The name is not plain.
+            ConfigError: The name is invalid.
             RecordingError: A part of the path is a link.
         """
         parts = name.split("/")
@@ -219,7 +220,7 @@ class RunFolder:
         """Write or replace a file, completely or not at all, and enter it in the manifest.
 
         Raises:
-            ConfigError: The name is not plain.
+            ConfigError: The name is invalid.
             RecordingError: The file cannot be written.
         """
         path = self.file(name)
@@ -241,7 +242,7 @@ class RunFolder:
     ) -> Manifest:
         """Record the outcome of the run, and enter the recordings of the folder in the manifest.
 
-        Files that were entered before keep their hash. Strays are ignored.
+        Files that are already in the manifest keep their hash. Files of other programs are ignored.
 
         Args:
             status: The outcome.
@@ -295,7 +296,7 @@ class RunFolder:
         return tuple(problems)
 
     def strays(self) -> tuple[str, ...]:
-        """Return what is in the folder but not in the manifest; the program never reads it.
+        """Return the names in the folder that are not in the manifest; the program ignores them.
 
         Raises:
             RecordingError: The manifest or the folder cannot be read.

@@ -11,12 +11,8 @@ from config.errors import RecordingError, system_errors
 
 _NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,99}")
 _DEVICE = re.compile(r"(?:con|prn|aux|nul|com\d|lpt\d)(?:\..*)?", re.IGNORECASE)
-_NOT_BY_WRITE = (
-    JOURNAL,
-    ".blf",
-    ".json",
-    ".jsonl",
-)  # written by recorders and estimators, not by `RunFolder.write`
+# Endings of files that recorders and estimators write without `RunFolder.write`.
+_NOT_BY_WRITE = (JOURNAL, ".blf", ".json", ".jsonl")
 
 
 def is_plain_name(name: str) -> bool:
@@ -25,7 +21,7 @@ def is_plain_name(name: str) -> bool:
 
 
 def is_written_by_program(name: str) -> bool:
-    """Return True if this program itself writes files of this name to a run or a run inside it."""
+    """Return True if this program writes files of this name to a run, or to a run inside a run."""
     return name.endswith(_NOT_BY_WRITE) or any(map(RUN_ID.fullmatch, name.split("/")[:-1]))
 
 

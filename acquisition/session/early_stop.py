@@ -1,4 +1,4 @@
-"""`EarlyStop`: asks a rule during a periodic motion if the recorded periods are enough."""
+"""`EarlyStop`: applies a rule that decides, during a periodic motion, if the periods are enough."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ PAUSE_S = 0.02
 
 @dataclass(frozen=True, eq=False)
 class NewPeriods:
-    """Periods recorded since the rule was last asked.
+    """Periods recorded since the previous call of the rule.
 
     Attributes:
         recording: Rows of whole periods, without temperatures.
@@ -40,23 +40,23 @@ class NewPeriods:
 
 
 EarlyStopRule = Callable[[NewPeriods], bool]
-"""Returns True if the motion may end after the present period; called in order of the periods."""
+"""Rule that returns True if the motion may end after the present period."""
 
 
 class EarlyStop:
-    """Asks the rule in its own thread, so that the supervision of the processes is not delayed.
+    """Calls an early-stop rule in a thread, so that the supervision of processes is not delayed.
 
-    Only new rows of the journal are read. Therefore the cost of a question does not depend on the
-    duration of the motion.
+    Only new rows of the journal are read. Therefore the cost of a call does not depend on the
+    duration of the motion. The rule is called in the order of the periods.
 
     Args:
         path: The journal.
         samples: The motion.
-        control: Passes the answers to the cyclic task.
-        rule: The rule.
+        control: Control block that passes the rule's answers to the cyclic task.
+        rule: Rule that decides if the periods are enough.
 
     Attributes:
-        pending: The latest question.
+        pending: Latest call of the rule, which may still run.
     """
 
     def __init__(
@@ -72,11 +72,11 @@ class EarlyStop:
         self._asked = 0
         self._reader: CycleReader | None = None
         self._unseen: list[Recording] = []
-        self._begun = 0  # periods of the previous question
+        self._begun = 0  # periods at the previous call of the rule
         control.program.announce_judgement()
 
     def update(self, progress: TaskProgress) -> None:
-        """Ask the rule about the periods that have ended, unless an answer is pending.
+        """Call the rule with the periods that have ended, unless a call is running.
 
         A period has ended when its last row was commanded.
         """
@@ -90,7 +90,7 @@ class EarlyStop:
             self.pending = self._pool.submit(self._ask_rule, over)
 
     def close(self) -> None:
-        """Wait for the last answer and end the thread.
+        """Wait for the last call of the rule and end the thread.
 
         Raises:
             Exception: Error of the rule; the recording is complete.
@@ -112,7 +112,7 @@ class EarlyStop:
             self._control.program.judge(periods, enough)
 
     def _new_periods(self, periods: int) -> NewPeriods:
-        """Return the rows up to the end of `periods`, and keep the later ones."""
+        """Return the rows up to the end of `periods`; keep later rows for the next call."""
         rows = concatenate_recordings(self._unseen)
         later = rows.sample_index >= self._ends[periods]
         count = int(np.argmax(later)) if later.any() else len(rows)

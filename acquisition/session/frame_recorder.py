@@ -1,6 +1,6 @@
 """`FrameRecorder`: records every frame on the bus in a BLF file, in its own process.
 
-It listens on its own connection and sends nothing; the cyclic task does not know it. If only one
+It listens on its own connection and sends nothing; the cyclic task is not involved. If only one
 program can open the adapter of a bus, its frames cannot be recorded.
 """
 
@@ -84,9 +84,8 @@ class FrameRecorder:
         Raises:
             RecordingError: Not all frames could be written.
         """
-        with contextlib.suppress(
-            OSError
-        ):  # the process has ended; its answer, if any, is read next
+        # If the process has ended already, its answer is read all the same.
+        with contextlib.suppress(OSError):
             self._pipe.send(None)
         return self._receive_answer(_END_PATIENCE_S)
 
@@ -123,7 +122,7 @@ def run_frame_recorder(bus: CanBusConfig, path: Path, pipe: Connection) -> None:
         answer = RecordingError(
             f"{path}: cannot be written ({error.strerror or error})", code="RID-RECORDING-LOST"
         )
-    with contextlib.suppress(OSError):  # a failed session does not read the answer
+    with contextlib.suppress(OSError):  # after a failure, the answer is not read
         pipe.send(answer)
 
 

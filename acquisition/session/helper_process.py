@@ -16,11 +16,11 @@ class HelperProcess:
     """A process that is independent of the terminal; `start_all` starts it.
 
     Args:
-        title: Name of the process in notes, as `recorder`.
+        title: Name of the process in notes, such as `recorder`.
         main: Main function of the process, which begins with `leave_terminal`.
         arguments: Arguments of the main function.
-        patience_s: Longest time to end by itself after the motion [s].
-        loss: Consequence of its death, as a clause.
+        patience_s: Longest time that the process may take to end by itself after the motion [s].
+        loss: Consequence of the process's death, as a clause for the note.
 
     Attributes:
         exit_code: Exit code, set by `end`.
@@ -69,7 +69,7 @@ class HelperProcess:
         """Wait for the end of the process, or kill it; does nothing if it was never started.
 
         Returns:
-            One sentence if it was killed or failed, else none.
+            One sentence if the process was killed or failed; otherwise empty.
         """
         if self._process.pid is None:
             return []
@@ -90,7 +90,8 @@ class HelperProcess:
 
 
 Observer = Callable[[Ring, ControlBlock], HelperProcess]
-"""Creates a process that reads ring and control block and can request a stop; does not start it."""
+"""Function that creates, but does not start, a process that reads ring and control block and can
+request a stop."""
 
 
 def start_all(helpers: Sequence[HelperProcess]) -> None:

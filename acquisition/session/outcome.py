@@ -69,7 +69,7 @@ def collect_outcome(
 
     Args:
         path, header: The journal, and its expected header.
-        task: The cyclic task.
+        task: Process of the cyclic task, which has ended.
         control: Reports of the processes.
         interruption: First termination signal, if any.
         notes: Notes about the processes.
@@ -90,15 +90,15 @@ def collect_outcome(
             " heartbeat ends",
         )
     elif stop is None and task_exit != 0:
-        left = "disabled the drives"
+        ending = "disabled the drives"
         if not control.task.power_off:
-            left = (
+            ending = (
                 "ended without confirmation that the drives are disabled: check them before"
                 " going near the robot"
             )
         stop = StopReason(
             StopCode.TASK_DIED,
-            f"the cyclic task failed (exit code {task_exit}) and {left}; its traceback is in the"
+            f"the cyclic task failed (exit code {task_exit}) and {ending}; its traceback is in the"
             " error output: please report it",
         )
     elif stop is None and interruption.signal is not None and error is not None:
@@ -156,7 +156,7 @@ def _read_journal(path: Path, header: JournalHeader) -> tuple[CycleStatistics, t
         if reader.header != header:
             raise RecordingError(
                 f"{path}: is now the recording of run {reader.header.run_id or '?'}: another file"
-                " or folder has replaced this motion's",
+                " or folder has replaced the recording of this motion",
                 code="RID-RUN-REPLACED",
             )
         return tally.statistics(), reader.damage.notes

@@ -57,8 +57,8 @@ class PlateStatus:
         overloads: True for channels that were overloaded since the start.
         losses: Number of times that the connection was lost.
         age_s: Time since the last row [s]; infinite before the first.
-        force_n, force_max_n: Shape (8,). The last row, and the largest absolute value of each
-            channel since the start [N].
+        force_n, force_max_n: Shape (8,). Forces of the last row, and the largest absolute value of
+            each channel since the start [N].
     """
 
     state: PlateState

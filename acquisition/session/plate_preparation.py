@@ -25,7 +25,7 @@ class PlateReadiness:
         changed: Settings that differed and were corrected.
         charge_lost: True if the correction discharged the channels: the plate must be zeroed again.
         operating: True if the channels measure.
-        overloads: Channels that had been overloaded; their flags are cleared now.
+        overloads: True for channels that had been overloaded; their flags have been cleared.
     """
 
     identity: str
@@ -44,8 +44,8 @@ def prepare_plate(
     Args:
         plate: The plate and its amplifier.
         profile: Protocol of the amplifier.
-        operate: Start the operation of an amplifier that is in reset or has lost its charges; for
-            simulated hardware, which no user has zeroed.
+        operate: True to start the operation of an amplifier that is in reset or has lost its
+            charges. This is for simulated hardware, which no user zeroes.
 
     Raises:
         DriverError: The amplifier cannot be reached, or does not accept a setting.
@@ -89,7 +89,8 @@ def discharge_plate(plate: PlateConfig, profile: AmplifierProfile) -> PlateReadi
 def read_zero_drift_n(plate: PlateConfig, profile: AmplifierProfile) -> FloatArray:
     """Return the change of the channels since the plate was zeroed [N], shape (8,).
 
-    The offset in the cell file and, if known, the gravity forces in that pose are subtracted.
+    The offset in the cell file and the gravity forces in the zeroing pose are subtracted. Without a
+    zero in the cell file, the forces are returned unchanged.
 
     Raises:
         DriverError: The amplifier does not answer.

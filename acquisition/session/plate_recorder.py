@@ -67,7 +67,7 @@ def run_plate_recorder(task: PlateTask, block: PlateBlock, parent: int) -> None:
     It ends if the program requests it or is gone; errors are reported in `block`.
 
     Args:
-        task: What to record.
+        task: Plate, amplifier and file.
         block: Shared memory for the status.
         parent: Process id of the program.
     """
@@ -80,7 +80,7 @@ def run_plate_recorder(task: PlateTask, block: PlateBlock, parent: int) -> None:
 
 
 def piece_time_s(baud_rate: int) -> float:
-    """Return the longest time between reads without loss of bytes [s]."""
+    """Return the longest time between two reads in which no bytes are lost [s]."""
     return min(LONGEST_PIECE_S, PIECE_BYTES * BITS_PER_BYTE / baud_rate)
 
 
@@ -88,7 +88,7 @@ def require_amplifier_ready(amplifier: SerialAmplifier, config: AmplifierConfig)
     """Raise an error if an amplifier has wrong settings or does not measure.
 
     Raises:
-        DeviceFaultError: Names the wrong settings, or says that the amplifier is in reset.
+        DeviceFaultError: Settings are wrong (the text names them), or the amplifier is in reset.
         DriverError: The amplifier does not answer.
     """
     wrong = [
@@ -110,10 +110,10 @@ def require_amplifier_ready(amplifier: SerialAmplifier, config: AmplifierConfig)
 
 
 class _PlateRecorder:
-    """One recording; `stream` is the number of the stream, which increases after each loss.
+    """Recording of the plate in one motion; each loss of the connection begins a new stream.
 
     In simulated time no time marks are requested. They depend on the real clock, but the same seed
-    must give the same file. Overload flags that are set are cleared in simulated time too.
+    must give the same file. Overload flags are cleared in simulated time, too.
     """
 
     def __init__(self, task: PlateTask, block: PlateBlock, parent: int) -> None:
@@ -204,7 +204,7 @@ class _PlateRecorder:
                 time.sleep(pause_s)  # read the rows of some milliseconds at once
             now_s = time.monotonic()
             if now_s - self._marked_s >= MARK_PERIOD_S and not writer.simulated_time:
-                writer.asked(marks, amplifier.mark())
+                writer.note_mark_request(marks, amplifier.mark())
                 marks, self._marked_s = marks + 1, now_s
             if now_s < parse_s:
                 amplifier.gather(now_s + BEAT_S)

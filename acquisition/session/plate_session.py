@@ -1,4 +1,4 @@
-"""`PlateSession`: recording of the force plate during a motion, seen from the program."""
+"""`PlateSession`: starts, watches and ends the recording of the force plate during a motion."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class PlateSession:
     """Starts the plate recorder, watches it during the motion and ends it.
 
     Args:
-        task: What to record.
+        task: Plate, amplifier and file.
         samples_per_period: Number of rows per period of the motion; an overload makes a period
             unusable.
 
@@ -49,7 +49,7 @@ class PlateSession:
         self._wait_for_rows()
 
     def watch(self, progress: TaskProgress, control: ControlBlock) -> None:
-        """Request a stop if the plate is lost, or overloaded in too many periods."""
+        """Request a stop if the plate sends no more rows, or is overloaded in too many periods."""
         status = self._block.status(time.monotonic())
         if status.state in (PlateState.LINE_LOST, PlateState.FAILED) or not self._process.is_alive:
             control.program.request_stop(StopCode.PLATE_LINE)

@@ -77,7 +77,8 @@ class MotionContext:
     """Optional circumstances of a motion.
 
     Attributes:
-        observer: Creates one more process, such as that of the live page. Its death has no effect.
+        observer: Creates one more process, such as that of the live page. Its death does not affect
+            the motion.
         service: Heartbeat of the service that ordered the motion: without it the motion stops.
         pose: Last known pose of the robot; it is checked before the drives are enabled.
     """
@@ -98,7 +99,7 @@ def record_motion(
     profiles: DeviceProfiles | None = None,
     context: MotionContext | None = None,
 ) -> RecordOutcome:
-    """Approach the motion, stream it, record it in the run folder, stop and disable the drives.
+    """Approach the motion's start, drive and record the motion, then stop and disable the drives.
 
     - Ctrl-C, SIGTERM and SIGHUP stop the motion (quick stop), however often they come, and are
       reported in the outcome. After the first signal this process ignores further ones, so that it
@@ -112,7 +113,7 @@ def record_motion(
         motion: The motion, sampled at the cell's cycle time and checked here; or a source that
             checks its own set-points.
         folder: Run folder for `recording.mcap`; the caller updates its manifest.
-        on_progress: Called about 20 times a second.
+        on_progress: Function that is called with the progress, about 20 times a second.
         enough: Rule that is asked after each new period, in its own thread; if it returns True, the
             motion proceeds to its run-out after the present period.
         profiles: Protocols of amplifier and drive registers.
@@ -199,8 +200,8 @@ def record_motion(
         finally:
             if plate is not None:
                 notes += plate.close()
-    seen = joints.look()
-    pose = None if seen is None else tuple(seen.position.tolist())
+    latest = joints.look()
+    pose = None if latest is None else tuple(latest.position.tolist())
     return collect_outcome(path, header, task, control, interruption, notes, pose)
 
 

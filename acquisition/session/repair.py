@@ -17,18 +17,18 @@ from config.errors import RecordingError
 
 _Header = JournalHeader | PlateHeader | MonitorHeader
 _KINDS = (JournalHeader, PlateHeader, MonitorHeader)
-_HEAD_BYTES = 9 + 22  # of a message: record header, number and times
+_HEAD_BYTES = 9 + 22  # bytes before a message's body: record header, number, times
 
 
 @dataclass(frozen=True)
 class Repair:
-    """Messages that were kept of a journal, and messages that are lost.
+    """Result of the repair of a journal: messages that were kept, and messages that are lost.
 
     Attributes:
         kept_rows, lost_rows: Messages read, and messages known to be missing: from their numbers,
             from the count of a closed file, or from the number of rows at the run's end.
         kept_s, lost_s: Duration of these messages [s].
-        torn_rows: Number of rows that the incomplete bytes at the end correspond to.
+        torn_rows: Number of rows to which the incomplete bytes at the file's end correspond.
         damage: Details of the losses.
         run_id: Run to which the file belongs; empty if unknown.
     """
@@ -52,7 +52,7 @@ class Repair:
         lost = (
             f"lost {self.lost_rows} rows ({self.lost_s:.2f} s)"
             if self.lost_rows
-            else "no row before the last one is lost"
+            else "no row before the last kept row is lost"
         )
         sentences = [f"kept {self.kept_rows} rows ({self.kept_s:.2f} s), {lost}"]
         sentences += [note for note in self.damage.notes if "not closed" not in note]

@@ -1,4 +1,4 @@
 """Signals and their spectra: bins of periodic signals, resampling, clock comparison.
 
-Arrays only: no robot, no file, no device. Begin with `bins.py`.
+The code here works on arrays only, without robot, file or device. Begin with `bins.py`.
 """

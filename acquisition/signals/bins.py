@@ -1,8 +1,8 @@
 """Periodic signals on their DFT bins: exact differentiation, resampling and removal of a filter.
 
 A signal of whole periods is completely described by the bins k / (K T); a bin is `numpy.fft.rfft(x,
-axis=0)[k] / K`. There, differentiation is multiplication by j k omega (theory: section 1), and the
-anti-alias filter is removed by division (theory: section 8).
+axis=0)[k] / K`. On the bins, differentiation is multiplication by j k omega (theory: section 1),
+and the anti-alias filter is removed by division (theory: section 8).
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def differentiate_on_bins(
 
 
 def filter_response(torque_filter: ButterworthFilter, frequency_hz: FloatArray) -> Bins:
-    """Return the analog filter's complex response at each frequency [Hz], 1 at zero."""
+    """Return the analog filter's complex response at each frequency [Hz]; it is 1 at 0 Hz."""
     order = torque_filter.order
     poles = np.exp(1j * math.pi * (2 * np.arange(order) + order + 1) / (2 * order))
     s = 1j * np.asarray(frequency_hz, dtype=float) / torque_filter.cutoff_hz
@@ -95,7 +95,7 @@ def divide_filter(
     torque_filter: ButterworthFilter | None,
     harmonics: int,
 ) -> FloatArray:
-    """Return a period before its anti-alias filter, limited to bins 0 to `harmonics`.
+    """Return a period without its anti-alias filter, limited to bins 0 to `harmonics`.
 
     Args:
         samples: Shape (K, joints). One filtered period.

@@ -2,10 +2,10 @@
 
 A device stamps its rows with its own clock, which has an offset and a rate error of some parts per
 million. There are three sources for the clock:
-- Arrivals of rows. Rows arrive late, never early. Therefore the straight line just below all
-  arrivals is the clock plus the shortest delay of the line. Arrivals do not show this delay
-  (theory: section 8 estimates it on the bins).
-- Marks, which travel to the device and back. They bound the clock from both sides.
+- Arrivals of rows. Rows arrive late, never early. Therefore the straight line that touches all
+  arrivals from below is the clock plus the shortest transmission delay. Arrivals do not show this
+  delay (theory: section 8 estimates it on the bins).
+- Marks: requests that the device answers with its time. They bound the clock from both sides.
 - Edges of a wired trigger. They measure the clock directly.
 """
 
@@ -40,8 +40,8 @@ class DeviceClock:
         rate: SYNC seconds per second of the device.
         covariance: Shape (2, 2). Covariance of `sync_s` and `rate`.
         wander_s: RMS deviation of the device's clock from the straight line [s].
-        method: Source of the clock. With arrivals, the shortest delay of the line is part of the
-            clock.
+        method: Source of the clock. With arrivals, the clock contains the shortest transmission
+            delay.
     """
 
     device_s: float
@@ -80,15 +80,15 @@ class DeviceClock:
 def clock_from_arrivals(
     device_s: FloatArray, arrival_s: FloatArray, *, shortest_delay_s: float = 0.0
 ) -> DeviceClock:
-    """Fit a clock to rows that were stamped by the device and arrived later.
+    """Fit a clock to rows that the device stamped and that arrived later.
 
-    The clock is the line below all arrivals that is nearest to them on average: a linear programme
-    in two variables. The uncertainty comes from the same fit on eighths of the reads. It is then
-    reduced, because the whole run has eight times as many reads.
+    The clock is the straight line below all arrivals that is nearest to them on average: a linear
+    programme in two variables. The uncertainty is estimated from the same fit to eighths of the
+    reads, and then reduced, because the whole run has eight times as many reads.
 
     Args:
         device_s, arrival_s: Shape (rows,). Device time of each row, and SYNC time of its read [s].
-            Rows of one read have one arrival.
+            Rows of the same read have the same arrival.
         shortest_delay_s: Shortest transmission time of a row: its bits at the line's bit rate [s].
 
     Raises:
@@ -106,7 +106,7 @@ def clock_from_arrivals(
     middle = float(device.mean())
     x, late = device - middle, arrival - shortest_delay_s - device
     offset, rate = _line_under(x, late)
-    # Delays of neighbouring reads are correlated: distribute sections, not single reads.
+    # Delays of neighbouring reads are correlated: the subsets get sections, not single reads.
     stretch = chunk * min(STRETCHES, chunk[-1] + 1) // (chunk[-1] + 1)
     line = np.array([offset, rate])
     eighths = np.array([_line_under(x[k], late[k]) for k in _deal(stretch, SUBSETS)]) - line
@@ -125,8 +125,8 @@ def clock_from_marks(
     """Fit a clock to requests that the device answered with its time.
 
     The device read its time between request and answer. The clock is midway between the highest and
-    the lowest possible line; half their distance bounds the error for any difference of the two
-    delays.
+    the lowest possible straight line. Half the distance of these lines bounds the error, however
+    the delays of request and answer differ.
 
     Args:
         sent_s, received_s: Shape (marks,). SYNC times of each request's last bit and of each
@@ -141,8 +141,8 @@ def clock_from_marks(
     received = read_only("mark received", received_s, float, device.shape, DataQualityError)
     if len(device) < FEWEST_MARKS or np.any(received <= sent) or np.ptp(device) <= 0.0:
         raise DataQualityError(
-            f"{len(device)} marks are too few for a clock: at least {FEWEST_MARKS} at different"
-            " times are needed, each answered after it was sent",
+            f"{len(device)} marks do not determine a clock: at least {FEWEST_MARKS} marks at"
+            " different times are needed, each answered after it was sent",
             code="RID-PLATE-CLOCK",
         )
     middle = float((device.min() + device.max()) / 2.0)
@@ -153,19 +153,19 @@ def clock_from_marks(
     half = (high[0] - low[0] + ends * (high[1] - low[1])) / 2.0
     if half.min() < 0.0:
         raise DataQualityError(
-            f"no straight clock fits between the marks' questions and answers (by"
+            f"no clock of constant rate fits the requests and answers of the marks (error of"
             f" {-1e6 * half.min():.0f} us): the device's clock was set or restarted during the run",
             code="RID-PLATE-CLOCK",
         )
     offset, rate = (high + low) / 2.0
-    # Errors at the two ends are taken as independent and uniform within the bounds.
+    # The errors at both ends are assumed independent, and uniform within their bounds.
     to_line = np.linalg.inv(np.column_stack([np.ones(2), ends]))
     covariance = to_line @ np.diag(half**2 / 3.0) @ to_line.T
     return DeviceClock(middle, middle + float(offset), 1.0 + float(rate), covariance, 0.0, "marks")
 
 
 def clock_from_edges(device_s: FloatArray, sync_s: FloatArray) -> DeviceClock:
-    """Fit a clock to edges of a wired trigger: device times of known SYNC times.
+    """Fit a clock to edges of a wired trigger, which give device times of known SYNC times.
 
     Args:
         device_s, sync_s: Shape (edges,). Device time and SYNC time of each edge, paired by
@@ -185,7 +185,7 @@ def clock_from_edges(device_s: FloatArray, sync_s: FloatArray) -> DeviceClock:
     middle = float(device.mean())
     x, late = device - middle, sync - device
     use = np.ones(len(device), dtype=np.bool_)
-    for _ in range(2):  # leave out cycles with a delayed SYNC
+    for _ in range(2):  # leaves out cycles with a delayed SYNC
         rest = late - np.polyval(np.polyfit(x[use], late[use], 1), x)
         spread = 1.4826 * float(np.median(np.abs(rest - np.median(rest))))
         kept = np.abs(rest) <= OUTLIER_SIGMAS * spread + 1e-9
@@ -210,7 +210,7 @@ def match_edges(
         device_s: Shape (edges,). Device times of the edges [s].
         sync_s: Shape (cycles,). SYNC times, increasing [s].
         coarse: A clock accurate to less than half a cycle.
-        within_s: Largest distance of an edge from a SYNC; others are glitches [s].
+        within_s: Largest distance of an edge from a SYNC; edges further away are glitches [s].
 
     Returns:
         `edges, cycles`. Indices of the pairs.
@@ -248,12 +248,13 @@ def _deal(stretch: IntArray, hands: int) -> list[BoolArray]:
 
 
 def _gain(half: float, eighth: float) -> float:
-    """Return the height of lines below eighths over the height of the line below all.
+    """Return the ratio of the lines' mean height for eighths to the error of the whole fit.
 
-    The lowest of N delays exceeds the shortest possible delay by about N^-k. k is 1 if short delays
-    are as frequent as others, and less if they are rare. It follows from `half` and `eighth`: the
-    heights of the lines below a half and below an eighth of the reads, above the line below all. k
-    is limited to 1/2. Then the uncertainty may be too large, but not too small.
+    The lowest of N delays exceeds the shortest possible delay by about N^-k. Therefore the ratio is
+    8^k - 1. The exponent k is 1 if short delays are as frequent as others, and less if they are
+    rare. It follows from `half` and `eighth`: the mean heights of the lines below halves and
+    eighths of the reads, relative to the line below all reads. The exponent is limited to 1/2. Then
+    the uncertainty may be too large, but not too small.
     """
     ratio = max(eighth / half, 3.0) if half > 0.0 else np.inf  # (8^k - 1) / (2^k - 1)
     growth = min((np.sqrt(4.0 * ratio - 3.0) - 1.0) / 2.0, np.sqrt(2.0))  # 2^k
@@ -267,16 +268,17 @@ def _regular(covariance: FloatArray, x: FloatArray) -> FloatArray:
 
 
 def _wander(x: FloatArray, above: FloatArray, expected: float) -> float:
-    """Return how far the lowest arrivals of eighths of the run are from the line, beyond chance.
+    """Return the RMS distance of the lowest arrivals of eighths of the run from the line.
 
-    `expected` is the mean square for eighths of the rows taken from the whole run.
+    The part that is due to chance is subtracted. It is computed from `expected`, the mean square
+    for eighths whose rows are spread over the whole run.
     """
     lowest = [float(part.min()) for part in np.array_split(above[np.argsort(x)], SUBSETS)]
     return float(np.sqrt(max(0.0, float(np.mean(np.square(lowest))) - 4.0 * expected)))
 
 
 def _wander_of_means(x: FloatArray, rest: FloatArray, variance: float) -> float:
-    """Return the RMS of the means over eighths of the run, without white noise."""
+    """Return the RMS of the residuals' means over eighths of the run, without white noise."""
     parts = np.array_split(rest[np.argsort(x)], SUBSETS)
     power = [float(part.mean()) ** 2 - 2.0 * variance / len(part) for part in parts if len(part)]
     return float(np.sqrt(max(0.0, float(np.mean(power)))))

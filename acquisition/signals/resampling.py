@@ -86,7 +86,7 @@ def _grid(row_s: FloatArray) -> tuple[IntArray, float]:
     step_s = float(np.median(steps))
     if step_s > 0.0 and (steps > 0.5 * step_s).all():
         place = np.concatenate([[0], np.cumsum(np.rint(steps / step_s).astype(np.int64))])
-        # The median is rounded like the stamps; the whole run gives a much better step.
+        # The median is as coarse as the stamps; the whole run gives a much more accurate step.
         step_s = float((row_s[-1] - row_s[0]) / place[-1])
         if np.abs(row_s - row_s[0] - place * step_s).max() < 0.25 * step_s:
             return place, step_s
@@ -104,7 +104,7 @@ def _filled(place: IntArray, values: FloatArray, gaps: BoolArray) -> FloatArray:
         right = int(np.searchsorted(place, row))
         near = np.arange(max(0, right - 2), min(len(place), right + 2))
         x = (place[near] - row).astype(np.float64)
-        # Lagrange's formula at zero.
+        # Lagrange's interpolation formula at x = 0.
         others = np.where(
             np.eye(len(x), dtype=bool), 1.0, -x / (x[:, np.newaxis] - x + np.eye(len(x)))
         )
@@ -113,7 +113,7 @@ def _filled(place: IntArray, values: FloatArray, gaps: BoolArray) -> FloatArray:
 
 
 def _short_gaps(place: IntArray, size: int) -> BoolArray:
-    """Return which indices are gaps short enough to be filled, shape (size,)."""
+    """Return True for grid indices in gaps that are short enough to be filled, (size,)."""
     short = np.zeros(size, dtype=np.bool_)
     for left in np.flatnonzero((np.diff(place) > 1) & (np.diff(place) <= LONGEST_FILLED_GAP + 1)):
         short[place[left] + 1 : place[left + 1]] = True
@@ -121,7 +121,7 @@ def _short_gaps(place: IntArray, size: int) -> BoolArray:
 
 
 def _kernel(distance: FloatArray, band: float, half: float) -> FloatArray:
-    """Return the windowed sine cardinal at some distances, all in rows."""
+    """Return the windowed sine cardinal at distances; distances and `half` are in rows."""
     inside = np.maximum(1.0 - (distance / half) ** 2, 0.0)
     window = np.i0(KAISER_BETA * np.sqrt(inside)) / np.i0(KAISER_BETA)
     return np.asarray(np.where(np.abs(distance) <= half, window * np.sinc(band * distance), 0.0))

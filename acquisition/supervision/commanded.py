@@ -24,7 +24,9 @@ CODE = "RID-MOTION-COMMAND"
 
 
 def commanded_motion(samples: MotionSamples, gain_per_s: float) -> MotionSamples:
-    """Return the motion of drives that follow every command; without feedforward, the planned one.
+    """Return the motion of drives that follow every command exactly.
+
+    Without feedforward, this is the planned motion.
 
     The deviation d from the plan obeys d[k+1] = (1 - K_v T) d[k] + T (v_ff[k] - v[k]).
 
@@ -57,18 +59,19 @@ def commanded_motion(samples: MotionSamples, gain_per_s: float) -> MotionSamples
 
 
 def verify_command(samples: MotionSamples, cell: CellConfig, robot: RobotDescription) -> None:
-    """Check the sum of a motion and its feedforward, row by row, before anything moves.
+    """Check a motion together with its feedforward, row by row, before anything moves.
 
     - Positions must be within the robot's limits.
     - Velocities must be within the robot's limits plus the margin of the cell's supervision.
     - Accelerations of the command may be 1.5 times the joint's limit, as in the supervisor: a
       velocity loop lags, so a motion at the limit needs larger commands.
-    - The feedforward itself must not change faster than that either. This applies to every possible
-      transition between rows: at the start, at the end, and if periods are left out.
+    - The feedforward itself must not change faster than with 1.5 times the acceleration limit. This
+      applies to every possible transition between rows: at the start, at the end, and if periods
+      are left out.
 
     Args:
         samples: The planned motion; without a feedforward nothing is checked.
-        cell: Gain of the position loop, margins.
+        cell: Cell with the gain of the position loop and the margins.
         robot: Robot with the limits.
 
     Raises:
@@ -107,7 +110,7 @@ def verify_command(samples: MotionSamples, cell: CellConfig, robot: RobotDescrip
 
 
 def _transitions(samples: MotionSamples) -> Sequence[tuple[IntArray, FloatArray]]:
-    """Return the rows that end a transition, and the change of the feedforward in each."""
+    """Return the rows after each possible transition, and the change of the feedforward there."""
     ahead = np.asarray(samples.feedforward)
     rest = np.zeros((1, ahead.shape[1]))
     steps = np.diff(ahead, axis=0, prepend=rest, append=rest)
@@ -122,7 +125,7 @@ def _transitions(samples: MotionSamples) -> Sequence[tuple[IntArray, FloatArray]
 
 
 class _Excesses:
-    """Worst excess of each quantity and joint, in words."""
+    """Worst violation of the limits by each quantity and joint, in words."""
 
     def __init__(self, robot: RobotDescription, step_s: float) -> None:
         self._robot = robot
@@ -138,13 +141,13 @@ class _Excesses:
         high: FloatArray,
         at: IntArray | None = None,
     ) -> None:
-        """Record the worst value of each joint outside two limits.
+        """Record each joint's worst value outside its lower and upper limit.
 
         Args:
-            quantity, per: Name of the quantity, and the time unit of its rate.
+            quantity, per: Name of the quantity, and the end of its unit, such as `/s`.
             values: Shape (rows, n). The values.
             low, high: Shape (n,). The limits.
-            at: Shape (rows,). Rows of the motion (default: counted from 0).
+            at: Shape (rows,). Row of the motion for each value (default: counted from 0).
         """
         beyond = np.maximum(values - high, low - values)
         for column, joint in enumerate(self._robot.joints):

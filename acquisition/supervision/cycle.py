@@ -13,9 +13,10 @@ class SetPoint(NamedTuple):
     """Set-point of one cycle, with its row.
 
     Attributes:
-        position, velocity: Length joints. The motion [rad or m, and per second].
+        position, velocity: Length joints. Position and velocity of the motion [rad or m, and per
+            second].
         feedforward: Length joints. Speed that the position loop adds [rad/s or m/s].
-        sample_index: Row of the motion, -1 outside it.
+        sample_index: Row of the motion; -1 outside the motion.
         phase: `Phase` of the row.
     """
 
@@ -37,19 +38,18 @@ class Cycle:
     Attributes:
         number: Cycle times since the first cycle.
         periods: Cycle times since the previous cycle; more than 1 after skipped cycles.
-        lateness_s: Delay of its begin [s].
-        target: Its set-point.
-        time_s, exchange_s: Begin on the bus, on the bus's clock, and duration until the last answer
-            [s].
-        received, enabled, fault: True for drives that answered, that follow velocities, and that
-            are in fault.
-        position, torque_nm: As measured, link side [rad or m; N m or N].
-        position_counts, torque_raw, statusword: As received.
-        events: Other reports of the drives.
+        lateness_s: Delay of the cycle's begin [s].
+        target: Set-point of the cycle.
+        time_s, exchange_s: Time of SYNC on the bus's clock, and duration until the last answer [s].
+        received, enabled, fault: True for drives that answered, that are enabled, and that are in
+            fault.
+        position, torque_nm: Measured values, link side [rad or m; N m or N].
+        position_counts, torque_raw, statusword: Values as received from the drives.
+        events: Other reports of the drives, such as emergency messages.
         late_frames: Number of late answers so far.
         second_answers: Number of cycles so far in which each drive's identifier answered more than
             once.
-        valid: 1 for joints with a plausible position, 0 for held values.
+        valid: 1 for joints with a plausible position, 0 if the last values are held.
         command: Velocity to send [rad/s or m/s].
     """
 

@@ -10,11 +10,11 @@ from config.robot.robot import RobotDescription
 from config.robot.wrist_coupling import WristCoupling
 
 PLAUSIBLE_FACTOR = 1.5
-"""Factor on the largest velocity for a plausible change of position."""
+"""Largest plausible rate of change of a value, divided by the joint's limit of this rate."""
 
 
 class HeldPositions:
-    """Plausibility check of positions; replaces missing ones.
+    """Plausibility check of positions; replaces missing and implausible positions.
 
     With a coupled wrist a joint has a position only if all motors that move it have answered.
 
@@ -22,16 +22,18 @@ class HeldPositions:
         cell, robot: Cycle time, largest velocities, coupling of the wrist.
 
     Attributes:
-        position: Length joints. Positions for the position loop [rad or m]: the plausible ones. For
-            a missing one, the last plausible position plus the motion of the set-point since then,
-            so that a lost answer does not change the correction of the position loop.
-        velocity: Length joints. Between the last two plausible positions [rad/s or m/s].
+        position: Length joints. Positions for the position loop [rad or m]. A missing or
+            implausible position is replaced by the last plausible one plus the motion of the
+            set-point since then, so that a lost answer does not change the correction of the
+            position loop.
+        velocity: Length joints. Mean velocity between the last two plausible positions [rad/s or
+            m/s].
         missed, implausible: Length joints. Number of consecutive cycles without an answer, and
-            without a plausible one.
+            number of implausible answers since the last plausible one.
         unknown: Length joints. Number of cycles since the last plausible position in which any
             motor that moves the joint did not answer, not necessarily the same motor.
-        jump, jump_limit: Length joints. Distance of the last answer from the last plausible one,
-            and its limit [rad or m].
+        jump, jump_limit: Length joints. Change from the last plausible position to the latest
+            implausible one, and the limit of this change [rad or m].
     """
 
     def __init__(self, cell: CellConfig, robot: RobotDescription) -> None:
@@ -53,12 +55,12 @@ class HeldPositions:
         self.unknown = [0] * n
         self.jump = [0.0] * n
         self.jump_limit = [0.0] * n
-        self._plausible = list(position)  # the last plausible ones
-        self._since = [0] * n  # periods since then
+        self._plausible = list(position)  # last plausible positions
+        self._since = [0] * n  # cycle times since these positions
         self._target = list(position)
 
     def take(self, cycle: Cycle) -> None:
-        """Take a cycle's answers; set its `valid` for plausible positions."""
+        """Process the answers of a cycle, and set its `valid` for plausible positions."""
         received, measured, target = cycle.received, cycle.position, cycle.target.position
         valid = [0] * len(measured)
         for i, actual in enumerate(measured):

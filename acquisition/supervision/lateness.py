@@ -19,10 +19,10 @@ class Lateness:
     def __init__(self, cell: CellConfig) -> None:
         self._rules = cell.supervision
         self._period_s = cell.cycle_time_s
-        self._late = 0  # cycles in a row
+        self._late = 0  # consecutive late cycles
 
     def judge(self, lateness_s: float) -> StopReason | None:
-        """Return why the motion must stop; None if it may continue.
+        """Return the reason to stop; None if the motion may continue.
 
         Args:
             lateness_s: Delay of this cycle's begin [s].
@@ -32,8 +32,9 @@ class Lateness:
         if not late_by <= rules.late_by_cycles_limit:
             return StopReason(
                 StopCode.LATE_CYCLE,
-                f"a cycle began {lateness_s * 1e3:.1f} ms late, {late_by:.1f} periods; at most"
-                f" {rules.late_by_cycles_limit:g} are allowed. Check the computer's load",
+                f"a cycle began {lateness_s * 1e3:.1f} ms late ({late_by:.1f} cycle times);"
+                f" at most {rules.late_by_cycles_limit:g} cycle times are allowed. Check the"
+                " computer's load",
                 value=late_by,
                 limit=rules.late_by_cycles_limit,
             )
@@ -41,7 +42,7 @@ class Lateness:
         if self._late >= rules.late_cycles_limit:
             return StopReason(
                 StopCode.LATE_CYCLE,
-                f"{self._late} cycles in a row began more than {LATE_FRACTION:g} period late."
+                f"{self._late} cycles in a row began more than {LATE_FRACTION:g} cycle times late."
                 " Check the computer's load",
                 value=float(self._late),
                 limit=float(rules.late_cycles_limit),

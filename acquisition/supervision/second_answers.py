@@ -18,7 +18,7 @@ class SecondAnswers:
 
     A rare second answer is harmless: a CAN controller that detects an error at the very end of a
     frame sends the frame again. `supervision.second_answers_limit` second answers in `WINDOW`
-    cycles mean that another device sends.
+    cycles mean that another device sends with the same identifier.
     """
 
     def __init__(self, cell: CellConfig, robot: RobotDescription) -> None:
@@ -31,7 +31,7 @@ class SecondAnswers:
     def begin(self, counts: Sequence[int]) -> None:
         """Restart with the present counts; see `check`."""
         self._cycle = 0
-        self._counts = counts  # as of the last cycle
+        self._counts = counts  # counts of the last cycle
         self._seen: list[deque[int]] = [deque(maxlen=self._limit) for _ in self._names]
 
     def check(self, counts: Sequence[int]) -> StopReason | None:
@@ -52,7 +52,7 @@ class SecondAnswers:
         return None
 
     def explain(self, i: int) -> StopReason | None:
-        """Return why an answer of this cycle is unusable; None without a second answer."""
+        """Return the reason to stop after a second answer in this cycle; None without one."""
         seen = self._seen[i]
         if not seen or seen[-1] != self._cycle:
             return None
@@ -60,7 +60,7 @@ class SecondAnswers:
 
     @property
     def _in_a_bunch(self) -> bool:
-        """Return True if every drive answered more than once in this cycle, and none in the last.
+        """True if every drive answered more than once in this cycle, and none in the last cycle.
 
         The cause is this computer or its adapter: SYNCs of earlier cycles were delayed and then
         transmitted together.
@@ -83,7 +83,7 @@ class SecondAnswers:
         return StopReason(
             StopCode.SECOND_ANSWERS,
             f"joint {self._names[i]}: two devices send with the identifier of its drive, node"
-            f" {node}: {cycles} cycles brought a second answer. Look for another drive with node id"
+            f" {node}: a second answer came in {cycles} cycles. Look for another drive with node id"
             f" {node}, and for a program or gateway that sends {tpdo_cob_id(node):03X}h",
             joint=self._names[i],
             value=float(cycles),

@@ -7,7 +7,7 @@ from enum import IntEnum
 
 
 class StopCode(IntEnum):
-    """Kind of stop (faults: rows of section 5.4)."""
+    """Kind of stop (docs/faults.md lists the faults)."""
 
     INTERRUPTED = 1
     MISSED_FRAMES = 2
@@ -45,7 +45,7 @@ class StopReason:
     """Reason of a stop.
 
     Attributes:
-        code: Its kind.
+        code: Kind of the stop.
         text: One sentence for people, with joint, value, limit and what to check.
         joint: The joint concerned.
         value, limit: Measured value and limit, in the unit of `text`.

@@ -10,12 +10,12 @@ STUCK_FRACTION = 0.02
 
 
 class StuckEncoders:
-    """Counter of cycles in which a motor's encoder does not move although it is commanded (row 14).
+    """Detection of encoders that do not move although their motor must move (faults: row 14).
 
     A joint may stay in stiction at a slow command. With a stuck encoder the torque keeps rising,
     because the velocity loop increases it. The torque that braked a fast joint is measured some
-    cycles later, because of the drive's filter; during these cycles the torque is ignored. Limits
-    and cycles are those of `Supervision`.
+    cycles later, because of the drive's filter; during these cycles the torque is ignored. The
+    limits and numbers of cycles are those of `Supervision`.
 
     Args:
         rules: Supervision of the cell.
@@ -32,9 +32,9 @@ class StuckEncoders:
 
     def begin(self) -> None:
         """Restart."""
-        self._periods = [0] * len(self._names)  # of standstill
-        self._torque_from = [0.0] * len(self._names)  # at the begin of standstill
-        self._braking = [0] * len(self._names)  # cycles in which it may still decrease
+        self._periods = [0] * len(self._names)  # cycle times at standstill
+        self._torque_from = [0.0] * len(self._names)  # torque at the begin of standstill
+        self._braking = [0] * len(self._names)  # cycles in which the torque may still decrease
 
     def check(
         self, i: int, command: float, velocity: float, torque_nm: float, periods: int
@@ -42,9 +42,9 @@ class StuckEncoders:
         """Check one motor in one cycle.
 
         Args:
-            i: Index of its joint.
+            i: Index of the motor.
             command, velocity: Command and encoder velocity [rad/s or m/s].
-            torque_nm: Its torque, link side [N m or N].
+            torque_nm: Torque of the motor, link side [N m or N].
             periods: Cycle times since the last check.
         """
         rules = self._rules

@@ -42,7 +42,7 @@ class Supervisor:
 
     Args:
         cell, robot: Limits, margins, coupling of the wrist.
-        positions: Has processed the answers of each cycle before `judge`.
+        positions: Check of positions; it must process the answers of a cycle before `judge`.
     """
 
     def __init__(self, cell: CellConfig, robot: RobotDescription, positions: HeldPositions) -> None:
@@ -63,7 +63,7 @@ class Supervisor:
         self._coupling = WristCoupling.of_robot(robot)
         self._late_answers: deque[bool] = deque(maxlen=LATE_ANSWERS_WINDOW)
         self._second_answers = SecondAnswers(cell, robot)
-        self.begin(Answers.before_any(len(limits)))
+        self.begin(Answers.initial(len(limits)))
 
     def begin(self, answers: Answers) -> None:
         """Restart with all joints at rest at the positions in `answers`."""
@@ -73,13 +73,13 @@ class Supervisor:
         self._late_answers.clear()
         self._second_answers.begin(answers.second_answers.tolist())
         self._encoders.begin()
-        self._wanted = [0.0] * len(position)  # speeds of the previous cycle
+        self._wanted = [0.0] * len(position)  # commanded speeds of the previous cycle
         self._target = position
         self._target_velocity = [0.0] * len(position)
         self._ahead = [0.0] * len(position)
 
     def judge(self, cycle: Cycle) -> StopReason | None:
-        """Return why the motion must stop; None if it may continue.
+        """Return the reason to stop; None if the motion may continue.
 
         The first finding counts. The checks have this order (rows of docs/faults.md):
         1. reports of the drives (8, 9, 11),
@@ -117,7 +117,7 @@ class Supervisor:
         return None
 
     def _check_late_answers(self, count: int) -> StopReason | None:
-        """Check the total of late answers so far; those of one cycle count once."""
+        """Check the number of recent cycles with late answers; `count` is the total so far."""
         window = self._late_answers
         late, self._late_frames = count > self._late_frames, count
         window.append(late)
@@ -202,7 +202,7 @@ class Supervisor:
         for i, (velocity, command) in enumerate(zip(velocities, commands, strict=True)):
             limit = self._velocity_limit[i]
             if not -limit <= velocity <= limit:
-                what = "motor's velocity, over its gear ratio,"
+                what = "motor's velocity, divided by its gear ratio,"
                 return self._limit(i, StopCode.VELOCITY_LIMIT, what, velocity, limit, "rad/s")
             reason = self._encoders.check(i, command, velocity, cycle.torque_nm[i], cycle.periods)
             if reason is not None:
@@ -326,7 +326,7 @@ class Supervisor:
 
 
 def _wanted_speeds(cycle: Cycle) -> list[float]:
-    """Return the commanded speeds without the part that compensation adds to hold a torque."""
+    """Return the commanded speeds without the part that pre-compensation adds."""
     target = cycle.target
     return [
         command if feedforward == velocity else command - feedforward + velocity

@@ -1,5 +1,6 @@
 """The cyclic task: the process that moves the robot cycle by cycle and brings it to rest.
 
-The cycle writes no log and no file. Begin with `cyclic_task.py`, then `stop_sequence.py`. The
-checks that decide if a motion may continue are in `acquisition/supervision`.
+During the cycles, nothing is written to a log or a file. Begin with `cyclic_task.py`, then
+`stop_sequence.py`. The checks that decide if a motion may continue are in
+`acquisition/supervision`.
 """

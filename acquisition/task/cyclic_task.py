@@ -8,7 +8,7 @@ Each cycle has these steps:
 5. a row for the recorder, and a heartbeat.
 
 A command sent in cycle k acts from SYNC k+1. Deadlines are absolute. If a cycle takes too long, the
-cycles that it covers are skipped and counted. They are never made up for. Nothing is logged.
+cycles that it covers are skipped and counted. They are not executed later. Nothing is logged.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ class CyclicTask:
         """
         control, axes = self._control, self._axes
         refuse_pose(self._robot, axes.answers.position.tolist())
-        # a first call, so that one-time costs do not occur between two cycles
+        # A first call of `approach`, so that its one-time costs do not occur between two cycles.
         start = source.begin(self._lockstep is not None, axes.answers.position)
         approach(start, start, self._robot, self._period_s)
         reason = self._find_stop_reason()
@@ -146,7 +146,7 @@ class CyclicTask:
         return reason
 
     def _refuse_collision(self, start: FloatArray) -> None:
-        """Check the approach for collisions before power-on, with heartbeats meanwhile."""
+        """Check the approach for collisions before power-on, while heartbeats continue."""
         clearances = Clearances.of(self._robot, self._cell.workspace)
         way = approach(self._axes.answers.position, start, self._robot, self._period_s)
         refuse_collision(
@@ -264,9 +264,9 @@ class CyclicTask:
         )
 
     def _send_command(self, cycle: Cycle) -> StopReason | None:
-        """Send the command of a cycle; send and record none if no drive has answered."""
+        """Send the command of a cycle; if no drive has answered, send nothing and record zero."""
         self._velocity[:] = cycle.command
-        if not any(cycle.received):  # the bus would keep a command until drives return
+        if not any(cycle.received):  # the bus could deliver a command later
             cycle.command = self._rest
         elif not self._axes.command(self._velocity):
             return StopReason(
@@ -328,6 +328,6 @@ class CyclicTask:
 
 
 def _approach_set_point(way: MotionSamples, row: int) -> SetPoint:
-    """Return the set-point of a row of the approach, counted from its end."""
+    """Return the set-point of a row of the approach; the row is counted from the approach's end."""
     position, velocity = way.position[row].tolist(), way.velocity[row].tolist()
     return SetPoint(position, velocity, velocity, -1, Phase.APPROACH)

@@ -1,4 +1,4 @@
-"""`Lockstep`: waits of simulated time for other processes, at any speed of the computer."""
+"""`Lockstep`: makes simulated time wait for other processes, however slow the computer is."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Lockstep:
         control: State of the motion's processes.
         ring: Receives one row per cycle.
         cell: Cycle time, and the period of the drive monitor if there is one.
-        stopped: Returns True if a stop was ordered: then the waits end.
+        stopped: Function that returns True if a stop was ordered; then the waits end.
     """
 
     def __init__(
@@ -37,7 +37,7 @@ class Lockstep:
         self._monitored = bool(control.program.monitored) and cell.monitor is not None
         period_s = math.inf if cell.monitor is None else cell.monitor.period_s
         self._least_s = period_s - 0.5 * cell.cycle_time_s
-        self._asked_s = -math.inf
+        self._requested_s = -math.inf
 
     def wait_for_room(self) -> bool:
         """Wait until the ring has room; return False on a failure or timeout."""
@@ -65,13 +65,13 @@ class Lockstep:
 
     def wait_for_monitor(self, time_s: float) -> None:
         """Request temperatures for a simulated time [s] if the monitor's period has passed."""
-        if not self._monitored or time_s < self._asked_s + self._least_s:
+        if not self._monitored or time_s < self._requested_s + self._least_s:
             return
         control = self._control
-        self._asked_s = time_s
-        asked = control.task.request_round(time_s)
+        self._requested_s = time_s
+        requested_rounds = control.task.request_round(time_s)
         until_s = time.monotonic() + MONITOR_PATIENCE_S
-        while control.monitor.rounds < asked and time.monotonic() < until_s:
+        while control.monitor.rounds < requested_rounds and time.monotonic() < until_s:
             polls = control.monitor.working
             if not polls or self._stopped():
                 return

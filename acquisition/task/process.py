@@ -26,7 +26,7 @@ from config.robot.robot import RobotDescription
 from drivers.cell import open_cell
 from drivers.ports.clock import MonotonicClock
 from drivers.servo.axes import CanServoAxes
-from drivers.servo.watchdog_test import prove_watches
+from drivers.servo.watchdog_test import require_watchdogs
 from drivers.settings.write_log import WriteLog
 
 
@@ -83,7 +83,7 @@ def run_cyclic_task(
             lockstep = not isinstance(opened.clock, MonotonicClock)
             axes = opened.axes
             axes.bring_up()
-            prove_watches(opened.axes, opened.clock, cell)
+            require_watchdogs(opened.axes, opened.clock, cell)
             disable_garbage_collection()
             if not lockstep:
                 for note in request_realtime():

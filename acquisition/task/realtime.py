@@ -17,7 +17,7 @@ _PR_SET_TIMERSLACK = 29
 
 
 def disable_garbage_collection() -> None:
-    """Disable the garbage collector for the loop: a full collection takes up to 90 ms."""
+    """Disable the garbage collector during the cycles: a full collection takes up to 90 ms."""
     gc.collect()
     gc.freeze()
     gc.disable()
@@ -56,7 +56,8 @@ def keep_processors_awake(latency: Path) -> str | None:
     Source: Linux kernel, Documentation/power/pm_qos_interface.rst.
 
     Args:
-        latency: `PROCESSOR_LATENCY`; it is kept open, since the request ends when it is closed.
+        latency: File for the request, `PROCESSOR_LATENCY`. It stays open, because closing the file
+            ends the request.
 
     Returns:
         A sentence if the request was refused; None on success or if the kernel has no such file.

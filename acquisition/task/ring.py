@@ -18,7 +18,13 @@ from acquisition.task.shared_memory import SharedMemory
 from config.errors import RecordingError
 
 _LABEL = "rid-daq-ring-1"  # increase the number if the layout of header or row changes
-_WRITTEN, _READ, _JOINTS, _CAPACITY, _MADE_NS = 0, 8, 16, 17, 18  # 64-bit words: three cache lines
+_WRITTEN, _READ, _JOINTS, _CAPACITY, _MADE_NS = (
+    0,
+    8,
+    16,
+    17,
+    18,
+)  # indices of 64-bit words, in three cache lines
 _HEADER_BYTES = 192
 
 
@@ -80,7 +86,7 @@ class Ring:
         """
         rings = []
         for memory in SharedMemory.of_process(pid, _LABEL, writable=False):
-            with contextlib.suppress(RecordingError):  # it is being created
+            with contextlib.suppress(RecordingError):  # the ring is still being created
                 rings.append(cls(memory))
         return max(rings, key=lambda ring: ring._counters[_MADE_NS], default=None)
 
@@ -103,7 +109,7 @@ class Ring:
         return self.waiting / self.capacity
 
     def write(self, values: tuple[Any, ...]) -> bool:
-        """Write one row; for the writer.
+        """Write one row; for the writing process only.
 
         Args:
             values: Fields of the row in the order of `row_dtype`, with arrays expanded.
@@ -120,7 +126,7 @@ class Ring:
         return True
 
     def read(self, limit: int = 4096) -> bytes:
-        """Return and remove up to `limit` waiting rows; for the reader.
+        """Return and remove up to `limit` waiting rows; for the reading process only.
 
         Returns:
             Whole rows, oldest first; empty if no row waits.

@@ -22,8 +22,8 @@ class _Words(ctypes.Structure):
 class ServiceBeat(SharedBlock):
     """Shared memory that the service's event loop writes; a blocked event loop counts as hung.
 
-    Times are those of the safety clock. A process that moves a robot for the service checks it in
-    every cycle.
+    Times are those of the safety clock. A process that moves a robot for the service checks this
+    block in every cycle.
     """
 
     LABEL = "rid-daq-service-1"
@@ -31,12 +31,12 @@ class ServiceBeat(SharedBlock):
 
     @classmethod
     def inherited(cls, descriptor: int) -> Self:
-        """Return the block of an inherited file descriptor."""
+        """Return the block behind an inherited file descriptor."""
         return cls(SharedMemory(descriptor))
 
     @property
     def descriptor(self) -> int:
-        """File descriptor of the memory, for a process that is started."""
+        """File descriptor of the memory, which a new process inherits."""
         return self._memory.descriptor
 
     def write(self, now_s: float, lease_end_s: float) -> None:

@@ -57,7 +57,7 @@ class SetPointSource(Protocol):
         """Return the start pose, at rest; called before the drives are enabled; must be fast.
 
         Args:
-            lockstep: True if time stands still while the task works.
+            lockstep: True if simulated time stands still while the task works.
             position: Shape (joints,). Present position of the robot [rad or m].
         """
 
@@ -81,7 +81,7 @@ class SetPointSource(Protocol):
 
 @dataclass(frozen=True)
 class PlannedMotion:
-    """The simplest source: a motion that is completely planned.
+    """Source of set-points from a motion that is completely planned.
 
     Attributes:
         samples: The motion.

@@ -15,7 +15,7 @@ class SharedError(ctypes.Structure):
     """Error that ended a process, as a part of a shared block, for another process."""
 
     _fields_ = (
-        ("_there", ctypes.c_int64),
+        ("_is_set", ctypes.c_int64),
         ("_kind", ctypes.c_char * 64),
         ("_refusal", ctypes.c_char * 64),
         ("_text", ctypes.c_char * 4096),
@@ -26,11 +26,11 @@ class SharedError(ctypes.Structure):
         self._kind = clip_text(type(error).__name__, 63)
         self._refusal = clip_text(error.refusal, 63)
         self._text = clip_text(str(error), 4095)
-        self._there = 1
+        self._is_set = 1
 
     def get(self) -> RidDaqError | None:
         """Return the error with its class and code; None without an error."""
-        if not self._there:
+        if not self._is_set:
             return None
         kind = getattr(errors, self._kind.decode(errors="replace"), DriverError)
         if not (isinstance(kind, type) and issubclass(kind, RidDaqError)):

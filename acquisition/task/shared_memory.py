@@ -60,7 +60,7 @@ class SharedMemory:
     def of_process(
         cls, pid: int, label: str, size: int | None = None, writable: bool = True
     ) -> Iterator[SharedMemory]:
-        """Yield the memories with this label of another process, the last descriptor first.
+        """Yield the memories of another process that have this label, the last descriptor first.
 
         Memory whose owner could still shrink it is skipped: reading beyond its end would kill this
         process.
@@ -69,7 +69,7 @@ class SharedMemory:
             pid: Id of the process.
             label: Label passed to `create`.
             size: Memory of another size is skipped; None accepts any size.
-            writable: True to change the memory.
+            writable: True to map the memory for writing.
 
         Raises:
             PermissionError: The process belongs to another user.

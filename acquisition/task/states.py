@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING
 from acquisition.motion.samples import Phase
 
 if TYPE_CHECKING:
-    from acquisition.task.joint_values import (
-        JointValues,
-    )  # keeps `rid-daq stop` fast: it does not import numpy
+    # Not imported at run time, because this import of numpy would delay `rid-daq stop`.
+    from acquisition.task.joint_values import JointValues
 
 
 class TaskState(IntEnum):

@@ -26,9 +26,9 @@ class StopOrders:
 
     Args:
         control: Contains stop requests and the recorder's errors.
-        orphaned: Returns True if the program that started the task is gone.
+        orphaned: Function that returns True if the program that started the task has ended.
         service: Heartbeat of the service that ordered the motion, if any.
-        now_s: Safety clock [s].
+        now_s: Function that returns the time of the safety clock [s].
     """
 
     def __init__(

@@ -1,7 +1,7 @@
 """`StopSequence`: quick stop, supervision of the deceleration, and power off.
 
-If an axis does not decelerate as required, or exceeds its limit, the drives are disabled at once,
-with their brakes.
+If an axis does not decelerate as required, or exceeds its limit, the drives are disabled at once
+and the brakes engage.
 """
 
 from __future__ import annotations
@@ -64,8 +64,9 @@ class StopSequence:
         """Command a quick stop by set-point frames, and watch until all axes rest.
 
         Args:
-            cycle: Waits for the next cycle and runs it with a quick stop as its command. Returns
-                the time of its SYNC [s] and the number of cycle times since the previous one.
+            cycle: Function that waits for the next cycle and runs it with a quick stop as its
+                command. It returns the time of the cycle's SYNC [s] and the number of cycle times
+                since the previous cycle.
         """
         axes = self._axes
         before = axes.answers.position.tolist()

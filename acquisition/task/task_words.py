@@ -83,7 +83,7 @@ class TaskWords(ctypes.Structure):
 
     @property
     def phase(self) -> Phase:
-        """Phase of this row."""
+        """Phase of the row of the motion that was commanded last."""
         return Phase(self._phase)
 
     @property

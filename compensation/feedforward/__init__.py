@@ -1,4 +1,4 @@
-"""Feedforward of a known motion: compute, refine, judge, and store it.
+"""Feedforward of a motion that is known in advance: compute, refine, evaluate and store it.
 
 Everything here runs before the motion. Begin with `inverse.py`.
 """

@@ -3,7 +3,8 @@
 A gear of stiffness k that transmits the torque tau deflects by tau/k. Encoders at the motors do not
 measure this angle. Without a model, tau is taken from the measured motor torques. These contain
 friction and the torque for the motors' own inertia, which the gear does not transmit. An identified
-model gives tau without both. Backlash, and deflection of links and bearings, are not included.
+model gives tau without these two parts. Backlash, and deflection of links and bearings, are not
+included.
 """
 
 from __future__ import annotations
@@ -86,8 +87,9 @@ def deflection(
 def transmitted_torques(estimate: Estimate, recording: Recording) -> tuple[FloatArray, FloatArray]:
     """Return the positions of a motion's main phase and the torques that the gears transmit.
 
-    The torques are those of the links and springs in the model, without friction and without rotor
-    inertia that the model separates from link inertia. A payload outside the model is not included.
+    The torques are those of the links and springs in the model, without friction. Rotor inertia is
+    left out too if the model separates it from link inertia. A payload outside the model is not
+    included.
 
     Args:
         estimate: The identified robot.
@@ -98,15 +100,15 @@ def transmitted_torques(estimate: Estimate, recording: Recording) -> tuple[Float
         the gears' outputs [N m or N].
 
     Raises:
-        DataQualityError: The recording is too short or has too many gaps for accelerations.
+        DataQualityError: The recording is too short or has too many gaps to compute accelerations.
     """
     signals = smoothed_recording(recording, BAND_HZ)
     main_s = recording.time_s[recording.phase == Phase.MAIN]
     rows = (signals.time_s >= main_s[0]) & (signals.time_s <= main_s[-1])
     if not rows.any():
         raise DataQualityError(
-            f"the motion lies within {2.0 / BAND_HZ:g} s of the recording's ends or gaps: too"
-            " little for accelerations, so leave the model out",
+            f"every row of the motion is within {2.0 / BAND_HZ:g} s of an end or a gap of the"
+            " recording, so accelerations cannot be computed: leave the model out",
             code="RID-RECORDING-SHORT",
         )
     motion = (signals.position[rows], signals.velocity[rows], signals.acceleration[rows])

@@ -1,4 +1,4 @@
-"""Feedforward file: a motion and the precompensated speeds, written by `rid-daq compensate`."""
+"""Feedforward file: a motion and its precompensated speeds, written by `rid-daq compensate`."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class TuningEntry(ConfigModel):
     """Tuning of the feedforward by a reference run, per joint, base to flange.
 
     `used` is false for a joint that the run does not excite enough. `applied_scale` and
-    `applied_delay_s` are 1 and 0 if the run shows no significant difference from them.
+    `applied_delay_s` are 1 and 0 if the run shows no significant difference from these values.
     """
 
     run: str
@@ -41,7 +41,7 @@ class TuningEntry(ConfigModel):
 
     @classmethod
     def of(cls, found: Tuning, run: str, same_motion: bool) -> TuningEntry:
-        """Return the entry of a tuning by a run of the same or of another motion."""
+        """Return the entry for a tuning; `same_motion` is true if its run has the same motion."""
         return cls.from_attributes(
             found,
             run=run,
@@ -56,7 +56,7 @@ class TuningEntry(ConfigModel):
 
 
 class RefinementEntry(ConfigModel):
-    """One step of refinement: its runs, their remaining error, and the convergence bound.
+    """One step of refinement: its runs, the error that remained in them, and the convergence bound.
 
     `rms` is the RMS of each joint's mean error [rad or m], `over_noise` the ratio of its power to
     that of the noise, and `bound` the largest fraction of an error that can remain after one step,
@@ -72,13 +72,13 @@ class RefinementEntry(ConfigModel):
 
 
 class FeedforwardOrigin(ConfigModel):
-    """Sources of a feedforward: files by their SHA-256, runs by their ids.
+    """Origin of a feedforward: files are named by their SHA-256, runs by their ids.
 
     Attributes:
-        payload: The payload in the model: the SHA-256 of its file, `model`, or `none`; empty if
-            nothing was stated.
+        payload: The payload in the model: the SHA-256 of its file, `model`, or `none`; empty if the
+            user did not state a payload.
         temperature: Assumed temperature of the joints, as in `at_operating_temperature`; empty if
-            friction does not depend on it.
+            friction does not depend on temperature.
     """
 
     model_sha256: str = ""
@@ -90,7 +90,7 @@ class FeedforwardOrigin(ConfigModel):
 
 
 class FeedforwardFile(ConfigModel):
-    """Speeds that the position loop adds to each row of the planned motion.
+    """Feedforward speeds that are added to the output of the position loop, for each planned row.
 
     `feedforward` has one row per cycle and one column per joint, base to flange [rad/s or m/s].
     """
@@ -118,7 +118,7 @@ class FeedforwardFile(ConfigModel):
             raise ConfigError(
                 f"the feedforward has {len(rows)} rows of {self.cycle_time_ms} ms for joints"
                 f" {', '.join(self.joints)}; the motion has {len(samples)} rows of {cycle_ms} ms"
-                f" for {', '.join(samples.joint_names)}: compensate it again for this cell",
+                f" for {', '.join(samples.joint_names)}: compensate the motion again for this cell",
                 code="RID-FEEDFORWARD-OTHER-MOTION",
             )
         return replace(samples, feedforward=rows)

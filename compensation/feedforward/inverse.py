@@ -1,12 +1,12 @@
-"""Precompensated velocity feedforward (6.1-6.3): inverse of the velocity loop, applied to a model.
+"""Precompensated velocity feedforward (6.1-6.3): inverse velocity loop of a model's torque.
 
 A drive generates torque from velocity error only, so a loaded robot lags behind its command. The
 feedforward is the desired speed plus the velocity error that generates the desired torque,
 
     v_ff = v_d + G_c^-1 tau_d ,    G_c^-1 = (1 / K_p) T_i s / (T_i s + 1) ,
 
-a high-pass filter, because the loop's own integrator generates constant torque. All values are sent
-earlier by the delay with which commands act.
+a high-pass filter, because the loop's own integrator generates constant torque. A command takes
+effect after a delay. Therefore all values are sent earlier by this delay.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class FeedforwardTuning:
 
     Attributes:
         scale: Shape (n,). Factor of the model torque.
-        delay_s: Shape (n,). Transport delay beyond the known cycles [s].
+        delay_s: Shape (n,). Transport delay in addition to the known delay of two cycles [s].
     """
 
     scale: FloatArray
@@ -48,7 +48,7 @@ class FeedforwardTuning:
 
     @classmethod
     def none(cls, joints: int) -> FeedforwardTuning:
-        """Return the tuning that changes nothing."""
+        """Return a tuning that does not change the feedforward."""
         return cls(np.ones(joints), np.zeros(joints))
 
 
@@ -56,12 +56,12 @@ def refuse_coupled_wrist(robot: RobotDescription, what: str) -> None:
     """Refuse a method that works joint by joint if the robot has a coupled wrist.
 
     Raises:
-        ConfigError: The robot has a coupled wrist; the message names `what`.
+        ConfigError: The robot has a coupled wrist; the message names the method `what`.
     """
     if robot.coupling is not None:
         raise ConfigError(
-            f"robot {robot.name}: {what} works joint by joint, and this robot's wrist is coupled;"
-            " use `rid-daq compensate` without it",
+            f"robot {robot.name}: {what} works joint by joint, and this robot's wrist is coupled:"
+            f" use `rid-daq compensate` without {what}",
             code="RID-ROBOT-COUPLED-WRIST",
         )
 
@@ -85,14 +85,15 @@ def periodic_feedforward(
     tuning: FeedforwardTuning | None = None,
     band_hz: float | None = None,
 ) -> FloatArray:
-    """Return the feedforward of a periodic motion, exact on its frequency lines.
+    """Return the feedforward of a periodic motion, exact at each of its harmonics.
 
     Args:
-        loops: One per joint.
+        loops: Velocity loops, one per joint.
         velocity, torque_nm: Shape (K, n). One period of the desired motion and its model torque.
         cycle_time_s: Time between rows [s].
-        tuning: Correction from a reference run.
-        band_hz: Highest frequency of the torque [Hz] (default: a quarter of the sampling rate).
+        tuning: Correction found in a reference run.
+        band_hz: Highest frequency at which the torque is compensated [Hz] (default: a quarter of
+            the sampling rate).
 
     Returns:
         Shape (K, n). Speeds to send; row k acts two cycles later.
@@ -119,12 +120,12 @@ class InverseFilter:
     """G_c^-1 in the time domain, for torques that are linear between samples.
 
     The state is the torque of the loop's integrator. Parameters are those of `VelocityLoop` without
-    delay and lag; the caller compensates these by looking ahead.
+    delay and lag; the caller compensates delay and lag by sending values earlier.
 
     Args:
         gain, integral_time_s: Shape (n,). K_p and T_i of each joint.
         step_s: Time between samples [s].
-        torque_nm: Shape (n,). Torque at the start, already in the integrators.
+        torque_nm: Shape (n,). Torque that the integrators already hold at the start.
     """
 
     gain: FloatArray
@@ -138,7 +139,7 @@ class InverseFilter:
         x = self.step_s / self.integral_time_s
         decay = np.exp(-x)
         share = -np.expm1(-x) / x
-        # x' = (tau - x) / T_i with tau linear over the step.
+        # Integrator torque c: c' = (tau - c) / T_i, with tau linear over the step.
         self._decay, self._old, self._new = decay, share - decay, 1.0 - share
 
     def step(self, torque_nm: FloatArray) -> FloatArray:
@@ -149,7 +150,7 @@ class InverseFilter:
 
 
 def count_padding_rows(step_s: float) -> int:
-    """Return the number of rows of the return, with the rest before and after it."""
+    """Return the number of rows that `append_return` appends: rest, return, rest."""
     return round((2.0 * REST_S + RETURN_S) / step_s)
 
 
@@ -180,10 +181,10 @@ def rest_to_rest_feedforward(
     *,
     tuning: FeedforwardTuning | None = None,
 ) -> FloatArray:
-    """Return the feedforward of a motion from rest to rest, computed on its frequency lines.
+    """Return the feedforward of a motion from rest to rest, computed in the frequency domain.
 
-    A slow return makes the motion periodic, so that delays are compensated to fractions of a cycle.
-    Parameters and result are those of `feedforward`.
+    A slow return is appended, which makes the motion periodic. In the frequency domain, delays are
+    compensated to fractions of a cycle. Parameters and result are those of `feedforward`.
     """
     speed, torque = (append_return(values, cycle_time_s) for values in (velocity, torque_nm))
     ahead = periodic_feedforward(loops, speed, torque, cycle_time_s, tuning=tuning)
@@ -198,17 +199,17 @@ def feedforward(
     *,
     tuning: FeedforwardTuning | None = None,
 ) -> FloatArray:
-    """Return the feedforward of any motion in the time domain, as the on-line stage computes it.
+    """Return the feedforward of any motion in the time domain, as on-line compensation computes it.
 
     Args:
-        loops: One per joint.
+        loops: Velocity loops, one per joint.
         velocity, torque_nm: Shape (samples, n). The desired motion and its model torque.
         cycle_time_s: Time between rows [s].
-        tuning: Correction from a reference run.
+        tuning: Correction found in a reference run.
 
     Returns:
-        Shape (samples, n). Speeds to send, row by row. Commands that would belong before the first
-        row are lost. The motion begins at rest.
+        Shape (samples, n). Speeds to send, row by row. Commands that would have to be sent before
+        the first row are left out. The motion begins at rest.
     """
     n = velocity.shape[1]
     tuning = tuning or FeedforwardTuning.none(n)

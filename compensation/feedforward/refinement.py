@@ -1,8 +1,9 @@
-"""Refinement of a feedforward over repetitions: each run corrects the error of the last one.
+"""Refinement of a feedforward over repetitions: each run corrects the error of the previous run.
 
-The command that acted was R (K_v e + v_ff). According to the model, the robot's actual motion q
-needs jw q + G_c^-1 tau(q), and the desired motion q_d needs jw q_d + G_c^-1 tau(q_d). The
-difference of these two is added to the next command:
+R is the transmission of commands, e = q_d - q the error. The command that reached the drive was R
+(K_v e + v_ff). According to the model, the robot's actual motion q needs jw q + G_c^-1 tau(q), and
+the desired motion q_d needs jw q_d + G_c^-1 tau(q_d). The difference of these two is added to the
+next command:
 
     v_ff' = v_ff + K_v e + (jw e + G_c^-1 (tau(q_d) - tau(q))) / R .
 
@@ -10,9 +11,9 @@ With an exact model one repetition would be enough. With a real model the error 
 
     rho(w) = |1 - L(w) / L_true(w)| ,   L = R K_v + jw + G_c^-1 (jw f_v - w^2 M) ,
 
-in each repetition, and it decreases if rho < 1 (Bristow, Tharayil and Alleyne 2006).
-`stability_bound` computes the largest rho along the motion at each frequency of the band, for loops
-and inertia within their intervals.
+in each repetition, in which f_v is viscous friction and M inertia. It decreases if rho < 1
+(Bristow, Tharayil and Alleyne 2006). `stability_bound` computes the largest rho along the motion at
+each frequency of the band, for loops and inertias within their confidence intervals.
 """
 
 from __future__ import annotations
@@ -59,8 +60,9 @@ class StabilityBound:
     Attributes:
         frequency_hz: Shape (lines,). Frequencies of the bound [Hz].
         rho: Shape (lines, n). Largest |1 - L / L_true| for loops and inertias within their
-            intervals.
-        band_hz: End of the refined band [Hz]; up to it `rho` stays below 0.8 in every joint.
+            confidence intervals.
+        band_hz: Upper end of the refined band [Hz]; up to this frequency `rho` is at most 0.8 in
+            every joint.
     """
 
     frequency_hz: FloatArray
@@ -81,8 +83,8 @@ class Refinement:
         correction: Shape (samples, n). Speeds to add to the feedforward in the rows of the error
             [rad/s or m/s].
         bound: Convergence bound of this step.
-        over_noise: Shape (n,). Power of the mean error in the band over the power of the noise in
-            it.
+        over_noise: Shape (n,). Power of the mean error divided by the power of the noise, both in
+            the refined band.
         noise_limit: Ratio up to which the error is indistinguishable from noise.
     """
 
@@ -109,7 +111,7 @@ def refinement(
     Args:
         measured: Error that remained in the repetitions.
         estimate: Model of the robot.
-        loops: One per joint, base to flange.
+        loops: Velocity loops, one per joint, base to flange.
         gain_per_s: K_v of the position loop [1/s].
 
     Raises:
@@ -183,7 +185,7 @@ def stability_bound(
 
 
 def without_jumps(estimate: Estimate) -> Estimate:
-    """Return a model without friction that jumps when a speed changes its sign."""
+    """Return the model without the friction terms that jump when a speed changes its sign."""
     jumping = {
         column.parameter_name
         for term in estimate.model.terms
@@ -223,7 +225,7 @@ def _without_losses(estimate: Estimate) -> Estimate:
 
 
 def _loops_in_interval(loop: VelocityLoop) -> list[VelocityLoop]:
-    """Return loops at two standard deviations from a fitted one, in random directions."""
+    """Return loops on the edge of a fit's 95 % confidence region, in random directions."""
     if not len(loop.names):
         return [loop]
     random = np.random.default_rng(0)
@@ -270,7 +272,7 @@ def _columns(estimate: Estimate, q: FloatArray, v: FloatArray, a: FloatArray) ->
 def _missing_torque(
     samples: MotionSamples, measured: RepeatedError, smooth: Estimate, learned: Complex, rows: int
 ) -> FloatArray:
-    """Return tau(q_d) - tau(q), with q reached according to the error that is learned."""
+    """Return tau(q_d) - tau(q), in which q follows from the corrected error `learned`."""
     omega = 2.0 * math.pi * np.arange(len(learned)) / (rows * samples.sample_period_s)
     slope = (1j * omega)[:, np.newaxis]
     count = len(measured.error)

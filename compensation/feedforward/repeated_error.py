@@ -25,10 +25,12 @@ class RepeatedError:
     Attributes:
         joint_names: Base to flange.
         sample_period_s: Time between rows [s].
-        rows: Rows of the planned motion that the error covers: the last measured period, or all.
+        rows: Rows of the planned motion that the error covers: the last period of the main phase,
+            or all rows.
         error: Shape (samples, n). Mean of q_d - q [rad or m].
-        bin_variance: Shape (bins, n). Noise of the mean, E|N|^2 on each bin of the error; for a
-            motion that is not periodic, of the error with its return to the first row.
+        bin_variance: Shape (bins, n). Variance E|N|^2 of the mean's noise at each bin of the error.
+            If the motion is not periodic, the bins are those of the error with an appended return
+            to its first row.
         periodic: True if the error covers one period.
         repetitions: Number of averaged periods or runs.
     """
@@ -65,13 +67,16 @@ def repeated_error(samples: MotionSamples, recordings: Sequence[Recording]) -> R
     """
     for recording in recordings:
         if recording.joint_names != samples.joint_names:
-            raise DataQualityError("a run has other joints than the motion", code="RID-ROBOT-OTHER")
+            raise DataQualityError(
+                f"run {recording.run_id} has other joints than the motion: use runs of this motion",
+                code="RID-ROBOT-OTHER",
+            )
     if samples.samples_per_period is None:
         return _of_runs(samples, recordings)
     if len(recordings) != 1:
         raise DataQualityError(
-            f"{len(recordings)} runs of a periodic motion: give one run; its periods are the"
-            " repetitions",
+            f"{len(recordings)} runs of a periodic motion were given: give exactly one, because"
+            " its periods are the repetitions",
             code="RID-REFINE-RUNS",
         )
     average = average_periods(recordings[0])
@@ -101,7 +106,7 @@ def _of_runs(samples: MotionSamples, recordings: Sequence[Recording]) -> Repeate
     padded = np.array([append_return(error, samples.sample_period_s) for error in errors])
     bins = np.fft.rfft(padded, axis=1) / padded.shape[1]
     noise = np.square(np.abs(bins - bins.mean(axis=0))).sum(axis=0) / (count - 1) / count
-    # A single bin of two or three runs is uncertain: average over neighbours.
+    # The noise of a single bin is uncertain with two or three runs: average over neighbouring bins.
     wide = max(1, 2 * round(len(noise) / 40) + 1)
     smooth = np.array([np.convolve(one, np.full(wide, 1.0 / wide), "same") for one in noise.T]).T
     rounding = np.mean([_rounding(one.position) for one in recordings], axis=0) / padded.shape[1]
@@ -118,8 +123,8 @@ def _of_runs(samples: MotionSamples, recordings: Sequence[Recording]) -> Repeate
 
 def _position(samples: MotionSamples, recording: Recording) -> FloatArray:
     """Return the measured position in each row of the motion."""
-    there = recording.valid & (recording.sample_index >= 0)
-    index = recording.sample_index[there]
+    usable = recording.valid & (recording.sample_index >= 0)
+    index = recording.sample_index[usable]
     rows = np.arange(len(samples))
     missing = len(samples) - len(np.unique(index))
     if missing > 0.02 * len(samples):
@@ -128,7 +133,7 @@ def _position(samples: MotionSamples, recording: Recording) -> FloatArray:
             " record it again",
             code="RID-RECORDING-ROWS-LOST",
         )
-    columns = [np.interp(rows, index, column) for column in recording.position[there].T]
+    columns = [np.interp(rows, index, column) for column in recording.position[usable].T]
     return np.stack(columns, axis=1)
 
 

@@ -1,4 +1,4 @@
-"""`TrackingError`: distance between desired and reached positions, per joint and path (6.4-6.6)."""
+"""`TrackingError`: difference of desired and reached positions, of joints and tool (6.4-6.6)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from dynamics.geometry.kinematics import Chain, forward
 
 @dataclass(frozen=True, eq=False)
 class TrackingError:
-    """Errors of one run over its motion.
+    """Tracking errors of one run, sample by sample.
 
     Attributes:
         joint: Shape (samples, n). q_d - q [rad or m].
@@ -34,12 +34,12 @@ class TrackingError:
 
     @property
     def mean_m(self) -> float:
-        """d_mean (6.5) [m]."""
+        """Mean distance of the tool point, d_mean (6.5) [m]."""
         return float(self.distance_m.mean())
 
     @property
     def max_m(self) -> float:
-        """d_max (6.6) [m]."""
+        """Largest distance of the tool point, d_max (6.6) [m]."""
         return float(self.distance_m.max())
 
     @property

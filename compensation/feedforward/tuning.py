@@ -1,11 +1,12 @@
 """Tuning of the feedforward by one averaged reference run: a torque scale and a delay per axis.
 
-Model, loops and transport delay were measured separately; the closed loop shows their common error.
-Over the mean period of the reference run
+Model, loops and transport delay were measured separately; the closed loop shows the combined effect
+of their errors. R is the transmission of commands, e the tracking error, s the torque scale and T
+the delay. For the mean period of the reference run,
 
     R exp(-jw T) (K_v e + v_ff) - jw q = s G_c^-1 tau(q)
 
-holds on every bin. s and T are found by least squares (chapter 6.4 tunes the same two values).
+holds at every bin. Least squares give s and T (chapter 6.4 tunes the same two values).
 """
 
 from __future__ import annotations
@@ -48,7 +49,8 @@ class Tuning:
     """A tuning with its uncertainty.
 
     Attributes:
-        tuning: Values to use; 1 and 0 if the run shows no significant difference from them.
+        tuning: Values to use: scale 1 or delay 0 if the run shows no significant difference from
+            it.
         scale, delay_s: Shape (n,). Estimated values.
         scale_std, delay_std_s: Shape (n,). Standard deviations, from the residuals.
         used: True for axes that the run excites enough.
@@ -76,9 +78,9 @@ def tune(
 
     Args:
         samples: The reference motion with the feedforward of its run.
-        measured: Error that remained.
+        measured: Mean tracking error of the run.
         estimate: Model of the robot.
-        loops: One per joint, base to flange.
+        loops: Velocity loops, one per joint, base to flange.
         gain_per_s: K_v of the position loop [1/s].
 
     Raises:

@@ -26,7 +26,7 @@ from config.errors import EstimationError
 
 LEAST_RELATIVE: Final = 0.03
 MEDIAN_OF_RAYLEIGH: Final = math.sqrt(math.log(2.0))
-"""Median magnitude of complex normal noise over its RMS."""
+"""Ratio of the median magnitude of complex normal noise to its RMS."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,11 +36,11 @@ class AxisMechanics:
     Attributes:
         inertia: J [kg m^2 or kg].
         damping: B [N m s/rad or N s/m].
-        covariance: Shape (2, 2). Covariance of J and B. The misfit is included as an error common
-            to all lines. Use it for the margins only, not as a confidence interval of J.
+        covariance: Shape (2, 2). Covariance of J and B. The misfit is included as an error that all
+            lines share. Use it for the margins only, not as a confidence interval of J.
         misfit: Median over the lines of the relative residual of torque per speed. A large value
             means that the axis is not a single inertia: usually it is elastic.
-        noise: The same median if only the noise between periods remained.
+        noise: Median that the noise between periods alone would cause.
     """
 
     joint_name: str
@@ -70,7 +70,7 @@ class AxisMechanics:
         return np.asarray(self.transfer_function(s), dtype=np.complex128)
 
     def moved(self, inertia: float, damping: float) -> AxisMechanics:
-        """Return the axis with changed inertia and damping; the inertia stays positive."""
+        """Return the axis with these amounts added to J and B; the inertia J stays positive."""
         return replace(
             self,
             inertia=max(self.inertia + inertia, 1e-3 * self.inertia),
@@ -81,9 +81,9 @@ class AxisMechanics:
 def fit_axis_mechanics(measured: FrequencyResponse) -> AxisMechanics:
     """Fit inertia and damping to a response of `mechanics_responses`.
 
-    Torque per speed is linear in both, so weighted least squares on its real and imaginary parts
-    suffices. Friction causes deviations beyond the variance. Therefore the weights are relative
-    accuracies, limited to 3 % per line.
+    Torque per speed is linear in inertia and damping, so weighted least squares on its real and
+    imaginary parts suffices. Friction causes deviations that the noise variance does not contain.
+    Therefore a relative error of 3 % is added to the noise of each line.
 
     Raises:
         EstimationError: The response is not that of an inertia.

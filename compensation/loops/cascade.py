@@ -7,8 +7,8 @@ G_c includes the lag of the current loop and the delay of the drive (`VelocityLo
 (`AxisMechanics`), and R is the delay of one cycle and the interpolation of the digital position
 loop. Aliasing of the position loop above half its sampling rate is neglected.
 
-python-control computes the margins from frequency responses: they contain delays exactly, which
-rational transfer functions do not.
+python-control computes the margins from frequency responses, because these represent delays
+exactly. Rational transfer functions do not.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ class Margins:
     """Stability margins of an open loop.
 
     Attributes:
-        gain: Factor by which the gain may grow; below 1 if the loop is unstable; None if no gain
-            makes it unstable.
+        gain: Factor by which the gain can grow before the loop becomes unstable; below 1 if it is
+            unstable already; None if no gain makes it unstable.
         phase_deg: Phase margin [degrees]; None if the gain is below 1 at all frequencies.
         crossover_hz, phase_crossover_hz: Frequencies [Hz] of gain 1 and of phase -180 degrees.
     """
@@ -137,11 +137,11 @@ class Cascade:
         return self.position_gain_per_s * factor
 
     def spread(self) -> tuple[Cascade, ...]:
-        """Return cascades at one standard deviation to both sides of this one.
+        """Return pairs of cascades, one standard deviation above and below this one.
 
-        There is one pair per column of the square root of the parameter covariance. Half the
-        difference of a pair is the contribution of this column to the standard deviation of a
-        result.
+        There is one pair per column of the square root of the parameter covariance. If a result is
+        computed from both cascades of a pair, half the difference is the contribution of this
+        column to the result's standard deviation.
         """
         loop = self.loop
         steps = [
@@ -188,11 +188,14 @@ def advise(cascades: Sequence[Cascade]) -> GainAdvice:
     least = int(np.argmin(limits))
     present, largest = cascades[0].position_gain_per_s, limits[least]
     name = cascades[least].loop.joint_name
-    rule = f"{LEAST_PHASE_DEG:g}° of phase and {20.0 * math.log10(LEAST_GAIN):.0f} dB of gain"
+    rule = (
+        f"{LEAST_PHASE_DEG:g}° of phase margin and {20.0 * math.log10(LEAST_GAIN):.0f} dB of gain"
+        " margin"
+    )
     if present > largest:
         text = (
-            f"K_v {present:g} 1/s leaves {name} less than {rule}. {largest:.3g} 1/s keeps them on"
-            " every axis: lower position_gain_per_s in the cell file."
+            f"K_v {present:g} 1/s leaves {name} less than {rule}. Lower position_gain_per_s in the"
+            f" cell file to {largest:.3g} 1/s, which keeps these margins on every axis."
         )
     else:
         text = (
@@ -204,7 +207,7 @@ def advise(cascades: Sequence[Cascade]) -> GainAdvice:
 
 
 def margins(opened: control.FrequencyResponseData) -> Margins:
-    """Return the margins of an open loop; of several crossings, the most critical one counts.
+    """Return the margins of an open loop, at the most critical crossing if there are several.
 
     Args:
         opened: The open loop, over rad/s.
@@ -219,12 +222,12 @@ def margins(opened: control.FrequencyResponseData) -> Margins:
 
 
 def _finite(value: float) -> float | None:
-    """Return None for the value that python-control gives if there is no crossing."""
+    """Return None if the value is not finite: python-control's result if there is no crossing."""
     return float(value) if math.isfinite(value) else None
 
 
 def _gain_to_edge(opened: control.FrequencyResponseData) -> float:
-    """Return the smallest factor that puts an open loop on the critical point."""
+    """Return the smallest gain factor that puts an open loop on the critical point -1."""
     factors = control.stability_margins(opened, returnall=True)[0]
     return float(min(factors, default=math.inf))
 

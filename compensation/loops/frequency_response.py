@@ -43,8 +43,8 @@ class Distortion:
         frequency_hz: Shape (lines,). Frequencies [Hz].
         output: Shape (lines,). Amplitude of the output, in its unit.
         level, noise: Shape (lines,). Residual of the linear response, and the residual that noise
-            alone would leave, each over the input at the neighbouring excited lines: in the unit of
-            the response.
+            alone would leave, each divided by the input at the neighbouring excited lines; in the
+            unit of the response.
     """
 
     frequency_hz: FloatArray
@@ -70,11 +70,11 @@ class FrequencyResponse:
         response: Shape (lines,). Output over input.
         variance_noise: Shape (lines,). Variance E|dG|^2 of the response due to noise, from the
             differences between periods.
-        variance: Shape (lines,). Total variance of the response: that of noise times a factor for
-            distortion. The factor comes from the differences between realisations, over all lines,
-            or for one realisation from its empty odd lines.
+        variance: Shape (lines,). Total variance of the response: `variance_noise` times a factor
+            for distortion. With several realisations, the factor comes from their differences at
+            all lines; with one realisation, from the odd lines that the multisine leaves empty.
         coherence: Shape (lines,). Coherence of multisine and output over all periods, 0 to 1.
-        even, odd: Distortion at even lines, and at odd lines left empty.
+        even, odd: Distortion at even lines, and at odd lines that the multisine leaves empty.
         realisations, periods: Numbers of averaged realisations and periods.
     """
 
@@ -117,7 +117,8 @@ def frequency_responses(
 ) -> tuple[FrequencyResponse, ...]:
     """Return the velocity controllers' responses of a multisine run.
 
-    Parameters, frames and errors are those of `multisine_spectra`, units of `controller_responses`.
+    Parameters and errors are those of `multisine_spectra`; the units are those of
+    `controller_responses`.
     """
     return controller_responses(multisine_spectra(recording, motion, robot))
 
@@ -162,7 +163,7 @@ def _response(
     lines, reference = spectra.lines[joint], spectra.reference[joint]
     inputs, outputs = both
     realisations, periods = outputs.shape[:2]
-    # Referred to the multisine, (realisations, periods, lines).
+    # Both signals relative to the multisine, shape (realisations, periods, lines).
     x, y = (values[:, :, lines] / reference[:, np.newaxis, :] for values in both)
     mean_x, mean_y = x.mean(axis=(0, 1)), y.mean(axis=(0, 1))
     response = mean_y / mean_x
@@ -177,7 +178,7 @@ def _response(
     every = np.concatenate(spectra.lines)
     between = np.arange(max(2, lines[0]), lines[-1] + 1)
     empty = np.setdiff1d(between, every)
-    # The response and the input between the lines, smooth in amplitude and phase.
+    # Response and input at the empty lines, interpolated between the excited lines.
     where, at = frequency_hz[lines], frequency_hz[empty]
     amplitude = np.exp(np.interp(at, where, np.log(np.abs(response))))
     angle = np.interp(at, where, np.unwrap(np.angle(response)))
@@ -202,7 +203,7 @@ def _response(
         squares = np.sum(np.abs(by_realisation) ** 2, axis=0)
         total = squares / (realisations - 1) / realisations / size
         # The scatter of one line over a few realisations is uncertain: all lines are pooled.
-        # Without distortion, the mean of a ratio of variances is freedom / (freedom - 1).
+        # The mean of a ratio of two variances of pure noise is freedom / (freedom - 1), not 1.
         unbiased = (freedom - 1) / freedom if freedom > 1 else 1.0
         more = unbiased * float(np.mean(total / noise))
     else:
@@ -232,9 +233,9 @@ def _distortion_factor(joint_name: str, odd: Distortion) -> float:
     """
     if not len(odd.level):
         raise DataQualityError(
-            f"joint {joint_name}: one realisation without empty odd lines does not show what"
-            " distortion adds to the response: design with --grid random_odd, or with two"
-            " realisations or more",
+            f"joint {joint_name}: one realisation without empty odd lines does not show the error"
+            " that distortion causes in the response: design the multisine with --grid"
+            " random_odd, or with at least two realisations",
             code=ONE_REALISATION,
         )
     return float(np.mean(odd.level**2) / np.mean(odd.noise**2))

@@ -1,7 +1,7 @@
-"""`LoopMeasurement`: the loops of all drives that a multisine run shows, identified in two passes.
+"""`LoopMeasurement`: the loops of all axes that a multisine run excites, identified in two passes.
 
 Commands are linear between samples, so their spectrum has images of each line around the multiples
-of the cycle frequency. The axis follows the images a little. Sampling then folds this motion back
+of the cycle frequency. The axis follows these images slightly. Sampling then folds this motion back
 onto the line: about 0.1 % of the velocity error at a sixth of the cycle frequency. The first pass
 neglects the images and fits the loops. The second pass computes the images with these loops and
 removes them.
@@ -41,9 +41,11 @@ class LoopMeasurement:
     """Responses of the excited axes and their fits, in the same order.
 
     Attributes:
-        controllers, mechanics: Torque over velocity error, and velocity over torque.
+        controllers, mechanics: Frequency responses: torque over velocity error, and velocity over
+            torque.
         cascades: Fitted loops of each axis.
-        left_out: Realisations with missing rows, counted from 1.
+        left_out: Numbers of the realisations that are not used because rows are missing; the first
+            is 1.
     """
 
     controllers: tuple[FrequencyResponse, ...]
@@ -72,7 +74,8 @@ def measure_loops(
     Raises:
         DataQualityError: The recording belongs to another robot, has no commands, or has no
             complete realisation.
-        EstimationError: There are too few lines, or the response is not that of a velocity loop.
+        EstimationError: There are too few excited lines, or the response is not that of a velocity
+            loop.
     """
     spectra = multisine_spectra(recording, motion, robot)
     first = _measured(spectra, position_gain_per_s)
@@ -84,7 +87,8 @@ def without_images(spectra: MultisineSpectra, cascades: Sequence[Cascade]) -> Mu
 
     Args:
         spectra: Measured spectra.
-        cascades: Loops that predict the images; other joints are not changed.
+        cascades: Fitted loops, which predict the images; the spectra of other joints are not
+            changed.
     """
     f, step_s = spectra.frequency_hz, spectra.cycle_time_s
     torque, error, velocity = (

@@ -1,4 +1,4 @@
-"""Multisine motion of a cell, as large as the robot's limits allow with a margin."""
+"""Design of a cell's multisine motion, as large as the robot's limits allow with a margin."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ PATH_STRIDE: Final = 10
 def velocity_loop_band_hz(cell: CellConfig) -> tuple[float, float]:
     """Return the lowest and highest frequency of multisines for a cell [Hz].
 
-    If the cell file has no band, torque and commands decide: the torque is measured up to half the
-    cutoff frequency of the torque filter, and commands are followed up to a sixth of the cycle
-    frequency. The band ends at the lower of these two frequencies.
+    If the cell file has no band, the band begins at 0.5 Hz. It ends at the lower of two
+    frequencies: half the cutoff frequency of the torque filter, up to which the torque is measured,
+    and a sixth of the cycle frequency, up to which the drives follow commands.
     """
     if cell.velocity_loop_band_hz is not None:
         return cell.velocity_loop_band_hz
@@ -61,7 +61,7 @@ class MultisineOptions(Ranged):
         period_s: Period [s], a whole number of cycles (default: about 8 s).
         periods, realisations: Numbers of measured periods and realisations.
         grid, phases: As in `MultisineMotion`.
-        slow: True to add a slow sine.
+        slow: True to add a slow sine, which reduces stiction.
         seed: Random seed of phases and empty lines, and of poses if bodies touch in the middle of
             the ranges.
     """
@@ -82,18 +82,18 @@ def multisine_motion(
     options: MultisineOptions,
     estimate: Estimate | None = None,
 ) -> MultisineMotion:
-    """Return a multisine about the middle of each joint's range, verified within the limits.
+    """Return a multisine about the middle of each joint's range, checked against the limits.
 
-    RMS speeds start at the value that needs half of the joint's acceleration at the highest line.
-    The multisine of a joint shrinks until speed, acceleration and torque stay within 80 % of their
-    limits. The slow sine, which keeps friction from sticking most of the time, shrinks until
-    position limits and clearances hold. Torque is checked if a model or the robot's `cad` predicts
-    it.
+    The first attempt has the RMS speed that needs half of the joint's acceleration limit at the
+    highest line. A joint's multisine is then reduced until speed, acceleration and torque stay
+    within 80 % of their limits. A slow sine is added, which keeps the joint from sticking most of
+    the time. If a position limit or a clearance is violated, multisine and slow sine are both
+    reduced. Torque is checked if a model or the robot's `cad` predicts it.
 
     Args:
-        cell: Cycle time, band, workspace.
+        cell: The cell, with cycle time, band and workspace.
         options: Options of the multisine.
-        estimate: A model, for the torque limits.
+        estimate: Model that predicts the torques (default: the robot's `cad`, if it has one).
 
     Raises:
         ConfigError: Even a small multisine exceeds the limits, or period and band do not fit the
@@ -112,8 +112,9 @@ def multisine_motion(
         )
     if lowest_hz * period_s < 2.0 - 1e-9:
         raise ConfigError(
-            f"a band from {lowest_hz:g} Hz needs a period of at least {2.0 / lowest_hz:g} s, it is"
-            f" {period_s:g} s: the first harmonic is reserved for the slow sine",
+            f"a band from {lowest_hz:g} Hz needs a period of at least {2.0 / lowest_hz:g} s,"
+            " because the first harmonic is reserved for the slow sine; the period is"
+            f" {period_s:g} s: give a longer one",
             code="RID-MOTION-BAND",
         )
     if options.phases == "schroeder" and realisations > 1:
@@ -124,9 +125,9 @@ def multisine_motion(
         )
     if realisations == 1 and options.grid != "random_odd":
         raise ConfigError(
-            f"one realisation on grid {options.grid} has no empty odd line and does not show what"
-            " distortion adds to the response: use --grid random_odd, or at least two"
-            " realisations",
+            f"one realisation on grid {options.grid} has no empty odd line and does not show the"
+            " error that distortion causes in the response: use --grid random_odd, or at least"
+            " two realisations",
             code=ONE_REALISATION,
         )
     limits = [joint.limits for joint in robot.joints]
@@ -184,7 +185,7 @@ def multisine_motion(
         use = limit_use(samples, robot, estimate).max(axis=1)
         if (use <= LARGEST_USE).all():
             return motion
-        reason = f"limits are used by {', '.join(f'{100.0 * x:.0f}' for x in use)} % of them"
+        reason = f"the joints use {', '.join(f'{100.0 * x:.0f}' for x in use)} % of their limits"
         speed = np.where(use > LARGEST_USE, SMALLER * speed, speed)
     raise ConfigError(
         f"no multisine stays within the limits of robot {robot.name!r}: {reason}",

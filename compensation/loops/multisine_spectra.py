@@ -28,14 +28,15 @@ class MultisineSpectra:
     Attributes:
         joint_names: Base to flange.
         frequency_hz: Shape (lines,). All harmonics of the period, from 0 [Hz].
-        lines: Harmonics that each joint excites.
-        reference: Tuple of ndarray of complex, shape (realisations, own lines). Desired multisines
-            [rad/s or m/s].
-        torque, error, velocity: Shape (realisations, periods, lines, joints). Torque before its
-            filter, velocity error of the drive, and velocity.
+        lines: For each joint, the numbers of the harmonics that it excites.
+        reference: One complex array per joint, shape (realisations, lines of the joint). Amplitudes
+            of the desired multisine [rad/s or m/s].
+        torque, error, velocity: Shape (realisations, periods, lines, joints). Torque without the
+            effect of its filter, velocity error of the drive, and velocity.
         cycle_time_s: Time between samples and between commands [s].
         torque_filter: Analog filter; its effect is already removed from the torque.
-        left_out: Realisations with missing rows, counted from 1; they are not included.
+        left_out: Numbers of the realisations that are not included because rows are missing; the
+            first is 1.
     """
 
     joint_names: tuple[str, ...]
@@ -75,8 +76,8 @@ def multisine_spectra(
         )
     if recording.joint_names != robot.joint_names:
         raise DataQualityError(
-            f"the recording has the joints {', '.join(recording.joint_names)}, robot {robot.name!r}"
-            f" has {', '.join(robot.joint_names)}",
+            f"the recording has the joints {', '.join(recording.joint_names)}, robot"
+            f" {robot.name!r} has {', '.join(robot.joint_names)}: use a recording of this robot",
             code="RID-ROBOT-OTHER",
         )
     starts = realisation_starts(recording, motion, robot)
@@ -123,9 +124,9 @@ def multisine_spectra(
 def realisation_starts(
     recording: Recording, motion: MultisineMotion, robot: RobotDescription
 ) -> dict[int, int]:
-    """Return the first recording row of the counted periods of each complete realisation.
+    """Return the first row of the measured periods of each complete realisation, by its number.
 
-    Realisations count from 0. Those with missing or invalid rows are left out.
+    The first realisation has the number 0. Realisations with missing or invalid rows are left out.
 
     Raises:
         DataQualityError: No realisation is complete.
@@ -135,7 +136,7 @@ def realisation_starts(
     parts = _main_parts(recording.phase)
     numbers = list(range(len(parts)))
     if len(parts) != motion.realisations:
-        # If some are missing completely, the position in the motion identifies the others.
+        # If realisations are missing completely, the sample index identifies the recorded ones.
         planned = motion.plan(robot, recording.sample_period_s).phase
         expected = np.array([first for first, _ in _main_parts(planned)])
         indices = [int(recording.sample_index[first]) for first, _ in parts]
@@ -148,25 +149,26 @@ def realisation_starts(
             found[number] = first
     if not found:
         raise DataQualityError(
-            f"the recording has none of the multisine's {motion.realisations} realisations with"
-            " all its rows: record it again",
+            f"none of the multisine's {motion.realisations} realisations is recorded with all its"
+            " rows: record the motion again",
             code="RID-RECORDING-ROWS-LOST",
         )
     return found
 
 
 def _main_parts(phase: PhaseArray) -> list[tuple[int, int]]:
-    """Return first row and end of each main phase."""
+    """Return the first row and the row after the last of each main phase."""
     main = np.concatenate([[0], (phase == Phase.MAIN).astype(int), [0]])
     edges = np.flatnonzero(np.diff(main)).tolist()
     return list(zip(edges[::2], edges[1::2], strict=True))
 
 
 def interpolation_response(frequency_hz: FloatArray, cycle_time_s: float) -> Complex:
-    """Return the transmission of commands, sent once per cycle, to the velocity loop.
+    """Return the frequency response from commands, sent once per cycle, to the velocity loop.
 
     A command sent in cycle k acts from SYNC k+1 on, and the drive approaches it linearly within
-    that cycle: a triangle of two cycles' width, two cycles late.
+    that cycle. The impulse response is therefore a triangle that is two cycles wide and delayed by
+    two cycles.
 
     Args:
         frequency_hz: Shape (lines,). Frequencies [Hz].

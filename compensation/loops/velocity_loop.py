@@ -37,11 +37,11 @@ CLEARLY_SHORTER: Final = 4.0
 
 @dataclass(frozen=True, eq=False)
 class LoopTrial:
-    """One choice of terms and its result.
+    """Fit with one choice of terms, for comparison with other choices.
 
     Attributes:
         extras: Terms in addition to the PI controller: `delay`, `lag`.
-        cost: Sum over lines of |misfit|^2 over its variance.
+        cost: Sum over all lines of |misfit|^2 divided by its variance.
         aic, mdl: Akaike's criterion and the minimum description length; smaller is better.
     """
 
@@ -53,7 +53,7 @@ class LoopTrial:
 
 @dataclass(frozen=True, eq=False)
 class VelocityLoop:
-    """A fitted velocity controller, joint side.
+    """A fitted velocity controller, referred to the joint side of the gear.
 
     Attributes:
         gain: K_p [N m s/rad or N s/m].
@@ -102,7 +102,7 @@ class VelocityLoop:
         return _response(np.asarray(frequency_hz), *values)
 
     def moved(self, by: Mapping[str, float]) -> VelocityLoop:
-        """Return the loop with changed parameters, limited to meaningful values."""
+        """Return the loop with amounts added to its parameters, limited to possible values."""
         least = 1e-3
         return replace(
             self,
@@ -129,7 +129,7 @@ def fit_velocity_loop(measured: FrequencyResponse) -> VelocityLoop:
     """Fit a velocity controller to its frequency response.
 
     Raises:
-        EstimationError: There are too few lines, or no such controller fits.
+        EstimationError: There are too few lines, or the fitted gain or times are not positive.
     """
     lines = len(measured.frequency_hz)
     if lines < FEWEST_LINES:
@@ -160,7 +160,10 @@ def fit_velocity_loop(measured: FrequencyResponse) -> VelocityLoop:
 
 
 def _choose_trial(trials: Sequence[LoopTrial]) -> int:
-    """Return the trial of least description length, preferring a lag to a similar delay."""
+    """Return the index of the trial with the least description length.
+
+    A lag is preferred to a delay if their description lengths differ little.
+    """
     least = min(range(len(trials)), key=lambda k: trials[k].mdl)
     if trials[least].extras == ("delay",):
         for k, trial in enumerate(trials):
@@ -187,12 +190,14 @@ def _model_covariance(
 
 
 def whiteness(misfit: NDArray[np.complex128]) -> float:
-    """Return the probability that white misfits correlate as much along the lines.
+    """Return the probability that uncorrelated (white) misfits show at least this correlation.
 
-    A test of the Ljung-Box type on the complex autocorrelation of the weighted misfits.
+    A test of the Ljung-Box type on the complex autocorrelation of the weighted misfits along the
+    lines.
 
     Args:
-        misfit: Shape (lines,). Misfits over their standard deviations, in the order of frequency.
+        misfit: Shape (lines,). Misfits divided by their standard deviations, in the order of
+            frequency.
     """
     lines = len(misfit)
     lags = min(WHITENESS_LAGS, lines // 3)
@@ -210,14 +215,15 @@ def _chance_of_cost(measured: FrequencyResponse, cost: float, parameters: int) -
     """Return the probability of a larger cost if only noise remains.
 
     The variance of each line comes from few periods. Therefore the line's part of the cost follows
-    an F distribution instead of chi-squared; mean and variance are matched.
+    an F distribution instead of a chi-squared one. The sum is approximated by a scaled chi-squared
+    distribution with the same mean and variance.
     """
-    lines, own = len(measured.frequency_hz), measured.noise_freedom
-    if own <= 2:
+    lines, freedom = len(measured.frequency_hz), measured.noise_freedom
+    if freedom <= 2:
         return float(chdtrc(2 * lines - parameters, 2.0 * cost))
-    # Of |misfit|^2 / variance with `own` complex degrees of freedom in the variance.
-    mean = own / (own - 1.0)
-    variance = own**3 / ((own - 1.0) ** 2 * (own - 2.0))
+    # Mean and variance of |misfit|^2 / variance; the variance has `freedom` degrees of freedom.
+    mean = freedom / (freedom - 1.0)
+    variance = freedom**3 / ((freedom - 1.0) ** 2 * (freedom - 2.0))
     left = lines - 0.5 * parameters
     scale = variance / mean
     return float(chdtrc(2.0 * left * mean / scale, 2.0 * cost / scale))
@@ -267,7 +273,7 @@ def _fit(
     found = least_squares(residuals, begin, x_scale="jac", bounds=(lowest, np.inf))
     values = np.array(unfold(found.x))
     kept = np.array([0, 1, *(2 + EXTRAS.index(extra) for extra in extras)])
-    # d value / d x: the value itself for logarithms, 1e-3 for milliseconds.
+    # Derivatives of the values by x: the value itself for a logarithm, 1e-3 for milliseconds.
     chain_rule = np.concatenate([values[:2], np.full(2, 1e-3)])[kept]
     # With E|dG|^2 = variance, real and imaginary parts have half the variance each.
     slopes: FloatArray = np.asarray(found.jac, dtype=float)

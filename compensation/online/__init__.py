@@ -1,4 +1,4 @@
 """Feedforward of a path that another program sends during the motion.
 
-The kernels run within the cycle. Begin with `online.py`; decision 0027 has the reasons.
+The compiled kernels run in every cycle. Begin with `online.py`; decision 0027 gives the reasons.
 """

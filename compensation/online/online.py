@@ -1,4 +1,4 @@
-"""`OnlineFeedforward`: robot data of the on-line compensation, checked before power is applied."""
+"""`OnlineFeedforward`: data for on-line compensation, checked before the drives are switched on."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ LONGEST_LOOK_AHEAD: Final = 32
 
 @dataclass(frozen=True, eq=False)
 class OnlineFeedforward:
-    """Model, velocity loops and limits, in the form that the compiled stage needs.
+    """Model, velocity loops and limits, in the form that the compiled kernels need.
 
     Attributes:
         cycle_time_s: Cycle time of the cell [s].
@@ -51,7 +51,7 @@ class OnlineFeedforward:
         loops: Sequence[VelocityLoop],
         tuning: FeedforwardTuning | None = None,
     ) -> OnlineFeedforward:
-        """Build it from an identified model and the measured velocity loops.
+        """Build the data from an identified model and the measured velocity loops.
 
         Raises:
             ConfigError: Model, loops or tuning belong to other joints, or the delay of a loop
@@ -73,17 +73,18 @@ class OnlineFeedforward:
         loops: Sequence[VelocityLoop],
         tuning: FeedforwardTuning | None = None,
     ) -> OnlineFeedforward:
-        """Build it from a model's torque and the velocity loops, joint by joint.
+        """Build the data from a model's torque and the velocity loops, joint by joint.
 
-        Speed and acceleration limits are those of the robot plus 1 %, because differences of a path
-        are not exact. Position and torque limits are those of the robot. The compensated path has
-        the margin of the cell's supervision.
+        Speed and acceleration limits are those of the robot plus 1 %, because differences of a
+        path's points are not exact. Position and torque limits are those of the robot. The
+        feedforward changes by at most the acceleration limit plus the limit margin of the cell's
+        supervision.
 
         Args:
-            cell, robot: Cycle and limits.
+            cell, robot: Cycle time and limits.
             torque: Model of the robot.
-            loops: One per joint, in the order of the joints.
-            tuning: Correction from a reference run.
+            loops: Velocity loops, one per joint, in the order of the joints.
+            tuning: Correction found in a reference run.
 
         Raises:
             ConfigError: The robot has a coupled wrist, the tuning belongs to other joints, or the
@@ -94,7 +95,8 @@ class OnlineFeedforward:
         tuning = tuning or FeedforwardTuning.none(n)
         if len(tuning.scale) != n:
             raise ConfigError(
-                f"the tuning has {len(tuning.scale)} joints, the robot {n}",
+                f"the tuning has {len(tuning.scale)} joints, the robot {n}: use a tuning of this"
+                " robot",
                 code="RID-ROBOT-OTHER",
             )
         if not (tuning.scale > 0.0).all():
@@ -136,5 +138,5 @@ class OnlineFeedforward:
 
     @property
     def delay_cycles(self) -> int:
-        """Number of cycles between the path's head and the set-points."""
+        """Number of cycles that the path's head is ahead of the set-points."""
         return int(self.axes[stage.CYCLES].max()) + 1

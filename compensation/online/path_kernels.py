@@ -1,13 +1,14 @@
-"""Points become a path that can be driven and stopped: compiled, without memory allocation.
+"""Kernels that turn points into a path that can be driven and stopped, without memory allocation.
 
 A point is accepted only if the path through it is within all limits. Accepted points can therefore
 be driven at full rate or slower. The path between two points is a quintic: it has the positions of
-the points, and velocities and accelerations from five-point differences. A Bezier curve stays
-within the hull of its control points, so the control points are checked against the limits.
+the points, and velocities and accelerations from five-point differences. As a Bezier curve, the
+quintic stays within the hull of its control points, so the control points are checked against the
+limits.
 
 The rate is the path's speed relative to full speed, and x is its square. A pass backwards over the
-points finds the rate at which the path can still stop before its last known point, as in TOPP-RA
-(Pham and Pham 2018):
+points finds the highest rate from which the path can still stop before its last known point, as in
+TOPP-RA (Pham and Pham 2018):
 1. At the last point, x is 0.
 2. At each earlier point, x is the largest value from which the next point can be reached within the
    joints' accelerations on the whole segment.
@@ -29,10 +30,9 @@ Q: Final = 0  # rows of a node: position, velocity, acceleration, torque at full
 V: Final = 1
 A: Final = 2
 TAU: Final = 3
-# Of the segment that ends there: largest speed, and smallest acceleration along the motion
-# (at a turn, of both directions).
+# Rows of a node for the segment that ends at it: largest speed, least acceleration forwards.
 MAX_SPEED: Final = 4
-MIN_ACCELERATION: Final = 5
+MIN_ACCELERATION: Final = 5  # if the joint reverses in the segment, in either direction
 NODE_ROWS: Final = 6
 
 # Rows of `axes`, one column per joint.
@@ -43,17 +43,17 @@ ACCELERATION: Final = 3
 TORQUE: Final = 4
 
 # Words of `counts`.
-TAKEN: Final = 0  # nodes with a position, two more than points at the start, four at the end
-KNOWN: Final = 1  # nodes with known velocity and acceleration, within all limits
+FILLED: Final = 0  # number of nodes with a position: extra nodes are BEFORE and BEHIND
+KNOWN: Final = 1  # number of nodes with velocity and acceleration, within all limits
 NODE: Final = 2  # the last node passed
-SAFE: Final = 3  # the last node that may be driven at full rate
+SAFE: Final = 3  # the last node that can be reached at full rate
 PROFILE: Final = 4  # index of the valid profile
-HORIZON: Final = 5  # its last node
+HORIZON: Final = 5  # last node of the valid profile
 STATE: Final = 6
 CLOSED: Final = 7
-WHY: Final = 8  # reason, joint and number of a refused point
-WHOSE: Final = 9
-WHICH: Final = 10
+REASON: Final = 8  # REASON, REASON_JOINT, REASON_POINT: reason, joint and number of a refused point
+REASON_JOINT: Final = 9
+REASON_POINT: Final = 10
 
 DRIVING: Final = 0
 BRAKING: Final = 1
@@ -70,22 +70,22 @@ SPEED_LIMIT: Final = 3
 ACCELERATION_LIMIT: Final = 4
 TORQUE_LIMIT: Final = 5
 
-# Numbers of `pace`.
+# Words of `pace`.
 OFFSET: Final = 0  # time into the segment at full rate [s]
-RATE: Final = 1  # path time over time
-FOUND: Final = 2  # value of a refused point, and the limit
+RATE: Final = 1  # path time per time
+FOUND: Final = 2  # FOUND, ALLOWED: value of a refused point, and the limit
 ALLOWED: Final = 3
 
 BEFORE: Final = 2  # nodes before the first point, at which the robot rests
-BEHIND: Final = 4  # nodes behind the last one
+BEHIND: Final = 4  # nodes after the last point, at which the robot rests
 SPARE: Final = 12
 
 PathArrays: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, IntArray, FloatArray, float]
 """State of the path.
 
 `axes` (5 or more, n): limits. `nodes` (nodes, 6, n): ring buffer, index modulo length. `profiles`
-(2, nodes): the valid profile and a trial. `counts` and `pace`: words as above. Last the time
-between points [s].
+(2, nodes): the valid profile and a trial. `counts` and `pace`: the words named above. The last
+element is the time between points [s].
 """
 
 
@@ -97,10 +97,10 @@ def take_points(
     path: PathArrays,
     most: int,
 ) -> None:
-    """Take up to `most` points out of the ring while there is room ahead.
+    """Move up to `most` points from the ring to the path while the path has room.
 
     Args:
-        counters, rows: Those of the `PointRing`.
+        counters, rows: Arrays of the `PointRing`.
         model: `SampleTorque.arrays`.
         most: Largest number of points.
     """
@@ -108,16 +108,16 @@ def take_points(
     total, written = counters[TOTAL], counters[WRITTEN]
     read = counters[READ]
     length, n = nodes.shape[0], nodes.shape[2]
-    taken = 0
+    moved = 0
     while (
         counts[CLOSED] == OPEN
         and read < written
-        and taken < most
-        and counts[TAKEN] - counts[NODE] < length - SPARE
+        and moved < most
+        and counts[FILLED] - counts[NODE] < length - SPARE
     ):
         point = rows[read % len(rows)]
         read += 1
-        taken += 1
+        moved += 1
         for j in range(n):
             if not math.isfinite(point[j]):
                 _refuse(counts, pace, NOT_FINITE, j, read - 1, point[j], 0.0)
@@ -127,12 +127,12 @@ def take_points(
             if counts[CLOSED] != OPEN:
                 break
         if counts[CLOSED] == OPEN:
-            for _ in range(1 + (BEFORE if counts[TAKEN] == 0 else 0)):
+            for _ in range(1 + (BEFORE if counts[FILLED] == 0 else 0)):
                 _push(point, model, path)
     counters[READ] = read
-    room = counts[TAKEN] - counts[NODE] < length - SPARE
-    if counts[CLOSED] == OPEN and 0 <= total == read and counts[TAKEN] > 0 and room:
-        last = nodes[(counts[TAKEN] - 1) % length, Q]
+    room = counts[FILLED] - counts[NODE] < length - SPARE
+    if counts[CLOSED] == OPEN and 0 <= total == read and counts[FILLED] > 0 and room:
+        last = nodes[(counts[FILLED] - 1) % length, Q]
         for _ in range(BEHIND):
             if counts[CLOSED] == OPEN:
                 _push(last, model, path)
@@ -151,20 +151,25 @@ def _refuse(
     allowed: float,
 ) -> None:
     if counts[CLOSED] == OPEN:
-        counts[CLOSED], counts[WHY], counts[WHOSE], counts[WHICH] = REFUSED, why, joint, point
+        counts[CLOSED], counts[REASON], counts[REASON_JOINT], counts[REASON_POINT] = (
+            REFUSED,
+            why,
+            joint,
+            point,
+        )
         pace[FOUND], pace[ALLOWED] = found, allowed
 
 
 @kernel
 def _push(point: FloatArray, model: ModelArrays, path: PathArrays) -> None:
-    """Append a node; the node two before it then has neighbours on both sides and is checked."""
+    """Append a node, and check the node two places before it, whose neighbours are now known."""
     axes, nodes, _, counts, pace, step_s = path
     length, n = nodes.shape[0], nodes.shape[2]
-    own = nodes[counts[TAKEN] % length, Q]
+    own = nodes[counts[FILLED] % length, Q]
     for j in range(n):
         own[j] = point[j]
-    counts[TAKEN] += 1
-    k = counts[TAKEN] - 3
+    counts[FILLED] += 1
+    k = counts[FILLED] - 3
     if k < 0:
         return
     a2, a1 = nodes[max(k - 2, 0) % length, Q], nodes[max(k - 1, 0) % length, Q]
@@ -180,7 +185,7 @@ def _push(point: FloatArray, model: ModelArrays, path: PathArrays) -> None:
     sample_torque(model, node[Q], node[V], node[A], node[TAU])
     for j in range(n):
         limit = axes[TORQUE, j]
-        if abs(node[TAU, j]) > limit:  # NaN puts the compensation in doubt
+        if abs(node[TAU, j]) > limit:  # NaN is accepted: it suspends the compensation
             _refuse(counts, pace, TORQUE_LIMIT, j, which, node[TAU, j], limit)
     if counts[CLOSED] == OPEN:
         counts[KNOWN] = k + 1
@@ -226,9 +231,9 @@ def _check_segment(begin: FloatArray, end: FloatArray, path: PathArrays, which: 
 def plan_stop(path: PathArrays, which: int) -> int:
     """Fill a profile of x, the squared rate, that ends at rest; return the last safe node.
 
-    If the path's end is known, the profile ends there at full rate, because the path itself rests.
-    Nodes are safe if the present node reaches them at full rate without a gap; the result is one
-    less than the present node otherwise.
+    If the path's end is known, the profile ends there at full rate, because the path itself ends at
+    rest. A node is safe if the path can run from the present node to it at full rate. If not even
+    the present node is safe, the node before it is returned.
     """
     axes, nodes, profiles, counts, _, step_s = path
     profile = profiles[which]
@@ -243,7 +248,7 @@ def plan_stop(path: PathArrays, which: int) -> int:
         for j in range(n):
             limit = axes[ACCELERATION, j]
             speed, least = segment[MAX_SPEED, j], segment[MIN_ACCELERATION, j]
-            if least < 0.0:  # worst at the end with the higher rate
+            if least < 0.0:  # the bound is tightest at the end with the higher rate
                 best = min(best, (speed * x + twice * limit) / (speed - twice * least))
             elif speed > 1e-12:
                 best = min(best, x + twice * (limit + least * x) / speed)
@@ -257,13 +262,13 @@ def plan_stop(path: PathArrays, which: int) -> int:
 
 @kernel
 def advance(path: PathArrays, head: FloatArray) -> bool:
-    """Advance by one cycle.
+    """Advance the path's head by one cycle.
 
     Args:
         head: Shape (3, n). Position, velocity and acceleration of the path; written.
 
     Returns:
-        True if this is a node at full rate, whose torque is known.
+        True if the head is at a node and runs at full rate; the node's torque then applies.
     """
     _, nodes, profiles, counts, pace, step_s = path
     length = nodes.shape[0]
@@ -274,7 +279,7 @@ def advance(path: PathArrays, head: FloatArray) -> bool:
         elif ahead > counts[SAFE]:
             other = 1 - counts[PROFILE]
             safe = plan_stop(path, other)
-            if safe >= counts[NODE]:  # a new profile is valid from the present state on
+            if safe >= counts[NODE]:  # the new profile is valid from the present node on
                 counts[PROFILE], counts[SAFE], counts[HORIZON] = other, safe, counts[KNOWN] - 1
             if ahead > counts[SAFE]:
                 counts[STATE] = BRAKING
@@ -300,7 +305,7 @@ def advance(path: PathArrays, head: FloatArray) -> bool:
 def _follow_profile(
     counts: IntArray, profile: FloatArray, pace: FloatArray, step_s: float
 ) -> float:
-    """Advance one cycle along a profile; return the change of the rate at its end [1/s]."""
+    """Advance one cycle along a profile; return the rate's derivative at the cycle's end [1/s]."""
     length, last = len(profile), counts[HORIZON]
     left, change = step_s, 0.0
     while left > 0.0:
@@ -339,7 +344,7 @@ def _evaluate_segment(
     step_s: float,
     head: FloatArray,
 ) -> None:
-    """Evaluate the quintic between two nodes, at the rate and its change."""
+    """Evaluate the quintic between two nodes at the present rate and its derivative `change`."""
     h, rate = step_s, pace[RATE]
     x = pace[OFFSET] / h
     for j in range(head.shape[1]):

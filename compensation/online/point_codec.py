@@ -1,4 +1,4 @@
-"""Protocol between a client that sends points and the socket server; without input and output.
+"""Protocol between a client that sends points and the socket server, without the socket itself.
 
 One line of JSON each way, then frames:
 
@@ -59,10 +59,10 @@ class PointDecoder:
     """Decoder of a client's bytes into points.
 
     Args:
-        joints: Numbers per point.
+        joints: Number of joints, and of values per point.
 
     Attributes:
-        ended: True if the client has announced the end.
+        ended: True if the client has announced the end of the path.
     """
 
     def __init__(self, joints: int) -> None:
@@ -107,11 +107,11 @@ class PointDecoder:
         end = self._bytes.find(b"\n")
         if end < 0 and len(self._bytes) <= LONGEST_LINE:
             return False
-        said = None
+        document = None
         if 0 <= end <= LONGEST_LINE:
             with contextlib.suppress(ValueError, RecursionError):
-                said = json.loads(self._bytes[:end])
-        if not isinstance(said, dict) or said.get("protocol") != PROTOCOL:
+                document = json.loads(self._bytes[:end])
+        if not isinstance(document, dict) or document.get("protocol") != PROTOCOL:
             raise ProtocolError(
                 'the client does not use this protocol: its first line must be {"protocol":'
                 f' "{PROTOCOL}"}}',

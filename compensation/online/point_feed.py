@@ -1,4 +1,4 @@
-"""Points into the ring: checked for collisions first; blocks while the ring is full."""
+"""Writing of points into the ring: checks them for collisions, and waits while the ring is full."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class PointGate:
             return
         if self._first is None:
             self._first = points[:1].copy()
-        # Bodies that are too close at the path's begin may stay as close, in every batch.
+        # Bodies that are too close at the first point of the path may stay as close in every batch.
         rows = np.concatenate([self._first, points])
         refuse_collision(self._clearances, rows, self._step_s, "the path")
 
@@ -60,12 +60,12 @@ def feed(
     """Write all batches of points, shape (any, joints), to a ring, and announce the end.
 
     Blocks while the ring is full. Errors are reported through the ring: the robot then stops on the
-    points that it has.
+    points that have arrived.
 
     Args:
         gate: Check of the points.
         batches: One point, shape (joints,), or several, shape (any, joints).
-        given_up: Returns True to end early.
+        given_up: Function that returns True to end early.
     """
     try:
         for batch in batches:
@@ -73,7 +73,8 @@ def feed(
             if points.ndim != 2 or points.shape[1] != ring.joints:
                 ring.fail(
                     PointsFailed.REFUSED,
-                    f"points have the shape {np.shape(batch)}; {ring.joints} joints are needed",
+                    f"points have the shape {np.shape(batch)}; each point needs {ring.joints}"
+                    " joint positions",
                 )
                 return
             for first in range(0, len(points), ROWS_AT_ONCE):
@@ -132,7 +133,7 @@ class PointFeed:
         self._thread.join(10.0 * PAUSE_S)
 
     def wait(self, points: int, patience_s: float) -> None:
-        """Wait until so many points have arrived, or no more will.
+        """Wait until this number of points has arrived, or no more will arrive, or time is up.
 
         Raises:
             ConfigError: The iterator failed before the first point.
@@ -150,7 +151,7 @@ def wait_for_points(
     patience_s: float,
     given_up: Callable[[], bool] = lambda: False,
 ) -> bool:
-    """Wait until so many points have arrived or no more will; return False after the patience."""
+    """Wait until `points` have arrived or no more will arrive; return False after `patience_s`."""
     until_s = time.monotonic() + patience_s
     while ring.written < points and not ring.closed:
         if given_up() or time.monotonic() > until_s:

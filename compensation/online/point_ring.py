@@ -17,7 +17,7 @@ import numpy as np
 from config.arrays import FloatArray, IntArray
 from config.errors import ConfigError
 
-WRITTEN: Final = 0  # counters, each in a cache line of its own
+WRITTEN: Final = 0  # positions of the counters, each in its own cache line
 READ: Final = 8
 TOTAL: Final = 16
 FAILED: Final = 24
@@ -27,7 +27,7 @@ _HEADER_BYTES = 8 * _WORDS + 2 * _TEXT_BYTES
 
 
 class PointsFailed(IntEnum):
-    """Reasons why no more points will arrive, before the end was announced."""
+    """Reasons why no more points will arrive although the path's end was not announced."""
 
     NO = 0
     LOST = 1
@@ -35,12 +35,12 @@ class PointsFailed(IntEnum):
 
 
 class PointRing:
-    """Rows of joint positions in shared memory; made by `create` and passed to processes.
+    """Rows of joint positions in shared memory; `create` makes them, and processes receive them.
 
     Args:
         memory: Shared memory of the header and `capacity` rows.
         joints: Joints per point.
-        capacity: Points that fit.
+        capacity: Largest number of points in the ring.
     """
 
     def __init__(self, memory: Any, joints: int, capacity: int) -> None:
@@ -59,7 +59,7 @@ class PointRing:
         """Return an empty ring in new shared memory.
 
         Raises:
-            ConfigError: It would have no capacity.
+            ConfigError: The ring would have no capacity.
         """
         if capacity < 1 or joints < 1:
             raise ConfigError(
@@ -81,7 +81,7 @@ class PointRing:
 
     @property
     def room(self) -> int:
-        """Points that fit now."""
+        """Number of points that can be written now."""
         return self.capacity - int(self.counters[WRITTEN] - self.counters[READ])
 
     @property
@@ -105,8 +105,8 @@ class PointRing:
         return _read(self._text)
 
     @property
-    def taken(self) -> int:
-        """Points that the reader has taken out."""
+    def points_read(self) -> int:
+        """Number of points that the reader has read since the start."""
         return int(self.counters[READ])
 
     @property
@@ -120,7 +120,7 @@ class PointRing:
         return _read(self._verdict)
 
     def write(self, points: FloatArray) -> int:
-        """Write as many points as fit, shape (points, joints); return how many did."""
+        """Write as many points as fit, shape (points, joints); return the number written."""
         counters = self.counters
         written = int(counters[WRITTEN])
         count = min(len(points), self.capacity - (written - int(counters[READ])))

@@ -1,8 +1,9 @@
-"""Local socket that accepts points from another program, in a process of its own.
+"""Local socket that accepts points from another program, in a separate process.
 
-The process can hang, fail or die without touching the cyclic task, which then stops the robot on
-the points that it has. It serves one client of the same user; the socket is in a folder of that
-user. While the ring is full nothing is read, so that the client's sending blocks: back-pressure.
+If the process hangs, fails or dies, the cyclic task continues, and stops the robot on the points
+that have arrived. The process serves one client of the same user; the socket is in a folder of that
+user. While the ring is full, the server reads nothing, so that the client must wait
+(back-pressure).
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ class PointService:
         workspace: Surroundings of the robot.
         cycle_time_s: Time between points [s].
         buffer: Number of points between client and robot.
-        silence_s: Longest silence of a client while there is room [s].
+        silence_s: Longest time without data from the client while the ring has room [s].
     """
 
     robot: RobotDescription
@@ -58,7 +59,7 @@ class PointServer:
     """Socket and process of the server; a context manager.
 
     Args:
-        path: Path of the socket; removed in the end.
+        path: Path of the socket, which is removed at the end.
         ring: Ring for the points.
         service: Settings of the process.
 
@@ -92,7 +93,7 @@ class PointServer:
         return not self._process.is_alive
 
     def watch(self) -> None:
-        """Report a failure if the server has died, so that the motion stops waiting."""
+        """Report a failure if the server has died, so that the motion does not wait for points."""
         if self.dead:
             self._ring.fail(PointsFailed.LOST, "the process that receives the points has died")
 
@@ -107,13 +108,13 @@ class PointServer:
 
 @contextlib.contextmanager
 def listening(path: Path) -> Iterator[socket.socket]:
-    """Listen at a path in a folder of the user, for this user only.
+    """Open a listening socket at a path in the user's folder; only this user can connect.
 
     A lock file next to the path reserves it for this session until the end of the `with` block. The
     path stays reserved after the client has connected and the socket has closed.
 
     Raises:
-        TransportError: The socket cannot be made there.
+        TransportError: The socket cannot be made at this path.
         LockedError: Another session uses the path.
     """
     _refuse_unfit(path)
@@ -145,16 +146,14 @@ def listening(path: Path) -> Iterator[socket.socket]:
 
 
 def _refuse_unfit(path: Path) -> None:
-    """Refuse a path that is too long, or in a folder that others can access."""
+    """Refuse a path that is too long, or in a folder that other users can access."""
     if len(os.fsencode(path)) > _LONGEST_PATH:
         raise TransportError(
             f"{path}: longer than the {_LONGEST_PATH} bytes of a socket's path; choose a shorter"
             " folder",
             code="RID-SOCKET-PATH",
         )
-    with system_errors(
-        TransportError, f"{path}: no socket can be made there", code="RID-SOCKET-PATH"
-    ):
+    with system_errors(TransportError, f"{path}: cannot make a socket", code="RID-SOCKET-PATH"):
         folder = path.parent.lstat()
     if folder.st_uid != os.getuid() or stat.S_IMODE(folder.st_mode) & 0o077:
         raise TransportError(
@@ -182,7 +181,7 @@ def run_point_server(
         listener: Bound and listening socket.
         ring: Ring for the points.
         service: Settings of the process.
-        parent: Process id of the program; without it, the server ends.
+        parent: Process id of the program; the server ends when the program has ended.
     """
     leave_terminal()
     serve_points(listener, ring, service, lambda: ring.concluded or os.getppid() != parent)
@@ -191,7 +190,7 @@ def run_point_server(
 def serve_points(
     listener: socket.socket, ring: PointRing, service: PointService, over: Callable[[], bool]
 ) -> None:
-    """Accept one client's points until `over`; close the listener once it has connected."""
+    """Receive a client's points until `over()`; close the listener once the client is connected."""
     with listener:
         client = _accept(listener, over)
     if client is None:
@@ -203,7 +202,7 @@ def serve_points(
         while not over():
             time.sleep(PAUSE_S)
         with contextlib.suppress(OSError):  # the client may have disconnected
-            client.sendall(farewell(ring.taken, ring.verdict or ring.failure))
+            client.sendall(farewell(ring.points_read, ring.verdict or ring.failure))
 
 
 def _receive_points(

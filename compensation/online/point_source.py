@@ -1,4 +1,4 @@
-"""`PointSource`: points of a path in, compensated set-points out, once per cycle."""
+"""`PointSource`: reads the points of a path and returns compensated set-points, one per cycle."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ class PointSource:
     """A `SetPointSource` that follows streamed points with the on-line compensation.
 
     Args:
-        feedforward: Model, loops, limits.
+        feedforward: Model, velocity loops and limits.
         ring: Source of the points.
-        compensated: False for plain velocity feedforward, as a comparison.
+        compensated: False for plain velocity feedforward without compensation, for comparisons.
         phase: Shape (points,). `Phase` of each point (default: `Phase.MAIN`).
         samples_per_period: Points per period of a periodic motion.
         buffer_s: Length of the path that is read ahead, at least 64 points; the robot must be able
@@ -90,19 +90,19 @@ class PointSource:
 
     @property
     def rows_expected(self) -> int:
-        """Number of points, if it is known."""
+        """Number of points; the number of one hour if the stream's length is not known."""
         if self._phase is not None:
             return len(self._phase)
         return round(LONGEST_STREAM_S / self._feedforward.cycle_time_s)
 
     @property
     def period_ends(self) -> Mapping[int, int]:
-        """None: a streamed path is driven to its end."""
+        """Empty, because a streamed path is driven to its end."""
         return {}
 
     @property
     def stop(self) -> StopReason | None:
-        """Reason why the path was left early; None if it was driven to its end."""
+        """Reason why the motion stopped before the path's end; None if it reached the end."""
         if self._counts[path.STATE] == path.ARRIVED:
             return None
         if self._counts[path.CLOSED] == path.REFUSED:
@@ -122,11 +122,12 @@ class PointSource:
     def notes(self) -> Sequence[str]:
         """Limitations of the compensation during this motion."""
         counts, notes = self._counts, []
-        if counts[stage.DOUBTS] or counts[stage.LARGE] or self._late:
+        if counts[stage.INVALID_TORQUES] or counts[stage.LARGE] or self._late:
             notes.append(
-                "compensation: plain velocity feedforward for a while, since the model's torque was"
-                f" no number {counts[stage.DOUBTS]} times, a correction too large"
-                f" {counts[stage.LARGE]} times, a cycle late {self._late} times"
+                "compensation: replaced by plain velocity feedforward for a while, because of"
+                f" {counts[stage.INVALID_TORQUES]} cycles with an invalid model torque,"
+                f" {counts[stage.LARGE]} with a correction that was too large, {self._late} late"
+                " cycles"
             )
         if counts[stage.LIMITED]:
             notes.append(
@@ -154,7 +155,7 @@ class PointSource:
         self._memory = np.array([initial_states(n), initial_states(n)])
         self._found = np.zeros((n, FOUND))
         self._position = np.zeros(n)
-        self._seen = np.full(n, np.iinfo(np.int64).max // 2)  # counts: none yet
+        self._seen = np.full(n, np.iinfo(np.int64).max // 2)  # no encoder counts yet
         self._out, head = np.zeros((3, n)), np.zeros((3, n))
         profiles = np.zeros((2, nodes))
         self._path: path.PathArrays = (
@@ -165,11 +166,11 @@ class PointSource:
         )  # fmt: skip
         self._counts[stage.DELAY] = forward.delay_cycles
         self._counts[stage.RESTED] = -1
-        self._counts[stage.REMEMBERS] = (forward.axes[stage.PRESLIDING] > 0.0).any()
+        self._counts[stage.HYSTERETIC] = (forward.axes[stage.PRESLIDING] > 0.0).any()
         self._counts[stage.HOLD] = max(1, round(DOUBT_S / step_s))
         self._counts[stage.FADE] = max(1, round(FADE_S / step_s))
         if not self._compensated:
-            self._counts[stage.DOUBTED] = np.iinfo(np.int64).max // 2
+            self._counts[stage.SUSPENDED_UNTIL] = np.iinfo(np.int64).max // 2
         until_s = time.monotonic() + self._prefill_patience_s
         while True:
             self._take_points(nodes)
@@ -183,10 +184,10 @@ class PointSource:
             )
         begin = path.plan_stop(self._path, 0)
         if self._counts[path.KNOWN] == 0 or begin < 1:
-            why = ring.failure or f"only {int(ring.counters[READ])} came"
+            why = ring.failure or f"only {int(ring.counters[READ])} arrived"
             raise DriverError(
-                f"too few points to begin: {why}. Send points from rest, either enough for a stop"
-                " or all of them with the end; nothing was moved",
+                f"too few points to begin: {why}; nothing was moved. Send points that begin at"
+                " rest: either enough points for a stop, or the whole path with its end",
                 code="RID-STREAM-POINTS",
             )
         self._counts[path.SAFE] = begin
@@ -196,14 +197,14 @@ class PointSource:
         self._line[:, 0] = self._nodes[0, 0]
         for _ in range(forward.delay_cycles):
             self._may_continue()
-        self._observe_joints()  # compiled here; the result does not matter
-        self._memory[stage.SEEN] = initial_states(n)
+        self._observe_joints()  # called once so that it is compiled; the result is not used
+        self._memory[stage.MEASURED] = initial_states(n)
 
     def begin(self, lockstep: bool, position: FloatArray) -> FloatArray:
         """Return the pose at which the motion begins."""
         self._lockstep = lockstep
         self._position[:] = position
-        if self._counts[stage.REMEMBERS]:
+        if self._counts[stage.HYSTERETIC]:
             self._observe_joints()
         return np.array(self._nodes[0, 0])
 
@@ -213,8 +214,8 @@ class PointSource:
         A change by one encoder count does not count as motion, because the last digit fluctuates at
         rest.
         """
-        beginning = self._row < 0 or self._counts[stage.SEEING]
-        if beginning and self._counts[stage.REMEMBERS]:
+        beginning = self._row < 0 or self._counts[stage.MEASURING]
+        if beginning and self._counts[stage.HYSTERETIC]:
             moved = np.abs(counts - self._seen) > 1
             self._seen[moved], self._position[moved] = counts[moved], position[moved]
             self._observe_joints()
@@ -224,12 +225,14 @@ class PointSource:
         if self._lockstep:
             self._wait_for_points()
         if self._row < 0:
-            self._counts[stage.SEEING] = self._counts[stage.REMEMBERS]
+            self._counts[stage.MEASURING] = self._counts[stage.HYSTERETIC]
         missed = row - self._row - 1
         if missed > 0:
             self._late += 1
             if self._compensated:
-                self._counts[stage.DOUBTED] = self._counts[stage.HEAD] + self._counts[stage.HOLD]
+                self._counts[stage.SUSPENDED_UNTIL] = (
+                    self._counts[stage.HEAD] + self._counts[stage.HOLD]
+                )
         over = False
         for _ in range(1 + missed):
             over = self._may_continue()
@@ -261,11 +264,11 @@ class PointSource:
 
     @property
     def _filled(self) -> bool:
-        room = len(self._nodes) - path.SPARE - (self._counts[path.TAKEN] - self._counts[path.NODE])
+        room = len(self._nodes) - path.SPARE - (self._counts[path.FILLED] - self._counts[path.NODE])
         return bool(self._counts[path.CLOSED] != path.OPEN or room <= 0)
 
     def _wait_for_points(self) -> None:
-        """Pause simulated time until as many points are known as fit."""
+        """Pause simulated time while the path has room for points and none is waiting."""
         until_s = time.monotonic() + self._stall_patience_s
         while not self._filled and not self._ring.failed:
             waiting = self._ring.written - int(self._ring.counters[READ])
@@ -284,8 +287,8 @@ class PointSource:
 
     def _stop_reason(self) -> StopReason:
         counts, pace = self._counts, self._pace
-        joint = self._feedforward.robot.joints[int(counts[path.WHOSE])]
-        why, point = int(counts[path.WHY]), int(counts[path.WHICH])
+        joint = self._feedforward.robot.joints[int(counts[path.REASON_JOINT])]
+        why, point = int(counts[path.REASON]), int(counts[path.REASON_POINT])
         found, allowed = float(pace[path.FOUND]), float(pace[path.ALLOWED])
         base = "rad" if joint.type == "revolute" else "m"
         where = f"point {point}, joint {joint.name}"
@@ -307,25 +310,26 @@ class PointSource:
 
 
 def buffer_points(buffer_s: float, cycle_time_s: float) -> int:
-    """Return the number of points that are kept ahead for a time [s].
+    """Return the number of points in a buffer of this length [s].
 
     Raises:
-        ConfigError: There are more than fit.
+        ConfigError: The buffer would have more than 2048 points.
     """
     points = max(round(buffer_s / cycle_time_s), FEWEST_NODES)
     if points > MOST_NODES:
         raise ConfigError(
-            f"a buffer of {buffer_s:g} s has {points} points, more than {MOST_NODES}: give less",
+            f"a buffer of {buffer_s:g} s has {points} points, more than {MOST_NODES}: choose a"
+            " shorter buffer",
             code="RID-OPTION-RANGE",
         )
     return points
 
 
 def compile_stage(feedforward: OnlineFeedforward) -> None:
-    """Compile or load the kernels of the task in the program, so that the task starts at once.
+    """Compile or load the kernels before the cyclic task begins, so that it begins without delay.
 
     Args:
-        feedforward: That of any robot.
+        feedforward: Data of any robot; the compiled code is the same for all robots.
     """
     axes = np.array(feedforward.axes)
     axes[path.TORQUE] = np.inf

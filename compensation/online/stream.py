@@ -48,14 +48,14 @@ def stream_motion(
     """Stream a planned motion's positions; its phases and periods are kept.
 
     Args:
-        cell: Cycle and surroundings.
-        feedforward: Model, loops, limits.
-        record: Runs a source: `record_motion` with its other arguments.
+        cell: The cell, with cycle time and workspace.
+        feedforward: Model, velocity loops and limits.
+        record: Function that drives and records a source: `record_motion` with its other arguments.
         options: Options of the stream.
 
     Raises:
         PreflightError: The motion comes too close to a body; nothing was moved.
-        RidDaqError: As `record_motion`.
+        RidDaqError: Any other error of `record_motion`.
     """
     options, samples = options or StreamSettings(), samples.whole()
     if samples.sample_period_s != cell.cycle_time_s:
@@ -89,27 +89,28 @@ def stream_points(
     record: Record,
     options: StreamSettings | None = None,
 ) -> RecordOutcome:
-    """Stream the points of an iterator: one or several at a time, at the cell's cycle.
+    """Stream the points of an iterator, one or several at a time; each cycle uses one point.
 
-    The iterator runs in a thread of this process and is asked for more whenever there is room. When
-    it ends, the path ends. If it raises or is too slow, the robot stops on the path.
+    The iterator runs in a thread of this process. It must yield more points whenever the ring has
+    room. When the iterator ends, the path ends. If the iterator raises an error or is too slow, the
+    robot stops on the path.
 
     Args:
-        cell: Cycle and surroundings.
-        feedforward: Model, loops, limits.
+        cell: The cell, with cycle time and workspace.
+        feedforward: Model, velocity loops and limits.
         points: Joint positions, shape (joints,) or (any, joints) [rad or m], from rest to rest.
-        record: Runs a source: `record_motion` with its other arguments.
+        record: Function that drives and records a source: `record_motion` with its other arguments.
         options: Options of the stream.
 
     Raises:
         ConfigError: The iterator fails before the first point.
-        RidDaqError: As `record_motion`.
+        RidDaqError: Any other error of `record_motion`.
     """
     options = options or StreamSettings()
     ring = _ring(cell, feedforward, options)
     gate = PointGate(feedforward.robot, cell.workspace, cell.cycle_time_s)
-    with PointFeed(ring, gate, points) as fed:
-        fed.wait(ring.capacity, options.patience_s)
+    with PointFeed(ring, gate, points) as thread:
+        thread.wait(ring.capacity, options.patience_s)
         return _recorded(feedforward, ring, record, options)
 
 
@@ -124,17 +125,17 @@ def stream_socket(
     """Stream the points that another program sends to a socket.
 
     Args:
-        cell: Cycle and surroundings.
-        feedforward: Model, loops, limits.
+        cell: The cell, with cycle time and workspace.
+        feedforward: Model, velocity loops and limits.
         path: Path of the socket, in a folder of the user.
-        record: Runs a source: `record_motion` with its other arguments.
+        record: Function that drives and records a source: `record_motion` with its other arguments.
         options: Options of the stream.
         on_listening: Called once clients can connect.
 
     Raises:
         TransportError: The socket cannot be made.
         DeviceTimeoutError: No client sends points in time.
-        RidDaqError: As `record_motion`.
+        RidDaqError: Any other error of `record_motion`.
     """
     options = options or StreamSettings()
     ring = _ring(cell, feedforward, options)
@@ -146,17 +147,17 @@ def stream_socket(
     )
     with PointServer(path, ring, service) as server:
         on_listening()
-        came = wait_for_points(ring, ring.capacity, options.patience_s, lambda: server.dead)
+        arrived = wait_for_points(ring, ring.capacity, options.patience_s, lambda: server.dead)
         server.watch()
         if ring.written == 0:
-            if not came and not ring.failure:
+            if not arrived and not ring.failure:
                 raise DeviceTimeoutError(
                     f"{path}: no client sent points within {options.patience_s:g} s; nothing was"
                     " moved",
                     code="RID-STREAM-CLIENT",
                 )
             raise TransportError(
-                f"{path}: {ring.failure or 'no points came'}; nothing was moved",
+                f"{path}: {ring.failure or 'no points arrived'}; nothing was moved",
                 code="RID-STREAM-CLIENT",
             )
         return _recorded(feedforward, ring, record, options)

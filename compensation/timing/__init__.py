@@ -1,5 +1,5 @@
 """Timing of a path: the fastest motion that the torques of a model allow.
 
-Independent of velocity loops, cells and files. Begin with `timed_path.py`; decision 0043 has the
-reasons.
+This package does not depend on velocity loops, cells or files. Begin with `timed_path.py`; decision
+0043 gives the reasons.
 """

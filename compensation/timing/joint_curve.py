@@ -16,18 +16,21 @@ from config.arrays import FloatArray
 from config.errors import ConfigError
 
 KNOTS: Final = (1000, 2000, 4000, 8000)
-"""Numbers of poses to try; the first sufficient one is used. A motion file has 10,000 at most."""
-SLOW: Final = 1e-3  # of the largest speed
+"""Numbers of poses to try for a curve; the smallest sufficient one is used.
+
+A motion file can contain 10,000 poses at most.
+"""
+SLOW: Final = 1e-3  # fraction of the largest speed
 STRAIGHT_ON: Final = 0.9999
 TURN_BACK: Final = -0.5
-"""Cosine between the velocities of two rows below which a motion turns back between them."""
+"""A motion turns back between two rows if the cosine between their velocities is smaller."""
 SHORTEST: Final = 1e-4  # rad or m of any joint: less is not a motion
 FARTHEST_OFF: Final = 2e-4  # rad or m
 
 
 @dataclass(frozen=True, eq=False)
 class JointCurve:
-    """Joint positions as functions of the path length, of class C1 with a second derivative.
+    """Joint positions as functions of the path length, with a continuous first derivative.
 
     Attributes:
         curve: Joint positions over the length; its values have shape (..., n).
@@ -47,10 +50,13 @@ class JointCurve:
 
     @classmethod
     def through(cls, points: FloatArray, speeds: Sequence[float] | FloatArray) -> JointCurve:
-        """Return the cubic spline through points, over the travel time of the chords.
+        """Return the cubic spline through points.
+
+        The path length is the travel time along the chords between the points, at the speed limits.
 
         Args:
-            points: Shape (m, n). Joint positions, m at least 2; each differs from the one before.
+            points: Shape (m, n). Joint positions, m at least 2; each point differs from the
+                previous point.
             speeds: Speed limits of the joints.
         """
         knots = np.concatenate([[0.0], np.cumsum(_chords(points, np.asarray(speeds)))])
@@ -63,9 +69,9 @@ class RestToRest:
 
     Attributes:
         curve: Path of this part.
-        rest_s: Time of rest at its end, or in its last row [s].
-        off: Largest distance of the motion's own rows from the curve [rad or m].
-        place: Shape (rows,). Path length of each of these rows.
+        rest_s: Duration of the rest at its end [s]; 0 if this rest is a single row.
+        off: Largest distance between the motion's rows and the curve [rad or m].
+        place: Shape (rows,). Path length at each row of the motion.
     """
 
     curve: JointCurve
@@ -75,10 +81,10 @@ class RestToRest:
 
 
 def curves_of(samples: MotionSamples, speeds: Sequence[float]) -> tuple[float, list[RestToRest]]:
-    """Return the rest before a motion, and its parts from rest to rest.
+    """Return the duration of the rest before a motion [s], and its parts from rest to rest.
 
-    A part ends if the motion is at rest, or nearly, and continues in another direction; also if it
-    turns back between two rows.
+    A part ends at a rest. It also ends if the motion becomes very slow and continues in another
+    direction, or if the motion turns back between two rows.
 
     Args:
         samples: A motion of any kind.
@@ -111,14 +117,15 @@ def curves_of(samples: MotionSamples, speeds: Sequence[float]) -> tuple[float, l
 def _with_turns(
     position: FloatArray, velocity: FloatArray, scale_s: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the rows with a row at rest wherever the motion turns back between two rows.
+    """Insert a row at rest between two rows if the motion turns back between them.
 
-    There the accelerations of both rows' velocities bring the motion to rest and back.
+    The pose of the new row follows from a constant acceleration from the first row's velocity to
+    rest.
 
     Args:
         position: Shape (rows, n). Joint positions [rad or m].
-        velocity: Shape (rows, n). Velocities over their limits.
-        scale_s: Shape (n,). Time between rows, times each limit.
+        velocity: Shape (rows, n). Velocities divided by the speed limits.
+        scale_s: Shape (n,). Time between rows, multiplied by each speed limit [rad or m].
     """
     before, after = velocity[:-1], velocity[1:]
     speeds = np.linalg.norm(before, axis=1), np.linalg.norm(after, axis=1)
@@ -165,13 +172,15 @@ def _rest_to_rest(points: FloatArray, speeds: FloatArray, rest_s: float) -> Rest
             return RestToRest(curve, rest_s, off, along)
         if most >= len(points):
             raise ConfigError(
-                f"the motion's path between its rows is uncertain by {off:.2g} rad or m: it turns"
-                " within a few cycles. Make it turn less sharply, or slower",
+                f"the motion's path between its rows is uncertain by {off:.2g} rad or m, because"
+                " it turns within a few cycles. Make the path turn less sharply, or slow the"
+                " motion down",
                 code="RID-TIMING-SHAPE",
             )
     raise ConfigError(
-        f"{KNOTS[-1]:,} poses approximate the motion's path to {off:.2g} rad or m only, and"
-        f" {FARTHEST_OFF:g} is required between two rests: shorten it (fewer turns), or add rests",
+        f"{KNOTS[-1]:,} poses approximate the motion's path only to {off:.2g} rad or m, but"
+        f" {FARTHEST_OFF:g} is required between two rests: shorten the path (fewer turns), or add"
+        " rests",
         code="RID-TIMING-SHAPE",
     )
 

@@ -13,7 +13,7 @@ from config.robot.robot import RobotDescription
 
 @dataclass(frozen=True, eq=False)
 class TimingLimits:
-    """Symmetric limits of magnitude; rad or m, per second, N m or N at the link side.
+    """Limits that hold in both directions, in rad, m, s, N and N m; torques are on the link side.
 
     Attributes:
         speed, acceleration: Shape (n,). Limits of the joints; with a coupled wrist `speed` limits
@@ -69,7 +69,7 @@ class TimingLimits:
         """
         if not 0.0 <= share < 1.0:
             raise ConfigError(
-                f"invalid margin {share:g} of the torque: give at least 0 and less than 1",
+                f"invalid torque margin {share:g}: give a fraction of at least 0 and less than 1",
                 code="RID-OPTION-RANGE",
             )
         left = 1.0 - share

@@ -1,4 +1,4 @@
-"""`PathRows`: all limits of a path, as rows in squared speed and acceleration."""
+"""`PathRows`: all limits along a path, as inequalities in squared speed and acceleration."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from config.robot.robot import RobotDescription
 from dynamics.model.one_sample import EFFICIENCY, FRICTION, JOINT, KIND, VALUE, SampleTorque
 
 WRENCH: Final = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
-STANDS: Final = 1e-7  # of a joint's largest share in the path: smaller ones are rounding
+STANDS: Final = 1e-7  # fraction of an actuator's largest path derivative: less is rounding
 FASTEST: Final = 1e12
 MOST_OF_ROOM: Final = 0.8
 SMALLEST: Final = 1e-12
@@ -24,7 +24,7 @@ SMALLEST: Final = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class PathDynamics:
-    """A model along a path, with its friction separately.
+    """A model evaluated along a path; its friction is stored separately.
 
     Attributes:
         curve: The path.
@@ -33,7 +33,8 @@ class PathDynamics:
         position, slope, bend: Shape (points, n). Joint positions and their derivatives by the
             length.
         parts: Shape (points, 2 n + 6, 3). Result of `along_path`.
-        friction, losses: Shape (terms, 8). Rows of `SampleTorque`'s table.
+        friction, losses: Shape (terms, 8). Rows of `SampleTorque`'s table for friction and gear
+            losses.
         smoothing: Smoothing of the sign of friction [rad/s].
         motor_slope: Shape (points, n). Speeds of the actuators at x = 1.
     """
@@ -81,19 +82,21 @@ class PathDynamics:
 
 @dataclass(frozen=True, eq=False)
 class PathRows:
-    """Rows and bounds, each divided by its limit, and the largest speed by the speed limits.
+    """Limits along a path: rows and bounds divided by their limits, and the largest speed.
+
+    Each row is a quantity that is limited, as a function of acceleration u and squared speed x.
 
     Attributes:
         dynamics: Model along the path.
         labels: Name of each row, for messages.
-        rows: Shape (points, rows, 3). Coefficients of u, of x, and at rest.
-        bounds: Shape (points, rows, 3). Lower and upper bound, and fraction of the joint's friction
+        rows: Shape (points, rows, 3). Coefficients of u and x, and the value at rest.
+        bounds: Shape (points, rows, 3). Lower and upper bound, and factor of the joint's friction
             in the row.
-        size: Shape (rows,). Divisor of rows and bounds.
-        joints: Shape (rows,). Joint of the friction in the row, or -1.
+        size: Shape (rows,). Limit by which a row and its bounds are divided.
+        joints: Shape (rows,). Joint whose friction is in the row, or -1 for none.
         both: Shape (points - 1, n). True if an actuator reverses or rests, so that its friction has
             either sign.
-        fastest: Shape (points,). Largest x by the speed limits.
+        fastest: Shape (points,). Largest x that the speed limits allow.
     """
 
     dynamics: PathDynamics
@@ -125,8 +128,8 @@ class PathRows:
             if j not in lossy:
                 build.add(label, load[:, j] + free[:, j], limit, j)
                 continue
-            # With gear losses the larger of two lines counts if the joint moves forwards,
-            # and the smaller if it moves backwards; using both lines is on the safe side.
+            # A lossy gear's torque is the larger of two lines forwards, and the smaller one
+            # backwards.
             ahead, behind = _factors(lossy[j])
             turns = np.append(both[:, j], False) | np.append(False, both[:, j])
             forth = dynamics.motor_slope[:, j] > 0.0
@@ -156,14 +159,14 @@ class PathRows:
         )
 
     def tightened(self, free: FloatArray) -> FloatArray:
-        """Return bounds with a further fraction `free` (points, rows) of each limit in reserve.
+        """Return bounds with a further fraction `free` (points, rows) of limits held in reserve.
 
         The fraction is reduced if the path could otherwise not even be driven slowly.
         """
         least, most = self.at_rest()
         room = np.minimum(self.bounds[:, :, 1] - most, least - self.bounds[:, :, 0])
         room = np.maximum(room, SMALLEST)
-        most_of = MOST_OF_ROOM * room  # above it, the reserve only approaches the whole limit
+        most_of = MOST_OF_ROOM * room  # a larger reserve approaches `room`, but never reaches it
         beyond = np.maximum(free - most_of, 0.0) / (room - most_of)
         keep = np.where(free < most_of, free, room - (room - most_of) * np.exp(-beyond))
         bounds = self.bounds.copy()
@@ -182,7 +185,7 @@ class PathRows:
         return least, most
 
     def refuse_standing(self, free: FloatArray | float = 0.0) -> None:
-        """Refuse a path on which even standing still exceeds a limit.
+        """Refuse a path on which gravity and slow friction alone exceed a limit.
 
         Args:
             free: Shape (points, rows), or float. Fraction of each limit to hold in reserve.
@@ -205,7 +208,7 @@ class PathRows:
         raise LimitError(
             f"the path exceeds its limits at any speed: {self.labels[row]} is {takes:.4g} at the"
             f" pose ({pose}) from gravity and slow friction alone"
-            f" ({self.rows[point, row, 2] * size:.4g} without friction); allowed is"
+            f" ({self.rows[point, row, 2] * size:.4g} without friction); the limit is"
             f" {max(allowed, 0.0):.4g}. Move the path, reduce the payload, or raise the limit",
             code="RID-TIMING-NOT-FEASIBLE",
         )
@@ -239,9 +242,9 @@ class _Builder:
 
 
 def _factors(loss: FloatArray) -> tuple[float, float]:
-    """Return the factors of a gear on positive and on negative loads.
+    """Return the factors by which a lossy gear multiplies positive and negative load torques.
 
-    They hold for a joint that moves forwards; backwards they are exchanged.
+    They hold for a joint that moves forwards. For a joint that moves backwards they are exchanged.
     """
     value = float(loss[VALUE])
     if loss[KIND] == EFFICIENCY:

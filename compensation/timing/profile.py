@@ -1,4 +1,4 @@
-"""`SpeedOverPath`: the fastest speed over a path, by the scan of `reach_kernels`."""
+"""`SpeedOverPath`: the highest speed along a path, computed by the scan of `reach_kernels`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ REPAIRS: Final = 60
 SLOWER: Final = 0.9
 ROUNDS: Final = 30
 SAME: Final = 1e-9
-STUCK: Final = 1e-10  # of the largest x on the limit curve
+STUCK: Final = 1e-10  # fraction of the largest x: below it, the path has stopped
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,13 +49,14 @@ def fastest(
     Args:
         rows: Limits along the path.
         bounds: Shape (points, rows, 3). `rows.bounds`, or tighter ones.
-        ends: Path speed at begin and end, path length per second.
-        closed: True if the path ends at its begin with the same speed, which is then computed.
-        most: Shape (points,). Largest x, if below the speed limits.
+        ends: Path speeds at begin and end [path length per second].
+        closed: True for a closed path, which begins and ends with the same speed; this speed is
+            computed and `ends` is not used.
+        most: Shape (points,). Largest x, if lower than the speed limits allow.
 
     Raises:
         LimitError: The speeds at the ends are not possible, or the limits allow no motion; the
-            message says where.
+            message names the place.
     """
     length = rows.dynamics.length
     cap = (rows.fastest if most is None else np.minimum(most, rows.fastest)).copy()
@@ -87,7 +88,7 @@ def fastest(
 
 
 def limit_curve(rows: PathRows, bounds: FloatArray) -> FloatArray:
-    """Return the largest squared speed at each point separately, (points,)."""
+    """Return the largest squared speed at each point if the other points are ignored, (points,)."""
     found = np.empty(len(rows.dynamics.length))
     limit_curve_kernel(rows.rows, bounds, rows.friction, rows.fastest, found)
     return found
@@ -111,8 +112,9 @@ def _infeasible_error(rows: PathRows, bounds: FloatArray, point: int) -> LimitEr
     row = int(room.argmin())
     pose = ", ".join(f"{value:.4g}" for value in rows.dynamics.position[point])
     return LimitError(
-        f"the path cannot continue at the pose ({pose}): {rows.labels[row]} leaves"
-        f" {100.0 * max(float(room[row]), 0.0):.2g} % of its limit, after the uncertainty, for"
-        " motion. Move the path, raise the limit, or identify the robot better",
+        f"the path cannot continue at the pose ({pose}): only"
+        f" {100.0 * max(float(room[row]), 0.0):.2g} % of the limit for the {rows.labels[row]} is"
+        " left for motion, after gravity, friction and uncertainty. Move the path, raise the"
+        " limit, or identify the robot better",
         code="RID-TIMING-NOT-FEASIBLE",
     )

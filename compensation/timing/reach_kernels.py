@@ -39,25 +39,27 @@ from dynamics.model.one_sample import (
 FrictionArrays: TypeAlias = tuple[IntArray, FloatArray, float, FloatArray, BoolArray]
 
 STEPS: Final = 60
-TINY: Final = 1e-14  # of a row's size: below it the row does not depend on u
+TINY: Final = 1e-14  # smaller coefficients of u are 0 except for rounding
 CLOSE: Final = 1e-9
 LOOSE: Final = 1e-6
 SLOPE_STEP: Final = 1e-6
-FROM_REST: Final = 1e-9  # rad/s: friction has its sign but no speed-dependent part
+FROM_REST: Final = 1e-9  # rad/s: near rest, friction has its sign but no speed-dependent part
 
 # Words of an interval of u: its ends, and their derivatives by x.
 LEAST: Final = 0
 MOST: Final = 1
 LEAST_SLOPE: Final = 2
 MOST_SLOPE: Final = 3
-ALONE: Final = 4  # x required by a row without u; -1 without such a row
+ALONE: Final = 4  # decrease of x that a row without u requires; -1 if none is required
 
 
 @kernel
 def along_path(
     model: ModelArrays, q: FloatArray, slope: FloatArray, bend: FloatArray, out: FloatArray
 ) -> None:
-    """Split gear torques, torques beside the gears, and base wrench into parts of u, x and 1.
+    """Split torques and base wrench into a part with u, a part with x, and a part at rest.
+
+    Load torques pass through the gears; free torques do not.
 
     Args:
         model: `SampleTorque.arrays`, without friction.
@@ -114,8 +116,8 @@ def friction_at(
 ) -> None:
     """Fill `found` (4, n): smallest and largest friction of each joint, and their slopes by x.
 
-    `speed` (n,) is that of the actuators at x = 1. The two differ if a joint reverses or rests
-    nearby (`both`): then either sign is possible.
+    `speed` (n,) is the actuators' speed at x = 1. Smallest and largest friction differ only if a
+    joint reverses or rests nearby (`both`), because its friction can then have either sign.
     """
     root = math.sqrt(max(x, 0.0))
     for j in range(len(speed)):
@@ -167,7 +169,7 @@ def friction_at_rest(friction: FrictionArrays, out: FloatArray) -> None:
 
 @kernel
 def _narrow(room: FloatArray, by_u: float, rest: float, slope: float, bound: float) -> None:
-    """Narrow the interval by by_u u + rest <= bound; rest changes with x by `slope`."""
+    """Narrow the interval of u by `by_u * u + rest <= bound`; d rest / d x is `slope`."""
     free = bound - rest
     if by_u > TINY:
         most = free / by_u
@@ -178,7 +180,7 @@ def _narrow(room: FloatArray, by_u: float, rest: float, slope: float, bound: flo
         if least > room[LEAST]:
             room[LEAST], room[LEAST_SLOPE] = least, -slope / by_u
     elif free < -CLOSE:
-        # Decrease of x for which the row holds; to 0 if no decrease helps.
+        # Decrease of x with which the row holds; infinite, so that x becomes 0, if none helps.
         fall = -free / slope if slope > 0.0 else math.inf
         room[ALONE] = max(room[ALONE], fall)
 
@@ -194,10 +196,10 @@ def _feasible_interval(
     there: float,
     room: FloatArray,
 ) -> None:
-    """Narrow the interval of u by the rows of one end.
+    """Narrow the interval of u by the rows at one end of a path interval.
 
-    `twice_step` is 0 at the interval's begin; at its end x becomes x + twice_step u, and friction
-    is the straight line through `there`.
+    At the begin of the path interval, `twice_step` is 0. At its end, x becomes x + twice_step u,
+    and friction is a straight line in x through its value at x = `there`.
     """
     for r in range(len(rows)):
         by_u, by_x, rest = rows[r, 0], rows[r, 1], rows[r, 2]
@@ -220,7 +222,7 @@ def _feasible_interval(
 
 @kernel
 def _initial_interval(room: FloatArray, x: float, twice_step: float, most_there: float) -> None:
-    """Start with the interval that keeps x at the other end between 0 and the largest."""
+    """Start with the u that keep x at the interval's other end between 0 and `most_there`."""
     room[LEAST], room[LEAST_SLOPE] = -x / twice_step, -1.0 / twice_step
     room[MOST], room[MOST_SLOPE] = (most_there - x) / twice_step, -1.0 / twice_step
     room[ALONE] = -1.0
@@ -228,7 +230,7 @@ def _initial_interval(room: FloatArray, x: float, twice_step: float, most_there:
 
 @kernel
 def _resume_speed(room: FloatArray, x: float) -> float:
-    """Return the x below which an empty interval opens, by its two rows."""
+    """Return the x at which an empty interval of u is no longer empty, by its two limiting rows."""
     if room[ALONE] > 0.0:
         return float(max(0.0, x - room[ALONE]))
     closing = room[LEAST_SLOPE] - room[MOST_SLOPE]
@@ -282,13 +284,14 @@ def backwards(
 
     Args:
         rows: Shape (points, rows, 3). A, B and C.
-        bounds: Shape (points, rows, 3). Lower and upper bound of a row, and fraction of its joint's
+        bounds: Shape (points, rows, 3). Lower and upper bound of a row, and factor of its joint's
             friction.
-        friction: Tuple of (rows,) the joint of a row's friction, or -1; a table of friction terms
-            as in `SampleTorque`; the smoothing of their sign; (points, n) the actuators' speeds at
-            x = 1; (points - 1, n) true if an actuator reverses or rests in an interval.
+        friction: Tuple of five: joint of each row's friction, or -1, shape (rows,); table of
+            friction terms, as in `SampleTorque`; smoothing of their sign. Then the actuators'
+            speeds at x = 1, shape (points, n); true if an actuator reverses or rests in an
+            interval, shape (points - 1, n).
         length: Shape (points,). Grid of the path length.
-        most: Shape (points,). Largest x by the speed limits.
+        most: Shape (points,). Largest x that the speed limits allow.
         end: x at the end.
         out: Shape (points,). Written.
     """
@@ -330,11 +333,11 @@ def forwards(
     x: FloatArray,
     u: FloatArray,
 ) -> int:
-    """Fill x (points,) and u (points - 1,) with the fastest motion; return where it fails, or -1.
+    """Fill x (points,) and u (points - 1,) with the fastest motion; return the failed row or -1.
 
-    `largest` is the result of `backwards`; the other arguments are the same. It can fail if
-    friction makes the feasible set non-convex: a slower motion exists, but this pass does not find
-    it.
+    `largest` is the result of `backwards`; the other arguments are those of `backwards`. The pass
+    can fail if friction makes the feasible set non-convex: a slower motion exists, but the pass
+    does not find it.
     """
     joints, table, smoothing, speed, both = friction
     here, there, room = np.empty((4, speed.shape[1])), np.empty((4, speed.shape[1])), np.empty(5)

@@ -1,8 +1,8 @@
 """A timed path as rows of a motion, one per cycle.
 
-The acceleration of the speed profile has jumps. If the path begins and ends at rest, its length
-over time is averaged exactly over a window. Accelerations and torques are then continuous. The rows
-stay on the path, and reach each place half a window later.
+The acceleration of the speed profile has jumps. If the path begins and ends at rest, the path
+length, as a function of time, is averaged exactly over a moving window. Accelerations and torques
+are then continuous. The rows stay on the path, and reach each place half a window later.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from config.arrays import FloatArray, IntArray
 
 @dataclass(frozen=True, eq=False)
 class RowsInTime:
-    """Rows of a motion, with the path length of each.
+    """Rows of a motion, with the path length of each row.
 
     Attributes:
         path: Positions, velocities, accelerations.
@@ -51,7 +51,8 @@ def rows_in_time(
     Args:
         curve, profile: The path and its speed.
         cycle_s: Time between rows [s].
-        window_s: Window of the average [s]; for a path from rest to rest.
+        window_s: Length of the averaging window [s]; 0 for no average. Only for a path from rest to
+            rest.
         slower: Smallest factor by which the time is extended.
     """
     total_s = float(profile.time_s[-1])
@@ -90,7 +91,7 @@ class _At:
 
 
 def _at(profile: SpeedOverPath, time_s: FloatArray) -> _At:
-    """Return a profile at times; before and after it the path is at rest."""
+    """Evaluate a profile at the given times; before and after the profile, the path is at rest."""
     when, root = profile.time_s, np.sqrt(profile.x)
     begin, speed, u = profile.length[:-1], root[:-1], profile.u
     steps = np.diff(when)

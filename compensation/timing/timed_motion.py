@@ -1,4 +1,4 @@
-"""A motion of any kind, timed to the limits of an identified model: `retime_path`."""
+"""`retime_path`: the fastest timing of a motion that keeps all limits, by an identified model."""
 
 from __future__ import annotations
 
@@ -25,15 +25,16 @@ MOST_INTERVALS = 20_000
 
 @dataclass(frozen=True, eq=False)
 class TimedMotion:
-    """A timed motion.
+    """A retimed motion, compared with the original.
 
     Attributes:
         motion: Content of its motion file.
         ways: Its parts from rest to rest.
-        moving_s, original_s: Times of motion after and before, both without rests [s].
-        off: Largest distance of the original's rows from the curve [rad or m].
-        was_periodic: True if the original had periods; they are one part now.
-        places: Path length of the original along each part, cycle by cycle.
+        moving_s, original_s: Duration of the motion after and before retiming, without rests [s].
+        off: Largest distance between the original motion's rows and the curve [rad or m].
+        was_periodic: True if the original motion had periods; all periods together are one part
+            now.
+        places: For each part, the path length at each row of the original motion.
     """
 
     motion: TimedPathMotion
@@ -46,19 +47,22 @@ class TimedMotion:
 
     @property
     def shorter(self) -> float:
-        """Share of the original's time that is saved."""
+        """Fraction of the original duration that is saved."""
         return 1.0 - self.moving_s / self.original_s
 
 
 def with_robot_weight(estimate: Estimate, mass_kg: float | None) -> Estimate:
-    """Return an estimate with the robot's weight added; a force plate cannot measure it.
+    """Return an estimate whose base wrench includes the robot's known weight.
+
+    A force plate cannot distinguish the weight from its offset.
 
     Args:
         estimate: An estimate of the external or the combined model.
-        mass_kg: Mass of everything on the base (default: by the robot's drawings, else zero).
+        mass_kg: Mass of all bodies on the base [kg] (default: from the robot's drawings, otherwise
+            0).
 
     Raises:
-        EstimationError: It is an estimate of the internal model.
+        EstimationError: The estimate is of the internal model.
     """
     values, covariance, _ = with_known_mass(estimate, mass_kg)
     noise = estimate.covariance_noise
@@ -90,7 +94,7 @@ def retime_path(
         ConfigError: The motion does not move, or the limits include a base wrench that the model
             does not predict.
         EstimationError: The model depends on the drives' temperature.
-        LimitError: A limit cannot be kept; the message names it and the place.
+        LimitError: A limit cannot be kept; the message names the limit and the place.
     """
     if limits.base is not None and estimate.options.kind == "internal":
         raise ConfigError(

@@ -1,4 +1,4 @@
-"""Fastest rows along a path: scanned, resampled at the cycle, and each row verified.
+"""Fastest motion along a path: a scan, resampling at the cycle time, and a check of each row.
 
 The result of the scan satisfies the limits at the points of its grid. The rows lie between these
 points and are averaged. Therefore each row is checked again, against the whole model. If a row
@@ -29,14 +29,14 @@ from dynamics.model.one_sample import FRICTION, KIND, SampleTorque
 
 INTERVALS: Final = 1000
 WINDOW_CYCLES: Final = 2
-HEADROOM: Final = 1.5e-3  # fewer scans for a thousandth of the time
+HEADROOM: Final = 1.5e-3  # fraction of limits in reserve: saves scans, costs 0.1 % of the time
 MORE: Final = 1.2  # amount of tightening, relative to the excess
 LEAST_MORE: Final = 2e-4
 ATTEMPTS: Final = 60
 WIDER: Final = 1.02
-LONGEST_WINDOW: Final = 0.5  # of the path's time
+LONGEST_WINDOW: Final = 0.5  # fraction of the path's time
 SLOWEST: Final = 10.0
-ROUNDING: Final = 0.009  # a stream of points tolerates slightly larger differences
+ROUNDING: Final = 0.009  # allowed excess of differences; slightly below that of a stream
 
 
 class TorqueMargins(NamedTuple):
@@ -60,12 +60,12 @@ class TimedPath:
 
     Attributes:
         rows: Limits along the path.
-        bounds: Shape (points, rows, 3). Final bounds.
-        profile: Its speed, before the average.
-        in_time: Its rows.
-        torque: Shape (samples, n). Torque by the model [N m or N].
-        wrench: Shape (samples, 6). Force and moment of the base by the model [N, N m].
-        margins: Uncertainty of both.
+        bounds: Shape (points, rows, 3). Bounds of the last scan.
+        profile: Speed along the path, before averaging.
+        in_time: Rows of the path, one per cycle.
+        torque: Shape (samples, n). Torque predicted by the model [N m or N].
+        wrench: Shape (samples, 6). Base wrench predicted by the model [N, N m].
+        margins: Uncertainty of torque and wrench.
         window_s: Window of the average [s].
         scans: Number of scans.
     """
@@ -94,10 +94,11 @@ class PathTimer:
         torque: Model of the robot.
         limits: Limits to keep.
         cycle_s: Time between rows [s].
-        margin: Uncertainty of the torques.
+        margin: Function that returns the uncertainty of the torques; None for no margin.
         intervals: Intervals of the path's grid.
-        positions_alone: True if the limits must also hold for differences of the positions; a
-            stream of points is checked in this way. The path is then from rest to rest.
+        positions_alone: True if the limits must also hold for speeds and accelerations from
+            differences of the positions, as a stream of points is checked. The path is then from
+            rest to rest.
     """
 
     robot: RobotDescription
@@ -115,9 +116,10 @@ class PathTimer:
 
         Args:
             curve: The path.
-            ends: Path speed at begin and end, path length per second; reduced if rounding up
-                to whole cycles requires.
-            closed: True if it ends at its begin with the same speed, which is then computed.
+            ends: Path speeds at begin and end [path length per second]; reduced if the rounding up
+                to whole cycles requires it.
+            closed: True for a closed path, which begins and ends with the same speed; this speed is
+                computed.
 
         Raises:
             LimitError: The limits cannot be kept; the message names limit and place.
@@ -128,8 +130,8 @@ class PathTimer:
             if found is not None:
                 return found
         raise LimitError(
-            f"after {ATTEMPTS} scans rows of the path still exceed {search.worst}: it bends too"
-            " sharply for this cycle time. Round it, or keep a margin",
+            f"after {ATTEMPTS} scans, rows of the path still exceed the limit of {search.worst}:"
+            " the path bends too sharply for this cycle time. Round the path, or keep a margin",
             code="RID-TIMING-SHAPE",
         )
 
@@ -159,7 +161,7 @@ class _Search:
         )
 
     def attempt(self) -> TimedPath | None:
-        """Scan if anything has changed, and verify; return the result if it holds."""
+        """Scan again if a limit was tightened; return the result if its rows keep all limits."""
         timer = self._timer
         if self._profile is None:
             self._bounds = self._rows.tightened(self._free)
@@ -262,9 +264,9 @@ class _Search:
         self.worst = f"the {label}"
         for r in self._columns.get(label, ()):
             self._free[:, r] += more
-        if label not in self._columns:  # a speed
+        if label not in self._columns:  # a speed limit, which has no row
             self._most = (1.0 - more) ** 2 * self._most
-        elif self._scans > ATTEMPTS // 4:  # rows without u, or that depend on speed only
+        elif self._scans > ATTEMPTS // 4:  # rows without u do not react to tightening
             slower = np.minimum((1.0 - more) * self._most, 0.98 * self._last.x)
             self._most = np.where(more > 0.0, slower, self._most)
 
@@ -296,8 +298,8 @@ class _Search:
         )
         if self._window_s > LONGEST_WINDOW * self._last.time_s[-1] or any(self._ends):
             raise LimitError(
-                f"{what} cannot be kept by averaging over half of the motion's time: raise the"
-                " limit, or drive more slowly",
+                f"{what} exceeds its limit even with averaging over half of the motion's time:"
+                " raise the limit, or drive more slowly",
                 code="RID-TIMING-NOT-FEASIBLE",
             )
         return True
@@ -340,7 +342,7 @@ def _spread_margins(over: FloatArray, found: RowsInTime, points: int) -> FloatAr
 
 
 def differenced(position: FloatArray, step_s: float) -> JointTrajectory:
-    """Return positions with their five-point differences, and two rows of the rests around them."""
+    """Return positions with five-point differences, extended by two rows of rest at each end."""
     q = np.concatenate([position[[0] * 4], position, position[[-1] * 4]])
     a2, a1, own, b1, b2 = (q[k : len(q) - 4 + k] for k in range(5))
     velocity = (8.0 * (b1 - a1) - (b2 - a2)) / (12.0 * step_s)
@@ -349,7 +351,7 @@ def differenced(position: FloatArray, step_s: float) -> JointTrajectory:
 
 
 def _fold_rests(sizes: FloatArray) -> FloatArray:
-    """Add the values of the two rest rows to the path's own first and last row."""
+    """Include the rest rows' values in the first and last row of the path, as maxima."""
     own = sizes[2:-2].copy()
     own[0] = sizes[:3].max(axis=0)
     own[-1] = sizes[-3:].max(axis=0)

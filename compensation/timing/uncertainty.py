@@ -22,7 +22,7 @@ BLOCK_ROWS = 2048
 class ModelMargin:
     """Uncertainty of torques and base wrench of an estimate.
 
-    The variance of a torque is that of the estimated parameters, plus the part of the
+    The variance of a torque is the variance due to the estimated parameters, plus the part of the
     identification residual that noise does not explain (theory: section 13.7).
 
     Attributes:
@@ -44,7 +44,7 @@ class ModelMargin:
 
     @property
     def deviations(self) -> float:
-        """Number of standard deviations of a margin."""
+        """Number of standard deviations that a margin has."""
         return NormalDist().inv_cdf(0.5 + 0.5 * self.confidence)
 
     def __call__(self, path: JointTrajectory) -> TorqueMargins:
@@ -98,6 +98,6 @@ def _quadratic(columns: FloatArray, covariance: FloatArray) -> FloatArray:
 
 
 def _unexplained(residual: FloatArray, noise: FloatArray | None) -> FloatArray:
-    """Return the variance that the noise does not explain."""
+    """Return the variance of the residual that the noise does not explain."""
     own = 0.0 if noise is None else noise**2
     return np.asarray(np.maximum(residual**2 - own, 0.0))

@@ -1,7 +1,8 @@
 """`AmplifierProfile`: the commands and answers of an amplifier, and the layout of its rows.
 
-A profile is data, so that another device only needs another file. This file also computes the load
-that a stream of rows puts on the serial line, which must be known before a cell is used.
+A profile is data, so that another device only needs another file. This module also computes the
+load that a stream of rows puts on the serial line, because a stream that the line cannot carry must
+be refused before a cell is used.
 """
 
 from __future__ import annotations
@@ -36,12 +37,12 @@ Symbol = Annotated[str, Field(pattern=r"^[!-/:-@]$")]
 
 
 class Word(ConfigModel):
-    """A string of the device.
+    """A string of the device's protocol.
 
     Attributes:
         text: The string.
-        verified: The string was seen in use on a real device.
-        source: Where it was seen.
+        verified: True if the string was seen in use on a real device.
+        source: Place, such as a manual, in which the string was seen.
     """
 
     text: Token
@@ -52,7 +53,7 @@ class Word(ConfigModel):
     def _check_source(self) -> Word:
         if self.verified and not self.source:
             raise ValueError(
-                f"{self.text!r} has verified: true; state in `source` where it was seen"
+                f"{self.text!r} has verified: true; state in `source` the place, such as a manual"
             )
         return self
 
@@ -61,16 +62,16 @@ class Commands(ConfigModel):
     """The mnemonics of the commands to an amplifier.
 
     Attributes:
-        operate: Operate or reset.
+        operate: Switch the amplifier to Operate or to Reset.
         identify: Ask for maker, model, serial number and firmware.
-        range: Full scale of a channel [N].
-        sensitivity: Sensitivity of a channel's sensor [pC/N].
-        low_pass: Cut-off frequency [Hz].
+        range: Set the full scale of a channel [N].
+        sensitivity: Set the sensitivity of a channel's sensor [pC/N].
+        low_pass: Set the cut-off frequency of the low-pass filter [Hz].
         overload: Ask for the channels that are or were overloaded.
         values: Ask for the forces of all channels.
         bits: Ask for the resolution of the converter.
-        rate: Rows per second.
-        format: Format of the rows.
+        rate: Set the number of rows per second.
+        format: Set the format of the rows.
         trigger: Switch the events of the trigger input on or off.
         stream: Start or stop the rows.
         time: Ask for the device's clock [ticks].
@@ -110,7 +111,7 @@ class Events(ConfigModel):
 
 
 class StatusBits(ConfigModel):
-    """The bits of a row's status in addition to the overloads of its channels (bits 0 to 7).
+    """The bits of a row's status word; its bits 0 to 7 report overloads of the channels.
 
     Attributes:
         operate: The amplifier measures.
@@ -138,7 +139,7 @@ class Part:
 
 
 class FrameTemplates(ConfigModel):
-    """Layout of a row and of an event: literals around `{name:kind and width}`.
+    """Layout of a row and of an event: literals and fields such as `{sequence:hex4}`.
 
     Attributes:
         row: Template of a row.

@@ -83,7 +83,7 @@ class DriveSafety(ConfigModel):
 
     The preflight computes stopping time and distance of each axis from the values that its drive
     reads back. It refuses settings with which an axis would not stop in time, or not within its
-    range: see its lines on a stop and on rest after a fault.
+    range; its lines on a stop and on rest after a fault show the values.
 
     Attributes:
         master_node_id: Node id of this computer's heartbeat.
@@ -100,7 +100,7 @@ class DriveSafety(ConfigModel):
         fault_reaction_option: Reaction to a fault, 605Eh.
         quick_stop_deceleration_rad_s2: Deceleration of a quick stop, 6085h, at the link side.
         following_error_rad: Largest following error, 6065h, at the link side.
-        following_error_timeout_ms: Time for which the following error may be larger, 6066h.
+        following_error_timeout_ms: Time for which the following error may exceed its limit, 6066h.
         torque_limit_fraction: Limit of the drive's torque, relative to the rated torque.
         allow_drive_without_watchdog: Node ids of the drives that are accepted although they do not
             stop by themselves if this computer fails.
@@ -169,7 +169,7 @@ class Supervision(ConfigModel):
             such a torque would have overcome stiction. The torque that braked a joint is measured
             late and is ignored for `stuck_encoder_cycles`.
         limit_margin_fraction: Allowed excess of speed and torque over the joints' limits, as a
-            fraction of them.
+            fraction of these limits.
     """
 
     missed_frames_limit: Annotated[int, Field(ge=1)] = 3
@@ -191,7 +191,7 @@ class CellConfig(PhysicalFile):
     Attributes:
         name: Name of the cell.
         robot, plant: A bundled file, or a path relative to the cell file.
-        simulated: A command that needs the cell's simulated hardware starts it.
+        simulated: True for a simulated cell; a command that needs the simulated hardware starts it.
         cycle_time_ms: Period of SYNC and of the set-points [ms].
         can: CAN bus of the drives.
         servo: The drives' profile: a bundled name, a path relative to the cell file, or its keys,
@@ -288,9 +288,9 @@ class CellConfig(PhysicalFile):
         ):
             if timeout_ms > LONGEST_SILENCE_MS:
                 raise ValueError(
-                    f"drive_safety.{name} is {timeout_ms} ms: the robot would go on for this time"
-                    f" after a failure; give at most {LONGEST_SILENCE_MS} ms on a cell that is not"
-                    " simulated"
+                    f"drive_safety.{name} is {timeout_ms} ms: the robot would continue to move for"
+                    f" this time after a failure; give at most {LONGEST_SILENCE_MS} ms on a cell"
+                    " that is not simulated"
                 )
 
     def _check_band(self) -> None:
@@ -305,7 +305,7 @@ class CellConfig(PhysicalFile):
             )
 
     def servo_of(self, axis: DriveAxis) -> ServoProfile:
-        """Return the profile of an axis's drive: its own keys on top of the cell's.
+        """Return the profile of an axis's drive: the cell's profile, with the axis's own keys.
 
         Raises:
             ConfigError: The profile is a name only, because the cell was not loaded by
@@ -319,8 +319,9 @@ class CellConfig(PhysicalFile):
             )
         if chosen.spread and self.exchange == "trimmed":
             raise ConfigError(
-                f"cell {self.name}: exchange: trimmed needs drives with mappable PDOs, but that"
-                f" of {axis.joint} has fixed PDOs, or its torque is read by SDO; remove the key",
+                f"cell {self.name}: exchange: trimmed needs drives with mappable PDOs, but the"
+                f" drive of {axis.joint} has fixed PDOs, or its torque is read by SDO; remove the"
+                " key",
                 code="RID-CELL-VALUE",
             )
         if axis.velocity_unit is None:

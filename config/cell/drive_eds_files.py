@@ -22,8 +22,8 @@ def read_eds_files(
     Args:
         tree, cell: The cell file.
         folder: Folder of the cell file, the base of relative paths.
-        kept: The same folder if it is a run folder. It has copies of the files, under the names
-            that this function returns.
+        kept: Folder of the cell file if it is a run folder, otherwise None. A run folder contains
+            copies of the data sheets, under the names that this function returns.
 
     Returns:
         One EDS per axis, None for an axis without one; the files' bytes by the names under which a

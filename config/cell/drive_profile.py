@@ -1,7 +1,8 @@
 """`DriveProfile`: Modbus registers of a drive: their quantity, type, word order and scale.
 
-A profile is data, so that a drive of another maker only needs another file. Addresses are as on the
-wire, from 0. If a manual counts from 1, subtract 1; if it counts from 40001, subtract 40001.
+A profile is data, so that a drive of another maker only needs another file. Addresses are those on
+the wire; they begin at 0. If a manual counts from 1, subtract 1; if it counts from 40001, subtract
+40001.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ MOST_REGISTERS: Final = 125  # per read (Modbus application protocol 1.1b3, 6.3)
 
 
 class Register(ConfigModel):
-    """The register of a quantity; its value in SI units is `scale` times the number plus `offset`.
+    """The register of a quantity; the value in SI units is `scale` times its number plus `offset`.
 
     A temperature in tenths of a degree Celsius has the scale 0.1 and the offset 273.15.
 
@@ -93,10 +94,10 @@ class DriveProfile(ConfigModel):
     def _check_registers(self) -> DriveProfile:
         if "motor_temperature_k" not in self.registers:
             raise ValueError("registers lacks motor_temperature_k, which is polled; add it")
-        taken: dict[tuple[str, int], str] = {}
+        names: dict[tuple[str, int], str] = {}
         for name, register in self.registers.items():
             for address in range(register.address, register.address + register.count):
-                other = taken.setdefault((register.table, address), name)
+                other = names.setdefault((register.table, address), name)
                 if other != name:
                     raise ValueError(
                         f"{other} and {name} share the register {address}; correct one address"

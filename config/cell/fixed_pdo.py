@@ -22,7 +22,7 @@ _BITS: Final[dict[Signal, tuple[int, ...]]] = {
 
 
 def object_address(name: str) -> tuple[int, int]:
-    """Return index and sub-index of ``6077h:00``."""
+    """Return index and sub-index of an object's name, such as ``6077h:00``."""
     index, subindex = name.split("h:")
     return int(index, 16), int(subindex, 16)
 
@@ -34,8 +34,8 @@ class FixedEntry(ConfigModel):
         object: Index and subindex.
         bits: Size of the object.
         signal: The cyclic signal that the object carries.
-        holds: Value of an object without a signal in an RPDO. Without a signal in a TPDO, the
-            object is ignored.
+        holds: Constant value of an object without a signal, in an RPDO. In a TPDO, an object
+            without a signal is ignored.
     """
 
     object: ObjectName
@@ -100,7 +100,7 @@ class FixedPdo(ConfigModel):
 
 
 def object_of(pdos: tuple[FixedPdo, ...], signal: Signal) -> tuple[int, int] | None:
-    """Return the address of the object that carries a signal; None if it is not carried."""
+    """Return the address of the object that carries a signal; None if no object carries it."""
     for pdo in pdos:
         for entry in pdo.objects:
             if entry.signal == signal:

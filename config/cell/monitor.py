@@ -66,7 +66,7 @@ class ModbusRtu(ConfigModel):
 
 
 class MonitorConfig(ConfigModel):
-    """The drives that are polled over Modbus, the quantities and the period.
+    """Polling of the drives over Modbus: connection, addresses, registers and period.
 
     Attributes:
         link: The connection.

@@ -77,7 +77,7 @@ class AmplifierConfig(ConfigModel):
             raise ValueError(
                 f"low_pass_hz is {self.low_pass_hz:g} Hz, above half of rate_hz"
                 f" ({self.rate_hz / 2.0:g} Hz), so that frequencies between them would alias;"
-                " lower it or raise rate_hz"
+                " lower low_pass_hz or raise rate_hz"
             )
         if 0.0 in self.sensitivity_pc_n:
             channel = CHANNEL_NAMES[self.sensitivity_pc_n.index(0.0)]
@@ -102,8 +102,8 @@ class PlateZero(ConfigModel):
         offset_n: Offset of each channel.
         drift_n_s: Drift of each channel.
         pose: The robot's pose at the end of the measurement [rad or m], base to flange.
-        rest_n: Reading of the channels in this pose beyond the offset, caused by the moment of
-            gravity.
+        rest_n: Reading of the channels in this pose in addition to the offset, caused by the moment
+            of gravity.
     """
 
     offset_n: EightOffsets

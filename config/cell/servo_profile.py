@@ -93,7 +93,7 @@ class ReferencedBits(ConfigModel):
     Attributes:
         object: Index and subindex.
         bits: Size of the object.
-        mask: The bits that count.
+        mask: The bits that are evaluated.
         value: The drive is referenced if the masked object equals this value; without a value, if
             all bits of the mask are set.
     """
@@ -109,9 +109,10 @@ class ReferencedBits(ConfigModel):
             raise ValueError(
                 f"mask {self.mask} does not fit the object's {self.bits} bits; correct mask or bits"
             )
-        if self.wanted & ~self.mask:
+        if self.referenced_value & ~self.mask:
             raise ValueError(
-                f"value {self.wanted} has bits outside mask {self.mask}; correct value or mask"
+                f"value {self.referenced_value} has bits outside mask {self.mask}; correct value or"
+                " mask"
             )
         if self.object == _STATUSWORD and self.mask & ~_MAKERS_STATUS_BITS:
             raise ValueError(
@@ -121,8 +122,8 @@ class ReferencedBits(ConfigModel):
         return self
 
     @property
-    def wanted(self) -> int:
-        """The masked bits of a referenced drive."""
+    def referenced_value(self) -> int:
+        """Value of the masked bits if the drive is referenced."""
         return self.mask if self.value is None else self.value
 
 
@@ -130,8 +131,9 @@ class ServoProfile(ConfigModel):
     """One family of drives, or the keys that a cell file adds for one drive.
 
     Attributes:
-        base: Bundled profile from which keys that are left out come; without it, from CiA 402.
-        vendor: Vendor id (1018h:01), by which the profile of an electronic data sheet is found.
+        base: Bundled profile that defines the keys that are left out; without it, CiA 402 defines
+            them.
+        vendor: Vendor id (1018h:01), by which the profile for an electronic data sheet is found.
         mode: Mode of operation, with its value of 6060h: `cyclic_velocity` (9), `profile_velocity`
             (3), `cyclic_position` (8), `interpolated_position` (7), or `makers` (-1), the
             manufacturer's own mode. With `makers`, `pdos` name the object that receives the
@@ -144,16 +146,16 @@ class ServoProfile(ConfigModel):
             `velocity_unit`.
         acceleration_units: Counts of 6083h to 6085h per unit of velocity and second. Left out, it
             is `velocity_units`, or 1 if `acceleration_unit` is given.
-        rated_torque_nm: Replaces 6076h.
+        rated_torque_nm: Rated torque of the motor; replaces 6076h.
         rated_torque_units: Counts of 6076h per N m.
-        rated_current_a: Replaces 6075h.
+        rated_current_a: Rated current of the motor; replaces 6075h.
         torque_constant_nm_per_a: Torque constant of the motor, needed if the drive reports a
             current instead of a torque.
         torque: The measured torque or current, part of every cycle's answer.
-        torque_limit: Object that limits the torque; null if there is none.
+        torque_limit: Object that limits the torque; null if the drive has none.
         torque_limit_written: The cell's `drive_safety` is written to `torque_limit`; false if the
             limit is only read and shown.
-        deceleration_rad_s2: The joint's deceleration if the drive has no 6085h to set.
+        deceleration_rad_s2: Deceleration of the joint at a stop, if the drive has no object 6085h.
         commands: Commands take effect at the next SYNC or, if the drive's RPDOs ignore SYNC, on
             arrival.
         pdos: PDOs of a drive that does not allow another mapping; they are used unchanged.
@@ -203,7 +205,9 @@ class ServoProfile(ConfigModel):
     @model_validator(mode="after")
     def _check_keys(self) -> Self:
         if self.torque.bits != 16 and not (self.torque.asked or self.pdos):
-            raise ValueError(f"torque.bits is {self.torque.bits}; an answer of 8 bytes needs 16")
+            raise ValueError(
+                f"torque.bits is {self.torque.bits}; an answer of 8 bytes needs 16 bits"
+            )
         if self.by_position and (self.velocity_unit, self.velocity_units) != _INCREMENTS:
             raise ValueError("velocity_unit does not apply to position-mode drives; remove it")
         if self.mode == "makers" and not (self.pdos or self.base):
@@ -214,7 +218,7 @@ class ServoProfile(ConfigModel):
         return self
 
     def on(self, base: ServoProfile) -> ServoProfile:
-        """Return this profile with its missing keys taken from another."""
+        """Return this profile; the keys that it does not set are those of `base`."""
         own_keys = {name: getattr(self, name) for name in self.model_fields_set}
         return base.model_copy(update=own_keys | {"base": None})
 
@@ -260,7 +264,8 @@ def _per_increment(unit: VelocityUnit, units: float) -> tuple[float, float]:
 def _check_ratings(torque: float | None, current: float | None, constant: float | None) -> None:
     """Refuse ratings of a motor that contradict each other.
 
-    The torque constant is the rated torque over the rated current, except for the motor's losses.
+    The torque constant is the rated torque divided by the rated current, except for the motor's
+    losses.
     """
     if torque is None or current is None or constant is None:
         return

@@ -26,7 +26,8 @@ def open_file(path: Path, most_bytes: int, *, follow_link: bool = True) -> Itera
         follow_link: Whether the last part of the path may be a symbolic link.
 
     Raises:
-        OSError: It cannot be read, is not a file, or is larger; `strerror` explains which.
+        OSError: The path cannot be read, is not a file, or is larger than `most_bytes`; `strerror`
+            states the reason.
     """
     flags = os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | (0 if follow_link else os.O_NOFOLLOW)
     try:

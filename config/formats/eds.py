@@ -4,7 +4,7 @@ Source: CiA 306-1. Vendors' files differ from it. Missing or unknown sections, k
 therefore skipped, and objects are read from their own sections and not from the lists. Sections and
 keys must be valid; an error names file and line. If the type, access, value or limit of an object
 cannot be read, this is stored as a fault of the object, not raised: many files contain such faults
-at objects that nobody uses.
+at objects that are not used.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class ElectronicDataSheet:
-    """Description of a device type or, with `node_id`, of one device (DCF); None means not stated.
+    """Description of a device type or, with `node_id`, of one device (DCF); None if not stated.
 
     Attributes:
         name: Name of the file in messages.
@@ -153,7 +153,7 @@ class _Reader:
             refuse_line(self.name, entry.line, f"{entry.key} of [{section.name}]: {error}")
 
     def node_id(self) -> int | None:
-        for title in ("devicecomissioning", "devicecommissioning"):  # the former is CiA's spelling
+        for title in ("devicecomissioning", "devicecommissioning"):  # the first is CiA's spelling
             section = self.sections.get(title)
             if section is not None:
                 return self.integer(section, "nodeid", range(1, 128))
@@ -181,7 +181,7 @@ class _Reader:
         return tuple(found[address] for address in sorted(found))
 
     def _of_parent(self, section: EdsSection, index: int, *, composed: bool) -> Iterable[EdsObject]:
-        """Return the objects that [1018] itself describes: one object, or a compact array."""
+        """Return the objects in a section such as [1018]: one object, or a compact array."""
         kind = self.integer(section, "objecttype", range(0x100))
         compact = self.integer(section, "compactsubobj", range(0x100)) or 0
         if compact:

@@ -71,7 +71,7 @@ _BITS: Final = {
 
 @dataclass(frozen=True, slots=True)
 class EdsValue:
-    """A value in a data sheet; an identifier may be relative to the node id."""
+    """A value in a data sheet; if `adds_node_id` is true, the node id is added to it."""
 
     content: int | float | str
     adds_node_id: bool = False
@@ -144,7 +144,7 @@ class EdsObject:
 
     @property
     def bits(self) -> int | None:
-        """Its length [bit]; None for texts, domains and unknown types."""
+        """Length of the object [bit]; None for texts, domains and unknown types."""
         return None if self.data_type is None else _BITS.get(self.data_type)
 
     @property
@@ -156,17 +156,17 @@ class EdsObject:
 
     @property
     def writable(self) -> bool:
-        """True if SDO may write it."""
+        """True if the object can be written by SDO."""
         return self.access in ("wo", "rw", "rwr", "rww")
 
     @property
     def receivable(self) -> bool:
-        """True if an RPDO may carry it."""
+        """True if an RPDO may carry the object."""
         return self.mappable and self.access in ("wo", "rw", "rww")
 
     @property
     def sendable(self) -> bool:
-        """True if a TPDO may carry it."""
+        """True if a TPDO may carry the object."""
         return self.mappable and self.access in ("ro", "rw", "rwr", "const")
 
 
@@ -174,7 +174,7 @@ def parse_integer(text: str) -> int:
     """Return an integer in the notation of CiA 306: decimal, hexadecimal (0x), octal (leading 0).
 
     Raises:
-        ConfigError: It is not an integer, or has more digits than any object can hold.
+        ConfigError: The text is not an integer, or has more digits than any object can hold.
     """
     if len(text) > MAX_DIGITS:
         raise ConfigError(

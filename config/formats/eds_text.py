@@ -148,7 +148,7 @@ def _title(line: str, name: str, number: int) -> str:
 
 def _begin(sections: dict[str, EdsSection], title: str, name: str, number: int) -> EdsSection:
     key = title.lower()
-    if key[4:7] == "sub":  # [1018sub01] is [1018sub1]
+    if key[4:7] == "sub":  # [1018sub01] and [1018sub1] are the same
         key = f"{key[:7]}{int(key[7:], 16):x}"
     earlier = sections.get(key)
     if earlier is not None:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-_PLAIN = (-5, 6)  # powers of ten that are written without one
+_PLAIN = (-5, 6)  # between these powers of ten, a value is written without an exponent
 
 
 def interval(value: float, reach: float) -> tuple[str, str]:
-    """Return a value and its half-width with the same last digit; the latter has two digits.
+    """Return a value and its half-width as texts; the half-width has two significant digits.
+
+    Both texts end at the same decimal place.
 
     Args:
         value, reach: A finite value, and the half-width of its interval, finite and above 0.
@@ -17,7 +19,7 @@ def interval(value: float, reach: float) -> tuple[str, str]:
     Returns:
         Text such as 9.61 and 0.12, or 1230 and 340.
     """
-    last = math.floor(math.log10(float(f"{reach:.1e}"))) - 1  # the place of the last digit
+    last = math.floor(math.log10(float(f"{reach:.1e}"))) - 1  # power of ten of the last digit
     power = math.floor(math.log10(max(abs(value), reach)))
     power = 0 if _PLAIN[0] < power < _PLAIN[1] else power
     decimals = max(power - last, 0)

@@ -75,7 +75,7 @@ def read_json_file(path: Path, model: type[M], most_bytes: int, what: str) -> M:
 
 
 def read_content(path: Path, most_bytes: int) -> bytes:
-    """Return a file's bytes, for callers that read a file once and keep it.
+    """Return a file's bytes, for callers that read a file once and keep its bytes.
 
     Raises:
         ConfigError: The file cannot be read, or is larger than `most_bytes`.
@@ -133,13 +133,13 @@ def _refuse_kind(path: Path, data: bytes, model: type[BaseModel], what: str) -> 
     """Refuse a file of another type, with the type in the message."""
     kind = kind_of_text(data)
     literals = [get_args(field.annotation) for field in model.model_fields.values()]
-    own = {document_kind(each) for literal in literals for each in literal}
-    if kind is not None and kind not in own:
+    accepted = {document_kind(each) for literal in literals for each in literal}
+    if kind is not None and kind not in accepted:
         raise ConfigError(f"{path}: this is {kind}; give {what}", code="RID-FILE-TYPE") from None
 
 
 def _integer(digits: str) -> int | float:
-    """Return an integer; infinity, which is refused later with its key, if it exceeds 64 bits."""
+    """Return an integer; or infinity, which is refused later, if it exceeds 64 bits."""
     number = int(digits) if len(digits) <= _LONGEST_INTEGER else math.inf
     return number if abs(number) < _LARGEST_INTEGER else math.inf
 
@@ -149,7 +149,7 @@ def _refuse_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(members) < len(pairs):
         double = Counter(key for key, _ in pairs).most_common(1)[0][0]
         raise ConfigError(
-            f"the key {double[:80]!r} is there twice at the same level; remove one",
+            f"the key {double[:80]!r} occurs twice at the same level; remove one",
             code="RID-FILE-DUPLICATE",
         )
     return members

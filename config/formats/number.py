@@ -1,7 +1,7 @@
 """`parse_number`: strict conversion of decimal text to a number; `number_hint`: why it fails.
 
-Python's own `float` reads `1_5` as 15, and accepts `nan` and `infinity`. A file with such a text
-means something else, so it is an error and no default is used.
+Python's own `float` reads `1_5` as 15, and accepts `nan` and `infinity`. Such a text in a file is a
+mistake. Therefore it is an error, and no default is used.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def is_not_finite(text: str) -> bool:
 
 
 def number_hint(text: str) -> str:
-    """Return a hint about a text that is not a number; empty if it has no known cause."""
+    """Return a hint about a text that is not a number; empty if the cause is unknown."""
     if _EXPRESSION.search(text):
         return ": an expression that xacro has not expanded; run xacro FILE > robot.urdf first"
     if any(_COMMA.fullmatch(word) for word in text.split()):

@@ -1,7 +1,8 @@
-"""`AngleReading`: an angle as written, and the multiple of 15 degrees that it means.
+"""`AngleReading`: an angle as written in a file, and the multiple of 15 degrees that is meant.
 
-Files round right angles to 1.57 or 1.5708. Used literally, parallel axes become nearly parallel,
-and parameters that the geometry makes inseparable are estimated from noise.
+Files round right angles to 1.57 or 1.5708. If they are used literally, parallel axes become only
+nearly parallel. Parameters that exactly parallel axes make inseparable are then estimated from
+noise.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ import numpy as np
 STEP_RAD: Final = math.pi / 12.0
 NEAR_RAD: Final = 1e-3
 ROUNDED_QUARTER_RAD: Final = 5e-3
-"""Largest error of a quarter turn with two decimals: 3.14, 4.71."""
+"""Largest error [rad] of a multiple of a quarter turn with two decimals, such as 3.14 or 4.71."""
 EXACT_RAD: Final = 1e-9
 NAMED_RAD: Final = 1e-6
-"""Smallest correction that is noted."""
+"""Smallest correction of an angle that a note reports [rad]."""
 FEWEST_DECIMALS: Final = 2
 
 
@@ -28,12 +29,13 @@ class AngleReading:
 
     Attributes:
         written_rad: The value in the file.
-        taken_rad: A multiple of 15 degrees if the value is that, rounded; else the value itself.
+        used_rad: The angle that is used: the exact multiple of 15 degrees if the value is a
+            rounded one; else the value itself.
         nearest_rad: The nearest multiple of 15 degrees.
     """
 
     written_rad: float
-    taken_rad: float
+    used_rad: float
     nearest_rad: float
 
     @classmethod
@@ -47,7 +49,8 @@ class AngleReading:
 
         Args:
             angle_rad: The value in the file.
-            exact_rad: Largest error of a quarter turn that is read as exact for any decimals.
+            exact_rad: A multiple of a quarter turn with at most this error is read as exact, even
+                if it has many decimals [rad].
         """
         nearest = round(angle_rad / STEP_RAD) * STEP_RAD
         error = abs(angle_rad - nearest)
@@ -65,13 +68,13 @@ class AngleReading:
 
     @property
     def is_corrected(self) -> bool:
-        """True if the used value differs from the written one by more than rounding of doubles."""
-        return abs(self.taken_rad - self.written_rad) > NAMED_RAD
+        """True if the used value differs from the written one by more than rounding errors."""
+        return abs(self.used_rad - self.written_rad) > NAMED_RAD
 
     @property
     def is_doubtful(self) -> bool:
         """True if the used value is close to a multiple of 15 degrees but not exactly one."""
-        return EXACT_RAD < abs(self.taken_rad - self.nearest_rad) <= NEAR_RAD
+        return EXACT_RAD < abs(self.used_rad - self.nearest_rad) <= NEAR_RAD
 
 
 def angle_notes(readings: list[tuple[str, AngleReading]]) -> list[str]:

@@ -18,7 +18,7 @@ KINDS: Final = (*MOVING, "fixed", "floating", "planar")
 
 @dataclass(frozen=True, eq=False)
 class UrdfInertial:
-    """Mass, placement (4, 4) of the centre's frame in the link, inertia (3, 3) about the centre."""
+    """Mass of a link, placement (4, 4) of its centre's frame, inertia (3, 3) about the centre."""
 
     mass_kg: float
     placement: FloatArray
@@ -51,7 +51,7 @@ class UrdfLink:
 
 @dataclass(frozen=True)
 class Mimic:
-    """The joint that a mimic joint follows, at `multiplier` times its position plus `offset`."""
+    """The joint that a mimic joint follows: its position times `multiplier`, plus `offset`."""
 
     joint: str
     multiplier: float
@@ -64,8 +64,8 @@ class UrdfJoint:
 
     Attributes:
         limits: The stated lower, upper, velocity, effort, acceleration, deceleration, soft_lower
-            and soft_upper; infinite if stated so.
-        mimic: The joint that this one mimics.
+            and soft_upper; infinite if the file states infinity.
+        mimic: The joint that this joint mimics.
         damping, friction: Viscous and Coulomb friction [N m s/rad or N s/m, N m or N].
         rotor_inertia_kg_m2: Inertia of the motor's rotor, before the gear.
     """
@@ -119,8 +119,8 @@ class UrdfTree:
         links: Links by name.
         joints: Joints in the file's order.
         gear_ratios: The reductions of simple transmissions, by joint.
-        unread_ratios: Reductions that are not a ratio, as written in the file, by joint.
-        notes: What was corrected, and what is not read.
+        unread_ratios: Reductions that are not a single ratio, as written in the file, by joint.
+        notes: Notes on values that were corrected and parts that are not read.
     """
 
     name: str
@@ -204,7 +204,7 @@ def rotation_of_rpy(roll: float, pitch: float, yaw: float) -> FloatArray:
 
 
 def rpy_of_rotation(rotation: FloatArray) -> tuple[float, float, float]:
-    """Return roll, pitch and yaw of a rotation (3, 3), exact to rounding at every attitude."""
+    """Return roll, pitch and yaw of a rotation (3, 3), exact except for rounding."""
     level = float(np.hypot(rotation[0, 0], rotation[1, 0]))
     pitch = float(np.arctan2(-rotation[2, 0], level))
     yaw = float(np.arctan2(rotation[1, 0], rotation[0, 0])) if level > 1e-15 else 0.0

@@ -1,8 +1,8 @@
-"""Conversion of a URDF file (ROS, "URDF XML specification") to a `UrdfTree`, with all its errors.
+"""Conversion of a URDF file (ROS, "URDF XML specification") to a `UrdfTree`.
 
 A file with an unreadable number or an invalid tree of links and joints is refused; the message
-lists all errors. A readable element that states nothing (a box without size, an unknown inertia) is
-omitted and noted in the `oddities` of its link.
+lists all errors. An element that is readable but states nothing (a box without size, an unknown
+inertia) is omitted and noted in the `oddities` of its link.
 """
 
 from __future__ import annotations
@@ -99,7 +99,7 @@ def read_urdf(data: bytes, file: str, *, literal_angles: bool = False) -> UrdfTr
 
 
 def _has_xacro(element: XmlElement) -> bool:
-    """Return whether xacro elements other than those of visuals and Gazebo are left to expand."""
+    """Return whether xacro elements remain unexpanded, except in visuals and Gazebo elements."""
     return element.tag.startswith("xacro:") or any(
         _has_xacro(part) for part in element.children if part.tag not in ("visual", "gazebo")
     )
@@ -155,7 +155,7 @@ class _Reader:
         )
 
     def joint(self, element: XmlElement, gears: Transmissions) -> UrdfJoint | None:
-        """Return a joint; None if a part of it cannot be read."""
+        """Return a joint; None if the element has an error."""
         before = len(self.errors)
         name = self._try(lambda found: found.attribute("name"), element)
         kind = self._try(joint_kind, element)
@@ -196,7 +196,7 @@ class _Reader:
     def _inertial(self, element: XmlElement, oddities: list[str]) -> UrdfInertial | None:
         mass, inertia = element.one("mass"), element.one("inertia")
         if mass is None:
-            oddities.append("its <inertial> has no <mass>; it counts as without mass")
+            oddities.append("its <inertial> has no <mass>; the link counts as massless")
             return None
         mass_kg = mass.number("value")
         if mass_kg < 0.0:
@@ -237,7 +237,7 @@ class _Reader:
             return angle_rad
         reading = AngleReading.of(angle_rad, RIGHT_ANGLE_RAD)
         self.angles.append((origin.where, reading))
-        return reading.taken_rad
+        return reading.used_rad
 
 
 _ELEMENTS: Final = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")

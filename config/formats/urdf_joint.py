@@ -39,7 +39,7 @@ def joint_end(element: XmlElement, tag: str) -> str:
     """Return the link that a joint's `<parent>` or `<child>` names.
 
     Raises:
-        ConfigError: It names no link.
+        ConfigError: The element is missing or names no link.
     """
     end = element.one(tag)
     if end is None:
@@ -71,7 +71,7 @@ def joint_axis(element: XmlElement) -> tuple[FloatArray, float]:
 
 
 def joint_limits(element: XmlElement) -> dict[str, float]:
-    """Return the stated limits; infinite if the file states so.
+    """Return the stated limits; a limit is infinite if the file states infinity.
 
     Raises:
         ConfigError: A limit is not a number.

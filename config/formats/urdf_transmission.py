@@ -18,7 +18,7 @@ _LARGEST_RATIO: Final = 1e6
 
 @dataclass(frozen=True)
 class Transmissions:
-    """Gear ratios, rotor inertias [kg m²] and errors.
+    """Gear ratios and rotor inertias [kg m²] by joint, and errors.
 
     Attributes:
         ratios: Motor turns per joint turn; negative if the motor turns against its joint.
@@ -88,7 +88,7 @@ def _ratio(element: XmlElement, text: str) -> float | None:
     """Return a reduction; None if it is empty or 0.
 
     Raises:
-        ConfigError: It is not a number, or is too large for a gear.
+        ConfigError: The reduction is not a number, or is too large for a gear.
     """
     if not text.strip():
         return None

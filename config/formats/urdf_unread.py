@@ -1,4 +1,4 @@
-"""Parts of a URDF's joints and links that are not read, which often are typing errors."""
+"""Parts of a URDF's joints and links that are not read; they are often typing errors."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ class XmlElement:
         """Return the only child with a tag; None if it is missing.
 
         Raises:
-            ConfigError: There are several.
+            ConfigError: Several children have this tag.
         """
         found = self.all(tag)
         if len(found) > 1:
@@ -59,7 +59,7 @@ class XmlElement:
         """Return an attribute.
 
         Raises:
-            ConfigError: It is missing.
+            ConfigError: The attribute is missing.
         """
         value = self.attributes.get(name)
         if value is None:
@@ -72,7 +72,7 @@ class XmlElement:
         """Return `count` finite numbers of an attribute, or the default if it is missing.
 
         Raises:
-            ConfigError: The attribute is not that.
+            ConfigError: The attribute does not have `count` finite numbers.
         """
         text = self.attributes.get(name)
         if text is None:
@@ -123,7 +123,7 @@ def parse_xml(data: bytes, name: str) -> XmlElement:
     """Parse one XML document and return its root.
 
     Args:
-        data: The file's bytes, in an encoding that XML declares.
+        data: The file's bytes, in the encoding that they declare.
         name: Name of the file in messages.
 
     Raises:
@@ -164,7 +164,7 @@ def parse_xml(data: bytes, name: str) -> XmlElement:
     def refuse(*_: object) -> None:
         raise ConfigError(
             f"{name}:{parser.CurrentLineNumber}: a document type or entity is declared; delete the"
-            " declaration, a robot needs none",
+            " declaration; a URDF does not need it",
             code="RID-URDF-ENTITY",
         )
 

@@ -23,7 +23,7 @@ from config.formats.file_kinds import kind_of_text
 MAX_BYTES = 1_000_000
 MAX_NODES = 200_000
 MAX_DEPTH = 40
-_QUOTED = tuple("[]{},:#&*!|>%@`'\"")  # special at the beginning of a text or inside it
+_QUOTED = tuple("[]{},:#&*!|>%@`'\"")  # characters that have a special meaning in YAML
 WIDTH = 100
 
 Path = tuple[str | int, ...]
@@ -110,15 +110,15 @@ def parse_yaml(text: bytes, name: str) -> YamlTree:
 
 
 def _syntax_error(error: yaml.MarkedYAMLError, text: bytes, name: str) -> str:
-    """Return a syntax error with its position, and a hint at a missing quote."""
+    """Return a syntax error with its position, and a hint if quotes are missing."""
     mark = error.problem_mark or error.context_mark
-    said = f"not valid YAML: {error.problem or error.context}"
+    problem = f"not valid YAML: {error.problem or error.context}"
     if mark is None:
-        return f"{name}: {said}"
+        return f"{name}: {problem}"
     line = text.decode("utf-8-sig").splitlines()[mark.line : mark.line + 1]
     if line and line[0][mark.column : mark.column + 1] in _QUOTED:
-        said += "; put a text with such a character in quotes"
-    return f"{name}:{mark.line + 1}:{mark.column + 1}: {said}"
+        problem += "; put a text with such a character in quotes"
+    return f"{name}:{mark.line + 1}:{mark.column + 1}: {problem}"
 
 
 class _Builder:

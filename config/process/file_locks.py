@@ -1,7 +1,7 @@
 """Lock files: each is held by one process of this computer; queries do not touch the lock.
 
 The lock is an flock: it belongs to an open file, and the kernel releases it with the process. The
-holder is read from the kernel's list of locks, so a query never has to try the lock.
+holder is read from the kernel's list of locks, so a query never tries to take the lock.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from config.errors import RecordingError
 LOCKS = Path("/proc/locks")
 _OPEN = os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
 _TRIES = 100
-_LOOKS = 3  # the list is read in pages; locks may move up between two pages
+_LOOKS = 3  # attempts: locks may move between the pages of the list while it is read
 
 
 @contextlib.contextmanager
@@ -32,7 +32,7 @@ def held_file(path: Path) -> Iterator[None]:
         path: The file; created if missing, readable by every user.
 
     Raises:
-        BlockingIOError: Another process, or another `with` of this one, holds it.
+        BlockingIOError: Another process, or another `with` block of this process, holds the lock.
         OSError: The file cannot be opened: no permission, or a symbolic link.
     """
     descriptor = _lock(path)
@@ -129,9 +129,9 @@ def _is_same_file(path: Path, descriptor: int) -> bool:
 
 
 def _inode(descriptor: int) -> str:
-    """Return a file as named in /proc/locks: by its file system's device, not by stat's.
+    """Return a file's name in /proc/locks: the device of its file system, and its inode.
 
-    The two devices differ on btrfs and overlayfs; mountinfo has the file system's device.
+    The device comes from mountinfo, because that of `stat` differs on btrfs and overlayfs.
     """
     info = Path(f"/proc/self/fdinfo/{descriptor}").read_text(encoding="utf-8")
     info_lines = dict(line.split(":\t", 1) for line in info.splitlines() if ":\t" in line)

@@ -18,10 +18,10 @@ FOREIGN: Final = "RID-STATE-FOREIGN"
 def own_state_folder() -> Path:
     """Return this account's folder for the program's state; create it if missing.
 
-    It is ``$XDG_STATE_HOME/rid-daq``, or ``~/.local/state/rid-daq``.
+    The folder is ``$XDG_STATE_HOME/rid-daq``, or ``~/.local/state/rid-daq``.
 
     Raises:
-        RecordingError: It cannot be created, or another account owns it or can write to it.
+        RecordingError: The folder cannot be created, or another account owns it or can write to it.
     """
     stated = os.environ.get("XDG_STATE_HOME", "")
     home = Path(stated) if Path(stated).is_absolute() else Path("~/.local/state").expanduser()
@@ -39,7 +39,8 @@ def own_secret(name: str) -> bytes:
         name: The name of its file in `own_state_folder`.
 
     Raises:
-        RecordingError: It cannot be read or created, or another account owns it or can read it.
+        RecordingError: The secret cannot be read or created, or another account owns it or can read
+            it.
     """
     path = own_state_folder() / name
     with system_errors(RecordingError, f"{path}: cannot be read", code="RID-FILE-ACCESS"):

@@ -31,8 +31,9 @@ def private_folder_problem(folder: Path) -> str:
 def changeable_by_others(folder: Path) -> str:
     """Return why another user could replace files in a folder; empty if no other user can.
 
-    Root is allowed. Others must not own the folder, nor write to it unless it is sticky. A group
-    that belongs to this user alone does not count as another user.
+    Root may own the folder. Any other user must not own it, and must not be able to write to it
+    unless its sticky bit is set. A group that belongs to this user alone does not count as another
+    user.
 
     Raises:
         OSError: The folder cannot be inspected.
@@ -48,10 +49,10 @@ def changeable_by_others(folder: Path) -> str:
 
 
 def file_problem(path: Path) -> str:
-    """Return why a file or folder in a private folder may be another user's; empty if it is not.
+    """Return why a file in a private folder may come from another user; empty if it cannot.
 
     Raises:
-        OSError: It cannot be inspected.
+        OSError: The file or folder cannot be inspected.
     """
     status = path.lstat()
     if not (stat.S_ISREG(status.st_mode) or stat.S_ISDIR(status.st_mode)):

@@ -20,6 +20,7 @@ def safety_now_s() -> float:
 def boot_id() -> str:
     """Return the kernel's identifier of the current boot.
 
-    A time of `safety_now_s` means nothing after a reboot; store this identifier with it.
+    A time of `safety_now_s` is not valid after a reboot. Therefore store this identifier with a
+    time.
     """
     return Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip()

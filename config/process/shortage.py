@@ -68,7 +68,7 @@ def named_error(error: Exception) -> RidDaqError:
     """Return the error itself if it is a `RidDaqError`, or the shortage that it reports.
 
     Raises:
-        Exception: The error, if it is a defect of the program.
+        Exception: The error itself, if it is neither; it is then a defect of the program.
     """
     if isinstance(error, RidDaqError):
         return error

@@ -19,9 +19,9 @@ SUSPENSION = (signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU)
 def ending_signals() -> tuple[signal.Signals, ...]:
     """Return the signals that end this program.
 
-    An ignored hang-up stays ignored, as `nohup` intends. An ignored interrupt does not: shells
-    start background commands with interrupts ignored, which nobody intends, and a person who
-    sends one wants the robot to stop.
+    An ignored hang-up (SIGHUP) stays ignored, as `nohup` intends. An interrupt (SIGINT) is handled
+    even if it was ignored: shells start background commands with interrupts ignored, but a person
+    who sends an interrupt wants the robot to stop.
     """
     nohup = signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
     return tuple(each for each in TERMINATION if not (nohup and each == signal.SIGHUP))
@@ -37,8 +37,8 @@ def leave_terminal() -> None:
     """Make this process independent of the terminal; call it first in the main function.
 
     It ignores termination signals and leaves the program's process group. Ctrl-Z or any signal to
-    the group then does not suspend or kill a process that a stop needs. The process can still write
-    to the terminal. The main process, which is not a child process, stays in its group.
+    the group then does not suspend or kill a process that is needed for a stop. The process can
+    still write to the terminal. The main process, which is not a child process, stays in its group.
     """
     ignore_termination()
     if multiprocessing.parent_process() is None:
@@ -70,7 +70,7 @@ def suspension_refused(why: str) -> Iterator[None]:
 
 
 class Interruption:
-    """The first termination signal, None before it arrives; later ones do not change it."""
+    """The first termination signal; None before it arrives. Later signals do not change it."""
 
     def __init__(self) -> None:
         self.signal: signal.Signals | None = None
@@ -119,7 +119,7 @@ def signals_blocked(*, suspension: bool = False) -> Iterator[None]:
     interrupted before it has recorded the new process. With `suspension`, for processes that call
     `leave_terminal`, Ctrl-Z is blocked too.
     """
-    resource_tracker.ensure_running()  # starting the first process would unblock signals again
+    resource_tracker.ensure_running()  # its start with the first process would unblock signals
     with signals_deferred():
         mask = signal.pthread_sigmask(signal.SIG_BLOCK, SUSPENSION if suspension else ())
         try:
@@ -143,7 +143,7 @@ def signals_deferred() -> Iterator[None]:
         if threading.current_thread() is threading.main_thread():
             for number in TERMINATION:
                 handler = signal.getsignal(number)
-                if handler not in (signal.SIG_IGN, None):  # as nohup leaves it
+                if handler not in (signal.SIG_IGN, None):  # ignored, for example by nohup
                     signal.signal(number, lambda caught, _frame: received.append(caught))
                     at_end.callback(signal.signal, number, handler)
         yield

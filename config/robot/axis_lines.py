@@ -2,7 +2,7 @@
 
 If two neighbouring axes are far from parallel, x is their common normal (Khalil and Kleinfinger
 1986). If they are nearly parallel, their common normal may lie arbitrarily far away, and Hayati's
-angle beta is used (Hayati 1983). Both are exact.
+angle beta is used (Hayati 1983). Both descriptions are exact.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ class AxisPoses:
     """Denavit-Hartenberg rows with the placement of their frames at position zero.
 
     Attributes:
-        origin_m: Shape (3,). Origin of frame 0 in the root frame; its axes are the root's.
+        origin_m: Shape (3,). Origin of frame 0 in the root frame; frame 0 has the root frame's
+            axes.
         rows: One per joint, modified convention.
         frames: Shape (n + 1, 4, 4). Frames 0 to n in the root frame at position zero.
     """
@@ -44,8 +45,8 @@ def rows_of_axes(points_m: FloatArray, directions: FloatArray, last: FloatArray)
         points_m: Shape (n, 3). A point on each axis, in the root frame, all joints at zero; a
             frame's origin is put there if the geometry does not determine it.
         directions: Shape (n, 3). Unit vectors along the axes, in the sense of positive motion.
-        last: Shape (3, 3). Rotation in the root frame; the last frame's x is as close as possible
-            to its x axis.
+        last: Shape (3, 3). Rotation of the tool in the root frame. The x axis of the last frame is
+            as close as possible to the tool's x axis.
     """
     n = len(points_m)
     origin, x = _root_frame(points_m[0], directions[0])
@@ -89,7 +90,8 @@ def rows_of_axes(points_m: FloatArray, directions: FloatArray, last: FloatArray)
 def _root_frame(point: FloatArray, direction: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return origin and x axis of frame 0.
 
-    They are those of the root frame if axis 1 crosses the root's x axis.
+    Frame 0 is the root frame if axis 1 crosses the root's x axis. Otherwise its origin is on axis
+    1.
     """
     x = np.array([1.0, 0.0, 0.0])
     across = direction[1:]
@@ -130,7 +132,7 @@ def _crossing(
     if _sine(z, u) < NEARLY_PARALLEL:
         crossing = p - u * (((p - place) @ z) / (u @ z))
         return crossing, float((crossing - place) @ x)
-    # The line along x meets the axis. At the root x is given and not normal to u: solve for both.
+    # At the root, x is given and not normal to u. Solve for the point at which the two lines meet.
     system = np.column_stack([x, -u])
     along, back = np.linalg.lstsq(system, p - place, rcond=None)[0]
     return p + back * u, float(along)

@@ -22,7 +22,7 @@ class Capsule(ConfigModel):
     Attributes:
         kind: Kind of body.
         link: The link in whose frame the points are, 0 for the base.
-        name: Name of the body in messages and in `may_touch`; left out, its number.
+        name: Name of the body in messages and in `may_touch`; without it, messages show its number.
         start_m, end_m: Ends of the axis.
         radius_m: Radius.
     """
@@ -41,7 +41,7 @@ class Hull(ConfigModel):
     Attributes:
         kind: Kind of body.
         link: The link in whose frame the points are, 0 for the base.
-        name: Name of the body in messages and in `may_touch`; left out, its number.
+        name: Name of the body in messages and in `may_touch`; without it, messages show its number.
         points_m: The points.
     """
 
@@ -107,7 +107,7 @@ class Box(ConfigModel):
 
 
 class Workspace(ConfigModel):
-    """The space in which the robot may move. Bodies of the base (link 0) are not checked here.
+    """The space in which the robot may move; bodies of the base (link 0) are not checked.
 
     Attributes:
         planes: Walls and floors.

@@ -1,4 +1,4 @@
-"""`JointSize`: size and weight beyond a joint, to derive limits that a URDF does not state."""
+"""`JointSize`: size and weight of the arm beyond a joint, for limits that a URDF does not state."""
 
 from __future__ import annotations
 

@@ -72,10 +72,10 @@ class Kinematics(ConfigModel):
 
     @property
     def exact_rows(self) -> tuple[KinematicRow, ...]:
-        """The rows with exact angles in place of rounded multiples of 15 degrees."""
+        """The rows with exact angles instead of rounded multiples of 15 degrees."""
         return tuple(
             row.model_copy(
-                update={name: AngleReading.of(getattr(row, name)).taken_rad for name in _ANGLES}
+                update={name: AngleReading.of(getattr(row, name)).used_rad for name in _ANGLES}
             )
             for row in self.rows
         )

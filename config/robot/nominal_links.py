@@ -18,7 +18,7 @@ SLENDERNESS: Final = 25.0
 
 
 def nominal_links(rows: FloatArray, tool_m: FloatArray) -> tuple[LinkCad, ...]:
-    """Return a solid cylinder for each link, from half its offset d to the next axis.
+    """Return a solid cylinder for each link, from the middle of its offset d to the next axis.
 
     Args:
         rows: Shape (n, 5). alpha [rad], beta [rad], theta [rad], a [m], d [m] of every joint,

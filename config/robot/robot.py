@@ -173,7 +173,7 @@ class Joint(ConfigModel):
 
 
 class GravitySpring(ConfigModel):
-    """A gravity-compensation spring across one joint (3.36-3.38); angle zero is with the link up.
+    """A gravity-compensation spring across one joint (3.36-3.38); at angle zero the link points up.
 
     Attributes:
         joint: Name of the joint.
@@ -207,8 +207,8 @@ class LinkCad(Derived):
         mass_kg: Mass.
         centre_m: Centre of gravity.
         inertia_kg_m2: xx, xy, xz, yy, yz, zz about the centre of gravity, elements of the matrix.
-            An inertia below that of a steel ball of the mass counts as unknown, because it is zero
-            or was rounded away.
+            An inertia below that of a steel ball of the same mass counts as unknown, because it is
+            zero or was rounded away.
         uncertainty: Standard deviation of every value, relative to its magnitude. Null marks a
             guess: it is used to plan motions, but not as a prior.
     """
@@ -249,7 +249,7 @@ class LinkCad(Derived):
 
 
 class RobotDescription(PhysicalFile):
-    """A serial robot: kinematics, joints, rotors, spring, gravity. Inertias are measured.
+    """A serial robot: kinematics, joints, rotors, spring, gravity. Its inertias are identified.
 
     Attributes:
         name: Name of the robot.
@@ -258,8 +258,8 @@ class RobotDescription(PhysicalFile):
             It matters only for exports.
         kinematics: The Denavit-Hartenberg table.
         tool_offset_m: The tool point in the last frame.
-        tool_rpy_rad: Rotation of the tool's frame relative to the last one (roll, pitch, yaw as in
-            a URDF). It matters only for exports.
+        tool_rpy_rad: Rotation of the tool's frame relative to the last frame (roll, pitch, yaw as
+            in a URDF). It matters only for exports.
         rated_payload_kg: The maker's rated payload: an identified payload is compared with it or,
             without it, with the weight of `cad`.
         joints: The joints, base to flange.

@@ -26,7 +26,7 @@ def bodies_of_urdf(
     Args:
         tree: The URDF.
         carried: The URDF's links that move together: with the base, then with each joint.
-        places: Dict of str to (4, 4) array. Poses of the URDF's links in the base at zero.
+        places: Pose (4, 4) of each of the URDF's links in the base, with the arm's joints at zero.
         axes: The robot's frames.
     """
     bodies: list[Body] = []
@@ -68,7 +68,7 @@ def _body(link: int, name: str, part: UrdfCollision, place: FloatArray) -> Body:
     if part.shape == "box":
         x, y, z = (0.5 * side for side in part.size)
         corners = [(sx * x, sy * y, sz * z) for sx in (-1, 1) for sy in (-1, 1) for sz in (-1, 1)]
-    else:  # the prism around a cylinder
+    else:  # a cylinder: the prism that encloses it
         radius, length = part.size
         angles = 2.0 * np.pi * np.arange(CYLINDER_CORNERS) / CYLINDER_CORNERS
         r = radius / np.cos(np.pi / CYLINDER_CORNERS)

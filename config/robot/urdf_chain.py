@@ -21,8 +21,8 @@ class SeveralArmsError(ConfigError):
         self.arms = tuple(arms)
         choices = "; ".join(f"--tip {arm.tip} ({len(arm.joints)} joints)" for arm in arms)
         super().__init__(
-            f"{file}: there are {len(arms)} arms; choose one with --tip; the others then count as"
-            f" fixed: {choices}",
+            f"{file}: there are {len(arms)} arms; choose one with --tip; the joints of the other"
+            f" arms then count as fixed: {choices}",
             code="RID-URDF-ARM",
         )
 
@@ -137,12 +137,12 @@ def arms_of(tree: UrdfTree, base: str | None) -> list[UrdfArm]:
 def held_positions(tree: UrdfTree, arm: UrdfArm) -> dict[str, float]:
     """Return the fixed positions of the moving joints outside the arm, by name [rad or m].
 
-    Each is within its limits and as close to zero as they allow. A joint that mimics another has
-    the position that follows from that one.
+    Each position is within the joint's limits and as close to zero as they allow. A mimic joint has
+    the position that follows from the joint that it mimics.
 
     Raises:
-        ConfigError: A joint that mimics one of the arm's carries mass, which cannot be assigned to
-            a link of the arm.
+        ConfigError: A joint that mimics a joint of the arm carries mass, which cannot be assigned
+            to a link of the arm.
     """
     driven = {joint.name for joint in arm.joints}
     named = {joint.name: joint for joint in tree.joints}

@@ -1,8 +1,8 @@
 """Joint limits from a URDF, from the user's options, or from the robot's size, in this order.
 
-Many exporters write 0 for unknown values, and infinity or 1e16 for no limit. A limit that no joint
-has is refused, never replaced by a wider one. A default is marked with its origin wherever it is
-shown: motions are checked against it, and a person must confirm it.
+Many exporters write 0 for unknown values, and infinity or 1e16 for no limit. A limit that no real
+joint has is refused, never replaced by a wider one. A default is marked with its origin wherever it
+is shown, because motions are checked against it and a person must confirm it.
 """
 
 from __future__ import annotations
@@ -161,8 +161,12 @@ class _LimitReader:
         stated = f"the URDF states {low_text} to {high_text}"
         if self._states_no_range(given):
             if self._joint.kind == "continuous":
-                return self._centred_range(given, ENDLESS_RAD, "the joint has no end; narrow it")
-            return self._centred_range(given, self._default_half_range(), f"{stated}; narrow it")
+                return self._centred_range(
+                    given, ENDLESS_RAD, "the joint has no end; narrow this range"
+                )
+            return self._centred_range(
+                given, self._default_half_range(), f"{stated}; narrow this range"
+            )
         low, high = limits.get("lower", 0.0), limits.get("upper", 0.0)
         if {"lower", "upper"} - limits.keys():
             self.replace("position", f"{low:g} to {high:g}", f"{stated}; a missing end is 0")
@@ -218,7 +222,9 @@ class _LimitReader:
     def _replace_open_end(self, usual: float, stated: str, given: float | None) -> float:
         """Return the value to use for an end of the range that the URDF states as unlimited."""
         how = "--range" if given is not None else "default"
-        self.replace("position", f"{usual:g} at the unlimited end", f"{how}: {stated}; narrow it")
+        self.replace(
+            "position", f"{usual:g} at the unlimited end", f"{how}: {stated}; narrow this range"
+        )
         return usual
 
     def _narrow_to_soft(self, low: float, high: float) -> tuple[float, float]:

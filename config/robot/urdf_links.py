@@ -30,7 +30,7 @@ _FROM_MOMENTS: Final = np.array([[0.0, 1.0, 1.0], [1.0, 0.0, 1.0], [1.0, 1.0, 0.
 
 @dataclass(frozen=True)
 class UrdfLinks:
-    """Drawing data of the moving links, notes on all of them, and comments by link (from 0)."""
+    """Drawing data of the moving links, notes on all links, and comments by link (from 0)."""
 
     cad: tuple[LinkCad, ...]
     notes: tuple[str, ...]
@@ -58,7 +58,7 @@ def links_of_urdf(
     Args:
         tree: The URDF.
         carried: The URDF's links that move together: with the base, then with each joint.
-        places: Dict of str to (4, 4) array. Poses of the URDF's links in the base at zero.
+        places: Pose (4, 4) of each of the URDF's links in the base, with the arm's joints at zero.
         axes: The robot's frames.
         tool_m: Shape (3,). Tool point in the last frame [m].
     """

@@ -1,4 +1,4 @@
-"""Gears, friction and rotors from a URDF, and the files that they are written to."""
+"""Gears, friction and rotors from a URDF, and the files to which they are written."""
 
 from __future__ import annotations
 

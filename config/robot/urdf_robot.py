@@ -1,4 +1,4 @@
-"""Conversion of a URDF to a `RobotDescription`: chain, rows, limits, drawing data and bodies."""
+"""Conversion of a URDF to a `RobotDescription`: chain, kinematics, limits, links and bodies."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class UrdfRobot:
     """A robot made from a URDF, with notes on the conversion.
 
     Attributes:
-        notes: What was omitted, repaired or set to a default.
+        notes: Notes on values that were omitted, repaired or set to a default.
         comments: The same notes, by the key of the robot file that they concern.
         motors: The URDF's friction and motor direction, one per joint.
     """
@@ -52,8 +52,9 @@ def robot_of_urdf(
     """Return the serial robot between two links of a URDF.
 
     Link frames become those of the modified Denavit-Hartenberg convention, exactly, for any axes.
-    Links behind fixed joints count as part of the link that carries them. So do branches, at
-    position zero or as close to it as their limits allow. The first frame has the base link's axes.
+    Links behind fixed joints count as part of the link that carries them. So do side branches;
+    their joints are held at zero, or as close to zero as their limits allow. The first frame has
+    the base link's axes.
 
     Args:
         tree: The URDF.

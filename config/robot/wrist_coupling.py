@@ -57,7 +57,7 @@ class WristCoupling:
 def motor_ranges(robot: RobotDescription) -> list[tuple[float, float]]:
     """Return the lowest and highest position of each motor divided by its gear ratio [rad or m].
 
-    They follow from the joints' position limits. With a coupled wrist they are the range of
+    The ranges follow from the joints' position limits. With a coupled wrist they are the range of
     alpha = C^-1 q (5.18) over the box of these limits.
     """
     limits = [joint.limits for joint in robot.joints]

@@ -1,6 +1,6 @@
 """`FaultScript`: the faults of a simulated cell, with their time and number.
 
-A fault begins at once, or at one of these keys; all random numbers come from `seed`:
+All random numbers come from `seed`. A fault begins at once, or as one of these keys states:
 - `at_s`: time since the start of the cell.
 - `at_cycle`: number of SYNCs since the drives were last commanded to be enabled.
 - `at_frame`, on the bus: number of the frame, from 1, among those that the fault concerns.
@@ -17,7 +17,7 @@ from config.ranges import Seed
 
 LONGEST_S: Final = 604_800.0
 MOST: Final = 1_000_000_000
-"""The latest time and longest duration [s], and the largest count in a script."""
+"""Largest count in a script; `LONGEST_S` is the latest time and the longest duration [s]."""
 
 Duration = Annotated[float, Field(gt=0.0, le=LONGEST_S)]
 Probability = Annotated[float, Field(gt=0.0, le=1.0)]
@@ -113,7 +113,7 @@ class FrameFault(TimedFault):
 
     @property
     def most(self) -> int | None:
-        """Number of frames that are hit; None for no limit."""
+        """Number of frames that are affected; None for no limit."""
         if self.count is not None:
             return self.count
         return None if self.lasting or self.probability < 1.0 else 1
@@ -308,7 +308,7 @@ class RegisterFault(ConfigModel):
     """A fault of a Modbus request.
 
     Attributes:
-        kind: `late` answers with the answer to the previous request, `exception` with `code`.
+        kind: `late`: the answer to the previous request. `exception`: the exception `code`.
         at_request: Number of the request, from 0; without it, all requests.
         code: Exception code.
     """
@@ -324,11 +324,11 @@ class AmplifierFault(ConfigModel):
     Attributes:
         kind: `garbage`, `nuls`: `count` random or zero bytes come before the row. `lost_bytes`:
             `count` consecutive bytes of the row never arrive. `torn_row`: `count` consecutive rows
-            end in the middle. `gap`: they never arrive. `bad_checksum`: they have a flipped bit.
-            `stall`: nothing arrives for `duration_s`, then everything at once. `unplug`: the port
-            is gone for `duration_s`, and all that was sent meanwhile is lost; then there is a new
-            port. `overload`: a channel gets twice its range for `duration_s`. `drift`: the drift
-            grows by `count` N/s for `duration_s`; the accumulated offset stays.
+            end in the middle. `gap`: `count` rows never arrive. `bad_checksum`: `count` rows have a
+            flipped bit. `stall`: nothing arrives for `duration_s`, then everything at once.
+            `unplug`: the port is gone for `duration_s`, and all that was sent meanwhile is lost;
+            then there is a new port. `overload`: a channel gets twice its range for `duration_s`.
+            `drift`: the drift grows by `count` N/s for `duration_s`; the accumulated offset stays.
         row: Number of the row at which the fault begins, from 0.
         count: Number of bytes or rows; drift [N/s].
         duration_s, channel: Duration on the cell's clock, and channel of `overload`, from 0.

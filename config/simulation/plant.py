@@ -68,13 +68,13 @@ class SimulatedThermal(ConfigModel):
 
     Attributes:
         initial_k, ambient_k: Temperature of the motor at the start, and of its surroundings.
-        time_constant_s: Time constant with which the temperature follows.
+        time_constant_s: Time constant of the motor's warming and cooling.
         rise_k_per_w: Rise above the surroundings per watt of heat.
         loss_at_rated_w: Copper loss at rated torque; it grows with the torque's square.
         friction_share: Fraction of the friction's power that also heats the motor.
         friction_per_k, torque_constant_per_k: Relative changes of friction and torque constant per
             kelvin away from the joint's reference temperature (robot file); friction never falls
-            below a fifth.
+            below a fifth of its value there.
     """
 
     initial_k: Temperature = 298.15
@@ -143,8 +143,8 @@ class SimulatedPlate(ConfigModel):
     Attributes:
         sensitivity_pc_n: True sensitivities of the sensors.
         crosstalk: Charge of a channel = `sensitivity_pc_n` times (matrix times sensor forces).
-        zero_jump_pc: Charge that Operate adds.
-        drift_pc_s: Drift that Operate starts.
+        zero_jump_pc: Charge that the switch to Operate adds to each channel.
+        drift_pc_s: Drift of each channel after the switch to Operate.
         noise_v: Noise of each sample at the output, whose full scale is 10 V.
         clock_offset_s: Time that the amplifier's clock shows when it is switched on, together with
             the cell.
@@ -260,7 +260,7 @@ class PlantConfig(PhysicalFile):
             raise ValueError(f"unknown payload {name!r}; use one of: {known}")
 
     def with_payload(self, name: str | None) -> PlantConfig:
-        """Return the plant with a payload of `payloads` on its flange, or with none.
+        """Return the plant with a payload of `payloads` on its flange, or without a payload.
 
         Raises:
             ConfigError: No payload has that name.

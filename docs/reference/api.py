@@ -1,7 +1,7 @@
-"""Write what the service promises: `python docs/reference/api.py`.
+"""Write the service's API as `openapi.json`: `python docs/reference/api.py`.
 
-`openapi.json` holds the whole API. A change that would break programs written for the last version
-is refused, unless the first number of `API_VERSION` changes.
+The file is not written if a change would break programs that were written for its last version,
+unless the first number of `API_VERSION` has changed.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ OPENAPI = HERE / "openapi.json"
 
 
 def openapi() -> str:
-    """Return the API's document, as the code has it."""
+    """Return the OpenAPI document of the present code."""
     with tempfile.TemporaryDirectory() as folder:
         service = CellService(Path(folder), [])
         app = make_api(service, Authenticator(service.tokens, 0, secure=False))
@@ -50,19 +50,25 @@ WITHDRAWN = (
     r"(Answered|Asked|Ended|Judged|KeyRefused|MotionBegun): is gone",
     r"(Progressed|Resulted|Said|StateEntered|WarmedUp): is gone",
 )
-"""What had to go, as regular expressions.
+"""Removals that are permitted although they break programs, as regular expressions.
 
-Options of `design` have other names; the documents that they describe are accepted as before. Fault
-scripts in requests could kill the service's processes and fill its disk; `record` takes the file of
-a script. A client could say that a key is held (`AxisTestRule`). No client could set the live page.
-`loaded` of `identify` names the runs with a load; `loaded` inside `how` had no effect. The kind of
-job `payload` is called `payload_session`, as its command is. The events `documented` and `tabled`
-are parts of the event `result`. The schemas of some bodies and of all events have other names;
-their documents are the same as before.
+Reasons, by schema:
+
+- `design`: the option schemas have other names; the same JSON documents are accepted as before.
+- Fault scripts in requests could kill the service's processes and fill its disk. Now `record` takes
+  the path of a fault script.
+- `AxisTestRule`: with it, a client could claim that a key is held.
+- `LiveOptions`: no client could use the live page.
+- `loaded` inside `how` of `identify` had no effect; `loaded` of the request names the runs with a
+  payload.
+- The kind of job `payload` is now `payload_session`, like its command.
+- The events `documented` and `tabled` are now parts of the event `result`.
+- The schemas of some request bodies and of all events have other names; their JSON documents are
+  the same as before.
 """
 
 BODIES = ("Creation", "Renewal", "Query", "Confirmation")
-"""Last words of the names of request bodies."""
+"""Ends of the names of schemas that are request bodies."""
 
 
 def _is_withdrawn(place: str) -> bool:
@@ -70,7 +76,7 @@ def _is_withdrawn(place: str) -> bool:
 
 
 def breaks(before: Any, after: Any) -> list[str]:
-    """Return what of an API is gone, or is asked for that was not before; a place a line."""
+    """Return the removed parts of an API, and the parts that have become required, one per line."""
     found: list[str] = []
     for method_or_path in before.get("paths", {}):
         if method_or_path not in after["paths"]:
@@ -106,7 +112,7 @@ def breaks(before: Any, after: Any) -> list[str]:
 
 
 def main() -> int:
-    """Write both files, or say what stands in the way."""
+    """Write the file; if a change would break programs, print the broken parts instead."""
     request_schemas.cache_clear()
     new = openapi()
     if OPENAPI.exists():
@@ -114,7 +120,15 @@ def main() -> int:
         same = before["info"]["version"].split(".")[0] == after["info"]["version"].split(".")[0]
         broken = [each for each in breaks(before, after) if not _is_withdrawn(each)] if same else []
         if broken:
-            sys.stderr.write("\n".join([*broken, "not written: programs would break", ""]))
+            sys.stderr.write(
+                "\n".join(
+                    [
+                        *broken,
+                        f"{OPENAPI.name} is not written: these changes would break programs",
+                        "",
+                    ]
+                )
+            )
             return 1
     OPENAPI.write_text(new, encoding="utf-8")
     return 0

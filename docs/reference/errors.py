@@ -1,6 +1,7 @@
-"""Write the page of the error codes from their declarations and from the code that raises them.
+"""Write the page of the error codes: `python docs/reference/errors.py`.
 
-`python docs/reference/errors.py`; `tests/test_reference.py` fails if the page is out of date.
+The page is made from the declarations of the codes and from the code that raises the errors.
+`tests/test_reference.py` fails if the page is out of date.
 """
 
 from __future__ import annotations
@@ -22,11 +23,11 @@ MOST_EXAMPLES: Final = 3
 HEAD: Final = """# Error codes
 
 Every error message ends with a code in brackets, such as `[RID-FILE-READ]`. The same code is the
-value of `code` in the `--json` document and in the service's answers. A code names one remedy; it
-stays the same when the words of its messages change. `rid-daq docs RID-FILE-READ` prints its entry
-without a browser or a network.
+value of `code` in the `--json` document and in the service's answers. All errors with the same code
+have the same remedy. A code does not change if its message is worded differently. For example,
+`rid-daq docs RID-FILE-READ` prints the entry of this code, without a browser or a network.
 
-The examples are the messages of the program, with … for the values that they state.
+The examples are the messages of the program, with … instead of the values in them.
 """
 
 
@@ -46,7 +47,7 @@ def errors() -> str:
 
 
 def _messages() -> dict[str, tuple[str, ...]]:
-    """Return the messages that the packages construct, by code, the longest first."""
+    """Return the messages that the packages construct, by error code, the longest first."""
     found: defaultdict[str, set[str]] = defaultdict(set)
     for package in PACKAGES:
         for path in sorted((ROOT / package).rglob("*.py")):
@@ -55,13 +56,13 @@ def _messages() -> dict[str, tuple[str, ...]]:
                     for code in _codes(node):
                         found[code] |= {_text(each) for each in node.args}
     return {
-        code: tuple(sorted((each for each in texts if _says_something(each)), key=_order))
+        code: tuple(sorted((each for each in texts if _is_informative(each)), key=_order))
         for code, texts in found.items()
     }
 
 
 def _codes(call: ast.Call) -> list[str]:
-    """Return the codes that a call gives an error, literals alone."""
+    """Return the error codes that are literals in the argument `code` of a call."""
     values = [keyword.value for keyword in call.keywords if keyword.arg == "code"]
     constants = [each for value in values for each in ast.walk(value)]
     texts = [each.value for each in constants if isinstance(each, ast.Constant)]
@@ -69,7 +70,7 @@ def _codes(call: ast.Call) -> list[str]:
 
 
 def _text(node: ast.expr) -> str:
-    """Return a message with … for what is computed."""
+    """Return a message with … instead of computed values."""
     if isinstance(node, ast.Constant) and isinstance(node.value, str):
         return node.value
     if isinstance(node, ast.JoinedStr):
@@ -79,14 +80,14 @@ def _text(node: ast.expr) -> str:
     return "…"
 
 
-def _says_something(text: str) -> bool:
-    """Return whether a message has words enough of its own, on one line."""
+def _is_informative(text: str) -> bool:
+    """Return True if a message is one line and has at least four words without computed values."""
     words = [word for word in text.split() if "…" not in word]
     return len(words) >= 4 and "\n" not in text
 
 
 def _literal(text: str) -> str:
-    """Return a message as Markdown that shows it letter by letter."""
+    """Return a message as Markdown code, which is shown unchanged."""
     return f"`` {text} ``" if "`" in text else f"`{text}`"
 
 

@@ -35,7 +35,7 @@ MOTIONS = typing.get_args(typing.get_args(AnyMotion)[0])
 
 
 def _kind_name(model: type[BaseModel]) -> str:
-    """Return the value of the key `kind` of a model."""
+    """Return the kind of motion that a model describes: the value of its key `kind`."""
     return str(typing.get_args(model.model_fields["kind"].annotation)[0])
 
 
@@ -44,9 +44,9 @@ PAGES = {
     "robot files": RobotDescription,
     **{f"motion files: {_kind_name(model)}": model for model in MOTIONS},
     "import maps": ImportMap,
-    "servo profiles (drives of a maker)": ServoProfile,
+    "servo profiles (drives of one manufacturer)": ServoProfile,
     "drive profiles (Modbus registers)": DriveProfile,
-    "amplifier profiles (strings and rows)": AmplifierProfile,
+    "amplifier profiles (commands and row formats)": AmplifierProfile,
     "plant files (simulation only)": PlantConfig,
     "fault scripts (simulation only)": FaultScript,
 }
@@ -58,20 +58,24 @@ def command_line() -> str:
 
     from rid_daq.command_line.root import COMMANDS
 
-    parts = ["# Command line\n\nGenerated from the program's own help.\n", _help([])]
+    parts = [
+        "# Command line\n\nThis page is generated from the help texts of the program.\n",
+        _help([]),
+    ]
     for name in COMMANDS:
         parts.append(f"## {name}\n\n{_help([name])}")
-        parts += [f"### {name} {own}\n\n{_help([name, own])}" for own in _own_commands(name)]
+        parts += [f"### {name} {own}\n\n{_help([name, own])}" for own in _subcommands(name)]
     return "\n".join(parts)
 
 
 def files() -> str:
-    """Return the page of the file formats: key, kind, default and meaning of every key."""
+    """Return the page of the file formats: kind, default and meaning of every key."""
     parts = [
-        "# Files\n\nGenerated from the schema. Every file is YAML; an unknown key is an error."
-        " `rid-daq init DIR` writes commented examples.\n\nA value outside its plausible range is"
-        " refused, with the unit that it may be in. If such a value is correct, name its key as the"
-        " message does: `implausible_on_purpose: [joints.0.limits.torque]`.\n"
+        "# Files\n\nThis page is generated from the schemas of the files. Every file is YAML; an"
+        " unknown key is an error. `rid-daq init DIR` writes commented examples.\n\nA value outside"
+        " its plausible range is refused; the message names the unit that was probably used. If"
+        " such a value is correct, add its key as in the message to the file, for example"
+        " `implausible_on_purpose: [joints.0.limits.torque]`.\n"
     ]
     seen: list[type[BaseModel]] = []
     for title, model in PAGES.items():
@@ -107,7 +111,7 @@ def drive_objects() -> str:
     )
     without = {
         "shown": "the drive can be used",
-        "trial": "the drive's reaction is tested before every motion, powered and at rest",
+        "trial": "the drive's reaction is tested before every motion, with power and at rest",
         "red": "the drive cannot be used",
     }
     rows = ["| object | name | if a drive lacks the object |", "|---|---|---|"]
@@ -144,14 +148,15 @@ def servo_profiles() -> str:
 
 
 def results() -> str:
-    """Return the page of `result.json`: key, kind, default and meaning of every section."""
+    """Return the page of `result.json`: kind, default and meaning of every key."""
     from rid_daq.report.result import SCHEMA, Result
 
     parts = [
-        "# Results\n\nGenerated from the schema. `result.json` of a run holds every number of its"
-        " report; `result.schema.json` beside this page is its JSON schema. A key that is left"
-        " out or null means that nothing was computed. Keys may be added within a version of the"
-        f" document (`schema`: {SCHEMA!r}); none is renamed or removed.\n\n## The document\n"
+        "# Results\n\nThis page is generated from the schema of `result.json`. This file of a run"
+        " contains every number of the run's report; its JSON schema is `result.schema.json`, next"
+        " to this page. If a key is left out or null, nothing was computed for it. Within a version"
+        f" of the document (`schema`: {SCHEMA!r}) keys can be added, but none is renamed or"
+        " removed.\n\n## The document\n"
     ]
     _model(Result, [], parts)
     return "\n".join(parts)
@@ -169,8 +174,9 @@ def python_api() -> str:
     from rid_daq import api
 
     parts = [
-        f"# Python API\n\nGenerated from the docstrings; version {api.API_VERSION}."
-        f" [The guide](../guide/use-from-python.md) begins with examples.\n\n{_markdown(api)}\n"
+        f"# Python API\n\nThis page is generated from the docstrings of API version"
+        f" {api.API_VERSION}. [The guide](../guide/use-from-python.md) contains examples.\n\n"
+        f"{_markdown(api)}\n"
     ]
     for name in sorted(set(api.__all__) - {"API_VERSION", "RidDaqError"}, key=str.lower):
         found = getattr(api, name)
@@ -191,7 +197,7 @@ def python_api() -> str:
 
 
 def _signature(name: str, of: Any) -> str:
-    """Return the names and defaults of the parameters of a function, and what it returns."""
+    """Return a function's signature as Markdown: parameters, defaults and return type."""
     found = inspect.signature(of)
     parameters = [
         each.replace(annotation=inspect.Parameter.empty)
@@ -204,7 +210,7 @@ def _signature(name: str, of: Any) -> str:
 
 
 def _markdown(of: Any) -> str:
-    """Return a docstring with its sections as lists."""
+    """Return an object's docstring as Markdown, with its sections as lists."""
     text = inspect.getdoc(of) or ""
     text = re.sub(r"^(Args|Returns|Raises|Yields|Attributes):$", r"**\1**\n", text, flags=re.M)
     lines: list[str] = []
@@ -223,7 +229,7 @@ def _markdown(of: Any) -> str:
     return "\n".join(lines)
 
 
-def _own_commands(name: str) -> list[str]:
+def _subcommands(name: str) -> list[str]:
     """Return the subcommands of a command."""
     from rid_daq.command_line.root import command_words
 
@@ -260,7 +266,7 @@ def _model(model: type[BaseModel], seen: list[type[BaseModel]], parts: list[str]
 
 
 def _documented(model: type[BaseModel]) -> tuple[str, dict[str, str]]:
-    """Return a model's docstring without its attributes, and the attributes' texts by name."""
+    """Return a model's docstring without its attributes, and the attributes' meanings by name."""
     text, notes = "", ""
     meanings: dict[str, str] = {}
     for base in reversed(model.__mro__):
@@ -305,7 +311,7 @@ def _bounds(metadata: list[Any]) -> str:
 
 
 def _kind(annotation: Any) -> tuple[str, list[type[BaseModel]]]:
-    """Describe an annotation in words, and list the models in it."""
+    """Return a description of a type annotation in words, and the models in the annotation."""
     if inspect.isclass(annotation) and issubclass(annotation, BaseModel):
         return annotation.__name__, [annotation]
     origin = typing.get_origin(annotation)

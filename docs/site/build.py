@@ -1,7 +1,8 @@
 """Make the documentation site from `docs/`: `python docs/site/build.py [FOLDER]`.
 
-Without a folder it goes where `rid-daq docs` shows it and a wheel takes it from. Whatever Sphinx
-warns of, a link that leads nowhere or a page that no other leads to, is an error.
+Without FOLDER, the site is written into `rid_daq/site`. `rid-daq docs` shows this folder, and the
+wheel contains it. Every warning of Sphinx is an error, for example a broken link, or a page to
+which no other page links.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ PACKAGED = DOCS.parent / "rid_daq" / "site"
 
 
 def build(folder: Path) -> int:
-    """Make the site in a folder, replacing its content; return Sphinx's exit code."""
+    """Build the site in a folder, whose content is replaced; return Sphinx's exit code."""
     shutil.rmtree(folder, ignore_errors=True)
     with tempfile.TemporaryDirectory() as work:
         options = ["-q", "-W", "--keep-going", "-b", "html", "-c", str(DOCS / "site"), "-d", work]

@@ -36,13 +36,14 @@ html_theme_options = {
 _WIDE_PX, _READABLE_PX = 1400, 960
 _MERMAID = {
     "theme": "neutral",
-    "fontFamily": "Verdana, DejaVu Sans, sans-serif",  # none is wider than these
+    # These are the widest usual fonts, so a text fits its box with any other font too.
+    "fontFamily": "Verdana, DejaVu Sans, sans-serif",
     "flowchart": {"wrappingWidth": 400},
 }
 
 
 def _draw(app: Sphinx, doctree: nodes.document) -> None:
-    """Replace the text of a drawing by the drawing, as the repository's own viewer does."""
+    """Replace the source text of a mermaid diagram by the drawn diagram."""
     blocks = [
         each for each in doctree.findall(nodes.literal_block) if each.get("language") == "mermaid"
     ]
@@ -58,5 +59,5 @@ def _draw(app: Sphinx, doctree: nodes.document) -> None:
 
 
 def setup(app: Sphinx) -> None:
-    """Let Sphinx draw each page after it is read."""
+    """Let Sphinx draw the diagrams of each page after it has read the page."""
     app.connect("doctree-read", _draw)

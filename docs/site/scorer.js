@@ -1,4 +1,4 @@
-// Order of search results: guides and reference before decision records and architecture.
+// Order of search results: guides and reference come before decision records, extending and faults.
 var Scorer = {
   score: ([page, title, anchor, words, score]) => (/^(decisions\/|extending|faults)/.test(page) ? score - 40 : score),
   objNameMatch: 11,

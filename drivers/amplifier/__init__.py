@@ -1,4 +1,4 @@
-"""The force plate's charge amplifier on its serial line: dialogue, stream, settings.
+"""The force plate's charge amplifier on a serial line: requests, streamed rows, settings.
 
 Rows are returned as the device sends them; `acquisition` converts them to forces. Begin with
 `amplifier.py`.

@@ -1,7 +1,8 @@
-"""`SerialAmplifier`: a charge amplifier on a serial line, by its profile.
+"""`SerialAmplifier`: driver of a charge amplifier on a serial line; a profile defines its commands.
 
-Every wait has a deadline. A range, a sensitivity or a filter is set only if it differs, because
-some amplifiers lose the charge on their channels then, and with it the plate's zero.
+Every wait has a deadline. A range, a sensitivity or a filter is written only if it differs from the
+required value: the write discharges the channels of some amplifiers, and the plate's zero is then
+lost.
 """
 
 from __future__ import annotations
@@ -26,13 +27,14 @@ from drivers.ports.serial_link import SerialLink, open_serial
 
 
 class SerialAmplifier(ForcePlate):
-    """The amplifier behind an open port.
+    """Charge amplifier that is connected to an open serial port.
 
     Args:
         link: The port.
         config: The required settings.
         profile: The amplifier's commands and rows.
-        arrivals: Reader of the rows' arrivals, if the amplifier is simulated in simulated time.
+        arrivals: Source of the rows' arrival times, for an amplifier that is simulated in simulated
+            time; None for any other.
     """
 
     def __init__(
@@ -55,15 +57,15 @@ class SerialAmplifier(ForcePlate):
 
     @property
     def stream_counts(self) -> StreamCounts:
-        """Counts of the current stream, or of the last one."""
+        """Counts of rows and errors in the current stream; after its end, in the last stream."""
         return self._counts
 
     def connect(self) -> str:
         """End a stream that is running; return maker, model and serial number.
 
         Raises:
-            ProtocolError: The amplifier answers at another baud rate, which is named, or its answer
-                is not text.
+            ProtocolError: The amplifier answers at another baud rate (the message names it), or its
+                answer is not text.
             DeviceTimeoutError: There is no answer at any baud rate.
             TransportError: The port is lost.
         """
@@ -71,7 +73,7 @@ class SerialAmplifier(ForcePlate):
         return self._dialogue.connect()
 
     def settings(self) -> tuple[PlateSetting, ...]:
-        """Read every setting back, without a change.
+        """Read every setting from the amplifier, without changing any.
 
         Raises:
             DriverError: The amplifier does not answer, or violates its profile.
@@ -82,7 +84,7 @@ class SerialAmplifier(ForcePlate):
         """Change the settings that differ and read them back.
 
         Returns:
-            Whether that discharged the channels, so that the plate must be zeroed again.
+            True if a change discharged the channels, so that the plate must be zeroed again.
 
         Raises:
             ProtocolError: A setting is refused, or reads back differently.
@@ -109,22 +111,22 @@ class SerialAmplifier(ForcePlate):
         return charge_lost
 
     def operate(self) -> None:
-        """Start the measurement; raise `DriverError` if the amplifier does not."""
+        """Start the measurement; raise `DriverError` if the amplifier does not start it."""
         self._switch(ON, "operate")
 
     def reset(self) -> None:
-        """Discharge the channels; raise `DriverError` if the amplifier does not."""
+        """Discharge the channels; raise `DriverError` if the amplifier does not do this."""
         self._switch(OFF, "reset")
 
     def is_operating(self) -> bool:
-        """Return whether the channels measure; may raise `DriverError`."""
+        """Return True if the channels are measuring; may raise `DriverError`."""
         text = self._ask("operate").text
         if text not in (ON, OFF):
             raise self._dialogue.unexpected("operate or reset", text)
         return text == ON
 
     def take_overloads(self) -> tuple[bool, ...]:
-        """Return which channels were overloaded since the last call, and clear these flags.
+        """Return a flag per channel, True after an overload since the last call; clear the flags.
 
         Raises:
             DriverError: The amplifier does not answer, or violates its profile.
@@ -150,7 +152,7 @@ class SerialAmplifier(ForcePlate):
         return values
 
     def start(self) -> None:
-        """Begin the stream of rows; raise `DriverError` if the amplifier does not."""
+        """Start the stream of rows; raise `DriverError` if the amplifier does not start it."""
         self._ask("stream", ON)
         self._clear_pieces()
         self._stream = AmplifierStream(self.profile, self._config.format, self._config.rate_hz)
@@ -159,10 +161,10 @@ class SerialAmplifier(ForcePlate):
     def gather(self, until_s: float) -> bool:
         """Store incoming data until `until_s` [s, monotonic clock], for `read`.
 
-        It is cheaper than `read`: a piece of any size costs one or two system calls.
+        It is faster than `read`: it needs only one or two system calls, however many bytes arrive.
 
         Returns:
-            Whether data came.
+            True if data arrived.
 
         Raises:
             TransportError: The port is lost.
@@ -174,14 +176,14 @@ class SerialAmplifier(ForcePlate):
         piece, lines.rest = lines.rest, b""
         piece = piece or self._link.read(until_s)
         if piece:
-            end = self._piece_ends[-1] if self._piece_ends else self._stream.taken_bytes
+            end = self._piece_ends[-1] if self._piece_ends else self._stream.received_bytes
             self._pieces.append(piece)
             self._piece_ends.append(end + len(piece))
             self._piece_times_s.append(self._link.last_time_s)
         return bool(piece)
 
     def read(self, until_s: float) -> PlateRead:
-        """Gather, and return all data since the last call.
+        """Receive data as `gather` does, then return all data since the last call of `read`.
 
         Raises:
             TransportError: The port is lost.
@@ -202,7 +204,7 @@ class SerialAmplifier(ForcePlate):
         )
 
     def mark(self) -> float:
-        """Request the device's time within the stream; the answer is an event.
+        """Request the amplifier's clock time during a stream; the answer is an event in the stream.
 
         Returns:
             Time just before the request was sent [s, monotonic clock].
@@ -212,9 +214,9 @@ class SerialAmplifier(ForcePlate):
         return asked_s
 
     def forget_overloads(self) -> None:
-        """Request the overloads within the stream; the answer is an event.
+        """Request the overloads during a stream; the answer is an event in the stream.
 
-        The request clears past overloads in the status of the rows.
+        The request also clears the flags of past overloads in the status of the rows that follow.
 
         Raises:
             TransportError: The port is lost.
@@ -222,11 +224,11 @@ class SerialAmplifier(ForcePlate):
         self._link.write(self._dialogue.codec.request("overload"))
 
     def stop(self, until_s: float) -> tuple[PlateRead, ...]:
-        """End the stream and return the data until then.
+        """End the stream; return the data that arrived before its end.
 
         Raises:
-            DeviceTimeoutError: The amplifier did not confirm it until `until_s` [s, monotonic
-                clock].
+            DeviceTimeoutError: The amplifier did not confirm the end of the stream by `until_s` [s,
+                monotonic clock].
             TransportError: The port is lost.
         """
         stream = self._stream
@@ -306,8 +308,8 @@ def open_amplifier(config: AmplifierConfig, profile: AmplifierProfile) -> Iterat
 
 
 def _end_stream(amplifier: SerialAmplifier, link: SerialLink) -> None:
-    """End a stream that is still running, if the line still works."""
+    """End a stream that is still running; ignore a lost line or amplifier."""
     try:
         amplifier.stop(link.clock.now_s() + ANSWER_TIMEOUT_S)
     except DriverError:
-        return  # the line or the amplifier is lost
+        return  # a lost line or amplifier cannot be stopped

@@ -1,4 +1,4 @@
-"""Commands and answers of a charge amplifier, by its profile: text lines in both directions.
+"""Commands and answers of a charge amplifier: text lines whose words the profile defines.
 
 A command is an optional channel (``3:``), a mnemonic, and a value or the query sign. The answer is
 a value, OK or an error number. Rows and events are in `drivers.amplifier.stream`.
@@ -25,11 +25,11 @@ _LINE_END = re.compile(rb"[\r\n]")
 
 @dataclass(frozen=True, slots=True)
 class AmplifierCommand:
-    """A command to the device.
+    """A command to the amplifier.
 
     Attributes:
         name: Field of `config.cell.amplifier_profile.Commands`.
-        channel: 1 to 8, 0 for all or none.
+        channel: 1 to 8; 0 if the command applies to all channels, or to none.
         value: The value to set; None for a query.
     """
 
@@ -40,11 +40,11 @@ class AmplifierCommand:
 
 @dataclass(frozen=True, slots=True)
 class AmplifierReply:
-    """An answer of the device.
+    """An answer of the amplifier.
 
     Attributes:
-        text: The requested value; empty after OK.
-        error: The error number, empty without an error.
+        text: The requested value; empty if the answer was only OK.
+        error: The error number; empty if there was no error.
         charge_lost: The setting was accepted but discharged the channels, so that the plate must be
             zeroed again.
     """
@@ -55,7 +55,7 @@ class AmplifierReply:
 
 
 class RequestError(ProtocolError):
-    """An invalid command; `number` is the error number that the device answers."""
+    """The amplifier received an invalid command; `number` is the error number of its answer."""
 
     def __init__(self, number: str, text: str) -> None:
         super().__init__(text, code="RID-AMPLIFIER-ANSWER")
@@ -63,7 +63,7 @@ class RequestError(ProtocolError):
 
 
 class AmplifierCodec:
-    """Conversion of lines to commands and answers, and back; no state, no input or output."""
+    """Converts text lines to commands and answers, and back; without state, input or output."""
 
     def __init__(self, profile: AmplifierProfile) -> None:
         self.profile = profile
@@ -77,22 +77,22 @@ class AmplifierCodec:
         self._error = re.compile(rf"{re.escape(profile.error.text)}(\d{{1,4}})")
 
     def request(self, name: str, value: str | None = None, channel: int = ALL_CHANNELS) -> bytes:
-        """Return a command that sets `value`, or a query if it is None.
+        """Return the bytes of a command that sets `value`; if `value` is None, those of a query.
 
         Args:
             name: Field of `config.cell.amplifier_profile.Commands`.
             value: The value to set.
-            channel: 1 to 8; 0 leaves it out.
+            channel: 1 to 8; with 0 the command names no channel.
         """
         start = f"{channel}{self.profile.channel_separator}" if channel else ""
         rest = self.profile.query if value is None else value
         return f"{start}{self._words[name]}{rest}".encode("ascii") + self._end
 
     def read_request(self, line: bytes) -> AmplifierCommand:
-        """Parse a command, given without its terminator; the device's side.
+        """Parse a command line without its terminator, as the (simulated) amplifier does.
 
         Raises:
-            RequestError: It is not a command, or the channel does not exist.
+            RequestError: The line is not a command, or its channel does not exist.
         """
         match = self._request.fullmatch(line.decode("latin-1"))
         if match is None or not match[3]:
@@ -104,7 +104,7 @@ class AmplifierCodec:
         return AmplifierCommand(self._names[match[2]], channel, value)
 
     def answer(self, answer: AmplifierReply) -> bytes:
-        """Return an answer of the device as bytes: an error, a value, or OK."""
+        """Return the bytes of an amplifier's answer: an error, a value, or OK."""
         profile = self.profile
         if answer.error:
             text = f"{profile.error.text}{answer.error}"
@@ -117,10 +117,10 @@ class AmplifierCodec:
         return text.encode("ascii") + self._end
 
     def read_answer(self, line: bytes) -> AmplifierReply:
-        """Parse an answer, given without its terminator.
+        """Parse an answer line without its terminator.
 
         Raises:
-            ProtocolError: It is empty, or not text.
+            ProtocolError: The line is empty, or is not text.
         """
         text = line.decode("latin-1").strip(" ")
         if not text or not (text.isascii() and text.isprintable()):
@@ -153,11 +153,11 @@ class LineSplitter:
         self.rest = b""
 
     def feed(self, data: bytes) -> None:
-        """Add bytes, for `next_line`."""
+        """Append received bytes; `next_line` returns the lines in them."""
         self.rest += data
 
     def next_line(self) -> bytes | None:
-        """Return and remove the next line that is not empty; None if none is complete.
+        """Remove and return the next line that is not empty; None if no line is complete yet.
 
         If a line is too long, only its last bytes are kept.
         """

@@ -24,7 +24,8 @@ class AmplifierDialogue:
         profile: The amplifier's commands.
 
     Attributes:
-        lines: Bytes that are not an answer yet; after the start of a stream, its first bytes.
+        lines: Received bytes that do not yet form a complete answer; after the start of a stream,
+            the stream's first bytes.
     """
 
     def __init__(self, link: SerialLink, profile: AmplifierProfile) -> None:
@@ -36,15 +37,15 @@ class AmplifierDialogue:
 
     @property
     def where(self) -> str:
-        """The amplifier, for messages."""
+        """Name and address of the amplifier in messages."""
         return f"amplifier at {self._link.address}"
 
     def connect(self) -> str:
         """End a stream that is running; return maker, model and serial number.
 
         Raises:
-            ProtocolError: The amplifier answers at another baud rate, which is named, or its answer
-                is not text.
+            ProtocolError: The amplifier answers at another baud rate (the message names it), or its
+                answer is not text.
             DeviceTimeoutError: There is no answer at any baud rate.
             TransportError: The port is lost.
         """
@@ -68,21 +69,21 @@ class AmplifierDialogue:
         )
 
     def ask(self, name: str, value: str | None = None, channel: int = 0) -> AmplifierReply:
-        """Set or read a value.
+        """Send a command that sets or reads a value; return the answer.
 
         Args:
             name: Field of `config.cell.amplifier_profile.Commands`.
             value: The value to set; None to read.
-            channel: 1 to 8; 0 for all or none.
+            channel: 1 to 8; 0 if the command applies to all channels, or to none.
 
         Raises:
             ProtocolError: The answer is an error, or not text.
-            DeviceTimeoutError: It does not answer in time.
+            DeviceTimeoutError: The amplifier does not answer in time.
             TransportError: The port is lost.
         """
         clock = self._link.clock
         if self._link.read(clock.now_s()) or self.lines.rest:
-            self.lines = LineSplitter()  # stale data: no request was pending
+            self.lines = LineSplitter()  # discard old data: no request was pending
         request = self.codec.request(name, value, channel)
         self._link.write(request)
         answer = self.answer(name, clock.now_s() + ANSWER_TIMEOUT_S)
@@ -96,7 +97,7 @@ class AmplifierDialogue:
         return answer
 
     def answer(self, name: str, until_s: float) -> AmplifierReply:
-        """Wait for the next line; raise `DeviceTimeoutError` if none is complete in time."""
+        """Wait for the answer's line; raise `DeviceTimeoutError` if it is not complete in time."""
         while (line := self.lines.next_line()) is None:
             data = self._link.read(until_s)
             if not data and self._link.clock.now_s() >= until_s:
@@ -111,18 +112,18 @@ class AmplifierDialogue:
         return self.codec.read_answer(line)
 
     def unexpected(self, what: str, text: str) -> ProtocolError:
-        """Return the error for an answer that violates the profile."""
+        """Return the error for an answer that does not match the amplifier's profile."""
         return ProtocolError(
-            f"{self.where}: answered {printable(text)!r} to a request for {what}, against profile"
-            f" {self._profile.name}; correct the profile",
+            f"{self.where}: the answer to the request for {what} is {printable(text)!r}, which does"
+            f" not match profile {self._profile.name}; correct the profile",
             code="RID-AMPLIFIER-ANSWER",
         )
 
     def _request_identity(self, timeout_s: float) -> str:
-        """End a running stream and request the identity."""
+        """End a running stream; return the amplifier's maker, model and serial number."""
         clock = self._link.clock
         self.lines = LineSplitter()
-        # the first terminator ends a line of noise in the amplifier's input
+        # the terminator in front ends a line of noise that may be in the amplifier's input
         end = self._profile.terminator.encode("ascii")
         self._link.write(end + self.codec.request("stream", OFF))
         until_s = clock.now_s() + timeout_s
@@ -137,7 +138,7 @@ class AmplifierDialogue:
         while not (answer := self.answer("identify", until_s)).text:
             if answer.error:
                 raise self.unexpected("who it is", f"E{answer.error}")
-            # a confirmation of the stream's end, which came late
+            # an empty answer is the late confirmation that the stream has ended
         return printable(answer.text)
 
     def _search_baud_rate(self) -> int | None:
@@ -149,7 +150,7 @@ class AmplifierDialogue:
                 try:
                     self._link.set_baud_rate(baud_rate)
                 except TransportError:
-                    continue  # this adapter does not support it
+                    continue  # the adapter does not support this rate
                 try:
                     self._request_identity(PROBE_TIMEOUT_S)
                 except (DeviceTimeoutError, ProtocolError):

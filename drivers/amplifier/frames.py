@@ -26,16 +26,17 @@ PLATE_ROW: Final = np.dtype(
         ("counts", "<i2", (CHANNELS,)),
     ]
 )
-"""A row. `sequence` is its number and `ticks` its device time; both are counted on beyond the
-device's overflow. `stream` grows if the device's clock restarts: times of two streams cannot be
-compared, only the order of the streams is known. `status` and `counts` are as sent.
+"""A row of measured values. `sequence` is its number and `ticks` its time on the amplifier's clock;
+both continue to grow when the amplifier's own counters overflow. `stream` grows when the
+amplifier's clock restarts: times of two streams cannot be compared, but the later stream has the
+larger number. `status` and `counts` are as sent.
 """
 
 PLATE_EVENT: Final = np.dtype(
     [("sequence", "<i8"), ("ticks", "<i8"), ("stream", "<u4"), ("kind", "<u2"), ("detail", "<u2")]
 )
-"""An event. `sequence` is the number of the following row, `ticks` the device time of the event.
-The profile defines the meaning of `detail`.
+"""An event in the stream of rows. `sequence` is the number of the row after it, `ticks` its time on
+the amplifier's clock. The profile defines the meaning of `detail`.
 """
 
 _SEED = 0xFFFF
@@ -48,9 +49,9 @@ class FrameLayout:
     """Layout of one type of frame.
 
     Attributes:
-        start: Its first bytes.
-        size: Number of bytes including the checksum.
-        terminator: Bytes that follow it on the line; not part of it.
+        start: First bytes of a frame.
+        size: Number of bytes of a frame, including the checksum.
+        terminator: Bytes that follow the frame on the line; they are not part of the frame.
     """
 
     def __init__(self, parts: tuple[Part, ...], terminator: bytes) -> None:
@@ -107,7 +108,8 @@ class FrameLayout:
         """Return the numbers of complete frames, concatenated without terminators.
 
         Returns:
-            `fields`: Dict of ndarray of int64, shape (frames,) or (frames, 8). By name.
+            `fields`: Dict from the name of a number to its values, ndarray of int64, shape
+                (frames,) or (frames, 8).
             `good`, shape (frames,). False if a text frame has something other than a number at the
                 position of a number.
         """

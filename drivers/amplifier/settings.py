@@ -18,7 +18,8 @@ class RequiredSetting:
         name: Field of `config.cell.amplifier_profile.Commands`.
         channel: 1 to 8, 0 for all.
         label: The setting's name, in words.
-        is_settable: Whether it can be set; otherwise the cell file must agree with the device.
+        is_settable: True if the program can change the setting; if False, the cell file must state
+            the amplifier's own value.
     """
 
     name: str
@@ -30,7 +31,7 @@ class RequiredSetting:
 
     @property
     def text(self) -> str:
-        """The value as sent."""
+        """The required value, in the form in which it is sent."""
         return f"{self.value:.7g}"
 
     def shown(self, text: str) -> str:
@@ -38,7 +39,7 @@ class RequiredSetting:
         return f"{text} {self.unit}".rstrip()
 
     def agrees(self, text: str) -> bool:
-        """Return whether the device's answer equals this value, to a thousandth."""
+        """Return True if the amplifier's answer is within 0.1 % of the required value."""
         try:
             found = float(text)
         except ValueError:
@@ -62,7 +63,7 @@ def required_settings(config: AmplifierConfig) -> tuple[RequiredSetting, ...]:
             for channel, name, value in ranges
         ),
         RequiredSetting("low_pass", 0, config.low_pass_hz, "low-pass", "Hz"),
-        RequiredSetting("rate", 0, config.rate_hz, "rows a second", "1/s"),
+        RequiredSetting("rate", 0, config.rate_hz, "rows per second", "1/s"),
         RequiredSetting("format", 0, int(config.format == "binary"), "format (1 is binary)", ""),
         RequiredSetting("trigger", 0, int(config.trigger), "trigger edges (1 is on)", ""),
     )

@@ -1,9 +1,9 @@
-"""Arrival of an amplifier's rows in a cell with simulated time (lock-step).
+"""Arrival times of an amplifier's rows in a cell with simulated time (lock-step).
 
-The arrival of a row is then in the simulated time of the bus, which the reading process cannot get
-from a clock. Before it sends a row, the simulated amplifier writes its arrival into a small file
-next to its port; the reader of the port finds it there by the row's sequence number. A real port
-has no such file.
+The arrival time of a row is a simulated time of the bus, which the process that reads the rows
+cannot get from a clock. Before the simulated amplifier sends a row, it therefore writes the row's
+arrival time into a small file next to its port. The reader of the port finds the time there by the
+row's sequence number. A real port has no such file.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ _BYTES = 8 * SEQUENCES
 
 
 def arrivals_path(address: str) -> Path:
-    """Return the path of the arrivals for the port at `address`, if it is simulated."""
+    """Return the path of the file with arrival times for the simulated port at `address`."""
     return Path(f"{address}.arrivals")
 
 
 class ArrivalWriter:
-    """Writer of the file; all arrivals are unknown at first."""
+    """Writer of the file with arrival times; at first all times are unknown (NaN)."""
 
     def __init__(self, path: Path) -> None:
         with path.open("w+b") as file:
@@ -36,15 +36,16 @@ class ArrivalWriter:
         self._times[:] = np.nan
 
     def write(self, sequence: ArrayLike, time_s: ArrayLike) -> None:
-        """Write the arrivals of rows before they are sent: numbers modulo 2^16, simulated times."""
+        """Write the arrival times of rows that will be sent, by row number modulo 2^16."""
         self._times[np.asarray(sequence, dtype=np.int64) % SEQUENCES] = time_s
 
 
 class ArrivalReader:
-    """Reader of the rows' arrivals.
+    """Reader of the file with the rows' arrival times.
 
     Raises:
-        TransportError: The file does not exist: the port is real, or simulated in real time.
+        TransportError: The file does not exist, because the port is real, or simulated in real
+            time.
     """
 
     def __init__(self, path: Path) -> None:
@@ -58,7 +59,7 @@ class ArrivalReader:
             ) from error
 
     def time_s(self, sequence: ArrayLike) -> NDArray[np.float64]:
-        """Return the arrivals of rows just received [s]; NaN for numbers that were never sent."""
+        """Return the arrival times of rows, by row number [s]; NaN for a row that was not sent."""
         times = np.frombuffer(self._memory, np.float64)
         found: NDArray[np.float64] = times[np.asarray(sequence, dtype=np.int64) % SEQUENCES]
         return found

@@ -1,8 +1,8 @@
 """`AmplifierStream`: conversion of a charge amplifier's bytes to rows and events.
 
-Bytes come in pieces of any size. A frame is accepted at any position if its start, its size and its
-checksum fit. Bytes in between are skipped and counted, and at most one frame's bytes are buffered,
-so that garbage costs only the rows that it damaged, and no memory.
+Bytes come in pieces of any size. A frame is accepted at any position if its first bytes, its size
+and its checksum are correct. Bytes between frames are skipped and counted. At most one frame's
+bytes are buffered. Damaged bytes therefore cost only the rows that they are part of, and no memory.
 """
 
 from __future__ import annotations
@@ -32,7 +32,8 @@ class StreamPiece:
         rows: Shape (rows,). In the order sent.
         events: Shape (events,). In the order sent.
         row_ends, event_ends: Shape (rows,) and (events,). Number of bytes from the beginning of the
-            stream to the end of each, which identifies the piece that completed it.
+            stream to the end of each row or event, by which a caller finds the received piece that
+            completed it.
     """
 
     rows: NDArray[Any]
@@ -47,8 +48,8 @@ class StreamCounts:
 
     Attributes:
         rows, events: Accepted frames.
-        gaps, rows_lost: Jumps of the sequence number, and the number of rows that are missing
-            there.
+        gaps, rows_lost: Number of gaps in the sequence numbers, and of the rows that are missing in
+            them.
         bad_frames: Frames with a valid start but a wrong checksum.
         garbage_bytes: Bytes outside frames.
         repeated_rows: Rows that were ignored because they had the sequence number of the row
@@ -65,14 +66,14 @@ class StreamCounts:
 
 
 class _Frames(NamedTuple):
-    """Complete frames, and the end of each in its buffer."""
+    """Complete frames, and the position in the buffer at which each frame ends."""
 
     frames: list[bytes]
     ends: list[int]
 
 
 class AmplifierStream:
-    """An incremental parser; call `feed` with the bytes of the line.
+    """Incremental parser of the stream; call `feed` with the bytes as they arrive.
 
     Args:
         profile: The rows' layout.
@@ -81,16 +82,16 @@ class AmplifierStream:
 
     Attributes:
         counts: Counts so far.
-        stopped: The device has announced the end of the stream.
-        rest: Bytes after that; text again.
-        taken_bytes: Bytes fed so far.
+        stopped: True if the amplifier has announced the end of the stream.
+        rest: Bytes after the end of the stream; they are text lines, not frames.
+        received_bytes: Number of bytes that `feed` has received so far.
     """
 
     def __init__(self, profile: AmplifierProfile, form: str, rate_hz: float) -> None:
         self.counts = StreamCounts()
         self.stopped = False
         self.rest = b""
-        self.taken_bytes = 0
+        self.received_bytes = 0
         self._row = row_layout(profile, form)
         self._event = event_layout(profile, form)
         starts = (self._row.start, self._event.start)
@@ -106,18 +107,18 @@ class AmplifierStream:
         self._event_ticks: int | None = None
 
     @property
-    def held_bytes(self) -> int:
-        """Number of bytes that wait for the rest of their frame; less than a frame."""
+    def buffered_bytes(self) -> int:
+        """Number of buffered bytes of a frame that has not arrived completely."""
         return len(self._tail)
 
     def feed(self, data: bytes) -> StreamPiece:
-        """Process the next piece of the stream and return what it completes."""
+        """Process the next piece of the stream; return the rows and events that it completes."""
         if self.stopped:
             self.rest += data
             return self._block(_Frames([], []), _Frames([], []), 0)
         buffer = self._tail + data
-        first = self.taken_bytes - len(self._tail)
-        self.taken_bytes += len(data)
+        first = self.received_bytes - len(self._tail)
+        self.received_bytes += len(data)
         rows, events, position = self._frames(buffer)
         self._keep(buffer[position:])
         return self._block(rows, events, first)
@@ -139,7 +140,7 @@ class AmplifierStream:
         self._tail, self.rest = (b"", unused) if self.stopped else (unused, b"")
 
     def _frames(self, buffer: bytes) -> tuple[_Frames, _Frames, int]:
-        """Find the complete frames; return rows, events and the start of the unused rest."""
+        """Find complete frames; return rows, events, and the position of the first unused byte."""
         rows, events = _Frames([], []), _Frames([], [])
         row, event = self._row, self._event
         row_start, row_size, row_is_whole = row.start, row.size, row.is_whole
@@ -186,7 +187,7 @@ class AmplifierStream:
         return bool(good[0]) and int(fields["kind"][0]) == self._stop_kind
 
     def _beginning(self, buffer: bytes, position: int) -> int:
-        """Return the position from which the end of `buffer` may be the start of a frame."""
+        """Return the position at which an incomplete frame may begin at the end of `buffer`."""
         for length in range(max(map(len, self._prefixes), default=0), 0, -1):
             at = len(buffer) - length
             if at >= position and buffer[at:] in self._prefixes:
@@ -236,7 +237,7 @@ class AmplifierStream:
         return rows, kept
 
     def _continue_event_ticks(self, ticks: int) -> int:
-        """Return the first row's time, counted on from earlier events."""
+        """Return the first row's time, corrected for overflows since earlier events."""
         if self._event_ticks is None:
             return ticks
         return self._event_ticks + int(_nearest(np.array(ticks - self._event_ticks), _TICKS))
@@ -263,5 +264,5 @@ class AmplifierStream:
 
 
 def _nearest(differences: NDArray[np.int64], modulus: int) -> NDArray[np.int64]:
-    """Return each difference of overflowing counters, between plus and minus half the modulus."""
+    """Return differences of overflowing counters, reduced to plus or minus half the modulus."""
     return (differences + modulus // 2) % modulus - modulus // 2

@@ -1,1 +1,1 @@
-"""A small sans-IO CANopen core (CiA 301), used by the driver and by the simulated drive."""
+"""CANopen messages (CiA 301), without input or output: for drivers and simulated drives."""

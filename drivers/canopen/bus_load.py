@@ -1,8 +1,8 @@
-"""Length of a frame on the wire, bit by bit, and load of a bus (ISO 11898-1).
+"""Number of bits of a CAN frame on the wire, and load of a CAN bus (ISO 11898-1).
 
-A stuff bit follows every five equal bits from the start of frame to the end of the CRC; then come
-13 bits that are never stuffed: CRC delimiter, acknowledge slot and delimiter, end of frame and the
-intermission. An 8-byte frame has 111 bits without stuffing and at most 135.
+From the start of frame to the end of the CRC, a stuff bit follows every five equal bits. The 13
+bits after the CRC have no stuff bits: CRC delimiter, acknowledge slot, acknowledge delimiter, end
+of frame, and intermission. An 8-byte frame has 111 bits without stuffing and at most 135.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _CRC_POLYNOMIAL = 0x4599
 
 
 def frame_bits(frame: Frame) -> int:
-    """Return the exact length of a frame with an 11-bit identifier, intermission included [bit]."""
+    """Return the exact length of a frame with an 11-bit identifier, with its intermission [bit]."""
     header = frame.cob_id << 7 | len(frame.data)
     crc = 0
     for byte in (header >> 16, header >> 8 & 0xFF, header & 0xFF, *frame.data):
@@ -33,16 +33,16 @@ def frame_bits(frame: Frame) -> int:
 
 
 def worst_bits(data_bytes: int) -> int:
-    """Return the length of the longest frame with this number of data bytes [bit]."""
+    """Return the largest possible length of a frame with `data_bytes` data bytes [bit]."""
     stuffed = _HEADER_BITS + 8 * data_bytes + _CRC_BITS
     return stuffed + (stuffed - 1) // 4 + _UNSTUFFED_BITS
 
 
 def typical_bits(data_bytes: int) -> int:
-    """Return the usual length [bit]: a third of the worst stuffing, 119 bit for 8 bytes.
+    """Return the typical length of a frame [bit], with a third of the largest number of stuff bits.
 
-    A frame with drive data (runs of zeros in status and position words) has 118 to 120 bits; a
-    frame with random bytes has fewer.
+    For 8 bytes it is 119 bit. Real frames of drives have 118 to 120 bits, because status words and
+    positions contain runs of zeros; a frame with random bytes has fewer.
     """
     stuffed = _HEADER_BITS + 8 * data_bytes + _CRC_BITS
     return stuffed + (stuffed - 1) // 4 // 3 + _UNSTUFFED_BITS
@@ -59,12 +59,14 @@ def cyclic_load(
     guarded: int = 0,
     worst: bool = False,
 ) -> float:
-    """Return the load of a bus by the cyclic exchange; 1.0 is a full bus.
+    """Return the fraction of the bus's capacity that the cyclic exchange uses; 1.0 is a full bus.
 
-    A cycle is SYNC and, for every axis, an RPDO and a TPDO of `frame_bytes`. The heartbeats of the
-    master and of every drive, and a statusword every `status_s`, are added. `guarded` is the number
-    of drives with life guarding: they send no heartbeat, but answer a request that is sent with
-    each heartbeat of the master.
+    In every cycle the bus carries SYNC and, for every axis, an RPDO and a TPDO with the numbers of
+    data bytes in `frame_bytes`. The heartbeats of the master and of every drive are added, with the
+    periods in `heartbeats_s`, and per axis one statusword in every `status_s` seconds. `guarded` is
+    the number of drives with life guarding: they send no heartbeat, but answer the request that the
+    master sends with each of its own heartbeats. With `worst`, every frame has its largest possible
+    length.
     """
     bits = worst_bits if worst else typical_bits
     command, answer = frame_bytes
@@ -88,7 +90,7 @@ _CRC_TABLE = tuple(_crc_of_byte(byte) for byte in range(256))
 
 @lru_cache(maxsize=4096)
 def _stuff_byte(bit: int, run: int, byte: int) -> tuple[int, int, int]:
-    """Return (last bit, its run length, stuff bits) after a byte that follows `run` bits `bit`."""
+    """Return last bit, its run length and stuff bits of a byte after `run` equal bits."""
     added = 0
     for position in range(7, -1, -1):
         bit_now = byte >> position & 1
@@ -101,7 +103,7 @@ def _stuff_byte(bit: int, run: int, byte: int) -> tuple[int, int, int]:
 
 
 def _stuff_bits(bits: int, length: int) -> int:
-    """Return the number of stuff bits of `length` bits, which are two bits and whole bytes."""
+    """Return the number of stuff bits for `length` bits: two single bits, then whole bytes."""
     first, second = bits >> (length - 1) & 1, bits >> (length - 2) & 1
     bit, run, stuffed = second, 2 if first == second else 1, 0
     for byte in (bits & (1 << length - 2) - 1).to_bytes((length - 2) // 8, "big"):

@@ -78,7 +78,7 @@ class Emergency(NamedTuple):
 
 
 def code_text(code: int) -> str:
-    """Return an error code in words; for an unknown code, the text of its class."""
+    """Return an error code in words; for an unlisted code, the description of its class."""
     known = _CODES.get(code) or _CLASSES.get(code >> 8) or _CLASSES.get(code >> 12 << 4)
     return known or "unknown error"
 
@@ -89,5 +89,5 @@ def emcy_frame(node_id: int, emergency: Emergency) -> Frame:
 
 
 def parse_emcy(data: bytes) -> Emergency:
-    """Return the content of an emergency message; missing bytes of a short one count as zero."""
+    """Return the content of an emergency message; the missing bytes of a short message are zero."""
     return Emergency(*_EMCY.unpack(bytes(data[:8]).ljust(8, b"\0")))

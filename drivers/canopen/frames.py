@@ -16,10 +16,10 @@ LSS_MASTER_COB_ID = 0x7E5  # CiA 305
 
 
 class Frame(NamedTuple):
-    """A classic CAN frame with an 11-bit identifier: identifier and up to 8 bytes.
+    """A classic CAN frame: 11-bit identifier and up to 8 data bytes.
 
-    With `REMOTE_FLAG` in its identifier it is a remote frame: it requests as many bytes as `data`
-    has, and carries none.
+    With `REMOTE_FLAG` in its identifier it is a remote frame: it carries no data, and the length of
+    `data` is the number of bytes that it requests.
     """
 
     cob_id: int

@@ -1,7 +1,7 @@
 """Production and monitoring of heartbeats (CiA 301, 7.2.8.3.2), and the consumer entry of 1016h.
 
-Life guarding replaces them if a node has no 1016h (CiA 301, 7.2.8.3.1): the master requests the
-node's state by remote frames, and the node answers and detects missing requests.
+A node without 1016h uses life guarding instead of heartbeats (CiA 301, 7.2.8.3.1): the master
+requests the node's state by remote frames, and the node answers and detects missing requests.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ def heartbeat_frame(node_id: int, state: NmtState) -> Frame:
 
 
 TOGGLE_BIT = 0x80
-"""Toggle bit of guarding answers; it alternates, to detect a controller that repeats its last
-answer.
+"""Toggle bit in the answers to life guarding. It alternates, so that the master detects a CAN
+controller that only repeats its last answer.
 """
 
 
 def guard_request(node_id: int) -> Frame:
-    """Return the remote frame that requests a node's state."""
+    """Return the remote frame of life guarding that requests a node's state."""
     return Frame(REMOTE_FLAG | heartbeat_cob_id(node_id), bytes(1))
 
 
 def guard_answer(node_id: int, state: NmtState, toggle: bool) -> Frame:
-    """Return a node's answer to guarding."""
+    """Return a node's answer to a request of life guarding."""
     return Frame(heartbeat_cob_id(node_id), bytes((state | TOGGLE_BIT * toggle,)))
 
 
@@ -43,14 +43,14 @@ def parse_consumer_entry(entry: int) -> tuple[int, float] | None:
 
 
 class HeartbeatProducer:
-    """Schedule of heartbeats; missed beats are not sent later."""
+    """Schedule of this node's own heartbeats; heartbeats that were missed are not sent later."""
 
     def __init__(self, period_s: float) -> None:
         self._period_s = period_s
         self._next_s = float("-inf")
 
     def due(self, now_s: float) -> bool:
-        """Return whether a heartbeat is due now [s], and count it as sent."""
+        """Return True if a heartbeat is due at `now_s` [s]; the heartbeat then counts as sent."""
         if now_s < self._next_s:
             return False
         on_time_s = self._next_s + self._period_s
@@ -66,7 +66,8 @@ class HeartbeatConsumer:
     Attributes:
         state: The state in the last heartbeat, None before the first.
         lost: Whether the heartbeat has timed out and has not returned since.
-        guarded: Whether life guarding is used: an answer with an unchanged toggle bit is ignored.
+        guarded: True if the node uses life guarding; an answer whose toggle bit has not changed is
+            then ignored.
     """
 
     def __init__(self, timeout_s: float, *, guarded: bool = False) -> None:
@@ -78,13 +79,13 @@ class HeartbeatConsumer:
         self.lost = False
 
     def start(self, now_s: float) -> None:
-        """Begin to monitor now [s], even before the first heartbeat."""
+        """Begin to monitor at `now_s` [s], even before the first heartbeat."""
         self._last_s = now_s
         self.lost = False
         self._toggle = -1
 
     def heard(self, state: int, now_s: float, toggle: int = 0) -> None:
-        """Process a heartbeat that arrived at `now_s` [s], or a guarded node's answer."""
+        """Process a heartbeat, or an answer to life guarding, that arrived at `now_s` [s]."""
         if self.guarded and toggle == self._toggle:
             return
         self._toggle = toggle
@@ -93,7 +94,7 @@ class HeartbeatConsumer:
         self.lost = False
 
     def expired(self, now_s: float) -> bool:
-        """Return True once, if the node has been silent for longer than the timeout."""
+        """Return True, once, if the node has been silent for longer than the timeout."""
         if self.lost or self._last_s is None or now_s - self._last_s <= self._timeout_s:
             return False
         self.lost = True

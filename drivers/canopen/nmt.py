@@ -10,7 +10,7 @@ ALL_NODES = 0
 
 
 class NmtState(IntEnum):
-    """States by their number in boot-up and heartbeat messages."""
+    """NMT states; the values are those in boot-up and heartbeat messages."""
 
     INITIALISING = 0x00
     STOPPED = 0x04
@@ -19,7 +19,7 @@ class NmtState(IntEnum):
 
 
 class NmtCommand(IntEnum):
-    """Commands by their command specifier."""
+    """NMT commands; the values are the command specifiers of CiA 301."""
 
     START = 0x01
     STOP = 0x02
@@ -43,7 +43,7 @@ def nmt_frame(command: NmtCommand, node_id: int = ALL_NODES) -> Frame:
 
 
 def parse_nmt(frame: Frame, node_id: int) -> NmtCommand | None:
-    """Return the command that a frame carries for a node; None for any other frame."""
+    """Return the NMT command to a node in a frame; None if the frame contains no such command."""
     if frame.cob_id != NMT_COB_ID or len(frame.data) != 2:
         return None
     command, addressed = frame.data
@@ -56,12 +56,12 @@ def parse_nmt(frame: Frame, node_id: int) -> NmtCommand | None:
 
 
 def next_nmt_state(state: NmtState, command: NmtCommand) -> NmtState:
-    """Return the state after a command; an initialising node ignores it (CiA 301, fig. 52)."""
+    """Return the state after a command, which a node ignores in INITIALISING (CiA 301, fig. 52)."""
     return state if state is NmtState.INITIALISING else _AFTER[command]
 
 
 def state_name(number: int) -> str:
-    """Return a state's name from a heartbeat's byte; the toggle bit of node guarding is ignored."""
+    """Return the name of the state in a heartbeat's data byte; its toggle bit is ignored."""
     try:
         return NmtState(number & 0x7F).name.lower().replace("_", "-")
     except ValueError:

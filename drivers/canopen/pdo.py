@@ -1,7 +1,8 @@
 """PDO configuration: mapping entries, and the order in which a mapping must be written.
 
-CiA 301, 7.5.2.33 to 7.5.2.38: a PDO is switched off, its mapping emptied, its entries written, its
-mapping switched on, its transmission type set; only then is it made valid again.
+The order is that of CiA 301, 7.5.2.33 to 7.5.2.38: make the PDO invalid, set its number of mapped
+objects to 0, write the mapping entries, set the number of mapped objects, set the transmission
+type, and at last make the PDO valid again.
 """
 
 from __future__ import annotations
@@ -34,18 +35,18 @@ class MappedObject:
     bits: int
 
     def entry(self) -> int:
-        """Return the U32 of the mapping record (CiA 301, figure 74)."""
+        """Return the object's 32-bit entry in a mapping record (CiA 301, figure 74)."""
         return self.index << 16 | self.subindex << 8 | self.bits
 
     @classmethod
     def parse(cls, entry: int) -> MappedObject:
-        """Read a U32 of the mapping record."""
+        """Return the object of a 32-bit entry in a mapping record."""
         return cls(entry >> 16 & 0xFFFF, entry >> 8 & 0xFF, entry & 0xFF)
 
 
 @dataclass(frozen=True, slots=True)
 class ObjectWrite:
-    """One SDO write: object and bytes."""
+    """One SDO write: index and sub-index of the object, and the bytes."""
 
     index: int
     subindex: int
@@ -58,13 +59,16 @@ class PdoMapping:
 
     Attributes:
         direction: ``"rpdo"`` (the device receives) or ``"tpdo"`` (the device transmits).
-        number: 1 for the first PDO, whose records are 1400h/1600h or 1800h/1A00h.
-        cob_id: Identifier of its frame.
-        objects: The mapped objects, in order.
-        transmission_type: 1 to 240: synchronous, with every n-th SYNC; 254, 255: on an event.
-        event_timer_ms: Period at which an event-driven TPDO is sent even without a change; 0 for
-            none.
-        fixed: Whether the device defines its objects, so that they are only read back.
+        number: Number of the PDO from 1; the records of PDO 1 are 1400h and 1600h (RPDO), or 1800h
+            and 1A00h (TPDO).
+        cob_id: CAN identifier of the PDO.
+        objects: The mapped objects, in the order of their bytes.
+        transmission_type: 1 to 240: transmitted with every n-th SYNC; 254, 255: transmitted on an
+            event.
+        event_timer_ms: Period with which an event-driven TPDO is sent even without a change [ms]; 0
+            to send it only after a change.
+        fixed: True if the device defines the mapped objects; they are then not written, but read
+            and compared.
     """
 
     direction: Literal["rpdo", "tpdo"]
@@ -89,24 +93,24 @@ class PdoMapping:
 
     @property
     def bits(self) -> int:
-        """The mapped length [bit]."""
+        """Total length of the mapped objects [bit]."""
         return sum(item.bits for item in self.objects)
 
     @property
     def communication_index(self) -> int:
-        """The record with identifier, transmission type and timers."""
+        """Index of the communication record: identifier, transmission type and timers."""
         base = RPDO_COMMUNICATION if self.direction == "rpdo" else TPDO_COMMUNICATION
         return base + self.number - 1
 
     @property
     def mapping_index(self) -> int:
-        """The record with the mapped objects."""
+        """Index of the mapping record: the mapped objects."""
         base = RPDO_MAPPING if self.direction == "rpdo" else TPDO_MAPPING
         return base + self.number - 1
 
     @property
     def valid_cob_id(self) -> int:
-        """The U32 of sub-index 1 of a valid PDO; a TPDO must not be requested by remote frame."""
+        """Communication record's sub-index 1 of the valid PDO; remote requests are not allowed."""
         return self.cob_id | (NO_RTR if self.direction == "tpdo" else 0)
 
     def writes(self) -> Iterator[ObjectWrite]:
@@ -125,7 +129,7 @@ class PdoMapping:
         yield ObjectWrite(self.communication_index, 1, _u32(self.valid_cob_id))
 
     def read_back(self) -> Iterator[ObjectWrite]:
-        """Yield the expected values after `writes` (bit 30 of the identifier may differ)."""
+        """Yield the values to expect after `writes` (bit 30 of the identifier may differ)."""
         yield ObjectWrite(self.mapping_index, 0, bytes((len(self.objects),)))
         for position, item in enumerate(self.objects, start=1):
             yield ObjectWrite(self.mapping_index, position, _u32(item.entry()))
@@ -138,16 +142,16 @@ class PdoMapping:
 
 
 def is_valid(cob_id_entry: int) -> bool:
-    """Return whether a communication record's sub-index 1 marks the PDO as valid."""
+    """Return True if the value of a communication record's sub-index 1 marks the PDO as valid."""
     return not cob_id_entry & INVALID
 
 
 def split(objects: tuple[MappedObject, ...], data: bytes) -> list[bytes]:
-    """Split a PDO's bytes by its objects.
+    """Return the bytes of each mapped object in a PDO's data.
 
     Raises:
-        ProtocolError: The frame is shorter than the mapping. A longer one is cut, as CiA 301,
-            7.2.2.1 allows.
+        ProtocolError: The data are shorter than the mapped objects. Surplus bytes are ignored, as
+            CiA 301, 7.2.2.1 allows.
     """
     needed = sum(item.bits for item in objects) // 8
     if len(data) < needed:

@@ -1,4 +1,4 @@
-"""Common parts of SDO client and server: commands, abort codes, `SdoAbort` (CiA 301, 7.2.4)."""
+"""Parts that SDO client and server share: commands, abort codes, `SdoAbort` (CiA 301, 7.2.4)."""
 
 from __future__ import annotations
 
@@ -73,24 +73,24 @@ _TEXTS = {
 
 
 def abort_text(code: int) -> str:
-    """Return an abort code in words; a code that CiA 301 does not list is shown as a number."""
+    """Return an abort code in words; for a code that is not in CiA 301, return its number."""
     try:
         return f"{_TEXTS[SdoCode(code)]} ({code:08X}h)"
     except ValueError:
         return f"vendor abort code {code:08X}h"
 
 
-class SdoAbort(ProtocolError):  # noqa: N818 - the term of CiA 301
-    """An SDO transfer was aborted by one of its ends.
+class SdoAbort(ProtocolError):  # noqa: N818 - the name in CiA 301
+    """The client or the server aborted an SDO transfer.
 
     Attributes:
-        code: Abort code; one of `SdoCode`, or a code of the device.
-        index, subindex: The object; a callback of an object dictionary may leave them out, because
-            the server knows them.
+        code: Abort code: one of `SdoCode`, or a manufacturer-specific code.
+        index, subindex: The object. The callbacks of `SdoServer` may leave them out when they raise
+            this error, because the server knows the object.
     """
 
     def __init__(self, code: int, index: int = 0, subindex: int = 0, where: str = "") -> None:
-        """Build the text from the abort code, the object and a place ("node 3, write")."""
+        """Build the message; `where` is the place of the error, such as "node 3, write"."""
         self.code = code
         self.index = index
         self.subindex = subindex
@@ -102,21 +102,21 @@ class SdoAbort(ProtocolError):  # noqa: N818 - the term of CiA 301
 
 
 def object_name(index: int, subindex: int) -> str:
-    """Return ``60C2h:01`` for an object."""
+    """Return the name of an object, such as ``60C2h:01``."""
     return f"{index:04X}h:{subindex:02X}"
 
 
 def abort_frame(cob_id: int, index: int, subindex: int, code: int) -> Frame:
-    """Return the abort message of either end (CiA 301, 7.2.4.3.17)."""
+    """Return the abort message of a client or a server (CiA 301, 7.2.4.3.17)."""
     return Frame(cob_id, ABORT.pack(0x80, index, subindex, code))
 
 
 def segment_data(data: bytes) -> bytes:
-    """Return the bytes in a segment message, as counted by its command byte."""
+    """Return the data bytes in a segment message; its command byte states their number."""
     return data[1 : 8 - (data[0] >> 1 & 0x07)]
 
 
 def segment_frame(cob_id: int, toggle: int, chunk: bytes, last: bool) -> Frame:
-    """Return a segment of at most 7 bytes with its toggle bit (0 or `TOGGLE`) and end mark."""
+    """Return a segment of at most 7 bytes; `toggle` is 0 or `TOGGLE`, `last` marks the last one."""
     command = toggle | (7 - len(chunk)) << 1 | last
     return Frame(cob_id, bytes((command,)) + chunk.ljust(7, b"\0"))

@@ -1,4 +1,4 @@
-"""`SdoClient`: the master's end of SDO, expedited and segmented (CiA 301, 7.2.4.3)."""
+"""`SdoClient`: the master's side of expedited and segmented SDO transfers (CiA 301, 7.2.4.3)."""
 
 from __future__ import annotations
 
@@ -19,16 +19,17 @@ from drivers.canopen.sdo import (
 
 
 class SdoClient:
-    """One transfer at a time with one node; it uses neither a bus nor a clock itself.
+    """SDO transfers with one node, one at a time; the caller provides the bus and the clock.
 
-    Send the result of `upload` or `download`. Pass every frame of the bus to `handle` and send its
-    result. Call `check` after `deadline_s`, and read `result` when `done` is True.
+    Send the frame that `upload` or `download` returns. Pass every received frame to `handle` and
+    send the frame that it returns. Call `check` after `deadline_s`, and call `result` when `done`
+    is True.
 
-    An answer about another object is a late answer of an abandoned transfer and is ignored.
+    An answer about another object is ignored: it is a late answer in an abandoned transfer.
 
     Attributes:
         done: Whether the transfer has ended, successfully or not.
-        deadline_s: End of the wait for the next answer [s].
+        deadline_s: Time until which the next answer must arrive [s].
     """
 
     def __init__(self, node_id: int, timeout_s: float = 0.5) -> None:
@@ -54,7 +55,7 @@ class SdoClient:
         return Frame(self._request_cob_id, MULTIPLEXER.pack(0x40, index, subindex, bytes(4)))
 
     def download(self, index: int, subindex: int, data: bytes, now_s: float) -> Frame:
-        """Begin to write an object; return the request. 1 to 4 bytes are sent expedited."""
+        """Begin to write an object; return the request, expedited for 1 to 4 bytes."""
         self._begin(index, subindex, data, now_s, upload=False)
         if 1 <= len(data) <= 4:
             command, payload = 0x23 | (4 - len(data)) << 2, data.ljust(4, b"\0")
@@ -64,7 +65,7 @@ class SdoClient:
         return Frame(self._request_cob_id, MULTIPLEXER.pack(command, index, subindex, payload))
 
     def handle(self, frame: Frame, now_s: float) -> Frame | None:
-        """Process a frame of the bus; return the next frame to send, if any."""
+        """Process a received frame; return the next frame to send, or None."""
         if self.done or frame.cob_id != self._answer_cob_id or len(frame.data) != 8:
             return None
         if self._initiating and not self._concerns_this_object(frame.data):
@@ -108,7 +109,7 @@ class SdoClient:
 
         Raises:
             SdoAbort: Either end aborted the transfer.
-            DeviceTimeoutError: An answer did not come.
+            DeviceTimeoutError: The node did not answer in time.
         """
         if self._error is not None:
             raise self._error
@@ -161,7 +162,7 @@ class SdoClient:
         return None
 
     def _next_segment(self) -> Frame | None:
-        """Send the next segment; the transfer ends with the answer to the last one."""
+        """Return the next segment; end the transfer after the answer to the last segment."""
         first = self._sent == 0
         if self._sent >= len(self._data) and not (first and not self._data):
             self._end()

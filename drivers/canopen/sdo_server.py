@@ -1,4 +1,4 @@
-"""`SdoServer`: a device's end of SDO, expedited and segmented (CiA 301, 7.2.4.3)."""
+"""`SdoServer`: a device's side of expedited and segmented SDO transfers (CiA 301, 7.2.4.3)."""
 
 from __future__ import annotations
 
@@ -33,17 +33,19 @@ class _Transfer:
 
 
 class SdoServer:
-    """Answers to a client's requests, by two callbacks; it uses neither a bus nor a clock itself.
+    """Answers a client's requests by two callbacks; the caller provides the bus and the clock.
 
-    Block transfers are refused with 0504 0001h, as CiA 301 requires of a server without them.
+    Block transfers are refused with 0504 0001h, as CiA 301 requires of a server that does not
+    support them.
 
     Args:
         node_id: The device's node id.
         read: ``read(index, subindex) -> bytes``; raises `SdoAbort` (with the code only) to refuse.
         write: ``write(index, subindex, data)``, called once a whole value has arrived; may raise
-            `SdoAbort`. A client that does not indicate the size of an expedited value delivers 4
+            `SdoAbort`. If a client does not state the size of an expedited value, `data` has 4
             bytes.
-        timeout_s: A segmented transfer that paused for longer is aborted at its next message.
+        timeout_s: Longest pause within a segmented transfer [s]; after a longer pause the next
+            message aborts the transfer.
     """
 
     def __init__(
@@ -57,7 +59,7 @@ class SdoServer:
         self._transfer: _Transfer | None = None
 
     def reset(self) -> None:
-        """Discard the current transfer, as NMT reset and stop do."""
+        """Discard the current transfer, as a device does at an NMT reset or stop."""
         self._transfer = None
 
     def handle(self, frame: Frame, now_s: float) -> list[Frame]:

@@ -1,8 +1,9 @@
 """`DriveMonitor`: the drives' parameters and temperatures, read in parallel to the cyclic exchange.
 
-To add a monitor, write a class with the methods of `DriveMonitor`. It runs in its own process, in
-which waiting does no harm. A drive that does not answer gives NaN and a sentence in `problems`;
-only a lost line raises `config.errors.DriverError`. An example is `drivers.modbus.drive_monitor`.
+To add a monitor, write a class with the methods of `DriveMonitor`. It runs in its own process, so
+its waits do not delay the cyclic exchange. If a drive does not answer, its values are NaN and
+`problems` has a sentence about it; only a lost line raises `config.errors.DriverError`. An example
+is `drivers.modbus.drive_monitor`.
 """
 
 from __future__ import annotations
@@ -17,13 +18,14 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True, slots=True)
 class MotorData:
-    """A drive's data of its motor; NaN for unknown values.
+    """Properties of a motor that are stored in its drive; NaN for unknown values.
 
     Attributes:
-        torque_constant_nm_per_a, torque_constant_per_k, reference_temperature_k: Values of the
-            motor, before its gear: at the reference temperature, the relative change per kelvin,
-            and that temperature.
-        rated_torque_nm, rated_current_a, rotor_inertia_kg_m2: Values of the motor.
+        torque_constant_nm_per_a: Torque constant at the reference temperature, without the gear.
+        torque_constant_per_k: Relative change of the torque constant per kelvin.
+        reference_temperature_k: Temperature at which the torque constant is stated.
+        rated_torque_nm, rated_current_a, rotor_inertia_kg_m2: Values of the motor, without the
+            gear.
     """
 
     torque_constant_nm_per_a: float
@@ -36,11 +38,12 @@ class MotorData:
 
 @dataclass(frozen=True, slots=True)
 class MonitorReading:
-    """The drives' answers of one round.
+    """The drives' answers in one reading of all drives.
 
     Attributes:
         temperature_k, operating_time_s: Shape (n,). Temperature of each joint's motor [K], and time
-            since its drive was switched on [s]; NaN if it did not answer or lacks the register.
+            since its drive was switched on [s]; NaN if the drive did not answer or has no such
+            register.
         problems: Reasons of missing answers, one sentence each.
     """
 
@@ -52,16 +55,16 @@ class MonitorReading:
 class DriveMonitor(Protocol):
     """Reader of the drives' parameters and temperatures, in parallel to the cyclic exchange.
 
-    Every call reads from every drive, base to flange, and waits a limited time.
+    Every call reads from every drive, from base to flange, and returns after a limited time.
     """
 
     @abstractmethod
     def motors(self) -> tuple[MotorData, ...]:
-        """Return the drives' data of their motors."""
+        """Return the properties of the motors that the drives store."""
 
     @abstractmethod
     def read(self) -> MonitorReading:
-        """Return temperatures; a drive that does not answer does not affect the others."""
+        """Return the present temperatures; those of a drive that does not answer are NaN."""
 
     @abstractmethod
     def close(self) -> None:

@@ -1,9 +1,10 @@
 """`ForcePlate`: an eight-channel force plate with its charge amplifier.
 
-To add an amplifier, write a class with the methods of `ForcePlate`: settings are read back as
-`PlateSetting`, the stream is returned in pieces as `PlateRead`. Any problem of the line is a
-`config.errors.DriverError` (`TransportError` if the line is lost: the recorder then waits for its
-return). An example is `drivers.amplifier.amplifier.SerialAmplifier`.
+To add an amplifier, write a class with the methods of `ForcePlate`: `PlateSetting` is the result
+for one setting, `PlateRead` one piece of the stream. Any problem with the line raises
+`config.errors.DriverError`; a lost line raises its subclass `TransportError`, after which the
+recorder waits until the line works again. An example is
+`drivers.amplifier.amplifier.SerialAmplifier`.
 """
 
 from __future__ import annotations
@@ -39,13 +40,13 @@ class PlateRead:
     """Result of one read of a force plate's stream.
 
     Attributes:
-        rows: `drivers.amplifier.frames.PLATE_ROW`, in the order sent.
-        events: `drivers.amplifier.frames.PLATE_EVENT`, in the order sent.
-        arrival_s: Arrival of each row on the cell's clock [s], shape (rows,); rows of one piece
-            have the same arrival.
-        event_arrival_s: Arrival of each event on the computer's monotonic clock [s], shape
+        rows: Rows of the type `drivers.amplifier.frames.PLATE_ROW`, in the order sent.
+        events: Events of the type `drivers.amplifier.frames.PLATE_EVENT`, in the order sent.
+        arrival_s: Arrival time of each row on the cell's clock [s], shape (rows,); rows that were
+            received together have the same time.
+        event_arrival_s: Arrival time of each event on the computer's monotonic clock [s], shape
             (events,).
-        read_s: Arrival of the last piece on the computer's monotonic clock [s].
+        read_s: Time at which the last bytes were received, on the computer's monotonic clock [s].
     """
 
     rows: NDArray[Any]
@@ -58,8 +59,8 @@ class PlateRead:
 class ForcePlate(Protocol):
     """An eight-channel force plate with its charge amplifier.
 
-    In order: `connect`, `configure`, `operate`; then `start`, `read` again and again, `stop`.
-    Channels are those of `config.cell.plate`.
+    Order of the calls: `connect`, `configure`, `operate`; then `start`, `read` repeatedly, `stop`.
+    The order of the channels is that of `config.cell.plate`.
     """
 
     @abstractmethod
@@ -68,15 +69,15 @@ class ForcePlate(Protocol):
 
     @abstractmethod
     def settings(self) -> tuple[PlateSetting, ...]:
-        """Read every setting back, without a change."""
+        """Read every setting from the amplifier, without changing any."""
 
     @abstractmethod
     def configure(self) -> bool:
-        """Change the settings that differ; return whether that discharged the channels."""
+        """Change the settings that differ; return True if a change discharged the channels."""
 
     @abstractmethod
     def operate(self) -> None:
-        """Start the measurement: the channels hold their charge. Zero is as at the last reset."""
+        """Start to measure: channels hold their charge; zero is the load at the last reset."""
 
     @abstractmethod
     def reset(self) -> None:
@@ -84,11 +85,11 @@ class ForcePlate(Protocol):
 
     @abstractmethod
     def is_operating(self) -> bool:
-        """Return whether the channels measure."""
+        """Return True if the channels are measuring."""
 
     @abstractmethod
     def take_overloads(self) -> tuple[bool, ...]:
-        """Return which channels were overloaded since the last call, and clear these flags."""
+        """Return and clear a flag per channel, True after an overload since the last call."""
 
     @abstractmethod
     def forces_n(self) -> NDArray[np.float64]:
@@ -96,27 +97,27 @@ class ForcePlate(Protocol):
 
     @abstractmethod
     def start(self) -> None:
-        """Begin the stream of rows."""
+        """Start the stream of rows."""
 
     @abstractmethod
     def gather(self, until_s: float) -> bool:
         """Store incoming data until `until_s` [s, monotonic clock], for `read`.
 
-        Return whether data came.
+        Return True if data arrived.
         """
 
     @abstractmethod
     def read(self, until_s: float) -> PlateRead:
-        """Gather, and return all data since the last call."""
+        """Receive data as `gather` does, then return all data since the last call of `read`."""
 
     @abstractmethod
     def mark(self) -> float:
-        """Request the device's time within the stream; return when [s, monotonic clock]."""
+        """Request the amplifier's time in a stream; return the request's time [s, monotonic]."""
 
     @abstractmethod
     def forget_overloads(self) -> None:
-        """Request the overloads within the stream, which clears those that are over."""
+        """Request the overloads during a stream, which clears the flags of past overloads."""
 
     @abstractmethod
     def stop(self, until_s: float) -> tuple[PlateRead, ...]:
-        """End the stream; return the data until then."""
+        """End the stream; return the data that arrived before its end."""

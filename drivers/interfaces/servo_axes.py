@@ -3,15 +3,17 @@
 To add drives on another bus, write a class with the members of `ServoAxes`. Requirements:
 
 - `bring_up` resets, configures and reads back every drive without power, and raises
-  `config.errors.PreflightError` if one is not as required; `settings` returns all results even
-  then.
+  `config.errors.PreflightError` if a drive's value is not as required; even after this error,
+  `settings` returns the results of all drives.
 - `exchange` is one cycle on the bus. It returns when all drives have answered, or after
-  `answers_within_s`; a drive that did not answer keeps its last values and is not `received`.
-- `command` sends velocities only while every axis is enabled. Once one is not, or `quick_stop` was
-  called, it sends a quick stop instead and returns False, until `bring_up` has been run again: no
-  old command may move the robot when power returns.
-- `quick_stop`, `halt` and `disable` are tried for every axis before anything is raised.
-- Data of a device are never trusted: implausible data become a `DriveEvent`, or no answer.
+  `answers_within_s`; the values of a drive that did not answer remain unchanged, and its `received`
+  is False.
+- `command` sends velocities only while every axis is enabled. After an axis has lost this state, or
+  after `quick_stop`, it sends a quick stop instead and returns False until `bring_up` has been run
+  again. No old command can therefore move the robot when power returns.
+- `quick_stop`, `halt` and `disable` try to reach every axis before they raise an error.
+- Data from a device are always checked: implausible data become a `DriveEvent`, or count as a
+  missing answer.
 
 An implementation is `drivers.servo.axes.CanServoAxes`, CiA 402 drives on CANopen; `drivers.cell`
 opens it.
@@ -31,7 +33,7 @@ from config.arrays import FloatArray
 
 
 class EventKind(IntEnum):
-    """Kind of an event that a drive, or the bus, reported unasked."""
+    """Kind of an event that a drive or the bus reported without a request."""
 
     EMERGENCY = 1
     EMERGENCY_CLEARED = 2
@@ -44,19 +46,21 @@ class EventKind(IntEnum):
 
     @property
     def is_fault(self) -> bool:
-        """True if motion must not continue after it."""
+        """True if motion must not continue after an event of this kind."""
         return self not in (EventKind.EMERGENCY_CLEARED, EventKind.UNEXPECTED_FRAME)
 
 
 @dataclass(frozen=True, slots=True)
 class DriveEvent:
-    """An event outside the cyclic data.
+    """An event that is not part of the cyclic data, such as an emergency message.
 
     Attributes:
         joint: Name of the joint, empty if the event concerns no joint.
         time_s: Time at which it was noticed, on the link's clock [s].
-        text: One sentence for people; text from a device is escaped in it.
-        code: Emergency error code, heartbeat state, number of bytes or identifier, by `kind`.
+        text: Description in one sentence; in text from a device, unprintable characters are
+            escaped.
+        code: Number that belongs to `kind`: emergency error code, NMT state in a heartbeat, number
+            of bytes, or identifier.
     """
 
     kind: EventKind
@@ -76,10 +80,12 @@ class DriveSetting:
         name: The object's name, in words.
         required, found: Values in words; `required` is empty for an object that is only shown,
             `found` is the reason if the object could not be read.
-        verdict: ``"ok"``, ``"red"`` (no motion), ``"allowed"`` (would be red; the cell file names
-            this drive in allow_drive_without_watchdog) or ``"shown"``.
-        next_action: What to do if it is red; empty if that follows from the object alone.
-        code: Stable name of the refusal if it is red; empty for settings without their own code.
+        verdict: ``"ok"``; ``"red"``: motion is refused; ``"allowed"``: not as required, but the
+            cell file accepts this by naming the drive in allow_drive_without_watchdog; ``"shown"``:
+            not checked.
+        next_action: What to do if the verdict is red; empty if this is clear from the object.
+        code: Error code (RID-…) of the refusal if the verdict is red; empty for settings that have
+            no code of their own.
     """
 
     joint: str
@@ -97,22 +103,24 @@ class DriveSetting:
 class Answers:
     """The drives' answers of the latest cycle; the arrays are allocated once and reused.
 
-    A drive that did not answer keeps its last values. With a coupled wrist `position` is still the
-    joints'; all other values are those of the joint's drive.
+    The values of a drive that did not answer remain unchanged. In a robot with a coupled wrist,
+    `position` refers to the joints; all other values refer to the drives' motors.
 
     Attributes:
-        received: Shape (joints,). Whether the answer came in time and was not contradicted.
-        position: Shape (joints,). Of the joints [rad or m].
-        torque_nm: Shape (joints,). Of the motors, at the link side of their gears [N m or N].
-        enabled, fault: Shape (joints,). Whether the drive reports that it follows velocities, and
-            that it is in fault.
-        position_counts: Shape (joints,). As received, for the record.
-        torque_raw: Shape (joints,). As received, for the record.
-        statusword: Shape (joints,). As received, for the record and for people; `enabled` and
-            `fault` are its meaning.
-        late_frames: Number of answers so far that came after their cycle; they are not used.
-        second_answers: Shape (joints,). Number of cycles so far in which each drive's identifier
-            answered more than once.
+        received: Shape (joints,). True if the answer came in time and no second answer contradicted
+            it.
+        position: Shape (joints,). Positions of the joints [rad or m].
+        torque_nm: Shape (joints,). Torques of the motors, at the link side of their gears [N m or
+            N].
+        enabled, fault: Shape (joints,). True if the drive reports that it is enabled (follows
+            velocities), and that it is in fault.
+        position_counts: Shape (joints,). Position as received [encoder counts], for the journal.
+        torque_raw: Shape (joints,). Torque as received, in the drive's unit, for the journal.
+        statusword: Shape (joints,). Status word as received, for the journal and for messages; the
+            program uses `enabled` and `fault`, which are derived from it.
+        late_frames: Number of answers so far that came too late for their cycle; they are not used.
+        second_answers: Shape (joints,). Number of cycles so far in which more than one answer came
+            with the drive's identifier.
     """
 
     received: NDArray[np.bool_]
@@ -127,8 +135,8 @@ class Answers:
     late_frames: int = 0
 
     @classmethod
-    def before_any(cls, joints: int) -> Answers:
-        """Return the arrays before the first cycle: no answer, all zero."""
+    def initial(cls, joints: int) -> Answers:
+        """Return the values before the first cycle: no answers received, all arrays zero."""
         return cls(
             received=np.zeros(joints, dtype=np.bool_),
             position=np.zeros(joints),
@@ -146,13 +154,13 @@ class ServoAxes(Protocol):
     """All axes of a robot, commanded together by velocity.
 
     Order of the calls: `bring_up`, `start`, `enable`; then, in every cycle, `exchange`, `command`,
-    `send_heartbeat`; at the end `quick_stop` and `disable`. Long operations between `start` and
-    `enable` must call `keep_alive`.
+    `send_heartbeat`; at the end `quick_stop` and `disable`. A long operation between `start` and
+    `enable` must call `keep_alive` repeatedly.
 
     Attributes:
-        joint_names: Base to flange; the order of every array.
+        joint_names: Names of the joints from base to flange; all arrays have this order.
         answers: The drives' last answers; `exchange` fills it.
-        answers_within_s: Time limit of the answers after the beginning of a cycle [s].
+        answers_within_s: Time from the beginning of a cycle until which answers are awaited [s].
     """
 
     joint_names: tuple[str, ...]
@@ -161,7 +169,7 @@ class ServoAxes(Protocol):
 
     @abstractmethod
     def bring_up(self) -> None:
-        """Configure every drive and read everything back; no power, no motion."""
+        """Configure every drive and read all values back, without power and motion."""
 
     @abstractmethod
     def settings(self) -> tuple[DriveSetting, ...]:
@@ -169,33 +177,33 @@ class ServoAxes(Protocol):
 
     @abstractmethod
     def start(self) -> None:
-        """Begin the cyclic exchange, still without power."""
+        """Begin the cyclic exchange; the drives stay without power."""
 
     @abstractmethod
     def keep_alive(self, now_s: float) -> None:
-        """Prevent a timeout of the drives between `start` and `enable`, during long operations.
+        """Prevent the drives' timeouts during a long operation between `start` and `enable`.
 
         Args:
-            now_s: The time [s].
+            now_s: The present time on the cell's clock [s].
         """
 
     @abstractmethod
     def enable(self) -> float:
-        """Switch every drive on, at velocity 0; return the beginning of its last cycle [s]."""
+        """Switch every drive on, at velocity 0; return the start time of the last cycle [s]."""
 
     @abstractmethod
     def exchange(self) -> float:
-        """Run a cycle and fill `answers` with the drives' answers; return its beginning [s]."""
+        """Run a cycle and fill `answers`; return the start time of the cycle [s]."""
 
     @abstractmethod
     def command(self, velocity: FloatArray) -> bool:
         """Send velocities, which act in the next cycle.
 
         Args:
-            velocity: Shape (joints,). At the joints [rad/s or m/s].
+            velocity: Shape (joints,). Velocities of the joints [rad/s or m/s].
 
         Returns:
-            False: not sent; the axes were stopped instead.
+            True if the velocities were sent; False if a quick stop was sent instead.
         """
 
     @abstractmethod
@@ -208,16 +216,16 @@ class ServoAxes(Protocol):
 
     @abstractmethod
     def bus_notes(self) -> tuple[str, ...]:
-        """Return notes on the bus, such as other senders on it."""
+        """Return remarks about the bus, such as other senders that were detected."""
 
     @abstractmethod
     def quick_stop(self) -> None:
-        """Command a quick stop to every axis at once, before anything is raised."""
+        """Command a quick stop to all axes at once; raise errors only afterwards."""
 
     @abstractmethod
     def halt(self) -> bool:
-        """Quick stop and wait, a limited time, until no drive moves; return whether all rest."""
+        """Quick stop; wait a limited time until no drive moves; return True if all are at rest."""
 
     @abstractmethod
     def disable(self) -> tuple[str, ...]:
-        """Switch the power off; return the joints that did not confirm it."""
+        """Switch the power off; return the joints whose drive did not confirm this."""

@@ -1,7 +1,7 @@
-"""Conversion of registers to quantities, and planning of the reads.
+"""Conversion of Modbus registers to quantities, and division of the registers into requests.
 
 Registers are 16 bits, most significant byte first (Modbus application protocol 1.1b3, 4.2); the
-order of the two registers of a 32-bit number differs between makers.
+order of the two registers of a 32-bit number depends on the maker.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _CODES: Final = {"uint16": "H", "int16": "h", "uint32": "I", "int32": "i", "floa
 
 @dataclass(frozen=True)
 class RegisterRead:
-    """One request: a block of registers and the quantities in it."""
+    """One read request: a block of registers, and the quantities in it."""
 
     table: Literal["holding", "input"]
     address: int
@@ -29,7 +29,7 @@ class RegisterRead:
 
 
 def plan_reads(profile: DriveProfile, quantities: Iterable[Quantity]) -> tuple[RegisterRead, ...]:
-    """Return the requests for those of the quantities that the drive has."""
+    """Return the requests that read the given quantities, without those that the drive lacks."""
     wanted: list[Quantity] = [name for name in quantities if name in profile.registers]
     wanted.sort(key=lambda name: (profile.registers[name].table, profile.registers[name].address))
     reads: list[RegisterRead] = []
@@ -76,9 +76,9 @@ def decode(
 
 
 def encode(profile: DriveProfile, values: Mapping[Quantity, float]) -> dict[int, int]:
-    """Return the content of the registers, by address, for a drive with these values in SI units.
+    """Return the registers' contents by address, for a simulated drive with `values` in SI units.
 
-    A value outside its type's range is limited to the range.
+    A value beyond the range of its register's type is limited to this range.
     """
     words: dict[int, int] = {}
     for name, value in values.items():

@@ -1,4 +1,4 @@
-"""`ModbusDriveMonitor`: temperatures and nominal data of a cell's drives, over Modbus."""
+"""`ModbusDriveMonitor`: reads temperatures and motor data from a cell's drives over Modbus."""
 
 from __future__ import annotations
 
@@ -18,16 +18,17 @@ from drivers.modbus.link import ModbusLink, open_modbus
 
 COLDEST_K = 223.15
 HOTTEST_K = 523.15
-"""Range of plausible motor temperatures; outside, register, type or scale are wrong."""
+"""Limits of plausible motor temperatures [K]. Outside these limits, the register, type or scale in
+the drive's profile is wrong."""
 
 
 class ModbusDriveMonitor(DriveMonitor):
-    """The drives behind an open line.
+    """Monitor of the drives on an open Modbus line.
 
     Args:
-        link: The line.
-        units: The drives' addresses on it, base to flange.
-        profile: Their registers.
+        link: The Modbus line.
+        units: The drives' unit numbers on the line, from base to flange.
+        profile: Description of the drives' registers.
     """
 
     def __init__(self, link: ModbusLink, units: Sequence[int], profile: DriveProfile) -> None:
@@ -38,10 +39,10 @@ class ModbusDriveMonitor(DriveMonitor):
         self._plates = plan_reads(profile, NAMEPLATE)
 
     def motors(self) -> tuple[MotorData, ...]:
-        """Return the drives' data of their motors.
+        """Return the properties of the motors that the drives store.
 
         Raises:
-            DriverError: A drive does not answer, or violates its profile.
+            DriverError: A drive does not answer, or its answer does not match its profile.
         """
         answers: list[MotorData] = []
         for unit in self._units:
@@ -52,7 +53,7 @@ class ModbusDriveMonitor(DriveMonitor):
         return tuple(answers)
 
     def read(self) -> MonitorReading:
-        """Return temperatures; see `DriveMonitor.read`.
+        """Return the present temperatures; see `DriveMonitor.read`.
 
         Raises:
             TransportError: The line is lost.
@@ -101,6 +102,6 @@ def open_drive_monitor(
     """Open the connection to the drives that a cell file names; nothing is sent yet.
 
     Raises:
-        TransportError: It cannot be opened.
+        TransportError: The connection cannot be opened.
     """
     return ModbusDriveMonitor(open_modbus(config, pause), config.units, profile)

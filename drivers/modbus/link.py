@@ -1,9 +1,9 @@
 """`ModbusLink`: requests to drives over Modbus, with typed errors and limited waits.
 
-This is the only module that uses pymodbus. A request is sent once. On a serial line an answer does
-not identify its request, so a late answer could be taken for the answer to the next request. If no
-answer comes in time, the line is therefore not used until even a late answer must have arrived;
-that answer is discarded.
+This is the only module that uses pymodbus. No request is repeated. On a serial line an answer does
+not identify its request, so a late answer could be mistaken for the answer to the next request.
+After a timeout, no request is therefore sent until even a late answer must have arrived; a late
+answer is discarded.
 """
 
 from __future__ import annotations
@@ -27,33 +27,33 @@ from config.errors import DeviceTimeoutError, ProtocolError, TransportError
 from drivers.modbus.codec import RegisterRead
 
 LATE_FACTOR = 1.5
-"""Time, in multiples of the timeout, after which an answer can no longer come."""
+"""Time after a request, in multiples of the timeout, after which no late answer can arrive."""
 
 _FUNCTION = {"holding": 3, "input": 4}
 _EXCEPTIONS = {
-    1: "it does not support the function",
-    2: "it has no such register",
-    3: "the request's count is not allowed",
-    4: "it failed to carry out the request",
-    5: "it needs more time",
-    6: "it is busy",
-    10: "the gateway has no path to it",
-    11: "it does not answer its gateway",
+    1: "the drive does not support this function",
+    2: "the drive has no such register",
+    3: "the drive does not allow this number of registers",
+    4: "the drive failed to execute the request",
+    5: "the drive needs more time",
+    6: "the drive is busy",
+    10: "the gateway has no path to the drive",
+    11: "the drive does not answer the gateway",
 }
 _SHOWN_BYTES = 8
 _PARITY = {"even": "E", "odd": "O", "none": "N"}
 
-logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # its errors are raised here
+logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # its errors become exceptions here
 
 
 class Received:
-    """Buffer of the bytes since the last request; a client's `trace_packet`."""
+    """Buffer of the bytes received since the last request; used as a client's `trace_packet`."""
 
     def __init__(self) -> None:
         self.data = b""
 
     def __call__(self, sending: bool, data: bytes) -> bytes:
-        """Store all bytes received so far; sent bytes are ignored. Return the bytes unchanged."""
+        """Store `data` if it was received, ignore it if it was sent; return it unchanged."""
         if not sending:
             self.data = data
         return data
@@ -65,9 +65,9 @@ class ModbusLink:
     Args:
         client: The connected client.
         name: Name of the line in errors.
-        timeout_s: Time limit of an answer [s].
-        pause: Function that waits [s].
-        received: Buffer of the bytes since the last request; the client's `trace_packet`.
+        timeout_s: Longest wait for an answer [s].
+        pause: Function that waits for a time [s].
+        received: Buffer of the bytes received since the last request; the client's `trace_packet`.
     """
 
     def __init__(
@@ -86,11 +86,12 @@ class ModbusLink:
         self.name = name
 
     def read(self, unit: int, read: RegisterRead) -> list[int]:
-        """Return the registers of one request.
+        """Send one read request; return the contents of its registers.
 
         Raises:
             DeviceTimeoutError: The drive did not answer in time.
-            ProtocolError: It refused, or the bytes are not an answer to this request.
+            ProtocolError: The drive refused the request, or the received bytes are not an answer to
+                it.
             TransportError: The line is lost.
         """
         client = self._client
@@ -156,10 +157,10 @@ class ModbusLink:
         self._client.close()  # type: ignore[no-untyped-call]
 
     def _forget_late_answer(self) -> None:
-        """Ensure that a late answer is not taken for the answer to the next request.
+        """Ensure that a late answer is not mistaken for the answer to the next request.
 
-        A network connection is closed, which discards pending data. On a serial line the late
-        answer is awaited, and the client discards it before the next request.
+        A network connection is closed, which discards pending data. On a serial line, wait until a
+        late answer has arrived; the client discards it before the next request.
         """
         if self._serial:
             self._pause((LATE_FACTOR - 1.0) * self._timeout_s)
@@ -179,7 +180,7 @@ def open_modbus(config: MonitorConfig, pause: Callable[[float], None] = time.sle
     """Open the line that a cell file names.
 
     Raises:
-        TransportError: It cannot be opened, or its certificates cannot be used.
+        TransportError: The line cannot be opened, or its certificates cannot be used.
     """
     link = config.link
     if isinstance(link, ModbusRtu):
@@ -198,14 +199,14 @@ def open_modbus(config: MonitorConfig, pause: Callable[[float], None] = time.sle
     if not connected:
         raise TransportError(
             f"{name} cannot be opened ({_reason(link, config.timeout_s)}); check monitor.link, that"
-            " the drives are on and that no other program has the line",
+            " the drives are on and that no other program uses the line",
             code="RID-MODBUS-OPEN",
         )
     return ModbusLink(client, name, config.timeout_s, pause, received)
 
 
 def _reason(link: ModbusTcp | ModbusRtu, timeout_s: float) -> str:
-    """Return why a line cannot be opened; pymodbus only logs it."""
+    """Return the reason why a line cannot be opened, which pymodbus only logs."""
     try:
         if isinstance(link, ModbusRtu):
             serial.Serial(
@@ -219,7 +220,7 @@ def _reason(link: ModbusTcp | ModbusRtu, timeout_s: float) -> str:
             socket.create_connection((link.host, link.port), timeout_s).close()
     except (OSError, ValueError, termios.error) as error:  # a SerialException is an OSError
         return str(error)
-    return "it can be opened now; try again"
+    return "a second attempt succeeded; try again"
 
 
 def _client(
@@ -244,7 +245,7 @@ def _client(
 
 
 class _VerifyingTlsClient(ModbusTlsClient):
-    """A client that also checks the name in the drive's certificate."""
+    """TLS client that also checks the name in the drive's certificate."""
 
     def __init__(self, link: ModbusTcp, tls: ModbusTls, timeout_s: float) -> None:
         self._context = _tls_context(tls)
@@ -266,7 +267,7 @@ class _VerifyingTlsClient(ModbusTlsClient):
 
 
 def _tls_context(tls: ModbusTls) -> ssl.SSLContext:
-    """Return the TLS context that verifies the drives and, if configured, has a certificate."""
+    """Return the TLS context: it verifies drives, and has our certificate if one is configured."""
     try:
         context = ssl.create_default_context(ssl.Purpose.SERVER_AUTH, cafile=tls.ca_file)
         context.minimum_version = ssl.TLSVersion.TLSv1_2

@@ -1,5 +1,5 @@
-"""Clocks, and the only modules that open a CAN bus or a serial line.
+"""Clocks, CAN buses and serial ports.
 
-They transfer frames and bytes with deadlines; device protocols are elsewhere. Begin with
-`can_link.py`.
+Only these modules open a bus or a port. They transfer frames and bytes with deadlines and contain
+no device protocol. Begin with `can_link.py`.
 """

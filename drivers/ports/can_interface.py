@@ -13,15 +13,15 @@ _TIMEOUT_S: Final = 5.0
 
 @dataclass(frozen=True)
 class CanInterface:
-    """An interface as reported by `ip -details link show`.
+    """State of a SocketCAN interface, as `ip -details link show` reports it.
 
     Attributes:
-        up: Whether it is switched on.
+        up: True if the interface is switched on.
         controller: State of its CAN controller, such as ``"ERROR-ACTIVE"``; empty without a
             controller.
         bitrate: Bit rate [bit/s]; None if its driver does not report it (vcan, slcan).
-        restart_ms: Time after which the controller leaves bus-off by itself [ms], 0 for never; None
-            if its driver does not report it.
+        restart_ms: Time after which the controller restarts by itself after bus-off [ms]; 0: it
+            does not; None: its driver does not report the time.
     """
 
     up: bool
@@ -31,7 +31,7 @@ class CanInterface:
 
     @classmethod
     def parse(cls, answer: str) -> CanInterface | None:
-        """Return the interface in the JSON of ``ip -json``; None if it is missing."""
+        """Return the interface in a JSON text from ``ip -json``; None if there is no interface."""
         try:
             (link,) = json.loads(answer)
             data: dict[str, Any] = link.get("linkinfo", {}).get("info_data", {})
@@ -47,7 +47,7 @@ class CanInterface:
 
 
 def read_interface(channel: str) -> CanInterface | None:
-    """Return a SocketCAN interface by its name; None if it is missing or cannot be read."""
+    """Return the state of the interface `channel`; None if it does not exist or cannot be read."""
     command = ["ip", "-json", "-details", "link", "show", "dev", channel]
     try:
         done = subprocess.run(
@@ -59,7 +59,7 @@ def read_interface(channel: str) -> CanInterface | None:
 
 
 def transmit_queue_frames(channel: str) -> int | None:
-    """Return the length of an interface's transmit queue [frames]; None if unknown (txqueuelen)."""
+    """Return an interface's transmit queue length (txqueuelen) [frames]; None if unknown."""
     try:
         text = Path(f"/sys/class/net/{channel}/tx_queue_len").read_text(encoding="ascii")
         return int(text)

@@ -15,19 +15,20 @@ from drivers.ports.socketcan_port import SocketCanPort
 
 
 class CanLink:
-    """A CAN bus with typed errors, absolute receive deadlines and its clock.
+    """An open CAN bus, with receive deadlines as absolute times and errors of our own types.
 
-    A bus whose attribute `simulated_clock` is not None has its own time; its receive timeouts and
-    its frames' times are then in that time.
+    A simulated bus may have its own time (its attribute `simulated_clock` is then not None).
+    Receive timeouts and arrival times are then in this simulated time.
 
-    A bus that returns frames to their sender, as UDP multicast does, has `hears_itself` True. Each
-    sent frame is then ignored once when it returns, so that a frame with the same identifier from
-    another sender is still received.
+    Some buses return each frame also to its sender, for example UDP multicast; `hears_itself` is
+    then True. The returned copy of each sent frame is discarded, but a frame with the same
+    identifier from another sender is received.
 
     Attributes:
-        clock: Clock of all deadlines of this link.
-        simulated: Whether that clock is simulated.
-        time_stamped: Whether the bus provides arrival times; otherwise the time of reading is used.
+        clock: Clock to which all deadlines of this bus refer.
+        simulated: True if `clock` is simulated.
+        time_stamped: True if the bus provides arrival times; if False, the time of reading is used
+            instead.
         last_time_s: Arrival time of the last received frame, on `clock` [s].
     """
 
@@ -53,16 +54,16 @@ class CanLink:
 
     @property
     def lost_frames(self) -> int:
-        """Number of frames that the computer dropped, if the bus counts them; else 0."""
+        """Number of received frames that the computer dropped; 0 if the bus does not count them."""
         return int(getattr(self._port, "lost_frames", 0))
 
     def take_remote_frames(self) -> None:
-        """Also receive remote frames, with `REMOTE_FLAG`; simulated devices need them."""
+        """Receive remote frames too, marked by `REMOTE_FLAG`; simulated devices need them."""
         if isinstance(self._port, PythonCanPort | SocketCanPort):
             self._port.takes_remote_frames = True
 
     def fileno(self) -> int:
-        """Return a descriptor to wait on; -1 without one."""
+        """Return the file descriptor to wait on; -1 if the bus has none."""
         try:
             return -1 if self._descriptor is None else self._descriptor()
         except NotImplementedError:
@@ -73,10 +74,10 @@ class CanLink:
         self.send_frames((frame,))
 
     def send_frames(self, frames: Sequence[tuple[int, bytes | bytearray]]) -> None:
-        """Send frames (identifier and data), oldest first; every one is tried.
+        """Send frames (identifier and data) in this order; try all, even after an error.
 
         Raises:
-            TransportError: The bus did not accept one of them.
+            TransportError: The bus did not accept one of the frames.
         """
         if self._echoes is not None:
             data_frames = (frame for frame in frames if not frame[0] & REMOTE_FLAG)
@@ -91,9 +92,9 @@ class CanLink:
             ) from error
 
     def receive(self, until_s: float) -> Frame | None:
-        """Return the next classic data frame; None if `until_s` [s] comes first.
+        """Return the next classic data frame; None if none arrives until `until_s` [s].
 
-        After the deadline, frames that are already waiting are still returned.
+        A frame that is already waiting is returned even after the deadline.
 
         Raises:
             TransportError: The adapter is gone, or reports bus-off.
@@ -108,7 +109,8 @@ class CanLink:
     def receive_all(self, until_s: float) -> Sequence[Arrival]:
         """Return all classic data frames that have arrived, oldest first.
 
-        It waits for a frame as `receive` does; the result is empty if `until_s` [s] comes first.
+        If no frame is waiting, wait for one; the result is empty if none arrives until `until_s`
+        [s].
         """
         if self._arrived:
             arrived = (*self._arrived,)
@@ -132,7 +134,7 @@ class CanLink:
                 return frames
 
     def _is_echo(self, frame: tuple[int, bytes]) -> bool:
-        """Return whether a frame was sent here and has returned."""
+        """Return True if a received frame is the returned copy of a frame that this link sent."""
         echoes = self._echoes
         assert echoes is not None
         count = echoes[frame]
@@ -161,7 +163,7 @@ class CanLink:
 
 
 class SimulatedClock:
-    """A simulated bus's clock, with typed errors."""
+    """Clock of a simulated bus; it raises `TransportError` if the simulation has ended."""
 
     def __init__(self, clock: Clock, bus_name: str) -> None:
         self._clock = clock
@@ -169,7 +171,7 @@ class SimulatedClock:
         self.now_s = clock.now_s
 
     def sleep_until(self, time_s: float) -> None:
-        """Let simulated time run; raise `TransportError` if the simulation has ended."""
+        """Let simulated time advance to `time_s`; raise `TransportError` if it cannot."""
         try:
             self._clock.sleep_until(time_s)
         except (can.CanError, OSError) as error:
@@ -184,11 +186,11 @@ def open_can(config: CanBusConfig, *, watch_errors: bool = True) -> CanLink:
 
     Args:
         config: Interface, channel and bit rate.
-        watch_errors: Whether bus-off of a SocketCAN interface is an error.
+        watch_errors: True to raise an error when a SocketCAN interface is bus-off.
 
     Raises:
         ConfigError: The interface is unknown.
-        TransportError: Its driver is missing or the channel cannot be opened.
+        TransportError: The interface's driver is missing, or the channel cannot be opened.
     """
     bus: can.BusABC | FramePort
     if config.interface != "socketcan":

@@ -1,7 +1,7 @@
-"""`FramePort`: interface of a CAN bus for the drivers; `PythonCanPort`: any python-can bus as one.
+"""`FramePort`: interface of every CAN bus; `PythonCanPort`: implementation with python-can.
 
-SocketCAN (`drivers.ports.socketcan_port`) and the simulated bus implement `FramePort` themselves:
-batches of plain tuples cost a tenth of python-can's messages.
+SocketCAN (`drivers.ports.socketcan_port`) and the simulated bus implement `FramePort` without
+python-can: batches of plain tuples need a tenth of the computing time of python-can's messages.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ RESTARTED = 0x100
 
 
 class Arrival(NamedTuple):
-    """A classic data frame with an 11-bit identifier, and its arrival on the link's clock [s].
+    """A classic data frame with an 11-bit identifier, and its arrival time on the link's clock [s].
 
-    If the bus does not provide the arrival, it is the time of reading.
+    If the bus does not provide arrival times, the time of reading is used.
     """
 
     cob_id: int
@@ -36,7 +36,8 @@ class FramePort(Protocol):
 
     Attributes:
         channel_info: Name of the bus in messages.
-        time_stamped: Whether frames carry their arrival in real time, however late they are read.
+        time_stamped: True if the bus provides the arrival time of each frame in real time; the time
+            does then not depend on when the frame is read.
     """
 
     channel_info: str
@@ -44,16 +45,16 @@ class FramePort(Protocol):
 
     @abstractmethod
     def send_frames(self, frames: Sequence[tuple[int, bytes | bytearray]]) -> None:
-        """Send frames (identifier and data), oldest first.
+        """Send frames (identifier and data) in this order.
 
-        Every frame is tried; the first error is raised at the end.
+        Try to send every frame; at the end, raise the first error.
         """
 
     @abstractmethod
     def receive_frames(self, timeout_s: float) -> Sequence[Arrival] | None:
-        """Return the frames that have arrived; None if none comes within `timeout_s` [s].
+        """Return the frames that have arrived; None if none arrives within `timeout_s` [s].
 
-        The sequence is empty if only frames other than classic data frames came.
+        The sequence is empty if only other kinds of frames arrived, such as error frames.
         """
 
     @abstractmethod
@@ -62,15 +63,16 @@ class FramePort(Protocol):
 
 
 class PythonCanPort:
-    """Any bus of python-can.
+    """A bus of python-can as a `FramePort`.
 
     Args:
         bus: The open bus.
-        simulated: Whether its messages' time stamps are in the link's (simulated) time.
+        simulated: True if the time stamps of the bus's messages are in simulated time, which is
+            then also the link's time.
 
     Attributes:
-        takes_remote_frames: Whether remote frames are also returned, with `REMOTE_FLAG`, as devices
-            need them.
+        takes_remote_frames: True to return remote frames too, marked by `REMOTE_FLAG`; simulated
+            devices need them.
     """
 
     def __init__(self, bus: can.BusABC, *, simulated: bool) -> None:
@@ -122,7 +124,7 @@ def _message(cob_id: int, data: bytes | bytearray) -> can.Message:
 
 
 def refuse_bus_off(error_class: int, channel: str) -> None:
-    """Raise `TransportError` if an error frame reports that the controller is, or was, bus-off."""
+    """Raise `TransportError` if an error frame reports bus-off, or a restart after bus-off."""
     if error_class & BUS_OFF:
         raise TransportError(
             f"CAN bus {channel}: the adapter is bus-off;"

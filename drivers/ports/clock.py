@@ -1,4 +1,4 @@
-"""`Clock`: the time base of a link's deadlines, the computer's or a simulated bus's."""
+"""`Clock`: clock for the deadlines of a bus or port; that of the computer or of a simulated bus."""
 
 from __future__ import annotations
 
@@ -8,36 +8,38 @@ from collections.abc import Callable
 from typing import Final, Protocol
 
 EARLY: Final = 0.1
-"""Fraction of wake-ups of `MonotonicClock` that come early, after which it waits actively."""
+"""Fraction of sleeps from which `MonotonicClock` wakes before the deadline and then waits actively.
+The estimated wake-up delay is adapted until this fraction is reached."""
 
 STEP_S: Final = 2e-6
-"""Largest change of the estimated wake-up delay by one wake-up [s]."""
+"""Step by which one wake-up can change the estimated wake-up delay [s]."""
 
-MOST_WAKING_S: Final = 100e-6
+MAX_WAKE_UP_DELAY_S: Final = 100e-6
 """Largest wake-up delay that `MonotonicClock` compensates [s]."""
 
 
 class Clock(Protocol):
-    """Time of the cell: the computer's, or in lock-step a simulated cell's."""
+    """Clock of a cell: that of the computer, or in lock-step that of a simulated cell."""
 
     @abstractmethod
     def now_s(self) -> float:
-        """Return the time since an arbitrary start [s]; never runs backwards."""
+        """Return the time since an arbitrary start [s]; it never decreases."""
 
     @abstractmethod
     def sleep_until(self, time_s: float) -> None:
-        """Return at `time_s` or later, an absolute time of this clock [s]."""
+        """Wait until `time_s`, an absolute time on this clock [s]; never return earlier."""
 
 
 class MonotonicClock:
-    """The computer's monotonic clock, independent of changes of the date.
+    """The computer's monotonic clock, which changes of the system's date do not affect.
 
-    A computer wakes a program with a delay that is nearly constant. `sleep_until` estimates this
-    delay, sleeps for a shorter time, and waits actively for the rest, so that a cycle begins in
-    time.
+    A computer wakes a sleeping program with a delay that is nearly constant. `sleep_until`
+    estimates this delay and sleeps for a time that is shorter by this delay. It waits actively for
+    the rest, so that a cycle begins on time.
 
     Args:
-        now_s, sleep: CLOCK_MONOTONIC [s], and a function that sleeps [s].
+        now_s, sleep: Function that returns CLOCK_MONOTONIC [s], and function that sleeps for a time
+            [s].
     """
 
     def __init__(
@@ -65,6 +67,6 @@ class MonotonicClock:
             left_s = time_s - self._now_s()
 
     def _update_delay(self, *, early: bool) -> None:
-        """Track the quantile `EARLY` of the wake-up delay."""
+        """Adapt the estimated wake-up delay: it tracks the quantile `EARLY` of the real delays."""
         step_s = (EARLY - early) * STEP_S
-        self._waking_s = min(max(self._waking_s + step_s, 0.0), MOST_WAKING_S)
+        self._waking_s = min(max(self._waking_s + step_s, 0.0), MAX_WAKE_UP_DELAY_S)

@@ -1,9 +1,9 @@
-"""python-can: opening of its buses, with its various failures as readable messages.
+"""Opening of CAN buses by python-can, with a readable message for each kind of failure.
 
-python-can imports asammdf, its reader of MDF files, if that package is installed (here for the
-export of recordings, the extra `mdf4`). asammdf imports pandas, which would cost every process half
-a second. No MDF file is read or written through python-can here, so python-can is imported without
-asammdf.
+python-can imports asammdf, which reads MDF files, if that package is installed (rid-daq installs it
+with the extra `mdf4`, to export recordings). asammdf imports pandas, which would delay the start of
+every process by half a second. MDF files are not read or written by python-can here, so asammdf is
+hidden while python-can is imported.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _SLCAN_READ_BYTES = 1 << 16
 if _READER in sys.modules:
     import can
 else:
-    sys.modules[_READER] = None  # type: ignore[assignment]  # makes the import fail, as if absent
+    sys.modules[_READER] = None  # type: ignore[assignment]  # its import now fails
     try:
         import can
     finally:
@@ -35,13 +35,13 @@ __all__ = ["can", "not_opened", "open_bus"]
 
 
 def open_bus(config: CanBusConfig, *, listening: bool = False) -> can.BusABC:
-    """Open a bus; with `listening`, only to receive the frames on a bus of another program.
+    """Open a bus; with `listening`, only to observe the frames on another program's bus.
 
-    UDP multicast stays on this computer.
+    Frames of UDP multicast do not leave this computer.
 
     Raises:
         ConfigError: The interface is unknown.
-        TransportError: Its driver is missing or the channel cannot be opened.
+        TransportError: The interface's driver is missing, or the channel cannot be opened.
     """
     options: dict[str, Any] = {"channel": config.channel, "bitrate": config.bitrate}
     try:
@@ -63,10 +63,11 @@ def open_bus(config: CanBusConfig, *, listening: bool = False) -> can.BusABC:
 
 
 def _discard_torn_lines(bus: can.BusABC) -> None:
-    """Close an slcan channel, discard the bytes on their way from it, and open it again.
+    """Close an slcan channel, discard the bytes that still arrive, and open the channel again.
 
     If another program ended without closing the channel, these bytes begin or end inside a line,
-    which python-can would read as a frame (commands C and O of LAWICEL's CANUSB manual).
+    and python-can would take the incomplete line for a frame. The commands are C and O of LAWICEL's
+    CANUSB manual.
     """
     from can.interfaces.slcan import slcanBus
 

@@ -21,12 +21,12 @@ _PORT_ERRORS = (OSError, ValueError, termios.error)  # serial.SerialException is
 
 
 class SerialLink:
-    """A serial port with typed errors, chunked reads and absolute deadlines.
+    """An open serial port, with deadlines as absolute times and errors of our own types.
 
     Attributes:
         address: Path or URL that was opened.
-        clock: Clock of all deadlines of this link.
-        last_time_s: Time of the last received bytes, on `clock` [s].
+        clock: Clock to which all deadlines of this port refer.
+        last_time_s: Time at which the last bytes were received, on `clock` [s].
     """
 
     def __init__(self, port: serial.Serial, address: str) -> None:
@@ -38,7 +38,7 @@ class SerialLink:
         try:
             self._descriptor = port.fileno()
         except (AttributeError, io.UnsupportedOperation):
-            return  # a network port that has its own threads
+            return  # a network port, which pyserial reads in its own threads
         self._poll = select.poll()
         self._poll.register(self._descriptor, select.POLLIN)
 
@@ -48,7 +48,7 @@ class SerialLink:
         return int(self._port.baudrate)
 
     def set_baud_rate(self, baud_rate: int) -> None:
-        """Change the line's speed; raise `TransportError` if the port cannot."""
+        """Change the baud rate; raise `TransportError` if the port does not support it."""
         try:
             self._port.baudrate = baud_rate
         except _PORT_ERRORS as error:
@@ -62,9 +62,9 @@ class SerialLink:
             raise self._lost("sending failed", error) from error
 
     def read(self, until_s: float) -> bytes:
-        """Return all waiting bytes, at least one; empty if `until_s` [s] comes first.
+        """Wait for bytes and return all received ones; empty if none arrive until `until_s` [s].
 
-        After the deadline, bytes that are already waiting are still returned.
+        Bytes that are already waiting are returned even after the deadline.
 
         Raises:
             TransportError: The port is lost.
@@ -84,11 +84,11 @@ class SerialLink:
             return b""
         data = os.read(self._descriptor, _READ_BYTES)
         if not data:
-            raise OSError("the other side closed it")
+            raise OSError("the other side closed the connection")
         return data
 
     def _read_network(self, until_s: float) -> bytes:
-        """Read from a port without a descriptor, whose timeout is fixed and short."""
+        """Read from a port without a file descriptor, by repeated reads with a short timeout."""
         while True:
             data: bytes = self._port.read(max(1, self._port.in_waiting))
             if data or self.clock.now_s() >= until_s:
@@ -118,11 +118,11 @@ def _close_port(port: serial.Serial) -> None:
     with contextlib.suppress(*_PORT_ERRORS):
         port.close()
     if isinstance(network_socket, socket.socket):
-        network_socket.close()  # pyserial leaves it open if the other side has closed it first
+        network_socket.close()  # pyserial does not, if the other side closed it first
 
 
 def open_serial(address: str, baud_rate: int) -> SerialLink:
-    """Open a serial port, 8N1, exclusively: a path, or a URL that pyserial supports.
+    """Open a serial port (8N1) for exclusive use, by its path or a URL that pyserial supports.
 
     Raises:
         TransportError: The port does not exist, cannot be opened, or another program uses it.

@@ -1,8 +1,8 @@
 """`SocketCanPort`: an interface of Linux's SocketCAN as a raw socket, without python-can.
 
-The kernel's time stamps give the arrival of a frame, however late it is read. The kernel also
-counts dropped frames. The send buffer holds about one cycle, so that no set-point can wait in it
-and take effect much later.
+The kernel stamps each frame with its arrival time, so a late read does not change this time. The
+kernel also counts dropped frames. The send buffer holds the frames of about one cycle, so that no
+set-point can wait in it and take effect much later.
 """
 
 from __future__ import annotations
@@ -19,10 +19,11 @@ from drivers.ports.can_ports import Arrival, refuse_bus_off
 
 RECEIVE_BUFFER_BYTES = 4 << 20
 SEND_BUFFER_BYTES = 20 << 10
-"""About 25 frames, a cycle of sixteen axes: the kernel counts about 800 bytes for each."""
+"""Size of the send buffer [bytes]. It holds about 25 frames, enough for a cycle of sixteen axes:
+the kernel counts about 800 bytes per frame."""
 
-APART_NS = 20_000
-"""Largest difference of two clock readings that count as simultaneous [ns]."""
+SIMULTANEOUS_NS = 20_000
+"""Longest time between the readings of two clocks that count as simultaneous [ns]."""
 
 ERROR_FLAG, REMOTE_FLAG, EXTENDED_FLAG = 0x2000_0000, 0x4000_0000, 0x8000_0000
 
@@ -44,19 +45,20 @@ def both_clocks() -> tuple[int, int]:
     for _ in range(_TRIES):
         before_ns = time.monotonic_ns()
         date_ns, now_ns = time.time_ns(), time.monotonic_ns()
-        if now_ns - before_ns < APART_NS:
+        if now_ns - before_ns < SIMULTANEOUS_NS:
             return date_ns, now_ns
     return time.time_ns(), time.monotonic_ns()
 
 
 class KernelStamps:
-    """Conversion of the kernel's time stamps to CLOCK_MONOTONIC, safe against a changed date.
+    """Conversion of the kernel's time stamps to CLOCK_MONOTONIC, even if the date is changed.
 
-    The difference between the clocks is constant until the date is set; slewing affects both. After
-    a change, a frame may have been stamped by the old date or by the new one. The right choice is
-    the one by which the frame arrived after all frames that were read before. If the date was
-    changed by less than the time between the two reads, the choice is ambiguous, and the arrival
-    may be wrong by as much.
+    The kernel stamps frames with CLOCK_REALTIME (the date). Its difference from CLOCK_MONOTONIC is
+    constant until someone sets the date; slewing affects both clocks. After a change of the date, a
+    frame may have been stamped with the old date or with the new one. The correct one is that by
+    which the frame arrived after all frames that were read earlier. If the date was changed by less
+    than the time between two reads, both dates are possible, and the arrival time may be wrong by
+    the amount of the change.
 
     Args:
         date_ns, now_ns: CLOCK_REALTIME and CLOCK_MONOTONIC [ns], as in `look`.
@@ -67,12 +69,12 @@ class KernelStamps:
         self._ahead_ns = self._was_ahead_ns = date_ns - now_ns
 
     def look(self, date_ns: int, now_ns: int) -> None:
-        """Store both clocks, just before frames are read [ns]."""
+        """Store the present times of both clocks [ns], just before frames are read."""
         self._was_ahead_ns, self._ahead_ns = self._ahead_ns, date_ns - now_ns
         self._now_ns = now_ns
 
     def arrival_s(self, stamp_ns: int) -> float:
-        """Return the arrival of a frame that has just been read [s]."""
+        """Return the arrival time of a frame that has just been read [s, CLOCK_MONOTONIC]."""
         last_ns, now_ns = self._last_ns, self._now_ns
         arrived_ns = stamp_ns - self._ahead_ns
         if not last_ns <= arrived_ns <= now_ns:
@@ -82,7 +84,7 @@ class KernelStamps:
         return min(max(arrived_ns, last_ns), now_ns) * 1e-9
 
     def all_read(self) -> None:
-        """Note that all frames that arrived before the last `look` have been read."""
+        """Store that all frames that arrived before the last `look` have been read."""
         self._last_ns = self._now_ns
 
 
@@ -91,14 +93,15 @@ class SocketCanPort:
 
     Args:
         channel: The interface's name.
-        watch_errors: Whether error frames are received; simulated devices leave them to the master.
+        watch_errors: True to receive error frames; simulated devices do not need them, because the
+            master evaluates them.
 
     Attributes:
         channel_info: Name of the bus in messages.
         lost_frames: Number of frames that the kernel dropped because they were not read in time,
             plus the number of overflows that the controller reported.
-        takes_remote_frames: Whether remote frames are also returned, with `REMOTE_FLAG`, as devices
-            need them.
+        takes_remote_frames: True to return remote frames too, marked by `REMOTE_FLAG`; simulated
+            devices need them.
         error_frames: Number of error frames (error-passive, arbitration lost, ...); bus-off raises
             an error.
 
@@ -128,11 +131,11 @@ class SocketCanPort:
         own = self._socket
         try:
             own.setsockopt(socket.SOL_SOCKET, _SO_RCVBUFFORCE, RECEIVE_BUFFER_BYTES)
-        except PermissionError:  # without CAP_NET_ADMIN the limit is net.core.rmem_max
+        except PermissionError:  # without CAP_NET_ADMIN: at most net.core.rmem_max
             own.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER_BYTES)
         own.setsockopt(
             socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES // 2
-        )  # the kernel doubles it
+        )  # the kernel doubles the value
         own.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
         own.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
         if watch_errors:
@@ -143,7 +146,7 @@ class SocketCanPort:
         return self._socket.fileno()
 
     def send_frames(self, frames: Sequence[tuple[int, bytes | bytearray]]) -> None:
-        """Send frames; see `FramePort`. A frame that would have to wait is refused.
+        """Send frames; see `FramePort`. No frame waits for room in the transmit queue.
 
         Raises:
             TransportError: The transmit queue is full: no node acknowledges, or the cable is off.
@@ -189,7 +192,7 @@ class SocketCanPort:
         return arrived
 
     def _note(self, ancillary: list[tuple[int, int, bytes]], now_ns: int) -> float:
-        """Update the drop counter; return the kernel's time stamp on CLOCK_MONOTONIC [s]."""
+        """Count dropped frames; return the frame's arrival time on CLOCK_MONOTONIC [s]."""
         time_s = now_ns * 1e-9
         for _, kind, value in ancillary:
             if kind == _SO_TIMESTAMPNS:

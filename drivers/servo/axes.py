@@ -1,6 +1,6 @@
 """`CanServoAxes`: all CiA 402 drives of a robot on one CAN bus, in cyclic synchronous velocity.
 
-Its contract with its callers is `drivers.interfaces.servo_axes`.
+It implements the interface in `drivers.interfaces.servo_axes`.
 """
 
 from __future__ import annotations
@@ -37,7 +37,8 @@ from drivers.servo.setup import DriveSetup, SetupResult
 from drivers.settings.write_log import WriteLog
 
 ANSWERS_FRACTION = 0.6
-"""Fraction of a cycle in which answers are awaited; the rest is for the next set-points."""
+"""Fraction of the cycle time during which answers are awaited; in the rest, the next set-points are
+computed and sent."""
 
 
 class _Phase(IntEnum):
@@ -52,22 +53,23 @@ class CanServoAxes:
     """The drives of a cell; see `drivers.interfaces.servo_axes.ServoAxes` for the order of calls.
 
     Once an axis has left Operation Enabled, or a quick stop was commanded, no velocity is sent
-    until `bring_up` has been run again: no old command can move the robot when power returns.
+    until `bring_up` has been run again. An old command can therefore not move the robot when power
+    returns.
 
     Args:
         link: The open bus. The constructor does not use it.
-        cell, robot: Addresses and limits; the axes are sorted by the robot's joints.
-        write_log: Log of the values that are written to the drives, and of the previous ones.
-        stopped: Whether a stop was ordered; `start` and `enable` then stop.
+        cell, robot: Descriptions of cell and robot; the axes have the order of the robot's joints.
+        write_log: Log of every value that is written to a drive, with the previous value.
+        stopped: Returns True once a stop was ordered; `start` and `enable` then raise `SafetyStop`.
 
     Attributes:
         joint_names, answers, answers_within_s: As in `ServoAxes`.
         service: Requests to single drives, outside the cyclic exchange.
-        cyclic: The frames of every cycle, with counts of faulty ones.
-        watch: Monitor of all other frames of drives and others.
+        cyclic: Exchange of the frames of every cycle; it counts faulty frames.
+        watch: Monitor of all frames that are not cyclic, from drives and from other senders.
         last_heartbeat_s: Time of this computer's last heartbeat, on the link's clock [s].
-        without_power: True if `disable` was the last call and every drive that had power confirmed
-            power off.
+        without_power: True if the drives were disabled last, and every drive that had power
+            confirmed that it is off.
 
     Raises:
         ConfigError: Cell and robot do not name the same joints, or the cyclic exchange would take
@@ -122,12 +124,12 @@ class CanServoAxes:
         self._guarding = [guard_request(node) for node in guarded]
 
     def bring_up(self) -> None:
-        """Reset, configure and read back every drive (CiA 301 order); no power, no motion.
+        """Reset, configure and read back every drive in the order of CiA 301, without power.
 
         Raises:
             LockedError: Another master is active on the bus.
             DeviceTimeoutError: A drive does not boot or does not answer.
-            DeviceFaultError: A drive restarted meanwhile.
+            DeviceFaultError: A drive restarted during its setup.
             PreflightError: A value that was read back is not as required; `settings` has all
                 values.
             TransportError: The bus is lost.
@@ -137,7 +139,7 @@ class CanServoAxes:
         self.watch.forget()
         self._setups = ()
         self.service.claim_bus()
-        self.service.note_before_reset()
+        self.service.log_before_reset()
         wait_for_boot_up(self._link, self._axes, self.watch)
         each = zip(self._axes, self._robot.joints, motor_ranges(self._robot), strict=True)
         for number, (axis, joint, reach) in enumerate(each):
@@ -156,12 +158,12 @@ class CanServoAxes:
         return tuple(setting for setup in self._setups for setting in setup.settings)
 
     @property
-    def left_to_trial(self) -> tuple[str, ...]:
-        """Joints whose drive has no object that defines its reaction to a failed computer."""
-        return tuple(setup.joint for setup in self._setups if setup.left_to_trial)
+    def undefined_reactions(self) -> tuple[str, ...]:
+        """Joints whose drive has no object that defines how it reacts if this computer fails."""
+        return tuple(setup.joint for setup in self._setups if setup.undefined_reactions)
 
     def exchange(self) -> float:
-        """Begin a cycle with SYNC and take the answers; return the time of SYNC [s]."""
+        """Begin a cycle with SYNC and receive the answers; return the time of SYNC [s]."""
         sync_s = self.cyclic.sync()
         self.cyclic.collect(sync_s + self.answers_within_s)
         return sync_s
@@ -170,12 +172,12 @@ class CanServoAxes:
         """Send velocities [rad/s or m/s, joint side]; they act at the next SYNC.
 
         Returns:
-            False if an axis is not in Operation Enabled, or the axes were stopped: a quick stop is
-            then sent to all of them instead of the velocities.
+            True if the velocities were sent. False if an axis is not in Operation Enabled, or the
+                axes were stopped before: a quick stop is then sent to all axes instead.
 
         Raises:
-            SafetyStop: A velocity is not finite or does not fit the drive; a quick stop was sent
-                instead.
+            SafetyStop: A velocity is not finite or too large for the drive's object; a quick stop
+                was sent instead.
             TransportError: The bus does not accept the frames.
         """
         if self.cyclic.left_enabled or self._phase is not _Phase.ENABLED:
@@ -195,8 +197,8 @@ class CanServoAxes:
     def send_heartbeat(self, now_s: float, *, asking: bool = True) -> None:
         """Send this computer's heartbeat if it is due at `now_s` [s].
 
-        It also requests the state of drives with life guarding. With `asking` False it sends no
-        requests, so that both sides detect the loss of the connection.
+        Drives with life guarding also get a request for their state. With `asking` False no request
+        is sent, so that this computer and these drives detect a lost connection.
         """
         if self._heartbeats.due(now_s):
             self.last_heartbeat_s = now_s
@@ -207,7 +209,7 @@ class CanServoAxes:
         return self.watch.take_events()
 
     def bus_notes(self) -> tuple[str, ...]:
-        """Return notes on other senders on this bus, if any were detected."""
+        """Return remarks about other senders that were detected on this bus."""
         return self._power.bus_notes()
 
     def start(self) -> None:
@@ -215,7 +217,7 @@ class CanServoAxes:
 
         Raises:
             DeviceTimeoutError: A drive does not become operational or does not answer SYNC.
-            DeviceFaultError: A drive has restarted since its setup, or reports a fault meanwhile.
+            DeviceFaultError: A drive has restarted since its setup, or reports a fault.
             SafetyStop: A stop was ordered.
         """
         self._require_phase(_Phase.CONFIGURED, "start", "bring_up")
@@ -229,11 +231,12 @@ class CanServoAxes:
         self.watch.expect_operational()
 
     def keep_alive(self, now_s: float) -> None:
-        """Send this computer's heartbeat if due at `now_s` [s], and Disable Voltage with it.
+        """Send this computer's heartbeat if it is due at `now_s` [s], and with it Disable Voltage.
 
-        Drives also have a timeout for commands, equal to that of the heartbeat (1400h:05).
+        The command prevents a second timeout of the drives: they also monitor the arrival of
+        commands, with the timeout of the heartbeat (1400h:05).
         """
-        self._require_phase(_Phase.STARTED, "be kept waiting", "start")
+        self._require_phase(_Phase.STARTED, "be kept alive", "start")
         self.send_heartbeat(now_s)
         if self.last_heartbeat_s == now_s:
             self.cyclic.send_words([ControlWord.DISABLE_VOLTAGE] * len(self._axes))
@@ -245,10 +248,11 @@ class CanServoAxes:
             Time of the last SYNC [s]; the next is due one cycle later.
 
         Raises:
-            DeviceTimeoutError: A drive does not reach the state, or does not follow its command
-                (6041h bit 12).
-            DeviceFaultError: A drive is in fault or reports one; a fault is never reset here.
-            SafetyStop: A stop was ordered; no drive is switched further.
+            DeviceTimeoutError: A drive does not reach Operation Enabled, or does not report that it
+                follows its command (6041h bit 12).
+            DeviceFaultError: A drive is in fault, or reports an error; this method never resets a
+                fault.
+            SafetyStop: A stop was ordered; the switching of all drives ends.
         """
         self._require_phase(_Phase.STARTED, "enable", "start")
         self._power.enable()
@@ -257,20 +261,21 @@ class CanServoAxes:
         return self.cyclic.sync_time_s
 
     def quick_stop(self) -> None:
-        """Send a quick stop to every axis by RPDO, acting at the next SYNC; motion then ends.
+        """Send a quick stop to every axis by RPDO; it acts at the next SYNC and ends the motion.
 
         Raises:
-            TransportError: The bus did not accept a frame; every axis was tried.
+            TransportError: The bus did not accept a frame; the frames of all other axes were still
+                sent.
         """
         if self._phase >= _Phase.STARTED:
             self._phase = _Phase.STOPPED
         self.cyclic.send_words([ControlWord.QUICK_STOP] * len(self._axes))
 
     def halt(self) -> bool:
-        """Quick stop, and wait a limited time until no drive is powered or all are at rest.
+        """Command a quick stop; wait a limited time until every axis is at rest or without power.
 
         Returns:
-            Whether every axis was seen at rest or without power.
+            True if every axis has reported that it is at rest or without power.
         """
         if self._phase < _Phase.STARTED:
             return True
@@ -278,11 +283,11 @@ class CanServoAxes:
         return self._power.rest()
 
     def disable(self) -> tuple[str, ...]:
-        """Disable voltage by RPDO, then NMT pre-operational and reset of the communication.
+        """Disable voltage by RPDO, enter NMT pre-operational, then reset the communication.
 
-        The reset ends the drives' monitoring of this computer, which would cause a fault when the
-        heartbeat stops. It is omitted if a drive did not confirm, because the monitoring is then
-        needed.
+        The reset ends the drives' monitoring of this computer; without it they would enter a fault
+        when this computer's heartbeat stops. If a drive did not confirm that its power is off,
+        there is no reset, because the monitoring is then still needed.
 
         Returns:
             The joints whose drive did not confirm in time that its power is off.
@@ -293,7 +298,7 @@ class CanServoAxes:
         self._phase = _Phase.CLOSED
         self.without_power = False
         try:
-            unconfirmed = self._power.take_power_away() if running else []
+            unconfirmed = self._power.disable_voltage() if running else []
         finally:
             self._send_words(NmtCommand.ENTER_PRE_OPERATIONAL)
         self.without_power = not unconfirmed

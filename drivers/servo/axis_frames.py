@@ -1,8 +1,9 @@
-"""Positions of an axis's commands and answers in its frames; joining of split answers.
+"""Positions of an axis's commands and measured values in its CAN frames; joining of split answers.
 
-Most drives receive everything in one RPDO and send everything in one TPDO. A drive with fixed PDOs
-has its signals in several; a torque that fits no PDO is read by SDO after every SYNC.
-`AnswerJoiner` joins the parts to one answer, so that its users see no difference.
+Most drives receive all commands in one RPDO and send all measured values in one TPDO. A drive with
+fixed PDOs uses several PDOs for these signals. A torque that cannot be in a PDO is read by SDO
+after every SYNC. `AnswerJoiner` joins the parts of an answer to one frame, so that `CyclicExchange`
+treats all drives in the same way.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ _INT16: Final = range(-(2**15), 2**15)
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Position of a signal: the frame's identifier, and the bytes."""
+    """Position of a signal: identifier of its frame, first byte, and number of bytes."""
 
     cob_id: int
     start: int
@@ -40,30 +41,31 @@ class Place:
 
     @property
     def end(self) -> int:
-        """Position of the frame's next object."""
+        """Position of the byte after the signal."""
         return self.start + self.size
 
 
 @dataclass(frozen=True)
 class AxisFrames:
-    """One axis's frames of a cycle.
+    """The frames of one axis in a cycle.
 
     Attributes:
-        commands: Identifier and data of the frames that are sent, with constant values filled in
-            and zeros elsewhere.
-        places: Positions of the signals. A torque that is read by SDO is in the SDO answer.
-        asked: The object that is read by SDO after every SYNC.
-        answer_bytes: Lengths of all frames that a cycle can bring, used or not.
+        commands: Identifier and data of the frames to the drive; the data contain constant values,
+            and zeros at the positions of set-points.
+        places: Positions of the signals; that of a torque that is read by SDO is in the SDO answer.
+        sdo_object: Index and sub-index of the object that is read by SDO after every SYNC, or None.
+        answer_bytes: Lengths of all frames that the drive can send in a cycle, also of those that
+            are not used.
     """
 
     commands: tuple[tuple[int, bytes], ...]
     places: dict[Signal, Place]
-    asked: tuple[int, int] | None
+    sdo_object: tuple[int, int] | None
     answer_bytes: tuple[int, ...]
 
     @classmethod
     def of_profile(cls, node_id: int, profile: ServoProfile) -> AxisFrames:
-        """Return the frames of a drive, all of whose PDOs come in every cycle."""
+        """Return the frames of a drive that sends and receives all its PDOs in every cycle."""
         pdos = cyclic_pdos(node_id, "full", profile)
         held = _constant_values(profile)
         wanted: dict[tuple[int, int], Signal] = {
@@ -72,9 +74,9 @@ class AxisFrames:
             signal_object(profile, "statusword"): "statusword",
             signal_object(profile, "position"): "position",
         }
-        asked = None
+        sdo_object = None
         if profile.torque.asked:
-            asked = signal_object(profile, "torque")
+            sdo_object = signal_object(profile, "torque")
         else:
             wanted[signal_object(profile, "torque")] = "torque"
         places: dict[Signal, Place] = {}
@@ -95,17 +97,17 @@ class AxisFrames:
             if used and pdo.direction == "rpdo":
                 commands.append((pdo.cob_id, bytes(data)))
         back = [pdo.bits // 8 for pdo in pdos if pdo.direction == "tpdo"]
-        if asked is not None:
+        if sdo_object is not None:
             size = profile.torque.bits // 8
             places["torque"] = Place(sdo_answer_cob_id(node_id), _VALUE, size)
             back.append(_SDO_BYTES)
-        return cls(tuple(commands), places, asked, tuple(back))
+        return cls(tuple(commands), places, sdo_object, tuple(back))
 
     @property
     def sent_bytes(self) -> tuple[int, ...]:
-        """Lengths of the frames that a cycle sends to the drive."""
-        asked = () if self.asked is None else (_SDO_BYTES,)
-        return (*(len(data) for _, data in self.commands), *asked)
+        """Lengths of the frames that are sent to the drive in a cycle."""
+        request = () if self.sdo_object is None else (_SDO_BYTES,)
+        return (*(len(data) for _, data in self.commands), *request)
 
 
 def _constant_values(profile: ServoProfile) -> dict[tuple[int, int], int]:
@@ -137,8 +139,9 @@ class _Parts:
 class AnswerJoiner:
     """Bus for `CyclicExchange` that joins the parts of an axis's answer when all have arrived.
 
-    The time of an answer is that of its oldest part. A part that comes twice makes a second answer.
-    Parts from before the last SYNC are never joined with later ones.
+    The time of a joined answer is the arrival time of its oldest part. If a part arrives twice, the
+    repeated part forms a second answer with the other parts. Parts that arrived before the last
+    SYNC are never joined with later parts.
 
     Args:
         link: The bus.
@@ -168,26 +171,26 @@ class AnswerJoiner:
                 self._axis_of[place.cob_id] = axis
                 self._ends[place.cob_id] = max(self._ends.get(place.cob_id, 0), place.end)
         self._wanted = [{place.cob_id for place in places} for places in self._places]
-        self._asked = {
-            sdo_answer_cob_id(node): MULTIPLEXER.pack(0, *each.asked, bytes(4))[1:_VALUE]
+        self._requested = {
+            sdo_answer_cob_id(node): MULTIPLEXER.pack(0, *each.sdo_object, bytes(4))[1:_VALUE]
             for node, each in zip(node_ids, frames, strict=True)
-            if each.asked is not None
+            if each.sdo_object is not None
         }
-        self.questions = [
-            (sdo_request_cob_id(node), MULTIPLEXER.pack(_UPLOAD, *each.asked, bytes(4)))
+        self.requests = [
+            (sdo_request_cob_id(node), MULTIPLEXER.pack(_UPLOAD, *each.sdo_object, bytes(4)))
             for node, each in zip(node_ids, frames, strict=True)
-            if each.asked is not None
+            if each.sdo_object is not None
         ]
         self._now = [_Parts() for _ in node_ids]
         self._before = [_Parts() for _ in node_ids]
 
     def begin(self, sync_s: float) -> None:
-        """Note a SYNC [s]: parts that come from now on belong to it."""
+        """Begin a cycle: parts that arrive after `sync_s`, the time of SYNC [s], belong to it."""
         self._sync_s = sync_s
         self._before, self._now = self._now, [_Parts() for _ in self._now]
 
     def receive_all(self, until_s: float) -> Sequence[Arrival]:
-        """Return answers and all other frames, oldest first, as `CanLink.receive_all` does."""
+        """Return joined answers and all other frames, oldest first; see `CanLink.receive_all`."""
         for _ in range(MOST_READS):
             arrived = self._link.receive_all(until_s)
             if not arrived:
@@ -220,8 +223,8 @@ class AnswerJoiner:
             parts.again[arrival.cob_id] = arrival
 
     def _is_meant(self, arrival: Arrival) -> bool:
-        """Return whether an SDO answer is the one that was requested."""
-        wanted = self._asked.get(arrival.cob_id)
+        """Return False for an SDO answer that does not contain the requested object."""
+        wanted = self._requested.get(arrival.cob_id)
         if wanted is None:
             return True
         data = arrival.data
@@ -230,9 +233,9 @@ class AnswerJoiner:
         return data[1:_VALUE] == wanted and _VALUE + size >= self._ends[arrival.cob_id]
 
     def _joined(self, axis: int, parts: dict[int, Arrival]) -> Iterator[Arrival]:
-        """Yield the joined answer; yield nothing if the torque exceeds 16 bits.
+        """Yield the joined answer; yield nothing if the torque does not fit into 16 bits.
 
-        The axis then has no answer in this cycle.
+        Without it, the axis counts as not having answered in this cycle.
         """
         status, position, torque = [
             int.from_bytes(

@@ -1,4 +1,4 @@
-"""Bring-up of all drives of a cell: other masters, boot-up messages, required settings."""
+"""Checks during the bring-up of a cell's drives: other masters, boot-up messages, settings."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def axes_in_joint_order(cell: CellConfig, robot: RobotDescription) -> tuple[Driv
     """Return the cell's axes in the order of the robot's joints.
 
     Raises:
-        ConfigError: A joint has no drive, or a drive moves a joint that is not the robot's.
+        ConfigError: A joint has no drive, or a drive moves a joint that the robot does not have.
     """
     by_joint = {axis.joint: axis for axis in cell.axes}
     missing = [name for name in robot.joint_names if name not in by_joint]
@@ -49,7 +49,7 @@ def axes_in_joint_order(cell: CellConfig, robot: RobotDescription) -> tuple[Driv
 
 
 def bus_load(cell: CellConfig) -> float:
-    """Return the typical load of a cell's bus (1.0: full) by cyclic exchange and heartbeats."""
+    """Return the typical load of a cell's bus, by cyclic exchange and heartbeats (1.0 is full)."""
     safety = cell.drive_safety
     trimmed = cell.exchange == "trimmed"
     more_bits = sum(_more_bits(axis.node_id, cell.servo_of(axis)) for axis in cell.axes)
@@ -65,7 +65,7 @@ def bus_load(cell: CellConfig) -> float:
 
 
 def _more_bits(node_id: int, profile: ServoProfile) -> int:
-    """Return the additional bits per cycle compared with one frame in each direction [bit]."""
+    """Return the bits per cycle that a drive needs beyond one frame in each direction [bit]."""
     if not profile.spread:
         return 0
     frames = AxisFrames.of_profile(node_id, profile)
@@ -77,7 +77,7 @@ def check_bus_load(cell: CellConfig) -> float:
     """Return `bus_load`.
 
     Raises:
-        ConfigError: It is above 80 %.
+        ConfigError: The bus load is above 80 %.
     """
     load = bus_load(cell)
     if load > LOAD_LIMIT:
@@ -121,7 +121,7 @@ def wait_for_boot_up(link: CanLink, axes: Sequence[DriveAxis], watch: DriveWatch
 
 
 def refuse_restarted(axes: Sequence[DriveAxis], watch: DriveWatch) -> None:
-    """Raise `DeviceFaultError` if a drive has booted again since its setup began."""
+    """Raise `DeviceFaultError` if a drive has restarted since its setup began."""
     restarted = _joint_names(axes, map(bool, watch.boot_ups))
     if restarted:
         raise DeviceFaultError(
@@ -147,13 +147,13 @@ def refuse_red(settings: Iterable[DriveSetting]) -> None:
 
 
 def common_code(codes: Iterable[str]) -> str:
-    """Return the error code of red lines; RID-PREFLIGHT-RED if their codes differ."""
+    """Return the common error code of red settings; RID-PREFLIGHT-RED if their codes differ."""
     distinct = set(codes)
     return (distinct.pop() if len(distinct) == 1 else "") or "RID-PREFLIGHT-RED"
 
 
 def listen_for_masters(link: CanLink, cell: CellConfig, watch: DriveWatch) -> None:
-    """Listen for another master during a heartbeat timeout, before anything is sent.
+    """Listen for another master for the duration of a heartbeat timeout, before the first frame.
 
     Raises:
         LockedError: Another master was detected.

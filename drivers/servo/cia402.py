@@ -1,4 +1,4 @@
-"""The CiA 402-2 drive: power state machine, option codes and units."""
+"""CiA 402-2 drives: power state machine, modes and units."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ DRIVE_PROFILE = 402
 FOLLOWS_COMMAND = 0x1000
 VOLTAGE_ENABLED = 0x0010
 PLAUSIBLE_RATED_TORQUE = (0.01, 30.0)
-"""Plausible rated torque of a motor at the joint, as a fraction of the joint's torque limit.
-
-A plausible ratio is 0.1 to 3; a rating in mN m read as N m gives 1000 times as much.
+"""Smallest and largest accepted rated torque of a motor at the joint, relative to the joint's
+torque limit. The ratio of real motors is 0.1 to 3. If a rating in mN m is read as N m, the ratio is
+1000 times as large and is detected.
 """
 
 
 class PowerState(IntEnum):
-    """States of the power drive system (CiA 402-2, figure 9); the value is 6041h masked."""
+    """States of the power drive system (CiA 402-2, figure 9); values: the state bits of 6041h."""
 
     NOT_READY_TO_SWITCH_ON = 0x00
     SWITCH_ON_DISABLED = 0x40
@@ -54,7 +54,7 @@ class PowerState(IntEnum):
 
     @property
     def faulty(self) -> bool:
-        """True if the drive has a fault, or is about to enter one."""
+        """True if the drive is in Fault, or reacts to a fault before it enters Fault."""
         return self in _FAULTY
 
 
@@ -69,7 +69,7 @@ _FAULTY = frozenset((PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE))
 
 
 class ControlWord(IntEnum):
-    """Commands of 6040h (CiA 402-2, table 30)."""
+    """Commands to the power state machine by 6040h (CiA 402-2, table 30)."""
 
     DISABLE_VOLTAGE = 0x0000
     QUICK_STOP = 0x0002
@@ -81,10 +81,10 @@ class ControlWord(IntEnum):
 
 
 def state_of(statusword: int) -> PowerState:
-    """Return the state in 6041h (CiA 402-2, table 31).
+    """Return the power state that a value of 6041h contains (CiA 402-2, table 31).
 
-    A pattern that is not in the table is read as not ready to switch on, so that no command follows
-    from it.
+    A bit pattern that is not in the table counts as not ready to switch on, because no command to
+    enable the drive follows from this state.
     """
     return _STATE_OF[statusword & 0x6F]
 
@@ -129,7 +129,7 @@ _TOWARDS_ENABLED = {
 
 
 def enabling_word(mode: Mode) -> ControlWord:
-    """Return the controlword that makes a drive follow its set-points in a mode."""
+    """Return the controlword with which a drive in a mode follows its set-points."""
     if mode == "interpolated_position":
         return ControlWord.ENABLE_INTERPOLATION
     return ControlWord.ENABLE_OPERATION
@@ -142,7 +142,8 @@ def after_controlword(state: PowerState, controlword: int, previous: int) -> Pow
         state: The present state. The drive itself leaves `NOT_READY_TO_SWITCH_ON` and
             `FAULT_REACTION_ACTIVE` (T1, T14), and ends a quick stop (T12); these transitions are
             not modelled.
-        controlword, previous: 6040h now and before: fault reset acts on a rising edge of bit 7.
+        controlword, previous: The new value of 6040h, and the one before it: a fault is reset by a
+            rising edge of bit 7.
     """
     if state in (PowerState.NOT_READY_TO_SWITCH_ON, PowerState.FAULT_REACTION_ACTIVE):
         return state
@@ -160,7 +161,7 @@ def after_controlword(state: PowerState, controlword: int, previous: int) -> Pow
 
 
 def _after_low_bits(state: PowerState, low: int) -> PowerState:
-    """Return the state after a command with enable-voltage and quick-stop bits set."""
+    """Return the state after a controlword whose enable-voltage and quick-stop bits are set."""
     if not low & 0x01:
         ready = PowerState.READY_TO_SWITCH_ON
         return state if state is PowerState.QUICK_STOP_ACTIVE else ready
@@ -180,7 +181,7 @@ def _after_low_bits(state: PowerState, low: int) -> PowerState:
 
 @dataclass(frozen=True, slots=True)
 class MotorRatings:
-    """Ratings of a motor from a drive or the cell file; None if not needed.
+    """Ratings of a motor, from its drive or the cell file; None for a rating that is not needed.
 
     Attributes:
         increments: Units of 6064h per motor revolution.
@@ -195,16 +196,16 @@ class MotorRatings:
 
     @property
     def rated_nm(self) -> float | None:
-        """The rated torque [N m], from the rated current if necessary; None if unknown."""
+        """Rated torque [N m], if necessary computed from the rated current; None if unknown."""
         if self.torque_nm is None and self.current_a is not None and self.nm_per_a is not None:
             return self.current_a * self.nm_per_a
         return self.torque_nm
 
     def nm_per_unit(self, of: TorqueObject) -> float:
-        """Return the motor's torque per unit of a torque object [N m].
+        """Return the motor torque that one unit of a torque object represents [N m].
 
         Raises:
-            ConfigError: The reference of the object is unknown.
+            ConfigError: The rating to which the object's unit refers is unknown.
         """
         whole, lacking = self.torque_nm, "rated_torque_nm"
         if of.of != "rated_torque":
@@ -221,7 +222,7 @@ class MotorRatings:
         return whole / of.units
 
     def limit(self, of: TorqueObject, fraction: float) -> int:
-        """Return the value of a torque limit's object for a fraction of the rated torque.
+        """Return a torque limit, a fraction of the rated torque, in the unit of its object.
 
         Raises:
             ConfigError: The rated current is needed but unknown.
@@ -239,19 +240,21 @@ class MotorRatings:
 
 @dataclass(frozen=True)
 class AxisUnits:
-    """Conversion of a drive's numbers to the joint's: rad (or m), rad/s and N m at the link side.
+    """Conversion of a drive's numbers to rad (or m), rad/s and N m of the joint, at the link side.
 
     Attributes:
-        counts_per_rad: Encoder increments per radian (or metre) of the joint; negative if they
-            count backwards.
-        velocity_units_per_rad_s: Units of 60FFh per rad/s of the joint, same sign.
-        acceleration_units_per_rad_s2: Units of 6085h per rad/s² of the joint, same sign.
-        nm_per_torque_unit: Joint torque per unit of the torque object, same sign: 0.1 % of the
-            rated motor torque for 6077h.
-        zero_counts: 6064h at joint position zero.
-        counter: Wrap-around of 6064h.
-        middle_counts: Counts from joint position zero to the middle of the joint's range; positions
-            differ from it by at most half the counter's range.
+        counts_per_rad: Encoder increments per radian (or metre) of the joint; negative if the
+            counts decrease when the joint position increases.
+        velocity_units_per_rad_s: Units of 60FFh per rad/s of the joint, with the sign of
+            `counts_per_rad`.
+        acceleration_units_per_rad_s2: Units of 6085h per rad/s² of the joint, with the sign of
+            `counts_per_rad`.
+        nm_per_torque_unit: Joint torque per unit of the torque object [N m], with the sign of
+            `counts_per_rad`. A unit of 6077h is 0.1 % of the rated motor torque.
+        zero_counts: Value of 6064h at joint position zero.
+        counter: Range of 6064h, which wraps around at its ends.
+        middle_counts: Counts from joint position zero to the middle of the joint's range. Every
+            position is within half the counter's range of this middle, which makes it unique.
     """
 
     counts_per_rad: float
@@ -285,10 +288,10 @@ class AxisUnits:
         direction: Literal[1, -1] = 1,
         zero_counts: int = 0,
     ) -> AxisUnits:
-        """Compute the factors from a motor's ratings and the units of its drive's family.
+        """Compute the factors from a motor's ratings and the units in its drive's profile.
 
-        `gear_ratio` is motor radians per joint radian; its sign is `direction`. Velocities in rpm
-        are the motor's. Source: CiA 402-2, 608Fh, 6091h, 6076h.
+        `gear_ratio` is motor radians per joint radian; its sign is `direction`. A velocity unit in
+        rpm refers to the motor. Source: CiA 402-2, 608Fh, 6091h, 6076h.
 
         Raises:
             ConfigError: The torque cannot be converted to N m, or a factor is 0 or not finite.
@@ -322,18 +325,18 @@ class AxisUnits:
         return units / self.velocity_units_per_rad_s
 
     def torque_nm(self, units: int) -> float:
-        """Return the joint torque for the drive's number [N m], without the gear's losses."""
+        """Return the joint torque for a value of the torque object [N m], without gear losses."""
         return units * self.nm_per_torque_unit
 
 
 def torque_setting(
     axis: DriveAxis, joint: Joint, rated_nm: float, at_joint_nm: float
 ) -> DriveSetting:
-    """Return the setting that compares a motor's rated torque with the joint's limit.
+    """Return the check result that compares a motor's rated torque with the joint's torque limit.
 
     Args:
         axis, joint: The drive, and the joint that it moves.
-        rated_nm, at_joint_nm: The motor's rated torque, and the same after the gear [N m].
+        rated_nm, at_joint_nm: The motor's rated torque without and with its gear [N m].
     """
     limit = joint.limits.torque
     least, most = (share * limit for share in PLAUSIBLE_RATED_TORQUE)

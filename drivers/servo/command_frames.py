@@ -1,7 +1,7 @@
 """Frames with the set-points and controlwords of a cycle: `FullCommands`, `TrimmedCommands`.
 
-`SpreadCommands` is for drives with fixed PDOs. Buffers are allocated once and reused; returned
-frames must be sent before the next call.
+`SpreadCommands` is for drives with fixed PDOs. The buffers of the frames are reused: send the
+returned frames before the next call.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from drivers.servo.cia402 import ControlWord
 Frames = Sequence[tuple[int, bytearray]]
 
 REFRESH_CYCLES = 8
-"""Number of cycles after which an unchanged controlword is sent again."""
+"""Number of cycles after which an unchanged controlword is sent again, in case a frame was lost."""
 
 _FULL = struct.Struct("<Hi")
 _VELOCITY = struct.Struct("<i")
@@ -24,11 +24,11 @@ _WORD = struct.Struct("<H")
 
 
 class FullCommands:
-    """RPDO 1 of 6 bytes: controlword and target velocity.
+    """Commands in one frame per drive: RPDO 1 with controlword and target velocity (6 bytes).
 
     Args:
         node_ids: The drives, base to flange.
-        enables: Controlword of each drive that sets it to Operation enabled.
+        enables: For each drive, the controlword that switches it to Operation Enabled.
     """
 
     def __init__(self, node_ids: Sequence[int], enables: Sequence[int]) -> None:
@@ -40,32 +40,32 @@ class FullCommands:
         ]
 
     def velocities(self, values: Sequence[int]) -> Frames:
-        """Return set-points with Enable Operation.
+        """Return the frames with velocity set-points and Enable Operation.
 
         Raises:
-            struct.error: A value does not fit.
+            struct.error: A value does not fit into 32 bits.
         """
         for buffer, enable, value in zip(self._buffers, self._enables, values, strict=True):
             _FULL.pack_into(buffer, 0, enable, value)
         return self._frames
 
     def words(self, words: Sequence[int], rest: Sequence[int]) -> Frames:
-        """Return controlwords with set-points at rest."""
+        """Return the frames with controlwords, and set-points `rest` that cause no motion."""
         own_words = _with_own_enable(words, self._enables)
         for buffer, word, value in zip(self._buffers, own_words, rest, strict=True):
             _FULL.pack_into(buffer, 0, word, value)
         return self._frames
 
     def forget(self) -> None:
-        """Do nothing, because every frame is complete."""
+        """Do nothing, because every frame contains its controlword."""
 
 
 class SpreadCommands:
-    """Commands at the positions that the drives' PDOs define, controlword before velocity.
+    """Commands in the PDOs of drives with fixed PDOs; the controlword's frame is sent first.
 
     Args:
         frames: The drives' frames, base to flange.
-        enables: The controlword of each drive that enables its operation.
+        enables: For each drive, the controlword that switches it to Operation Enabled.
     """
 
     def __init__(self, frames: Sequence[AxisFrames], enables: Sequence[int]) -> None:
@@ -82,19 +82,19 @@ class SpreadCommands:
             self._frames += [(cob_id, buffers[cob_id]) for cob_id in later]
 
     def velocities(self, values: Sequence[int]) -> Frames:
-        """Return set-points with Enable Operation.
+        """Return the frames with velocity set-points and Enable Operation.
 
         Raises:
-            struct.error: A value does not fit.
+            struct.error: A value does not fit into 32 bits.
         """
         return self._filled(self._enables, values)
 
     def words(self, words: Sequence[int], rest: Sequence[int]) -> Frames:
-        """Return controlwords with set-points at rest."""
+        """Return the frames with controlwords, and set-points `rest` that cause no motion."""
         return self._filled(_with_own_enable(words, self._enables), rest)
 
     def forget(self) -> None:
-        """Do nothing, because every frame is complete."""
+        """Do nothing, because every frame contains its controlword."""
 
     def _filled(self, words: Sequence[int], values: Sequence[int]) -> Frames:
         for (buffer, start), value in zip(self._targets, values, strict=True):
@@ -105,15 +105,16 @@ class SpreadCommands:
 
 
 class TrimmedCommands:
-    """RPDO 1 of 4 bytes, the velocity, every cycle; RPDO 2, the controlword, if it changes.
+    """Commands of the trimmed exchange: velocity every cycle, controlword only when it changes.
 
-    Controlwords are also repeated while they are commanded, so that a lost frame has no lasting
-    effect. With up to `REFRESH_CYCLES` axes at most one axis per cycle is repeated, so that a full
-    bus is not overloaded.
+    The velocity is RPDO 1 (4 bytes), the controlword RPDO 2 (2 bytes). While controlwords are
+    commanded without velocities (`words`), each one is also repeated every `REFRESH_CYCLES` cycles,
+    so that a lost frame has no lasting effect. With up to `REFRESH_CYCLES` axes, at most one
+    controlword is repeated per cycle, so that the bus is not overloaded.
 
     Args:
         node_ids: The drives, base to flange.
-        enables: The controlword of each drive that enables its operation.
+        enables: For each drive, the controlword that switches it to Operation Enabled.
     """
 
     def __init__(self, node_ids: Sequence[int], enables: Sequence[int]) -> None:
@@ -125,10 +126,10 @@ class TrimmedCommands:
         self._cycle = 0
 
     def velocities(self, values: Sequence[int]) -> Frames:
-        """Return set-points; with Enable Operation if that was not the last controlword.
+        """Return velocity set-points; add Enable Operation if it was not the last controlword.
 
         Raises:
-            struct.error: A value does not fit.
+            struct.error: A value does not fit into 32 bits.
         """
         for (_, buffer), value in zip(self._velocities, values, strict=True):
             _VELOCITY.pack_into(buffer, 0, value)
@@ -137,7 +138,7 @@ class TrimmedCommands:
         return [*self._changed(self._enables), *self._velocities]
 
     def words(self, words: Sequence[int], rest: Sequence[int]) -> Frames:
-        """Return the controlwords that changed or are due again, and set-points at rest."""
+        """Return controlwords that changed or must be repeated, and set-points without motion."""
         for (_, buffer), value in zip(self._velocities, rest, strict=True):
             _VELOCITY.pack_into(buffer, 0, value)
         self._cycle += 1
@@ -147,7 +148,7 @@ class TrimmedCommands:
         return [*self._changed(_with_own_enable(words, self._enables)), *self._velocities]
 
     def forget(self) -> None:
-        """Send every controlword with the next frames, because some may not have been sent."""
+        """Repeat all controlwords in the next frames, because some may not have been sent."""
         self._sent = [None] * len(self._sent)
 
     def _changed(self, words: Sequence[int]) -> list[tuple[int, bytearray]]:
@@ -161,7 +162,7 @@ class TrimmedCommands:
 
 
 def _with_own_enable(words: Sequence[int], enables: Sequence[int]) -> list[int]:
-    """Return controlwords with each drive's own word for Enable Operation."""
+    """Return the controlwords, with Enable Operation replaced by each drive's own word for it."""
     return [
         enable if word == ControlWord.ENABLE_OPERATION else int(word)
         for word, enable in zip(words, enables, strict=True)

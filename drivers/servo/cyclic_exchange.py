@@ -1,10 +1,10 @@
-"""`CyclicExchange`: SYNC, the drives' answers and their set-points in every cycle, efficiently.
+"""`CyclicExchange`: exchange of SYNC, answers and set-points with all drives in every cycle.
 
-Cycle k: SYNC, at which every drive applies the set-point of cycle k-1 and answers with statusword,
-position and torque (TPDO 1); then the next set-point (RPDO 1), which acts at SYNC k+1. In the
-trimmed exchange, controlword and statusword have their own frames (RPDO 2, TPDO 2), which are sent
-when they change. If a drive's PDOs are fixed, or its torque is read by SDO, its answer is joined
-from several frames.
+Cycle k begins with SYNC. Every drive then applies the set-point of cycle k-1 and answers with
+statusword, position and torque (TPDO 1). Afterwards the next set-point is sent (RPDO 1), which acts
+at SYNC k+1. In the trimmed exchange, controlword and statusword have their own frames (RPDO 2, TPDO
+2), which are sent when they change. If a drive's PDOs are fixed, or its torque is read by SDO, its
+answer is joined from several frames.
 """
 
 from __future__ import annotations
@@ -32,52 +32,55 @@ from drivers.servo.position_counter import BITS_32, PositionTargets
 
 _TRIMMED_ANSWER = struct.Struct("<ih")
 _STATUS = struct.Struct("<H")
-_BARE_BITS = 47  # length of a frame without data, with intermission, without stuff bits
+_BARE_BITS = 47  # frame without data and stuff bits, with intermission
 
 MOST_FRAMES = 1024
 LATE_CYCLES = 4
 WATCHED_CYCLES = 10
-"""Number of cycles in which `collect` waits for second answers after one came."""
+"""Number of cycles in which `collect` waits for second answers, after a second answer arrived."""
 
 LATER, EARLIER = 0.1, 0.02
-"""Rates at which `collect` adapts to answers that come later, or earlier, than expected."""
+"""Fractions by which `collect` corrects the expected arrival time of the last answer in a cycle,
+after it arrived later, or earlier, than expected."""
 
 MOST_BURSTS = 1.5
 READING_S = 25e-6
-"""Time from a frame's time stamp until it can be read [s]."""
+"""Time from a frame's time stamp until the program can read the frame [s]."""
 
 QUICK_STOP_LATENCY_S, QUICK_STOP_BURSTS = 300e-6, 1.2
-"""Time from the last answer until a quick stop is on the bus: the computer's part [s], and the
-bus's part in bursts of answers."""
+"""Parts of the time from the last answer until a quick stop is on the bus: computing time [s], and
+waiting time for the bus, in multiples of the duration of all answers of a cycle."""
 
 
 class CyclicExchange:
-    """The cyclic frames of all axes; messages and arrays are allocated once and reused.
+    """Exchange of the cyclic frames with all axes; frames and arrays are allocated once and reused.
 
     Args:
         link: The bus; the constructor does not use it.
         node_ids: The drives, base to flange.
-        watch: Monitor of every frame that is not a TPDO of these drives.
+        watch: Monitor that receives every frame that is not a TPDO of these drives.
         coupling: Coupling of motors and joints, if a wrist is coupled.
-        trimmed: Whether the cell's exchange is the trimmed one.
-        profiles: The drives' profiles; CiA 402's if left out.
-        cycle_time_s: Time for which a set-point acts [s]; for drives in a position mode.
-        bitrate: Bit rate of the bus [bit/s]. In real time `collect` sleeps until all answers should
-            have come, instead of waking up for each; it estimates this time from their time stamps.
-            0 disables the sleep.
+        trimmed: True for the trimmed exchange (`exchange: trimmed` in the cell file).
+        profiles: The drives' profiles; if left out, those of drives that follow CiA 402 completely.
+        cycle_time_s: Cycle time [s], by which the set-points of drives in a position mode are
+            integrated.
+        bitrate: Bit rate of the bus [bit/s]. With a bit rate, in real time, `collect` sleeps until
+            it expects that all answers have arrived, instead of waking up for each one; it
+            estimates this time from the answers' time stamps. 0 disables the sleep.
 
     Attributes:
-        answers: The last answers of `collect`; counts, torque and status word are 6064h, 6077h and
-            6041h. If a drive sends more than one answer in a cycle, the surplus answer counts as
-            late if the drive did not answer in one of the `LATE_CYCLES` cycles before, otherwise as
-            a second answer. After a second answer, `collect` waits for second answers in the next
-            `WATCHED_CYCLES` cycles. A second answer that comes after `collect` has returned is
-            counted for that cycle, whose first answer was already used.
-        duplicate_frames: Number of second answers; they are not used.
-        contradictions: Shape (n,). Number of cycles in which an identifier's answers differed; then
-            neither is used.
-        left_enabled: Whether an answer has shown a state other than Operation Enabled; set here,
-            cleared by the owner.
+        answers: The latest answers; counts, torque and status word are the values of 6064h, 6077h
+            and 6041h. If more than one answer of a drive arrives in a cycle, the additional answer
+            counts as late if the drive did not answer in one of the `LATE_CYCLES` cycles before;
+            otherwise it counts as a second answer. After a second answer, `collect` waits for
+            further second answers in the next `WATCHED_CYCLES` cycles. A second answer that arrives
+            after `collect` has returned is still counted for its own cycle, although the first
+            answer of that cycle was used.
+        duplicate_frames: Number of second answers of all drives; they are not used.
+        contradictions: Shape (n,). Number of cycles in which two answers with a drive's identifier
+            had different data; neither answer is used.
+        left_enabled: True after an answer has shown a state other than Operation Enabled; only the
+            owner of this object sets it to False.
         sync_time_s: Time of the last SYNC [s].
     """
 
@@ -96,7 +99,7 @@ class CyclicExchange:
         count = len(node_ids)
         self._link = link
         self._watch = watch
-        self.answers = Answers.before_any(count)
+        self.answers = Answers.initial(count)
         self._coupling = coupling
         position = self.answers.position
         self._motor_position = position if coupling is None else np.zeros(count)
@@ -105,11 +108,11 @@ class CyclicExchange:
         self.left_enabled = False
         self.sync_time_s = -math.inf
         self._cycle = 0
-        self._missed_in = [-LATE_CYCLES - 1] * count  # the last cycle without an answer
-        self._data = [b""] * count  # the last first answers of a cycle
-        self._status = [-1] * count  # the last status words; -1: none was received
-        self._answered_in = [-1] * count  # cycles of the answers in `_data`
-        self._doubled_in = [-1] * count  # the last cycle with a second answer
+        self._missed_in = [-LATE_CYCLES - 1] * count  # per axis: last cycle without an answer
+        self._data = [b""] * count  # per axis: first answer in the last cycle with one
+        self._status = [-1] * count  # per axis: last status word; -1: none yet
+        self._answered_in = [-1] * count  # per axis: cycle of the answer in `_data`
+        self._doubled_in = [-1] * count  # per axis: last cycle with a second answer
         self._contradicted_in = [-1] * count
         self._watched_until = -1
         self._slots = {tpdo_cob_id(node): axis for axis, node in enumerate(node_ids)}
@@ -171,8 +174,8 @@ class CyclicExchange:
     def sync(self) -> float:
         """Send SYNC; return its time on the link's clock [s].
 
-        If frames have no time stamps, the frames that wait from the cycle before are read first, so
-        that they are not taken for answers to this SYNC.
+        If frames have no time stamps, frames that are still unread from the previous cycle are read
+        first, so that they are not mistaken for answers to this SYNC.
         """
         for axis, answered_in in enumerate(self._answered_in):
             if answered_in != self._cycle:
@@ -185,7 +188,7 @@ class CyclicExchange:
             self._link.send_frames((SYNC,))
         else:
             self._joiner.begin(self.sync_time_s)
-            self._link.send_frames((SYNC, *self._joiner.questions))
+            self._link.send_frames((SYNC, *self._joiner.requests))
         return self.sync_time_s
 
     def _read_waiting(self) -> None:
@@ -200,7 +203,7 @@ class CyclicExchange:
                     self._other_frame(arrival)
 
     def _take_surplus(self, axis: int, data: bytes, cycle: int) -> None:
-        """Count a surplus answer as late, if an earlier cycle lacks one, or as a second one."""
+        """Count an additional answer: late if an earlier cycle lacks one, else a second answer."""
         if self._cycle - self._missed_in[axis] <= LATE_CYCLES:
             self._missed_in[axis] = -LATE_CYCLES - 1
             self.answers.late_frames += 1
@@ -214,22 +217,22 @@ class CyclicExchange:
             self._contradict(axis, data, cycle)
 
     def _contradict(self, axis: int, data: bytes, cycle: int) -> None:
-        """Note that two answers differ; the one that shows a drive without power may be true."""
+        """Count contradicting answers; if either shows a disabled drive, take it as true."""
         if self._contradicted_in[axis] != cycle:
             self._contradicted_in[axis] = cycle
             self.contradictions[axis] += 1
         if not self._trimmed:
             for each in (data, self._data[axis]):
-                if len(each) == _ANSWER.size:  # frames that are read before SYNC are unchecked
+                if len(each) == _ANSWER.size:  # other lengths: not checked yet
                     state = state_of(_STATUS.unpack_from(each)[0])
                     self.left_enabled |= state is not PowerState.OPERATION_ENABLED
 
     def collect(self, deadline_s: float) -> None:
-        """Wait for every axis's answer, at most until `deadline_s` [s]; fill the arrays.
+        """Wait for the answers of all axes, at most until `deadline_s` [s]; fill `answers`.
 
-        An axis without an answer, or with two different ones, keeps its last values and has
-        `received` False. A quick stop needs some time until it is on the bus. A drive's heartbeat
-        therefore counts as lost if its timeout ends within this time.
+        If an axis has no answer, or two different ones, its values remain unchanged and its
+        `received` is False. A quick stop needs some time until it is on the bus. Therefore a
+        drive's heartbeat already counts as lost if its timeout will end within this time.
         """
         received = self.answers.received
         received.fill(False)
@@ -270,13 +273,13 @@ class CyclicExchange:
         if not missing:
             self._update_delay(last_s - sync_s)
         if (missing or cycle <= self._watched_until) and taken < MOST_FRAMES:
-            read_s = max(read_s, deadline_s)  # no frame came until then
+            read_s = max(read_s, deadline_s)  # all frames until then are read
         if self._coupling is not None:
             self._coupling.to_joints(self._motor_position, self.answers.position)
         self._watch.check(read_s if self._stamped else sync_s, self._stop_latency_s)
 
     def _update_delay(self, arrival_s: float) -> None:
-        """Track the delay of the last answer after SYNC [s], to avoid waking up earlier."""
+        """Adapt the expected time from SYNC to the last answer, at which `collect` wakes up."""
         if self._burst_s and self._link.time_stamped:
             rate = LATER if arrival_s > self._expected_s else EARLIER
             expected_s = self._expected_s + rate * (arrival_s - self._expected_s)
@@ -298,7 +301,7 @@ class CyclicExchange:
         answers.torque_nm[axis] = torque * self._nm_per_unit[axis]
 
     def _take_status(self, axis: int, status: int) -> None:
-        """Process a status word that differs from the last."""
+        """Process a new value of an axis's status word."""
         state = state_of(status)
         enabled = state is PowerState.OPERATION_ENABLED
         self._status[axis] = status
@@ -308,7 +311,7 @@ class CyclicExchange:
         self.left_enabled |= not enabled
 
     def _other_frame(self, arrival: Arrival) -> None:
-        """Process a frame that is not an answer to SYNC: a separate statusword, or any other."""
+        """Process a frame that is no answer to SYNC, such as a separate frame with a statusword."""
         cob_id, data, time_s = arrival
         axis = self._status_slots.get(cob_id)
         if axis is None:
@@ -319,11 +322,11 @@ class CyclicExchange:
             self._watch.wrong_length(axis, len(data), time_s, _STATUS.size)
 
     def send_velocities(self, velocity: NDArray[np.float64]) -> None:
-        """Send set-points [rad/s or m/s, joint side] with Enable Operation, all or none.
+        """Send velocities of all joints [rad/s or m/s] with Enable Operation.
 
         Raises:
-            ValueError, OverflowError, struct.error: A velocity is not finite or does not fit 60FFh;
-                nothing was sent.
+            ValueError, OverflowError, struct.error: A velocity is not finite or too large for
+                60FFh; no frame was sent.
             TransportError: The bus does not accept a frame.
         """
         if self._coupling is not None:
@@ -337,10 +340,10 @@ class CyclicExchange:
         self._send(self._commands.velocities(targets))
 
     def send_words(self, words: Sequence[int]) -> None:
-        """Send controlwords at rest, one per axis; every axis is tried.
+        """Send a controlword to every axis, with set-points that cause no motion.
 
         Raises:
-            TransportError: The bus did not accept one of the frames.
+            TransportError: The bus did not accept one of the frames; all others were still sent.
         """
         if self._positions is not None:
             self._rest = self._positions.hold(

@@ -31,9 +31,11 @@ class RestoredSetting:
 
     Attributes:
         node_id, address: The drive, and the object.
-        saved: The saved value; None if unknown.
-        before, after: Values before and after restoring; the reason in words if unknown.
-        refusal: Why the drive refused the value; empty if it did not, or nothing was written.
+        saved: The saved value; None if the backup has no value for this object.
+        before, after: The drive's value before and after restoring; a text is the reason why it is
+            unknown.
+        refusal: Reason why the drive refused the saved value; empty if the drive did not refuse it,
+            or nothing was written.
     """
 
     node_id: int
@@ -50,12 +52,12 @@ class RestoredSetting:
 
     @property
     def restored(self) -> bool:
-        """True if its value is now the saved one."""
+        """True if the drive now has the saved value."""
         return self.saved is not None and self.after == self.saved
 
 
 def read_objects(port: SdoPort, indices: Iterable[int]) -> Iterator[tuple[Address, bytes | str]]:
-    """Yield a drive's values of some objects, with all sub-indices; the reason if unreadable.
+    """Yield address and value of all sub-indices of objects; the reason for an unreadable value.
 
     Raises:
         DeviceTimeoutError, TransportError: The drive does not answer, or the bus is lost.
@@ -73,7 +75,7 @@ def read_objects(port: SdoPort, indices: Iterable[int]) -> Iterator[tuple[Addres
 
 
 def read_drive(port: SdoPort, eds: ElectronicDataSheet | None) -> SavedDrive:
-    """Return every setting of a drive: by its data sheet, or those of the profiles.
+    """Return all settings of a drive: those in its data sheet or, without one, in `object_list`.
 
     Raises:
         DeviceTimeoutError, TransportError: The drive does not answer, or the bus is lost.
@@ -97,22 +99,23 @@ def refuse_other_drive(port: SdoPort, saved: SavedDrive) -> None:
     """Refuse to write to another drive, or to one that can move its motor.
 
     Raises:
-        PreflightError: Its 1018h differs from the saved one, or it is powered.
+        PreflightError: The identity of the drive (1018h) differs from the saved one, or the drive
+            is powered.
         DeviceTimeoutError, TransportError: The drive does not answer, or the bus is lost.
     """
     differences = saved.identity.differences(port.identity())
     if differences:
         raise PreflightError(
-            f"node {port.node_id}: is not the drive that was saved:"
-            f" {', '.join(differences)}; nothing was written. Connect that drive, or set this one"
-            " up anew",
+            f"node {port.node_id}: the drive is not the one that was saved:"
+            f" {', '.join(differences)}; nothing was written. Connect the saved drive, or set"
+            " this one up anew",
             code="RID-DRIVE-OTHER",
         )
     state = state_of(port.read_int(0x6041, 0))
     if state.powered:
         raise PreflightError(
-            f"node {port.node_id}: is powered ({state.words}); nothing was written. Stop what moves"
-            " it, then try again",
+            f"node {port.node_id}: the drive is powered ({state.words}); nothing was written."
+            " Switch its power off, then try again",
             code="RID-DRIVE-POWERED",
         )
 
@@ -123,14 +126,15 @@ def restore_drive(
     """Write the values that differ from the saved ones, and read them back.
 
     Args:
-        port: The drive, which is the one that was saved (`refuse_other_drive`).
+        port: The drive; call `refuse_other_drive` first, to ensure that it is the saved one.
         saved: The values to restore.
-        dry_run: Whether to only report differences.
+        dry_run: True to report the differences without writing.
 
     Returns:
-        The objects that differed or are unknown. Entries of a PDO's mapping beyond its number of
-        objects have no effect: they are written too, but a drive may refuse them. Objects that the
-        drive does not have are left out.
+        The objects whose values differed or are unknown. A PDO's mapping entries beyond its number
+        of mapped objects have no effect; they are written too, but it is no error if the drive
+        refuses them. Objects that the backup has no value for are left out if the drive does not
+        have them.
 
     Raises:
         DeviceTimeoutError, TransportError: The drive does not answer, or the bus is lost.
@@ -172,21 +176,21 @@ def store_settings(port: SdoPort) -> None:
     """Make a drive store its settings permanently: 1010h, all parameters (CiA 301, 7.5.2.13).
 
     Raises:
-        PreflightError: It refuses.
+        PreflightError: The drive refuses to store them.
         DeviceTimeoutError, TransportError: The drive does not answer, or the bus is lost.
     """
     try:
         port.write(*STORE, STORE_WORD)
     except SdoAbort as abort:
         raise PreflightError(
-            f"node {port.node_id}: does not store its settings: {abort_text(abort.code)}; store"
-            " them with the drive's own tool, or they are lost at power off",
+            f"node {port.node_id}: the drive does not store its settings: {abort_text(abort.code)};"
+            " store them with the drive's own tool, or they are lost at power off",
             code="RID-DRIVE-SETTINGS",
         ) from abort
 
 
 def _read(port: SdoPort, address: Address) -> bytes | str | None:
-    """Return an object's bytes, or why it cannot be read; None if the drive does not have it."""
+    """Return an object's bytes, or the reason for a failure; None if the drive lacks the object."""
     try:
         return port.read(*address)
     except SdoAbort as abort:
@@ -199,7 +203,7 @@ def _read_or_missing(port: SdoPort, address: Address) -> bytes | str:
 
 
 def _unused(address: Address, values: dict[Address, bytes]) -> bool:
-    """Return whether an object is a mapping entry beyond the number of a PDO's objects."""
+    """Return True for a mapping entry beyond the number of the PDO's mapped objects."""
     index, subindex = address
     if not (0x1600 <= index < 0x1800 or 0x1A00 <= index < 0x1C00):
         return False

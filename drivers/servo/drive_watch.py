@@ -36,21 +36,22 @@ MOST_NAMED = 4
 class DriveWatch:
     """Monitor of heartbeats, boot-ups, emergencies and unexpected frames.
 
-    It has neither clock nor bus: it gets frames and times. Before `arm` only emergencies and
-    boot-ups are noted (a drive that has just been reset boots), and another master is refused.
-    After `arm`, every frame is checked, and another master is an event that ends the motion.
+    The caller passes the frames with their times. Before `arm`, emergencies are stored, boot-ups
+    are counted (a drive boots after a reset), and a frame from another master raises an error.
+    After `arm`, every frame is checked, and a frame from another master is an event that ends the
+    motion.
 
     Args:
         joint_names, node_ids: The axes, base to flange.
-        safety: The cell's time limits and the node id of this computer.
-        guarded: The drives with life guarding, which send no heartbeat by themselves.
+        safety: The heartbeat timeouts of the cell, and the node id of this computer.
+        guarded: Node ids of the drives with life guarding, which send no heartbeat.
 
     Attributes:
         boot_ups: Number of boot-up messages of each axis since `forget` or `expect_no_boot_up`.
         heartbeats: One `HeartbeatConsumer` per axis.
         unexpected_frames: Number of frames with an identifier that no node of the cell has.
-        dropped_events: Number of events that were dropped because more than `MOST_EVENTS` were
-            waiting.
+        dropped_events: Number of events that were discarded because `MOST_EVENTS` events were
+            already waiting.
     """
 
     def __init__(
@@ -87,29 +88,29 @@ class DriveWatch:
         self._events: list[DriveEvent] = []
 
     def forget(self) -> None:
-        """Reset, as before a reset of the drives: no events, not armed."""
+        """Return to the state before `arm`, without events; call it before the drives are reset."""
         self._events.clear()
         self._seen.clear()
         self._armed = self._operational = False
         self.boot_ups = [0] * len(self.boot_ups)
 
     def expect_no_boot_up(self, axis: int) -> None:
-        """Count an axis's boot-ups from now on, because each would undo its configuration."""
+        """Count an axis's boot-ups from 0: from now on each one undoes its configuration."""
         self.boot_ups[axis] = 0
 
     def arm(self, now_s: float) -> None:
-        """Expect heartbeats, and no boot-up, from now [s] on."""
+        """Monitor the heartbeats and report boot-ups from `now_s` [s] on."""
         self._events.clear()
         self._armed = True
         for consumer in self.heartbeats:
             consumer.start(now_s)
 
     def expect_operational(self) -> None:
-        """Report drives with another NMT state from now on: they left the cyclic exchange."""
+        """From now on, report every drive that is not in the NMT state Operational."""
         self._operational = True
 
     def foreign_master(self, cob_id: int) -> str | None:
-        """Return a description of a frame that only a master sends; None for other frames."""
+        """Return a description of a frame that only a master sends; None for any other frame."""
         own = self._masters_own.get(cob_id)
         if own is None and SDO_REQUEST_BASE < cob_id < HEARTBEAT_BASE - 0x80:
             return f"SDO requests to node {cob_id - SDO_REQUEST_BASE}"
@@ -144,7 +145,7 @@ class DriveWatch:
             )
 
     def wrong_length(self, axis: int, data_bytes: int, now_s: float, mapped: int = 8) -> None:
-        """Note a TPDO whose length differs from its mapping; its data are not used."""
+        """Report a TPDO whose length differs from its mapping; the caller does not use its data."""
         self._note(
             EventKind.WRONG_LENGTH,
             axis,
@@ -154,11 +155,11 @@ class DriveWatch:
         )
 
     def check(self, now_s: float, reaction_s: float) -> None:
-        """Report drives whose silence will be too long by the time of a reaction.
+        """Report drives whose heartbeat timeout ends before a quick stop can be on the bus.
 
         Args:
-            now_s: Time until which all frames have been processed [s].
-            reaction_s: Time that a command to the other drives takes [s].
+            now_s: Time up to which all received frames have been processed [s].
+            reaction_s: Time that a command to the drives needs until it is on the bus [s].
         """
         if not self._armed:
             return
@@ -168,7 +169,7 @@ class DriveWatch:
 
     @property
     def unexpected_identifiers(self) -> str:
-        """The first identifiers that no node of the cell has, in words."""
+        """The identifiers that no node of the cell has, as text; at most `MOST_NAMED`."""
         named = ", ".join(f"{cob_id:03X}h" for cob_id in sorted(self._seen)[:MOST_NAMED])
         return named + (", …" if len(self._seen) > MOST_NAMED else "")
 
@@ -181,7 +182,7 @@ class DriveWatch:
         return events
 
     def faults(self) -> tuple[DriveEvent, ...]:
-        """Return the waiting events after which motion must not continue; they stay waiting."""
+        """Return the stored events after which motion must not continue, without removing them."""
         return tuple(event for event in self._events if event.kind.is_fault)
 
     def _heartbeat_arrived(self, axis: int, data: bytes, now_s: float) -> None:
@@ -217,7 +218,8 @@ class DriveWatch:
     def _unexpected(self, cob_id: int, now_s: float) -> None:
         foreign = self.foreign_master(cob_id)
         self.unexpected_frames += 1
-        full = foreign is None and len(self._seen) >= MOST_EVENTS  # a master has few identifiers
+        # identifiers of a master are few, so there is always room for them
+        full = foreign is None and len(self._seen) >= MOST_EVENTS
         if full or cob_id in self._seen:
             return
         if foreign is not None:
@@ -225,9 +227,9 @@ class DriveWatch:
             text = f"another master is active on this bus: it sends {foreign}"
         else:
             kind = EventKind.UNEXPECTED_FRAME
-            text = f"a frame came with identifier {cob_id:03X}h, which no node of the cell has"
+            text = f"received a frame with identifier {cob_id:03X}h, which no node of the cell has"
         kept = self._append(DriveEvent(kind, "", now_s, text, cob_id))
-        if kept or foreign is None:  # another master must be reported, if not now then later
+        if kept or foreign is None:  # if not kept, report the master later
             self._seen.add(cob_id)
 
     def _note(self, kind: EventKind, axis: int, now_s: float, text: str, code: int = 0) -> None:
@@ -235,7 +237,7 @@ class DriveWatch:
         self._append(DriveEvent(kind, joint, now_s, f"{joint}: the drive {text}", code))
 
     def _append(self, event: DriveEvent) -> bool:
-        """Store an event if there is room; return whether there was."""
+        """Store an event if there is room; return True if it was stored."""
         room = len(self._events) < MOST_EVENTS
         if room:
             self._events.append(event)
@@ -250,13 +252,13 @@ def other_senders(
     second_answers: NDArray[np.int64],
     contradictions: NDArray[np.int64],
 ) -> tuple[str, ...]:
-    """Return a sentence for each identifier that two devices send, and one for unknown ones.
+    """Return sentences about identifiers that two devices use, and about unknown identifiers.
 
     Args:
         axes: The drives.
         watch: Monitor that counts frames with unknown identifiers.
-        second_answers, contradictions: Shape (axes,). Number of cycles in which each drive's
-            identifier answered twice, and with different data.
+        second_answers, contradictions: Shape (axes,). Number of cycles in which two answers came
+            with each drive's identifier, and of those in which the two differed.
     """
     notes = [
         f"{axis.joint}: node {axis.node_id} answered twice in {cycles} cycle{'s' * (cycles != 1)},"
@@ -275,8 +277,8 @@ def other_senders(
     return tuple(notes)
 
 
-@lru_cache(maxsize=MOST_EVENTS)  # a drive that floods the bus repeats its messages
+@lru_cache(maxsize=MOST_EVENTS)  # a drive that floods the bus repeats few messages
 def _emergency(data: bytes) -> tuple[int, str]:
-    """Return an emergency message's code and description."""
+    """Return error code and description of an emergency message."""
     emergency = parse_emcy(data)
     return emergency.code, f"reported: {printable(str(emergency), 160)}"

@@ -31,8 +31,8 @@ _READ = (
     Requirement(0x6041, 0, 2, "statusword", write=False),
 )
 _MODES = 0x6502
-_BY_TRIAL = ": the trial of the watches decides"
-_BY_UNITS = (0x6065, 0x6083, 0x6084, 0x6085)  # known only after the encoder was read
+_BY_TRIAL = ": the watchdog test decides"
+_BY_UNITS = (0x6065, 0x6083, 0x6084, 0x6085)  # values depend on the drive's encoder
 _ANY_MOTOR = MotorRatings(1.0, 1.0, 1.0, 1.0)
 _ANY_UNITS = AxisUnits(1.0, 1.0, 1.0, 1.0)
 
@@ -41,11 +41,11 @@ Verdict = Literal["red", "allowed", "shown"]
 
 @dataclass(frozen=True, slots=True)
 class EdsFinding:
-    """One deviation of an EDS; `line` is 0 if it lacks the object.
+    """One deviation of an EDS from what rid-daq needs; `line` is 0 if the EDS lacks the object.
 
-    If a value exceeds the limits in the EDS, this is only shown. Such limits are often wrong (0 to
-    65535 for a number of 32 bits). If the drive does not accept the value, the setting becomes red
-    when it is read back.
+    A value beyond the limits in the EDS is shown, but is not red, because such limits are often
+    wrong (for example 0 to 65535 for a 32-bit number). If the drive itself does not accept the
+    value, the setting becomes red when it is read back.
     """
 
     object_name: str
@@ -59,12 +59,12 @@ class EdsFinding:
 def eds_findings(
     eds: ElectronicDataSheet, cell: CellConfig, axis: DriveAxis
 ) -> tuple[EdsFinding, ...]:
-    """Return the deviations of a drive's data sheet: objects, their size, access and mapping.
+    """Return the deviations of an EDS: missing objects, and wrong size, access or PDO mapping.
 
     Args:
         eds: The EDS that the axis names.
-        cell, axis: The cell, and its axis. A deviation that `allow_drive_without_watchdog` allows
-            is a finding, but not a red one.
+        cell, axis: The cell, and its axis. A deviation that `allow_drive_without_watchdog` accepts
+            has the verdict ``"allowed"``.
     """
     findings: list[EdsFinding] = []
     if eds.node_id is not None and eds.node_id != axis.node_id:
@@ -115,29 +115,29 @@ def eds_findings(
 
 
 def _only_of_another_size(requirement: Requirement, found: EdsObject) -> bool:
-    """Return whether an optional read-only object has another size."""
+    """Return True if an optional object that is only read has another size than required."""
     sized = found.bits is not None and not found.faults and found.bits != 8 * requirement.size
     return sized and not requirement.written and requirement.index != _MODES
 
 
 def _unknown_ratings(profile: ServoProfile) -> Iterator[EdsFinding]:
-    """Yield what neither drive nor cell file states: a torque constant, the encoder."""
+    """Yield a finding if neither drive nor cell file states the encoder or the torque constant."""
     if profile.encoder_increments is None and profile.sets_increments:
-        stated = "set by the profile, and no encoder_increments in the cell file"
-        yield EdsFinding("608Fh:01", "encoder increments", "told", stated, 0)
+        stated = "the profile sets it, and encoder_increments is not in the cell file"
+        yield EdsFinding("608Fh:01", "encoder increments", "stated", stated, 0)
     rated = profile.rated_torque_nm is not None and profile.rated_current_a is not None
     known = rated or profile.torque_constant_nm_per_a is not None
     if profile.torque.of != "rated_torque" and not known:
-        stated = "a current, and no torque_constant_nm_per_a in the cell file"
+        stated = "a current, and torque_constant_nm_per_a is not in the cell file"
         yield EdsFinding(profile.torque.object, "torque of the motor", "in N m", stated, 0)
 
 
 def _deviation(
     requirement: Requirement, found: EdsObject | None, node_id: int = 0
 ) -> tuple[str, str] | None:
-    """Return the requirement and the deviation; None without a deviation.
+    """Return requirement and deviation of an object in words; None if it is as required.
 
-    A read-only object whose factory value is the required one is accepted.
+    A read-only object is accepted if its factory value is the required one.
     """
     bits = 8 * requirement.size
     required = f"{bits} bit, writable" if requirement.written else f"{bits} bit"
@@ -158,12 +158,12 @@ def _deviation(
         and _factory_value(found)
         and not _is_factory_right(requirement, found)
     ):
-        return requirement.name, f"{_factory_value(found):X}h does not list it"
+        return requirement.name, f"{_factory_value(found):X}h does not list this mode"
     return None
 
 
 def _factory_value(found: EdsObject, node_id: int = 0) -> int:
-    """Return an object's factory value; 0 if it is not stated."""
+    """Return an object's factory value in the EDS; 0 if the EDS does not state it."""
     content = 0 if found.default is None else found.default.of_node(node_id)
     return content if isinstance(content, int) else 0
 
@@ -181,7 +181,7 @@ def _out_of_limits(requirement: Requirement, found: EdsObject | None) -> tuple[s
     if found.data_type is not None and not is_signed(found.data_type):
         value &= (1 << 8 * requirement.size) - 1
     low, high = found.limits
-    return None if low <= value <= high else (f"takes {value}", f"limits {low} to {high}")
+    return None if low <= value <= high else (f"accepts {value}", f"limits {low} to {high}")
 
 
 def _pdo_findings(eds: ElectronicDataSheet, pdo: PdoMapping, node_id: int) -> Iterator[EdsFinding]:
@@ -204,7 +204,7 @@ def _pdo_findings(eds: ElectronicDataSheet, pdo: PdoMapping, node_id: int) -> It
 
 
 def _fixed_findings(eds: ElectronicDataSheet, pdo: PdoMapping, title: str) -> Iterator[EdsFinding]:
-    """Yield the objects of a fixed PDO that differ from those of the profile."""
+    """Yield the mapped objects of a fixed PDO that differ between EDS and profile."""
     for held in pdo.read_back():
         if held.index != pdo.mapping_index:
             continue

@@ -1,8 +1,8 @@
-"""`EdsFit`: keys of the cell file that make a drive usable, from its data sheet.
+"""`EdsFit`: keys that a cell file needs to use a drive, found from the drive's data sheet.
 
-For an object that an EDS lacks, a key of the axis's `servo` may replace it; otherwise the drive
-cannot be used. A number that no EDS contains is written as `PLACEHOLDER`: a cell file with one is
-refused until a person has entered the number.
+If an EDS lacks an object, a key of the axis's `servo` may replace the object; if no key does, the
+drive cannot be used. A number that no EDS contains is written as `PLACEHOLDER`; a cell file with a
+placeholder is refused until the user has entered the number.
 """
 
 from __future__ import annotations
@@ -25,20 +25,22 @@ from drivers.servo.requirements import GUARD_TIME, LIFE_TIME_FACTOR
 MOST_LINES = 10
 LOOKED_UP: Final = MappingProxyType(
     {
-        "encoder_increments": "increments of 6064h in a motor revolution, by the data sheet",
-        "rated_torque_nm": "N m, by the motor's data sheet",
-        "rated_current_a": "A, by the motor's data sheet",
-        "torque_constant_nm_per_a": "N m/A, by the motor's data sheet",
-        "deceleration_rad_s2": "rad/s² of the joint, as the drive's own tool has it",
+        "encoder_increments": "increments of 6064h per motor revolution, from the data sheet",
+        "rated_torque_nm": "N m, from the motor's data sheet",
+        "rated_current_a": "A, from the motor's data sheet",
+        "torque_constant_nm_per_a": "N m/A, from the motor's data sheet",
+        "deceleration_rad_s2": "rad/s² of the joint, as set in the drive by its own tool",
     }
 )
-"""Keys whose number no EDS contains, and the place where a person finds it."""
+"""Keys whose number no EDS contains, with the number's unit and the source from which the user gets
+it."""
 
 SAFETY_OBJECTS: Final = frozenset(
     ("100Ch:00", "100Dh:00", "1016h:01", "1017h:00", "6007h:00", "605Ah:00", "605Eh:00", "6040h:00",
      "6041h:00", "6084h:00", "6085h:00")
 )  # fmt: skip
-"""Objects that protect people: without one of these a drive is never used."""
+"""Objects that protect people. A drive that lacks such an object is never used; only for 1016h and
+6085h there is a key that replaces them."""
 
 _RAMP: Final = "6084h:00"
 _MODES: Final[tuple[Mode, ...]] = tuple(mode for mode in get_args(Mode) if mode != "makers")
@@ -49,14 +51,14 @@ _ACTUAL_WORDS = ("actual", "present", "feedback")
 
 @dataclass(frozen=True)
 class EdsFit:
-    """A profile for a data sheet, with the keys that the cell file adds to it.
+    """A servo profile for a drive with a given EDS, with the keys that the cell file adds to it.
 
     Attributes:
         base: The bundled profile; None for a drive that follows CiA 402 completely.
-        added: The added keys: `added.model_fields_set`.
-        findings: The deviations that are still red.
+        added: Profile whose set fields (`added.model_fields_set`) are the added keys.
+        findings: Deviations of the EDS that are red even with the added keys.
         mode: The mode in which the drive would be used.
-        torque: The object with its torque.
+        torque: The object from which the torque is read.
     """
 
     base: str | None
@@ -67,19 +69,19 @@ class EdsFit:
 
     @property
     def accepted(self) -> bool:
-        """True if the drive can be used, with few enough lines."""
+        """True if the drive can be used, with at most `MOST_LINES` lines in the cell file."""
         return not self.findings and len(self.lines) <= MOST_LINES
 
     @property
     def keys(self) -> dict[str, object]:
-        """The keys of the axis's `servo`, as in the cell file."""
+        """Keys and values of the axis's `servo` in the cell file."""
         base: dict[str, object] = {} if self.base is None else {"base": self.base}
         added = self.added.model_dump(mode="json", exclude_unset=True)
         return base | added | {name: PLACEHOLDER for name in LOOKED_UP if name in added}
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """The lines of the cell file."""
+        """The lines to add to the axis in the cell file, with comments."""
         if not self.keys:
             return ()
         lines = []
@@ -90,7 +92,7 @@ class EdsFit:
 
     @property
     def reason(self) -> str:
-        """Why the drive cannot be used; empty if it can."""
+        """Reason why the drive cannot be used; empty if it can be used."""
         missing = [each for each in self.findings if self.protects(each)]
         if missing:
             object_names = ", ".join(f"{each.object_name} ({each.name})" for each in missing)
@@ -98,11 +100,13 @@ class EdsFit:
                 f"objects that protect people are missing, and no key replaces them: {object_names}"
             )
         if self.torque in [each.object_name for each in self.findings]:
-            return "it reports neither torque nor current, which identification needs"
+            return "the drive reports neither torque nor current; identification needs one"
         if self.findings:
             object_names = ", ".join(each.object_name for each in self.findings)
             return f"objects of the cyclic exchange are missing: {object_names}"
-        return "" if self.accepted else f"the cell file needs {len(self.lines)} lines"
+        if self.accepted:
+            return ""
+        return f"the cell file would need {len(self.lines)} lines, more than {MOST_LINES}"
 
     @property
     def concerns_safety(self) -> bool:
@@ -110,9 +114,10 @@ class EdsFit:
         return any(self.protects(each) for each in self.findings)
 
     def protects(self, finding: EdsFinding) -> bool:
-        """Return whether a missing object is there to protect people.
+        """Return True if the object of a finding protects people.
 
-        In profile velocity 6084h is the ramp to the next set-point, and not that of a stop.
+        In profile velocity mode 6084h does not: it is the ramp to the next set-point, not that of a
+        stop.
         """
         ramp = finding.object_name == _RAMP and self.mode in BY_RAMP
         return finding.object_name in SAFETY_OBJECTS and not ramp
@@ -124,12 +129,13 @@ def fit_eds(
     axis: DriveAxis,
     profiles: dict[str, ServoProfile],
 ) -> EdsFit:
-    """Return the profile that fits a drive's data sheet: the maker's, with the fewest keys.
+    """Return the profile with the fewest findings, then the fewest added keys, for a drive's EDS.
 
     Args:
         eds: The data sheet.
         cell, axis: The requirements on the drive.
-        profiles: The bundled profiles; those of makers other than the EDS's are not tried.
+        profiles: The bundled profiles. Those whose vendor is that of the EDS are tried, and plain
+            CiA 402.
     """
     makers = {
         name: profile
@@ -148,7 +154,7 @@ def _fit(
     base: str | None,
     profile: ServoProfile,
 ) -> EdsFit:
-    """Add keys until no finding is red that a key could remove."""
+    """Add keys to a profile until no remaining red finding can be removed by a key."""
     added: dict[str, object] = {}
     torques = list(_torque_candidates(eds))
     while True:
@@ -170,7 +176,7 @@ def _keys_for(
     eds: ElectronicDataSheet,
     torques: list[TorqueObject],
 ) -> dict[str, object]:
-    """Return the keys that replace what a finding lacks; empty if no key can."""
+    """Return the keys that remove a finding; empty if no key can."""
     name, limit = finding.object_name, profile.torque_limit
     keys: dict[str, object] = {}
     if name in ("608Fh:01", "608Fh:02"):
@@ -200,7 +206,7 @@ def _keys_for(
 
 
 def _limit_keys(profile: ServoProfile, eds: ElectronicDataSheet) -> dict[str, object]:
-    """Return keys for a limit that cannot be written: read-only, 6073h, or none."""
+    """Return keys for a torque limit that is not writable: read it, use 6073h, or omit it."""
     limit = profile.torque_limit
     assert limit is not None
     if profile.torque_limit_written and _readable(eds, limit.object, limit.bits):
@@ -218,9 +224,9 @@ def _readable(eds: ElectronicDataSheet, name: str, bits: int) -> bool:
 
 
 def _torque_candidates(eds: ElectronicDataSheet) -> Iterator[TorqueObject]:
-    """Yield candidates for the torque object, the standard's first, then others by their names.
+    """Yield candidates for the torque object: those of CiA 402, then others with a suitable name.
 
-    Objects that no PDO can carry come last: they are read by SDO.
+    Objects that cannot be mapped into a PDO come last, because they must be read by SDO.
     """
     standard = {0x6077: "rated_torque", 0x6078: "rated_current"}
     candidates = sorted(
@@ -238,7 +244,7 @@ def _torque_candidates(eds: ElectronicDataSheet) -> Iterator[TorqueObject]:
 
 
 def torque_objects(eds: ElectronicDataSheet) -> tuple[EdsObject, ...]:
-    """Return the objects that, by their names, are an actual torque or current, of any size."""
+    """Return the objects of any size whose names say that they are an actual torque or current."""
     return tuple(item for item in eds.objects if _is_actual_torque(item.name.lower()))
 
 

@@ -1,7 +1,7 @@
-"""Reset of a drive's fault: a person's command, never done by the program itself.
+"""Reset of a drive's fault: only on a user's command, never by the program on its own.
 
-It is done by SDO, without power and before the cyclic exchange: bit 7 of 6040h rises once (CiA
-402-2, T15). Nothing is enabled by it; motion needs the whole bring-up afterwards.
+The reset is a rising edge of bit 7 of 6040h (CiA 402-2, T15), written by SDO, without power and
+before the cyclic exchange. It enables no drive: a motion needs the complete bring-up afterwards.
 """
 
 from __future__ import annotations
@@ -23,13 +23,15 @@ LOOK_S = 0.02
 
 @dataclass(frozen=True, slots=True)
 class FaultReset:
-    """A drive's states before and after the command to reset its fault.
+    """A drive's states before and after a reset of its fault.
 
     Attributes:
         joint, node_id: The drive.
-        before, after: Its power state; the same if it was not in fault and nothing was sent.
-        error: Its report of the fault; empty if there was none.
-        refusal: Why the command could not be written; empty if it could.
+        before, after: The drive's power state. If the drive was not in fault, nothing was sent, and
+            both are equal.
+        error: The drive's error code, in words; empty if there was no fault.
+        refusal: Reason why the drive refused to read or write an object; empty if it did not
+            refuse.
     """
 
     joint: str
@@ -41,12 +43,12 @@ class FaultReset:
 
     @property
     def was_faulty(self) -> bool:
-        """True if there was a fault."""
+        """True if the drive was in fault before."""
         return self.before.faulty
 
     @property
     def is_faulty(self) -> bool:
-        """True if there still is a fault."""
+        """True if the drive is still in fault."""
         return self.after.faulty
 
 
@@ -86,7 +88,7 @@ def reset_fault(
 
 
 def _settled(link: CanLink, port: SdoPort, others: Callable[[Frame, float], None]) -> PowerState:
-    """Return the state once it is no longer a fault, or after `RESET_TIMEOUT_S`."""
+    """Wait until the drive is no longer in fault, at most `RESET_TIMEOUT_S`; return its state."""
     until_s = link.clock.now_s() + RESET_TIMEOUT_S
     while (state := state_of(port.read_int(0x6041, 0))).faulty:
         if link.clock.now_s() >= until_s:

@@ -1,13 +1,13 @@
-"""`PositionCounter`: range and wrap-around of a drive's position; `PositionTargets` uses it.
+"""`PositionCounter`: range and wrap-around of a drive's position; `PositionTargets`: set-points.
 
-`reference_setting` reports whether the drive's zero is known. CiA 402 has no bit for that outside
-homing mode, so the drive's profile names the manufacturer's bits (`referenced`). For a drive
-without such bits, for example with an absolute encoder, the cell file can state the zero
-(`position_zero_counts`).
+`reference_setting` reports whether a drive is referenced, so that its zero position is known. CiA
+402 has no bit for this outside homing mode, so the drive's profile names the manufacturer's bits
+(`referenced`). For a drive without such bits, for example with an absolute encoder, the cell file
+can state the zero (`position_zero_counts`).
 
-A drive without a velocity mode receives positions: the sum of the commanded velocities over the
-cycles, starting at the axis's position at power on. While its power is off, its set-point is its
-present position, so that power on moves nothing.
+A drive without a velocity mode receives positions: its position at power on, plus the sum of the
+commanded velocities times the cycle time. While its power is off, its set-point is its present
+position, so that it does not move when its power is switched on.
 """
 
 from __future__ import annotations
@@ -35,19 +35,19 @@ NOT_REFERENCED: Final = "RID-DRIVE-NOT-REFERENCED"
 _POSITION: Final = (0x6064, 0)
 _HOME = (
     "home the drive with its own tool, then run `rid-daq check` again; if its encoder is absolute"
-    " and the bits do not apply, set `referenced: null` in the axis's servo and state"
+    " and these bits do not apply, set `referenced: null` in the axis's servo and state"
     " position_zero_counts"
 )
-_CORRECT = "correct `referenced` in the axis's servo by the drive's manual"
+_CORRECT = "correct `referenced` in the axis's servo; the drive's manual describes the bits"
 
 
 @dataclass(frozen=True, slots=True)
 class PositionCounter:
-    """A counter that wraps from its highest value to its lowest, and back.
+    """A position counter whose lowest value follows its highest value, as in a ring.
 
     Attributes:
-        lowest, highest: The values between which 6064h and 607Ah count: those of 607Bh (CiA 402-2,
-            position range limit), or of 32 bits.
+        lowest, highest: The limits of 6064h and 607Ah: those in 607Bh (CiA 402-2, position range
+            limit), or those of 32-bit numbers.
     """
 
     lowest: int = _INT32[0]
@@ -55,35 +55,35 @@ class PositionCounter:
 
     @classmethod
     def of_limits(cls, lowest: int, highest: int) -> PositionCounter:
-        """Return the counter for a drive's 607Bh; equal limits mean no limit."""
+        """Return the counter for the limits in 607Bh; equal limits mean the range of 32 bits."""
         return BITS_32 if lowest >= highest else cls(lowest, highest)
 
     @property
     def size(self) -> int:
-        """Number of its values."""
+        """Number of values of the counter."""
         return self.highest - self.lowest + 1
 
     @property
     def is_smaller_than_32_bits(self) -> bool:
-        """True if it has fewer values than 32 bits."""
+        """True if the counter has fewer values than a 32-bit number."""
         return (self.lowest, self.highest) != _INT32
 
     def nearest(self, counts: int, to: int) -> int:
-        """Return the count, plus whole ranges of the counter, that is nearest to another."""
+        """Return the count nearest to `to` that the counter shows as `counts`."""
         half = self.size // 2
         return (counts - to + half) % self.size - half + to
 
     def to_range(self, counts: int) -> int:
-        """Return a count in the drive's range, for reports and set-points."""
+        """Return the value between `lowest` and `highest` that the drive shows for a count."""
         return (counts - self.lowest) % self.size + self.lowest
 
 
 BITS_32 = PositionCounter()
-"""The counter of a drive without 607Bh."""
+"""Position counter of a drive without 607Bh."""
 
 
 def read_counter(port: SdoPort) -> PositionCounter:
-    """Return the range of a drive's position: 607Bh, or 32 bits if that cannot be read."""
+    """Return a drive's position counter: the range in 607Bh, or 32 bits if 607Bh cannot be read."""
     try:
         lowest, highest = (port.read_int(POSITION_RANGE, n, signed=True) for n in (1, 2))
     except SdoAbort:
@@ -92,13 +92,13 @@ def read_counter(port: SdoPort) -> PositionCounter:
 
 
 def counter_setting(axis: DriveAxis, counter: PositionCounter, needed: float) -> DriveSetting:
-    """Return the setting that compares a counter's range with the axis's range."""
+    """Return the check result that compares the counter's range with the axis's position range."""
     return DriveSetting(
         axis.joint,
         axis.node_id,
         object_name(POSITION_RANGE, 0),
         "increments until the position wraps",
-        f"> {needed:.0f}, the axis's whole reach",
+        f"> {needed:.0f}, the axis's position range",
         f"{counter.size} ({counter.lowest} to {counter.highest})",
         "ok" if needed < counter.size else "red",
         "widen 607Bh in the drive's own tool, or narrow the position limits in the robot file",
@@ -108,12 +108,12 @@ def counter_setting(axis: DriveAxis, counter: PositionCounter, needed: float) ->
 def reference_setting(
     port: SdoPort, axis: DriveAxis, referenced: ReferencedBits | None
 ) -> DriveSetting:
-    """Return the setting that shows whether a drive is referenced.
+    """Return the check result that shows whether a drive is referenced.
 
     Args:
         port: The drive.
         axis: Its axis in the cell file.
-        referenced: The bits of its profile for that; None if it has none.
+        referenced: The bits by which the drive's profile shows this; None if the profile has none.
 
     Raises:
         DeviceTimeoutError, TransportError: The drive does not answer, or the bus is lost.
@@ -129,14 +129,15 @@ def reference_setting(
             axis.joint, axis.node_id, object_name(*_POSITION), REFERENCED, "", found, "shown"
         )
     address = object_address(referenced.object)
-    required = f"referenced ({referenced.object} & {referenced.mask:X}h = {referenced.wanted:X}h)"
+    mask, value = referenced.mask, referenced.referenced_value
+    required = f"referenced ({referenced.object} & {mask:X}h = {value:X}h)"
     try:
         held = port.read_int(*address) & referenced.mask
     except SdoAbort as abort:
         missing = "not in this drive" if is_missing(abort) else abort_text(abort.code)
         found, good, advice = missing, False, _CORRECT
     else:
-        good = held == referenced.wanted
+        good = held == referenced.referenced_value
         found = f"{'referenced' if good else 'not referenced'}, by the drive ({held:X}h)"
         advice = _HOME
     return DriveSetting(
@@ -153,11 +154,11 @@ def reference_setting(
 
 
 class PositionTargets:
-    """Set-points of the axes in a cycle, for position and velocity modes together.
+    """Set-points of all axes in a cycle; each axis is in a position mode or in a velocity mode.
 
     Args:
-        by_position: Which axes are in a position mode.
-        cycle_time_s: Time for which a set-point acts [s].
+        by_position: True for the axes in a position mode.
+        cycle_time_s: Time during which a set-point acts [s].
     """
 
     def __init__(self, by_position: Sequence[bool], cycle_time_s: float) -> None:
@@ -171,11 +172,11 @@ class PositionTargets:
         enabled: NDArray[np.bool_],
         counters: Sequence[PositionCounter],
     ) -> list[int]:
-        """Return the set-points at rest; an axis without power gets its present position.
+        """Return set-points that cause no motion; an axis without power gets its present position.
 
         Args:
-            counts, enabled: Shape (axes,). 6064h of the last answers, and whether the drive is in
-                Operation Enabled.
+            counts, enabled: Shape (axes,). Value of 6064h in the last answer, and True if the drive
+                is in Operation Enabled.
             counters: The drives' counters, one per axis.
         """
         for axis, (at, powered) in enumerate(zip(counts.tolist(), enabled.tolist(), strict=True)):
@@ -189,7 +190,7 @@ class PositionTargets:
         ]
 
     def follow(self, velocity: Sequence[int], counters: Sequence[PositionCounter]) -> list[int]:
-        """Return the set-points for velocities in 60FFh's units (here: counts/s)."""
+        """Return the set-points for velocities in units of 60FFh (position modes: counts/s)."""
         targets = []
         for axis, (value, by_position) in enumerate(zip(velocity, self._by_position, strict=True)):
             self._targets[axis] += value * self._cycle_time_s

@@ -1,6 +1,6 @@
 """`PowerSequence`: switches drives through their power states, cycle by cycle, at velocity 0.
 
-Every wait is limited; an error about a timeout names the drive's present state.
+Every wait has a time limit; the error after a timeout names the drive's present state.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ _WITHOUT_POWER = frozenset(
 
 
 class AxisAnswer(NamedTuple):
-    """One axis's answer in one cycle: whether it came, and its statusword 6041h."""
+    """Answer of one axis in one cycle: True if it arrived, and the statusword 6041h."""
 
     joint: str
     received: bool
@@ -45,7 +45,7 @@ class AxisAnswer(NamedTuple):
 
     @property
     def state(self) -> PowerState:
-        """The power state of the statusword."""
+        """Power state in the statusword."""
         return state_of(self.status)
 
     def __str__(self) -> str:
@@ -56,16 +56,18 @@ class AxisAnswer(NamedTuple):
 
 
 class PowerSequence:
-    """Controlwords for the next states, with checks that the drives follow in time.
+    """Sends the controlwords for the next power states, and checks that the drives follow in time.
 
     Args:
         axes: The drives, base to flange.
-        cell, robot: Cycle time, decelerations of a quick stop, largest velocities.
+        cell, robot: The cycle time, the drives' deceleration in a quick stop, and the largest
+            velocities are used.
         clock: The clock of the bus.
-        exchange: Source of the answers; it also sends controlwords without a following cycle.
+        exchange: Source of the answers; also used to send controlwords outside a cycle.
         watch: Monitor of the drives' other frames.
-        run_cycle: Runs the next cycle: SYNC, answers, then the given controlwords, with velocity 0.
-        stopped: Whether a stop was ordered; no drive is then switched on.
+        run_cycle: Runs the next cycle: SYNC, answers, then the controlwords of its argument, with
+            velocity 0.
+        stopped: Returns True once a stop was ordered; no drive is then switched on.
     """
 
     def __init__(
@@ -98,8 +100,8 @@ class PowerSequence:
         """Wait until every drive answers SYNC and reports that it is operational.
 
         Raises:
-            DeviceTimeoutError: A drive does not within `START_TIMEOUT_S`.
-            DeviceFaultError: A drive reports a fault meanwhile.
+            DeviceTimeoutError: A drive does not become operational within `START_TIMEOUT_S`.
+            DeviceFaultError: A drive reports a fault during the wait.
             SafetyStop: A stop was ordered.
         """
         until_s = self._clock.now_s() + START_TIMEOUT_S
@@ -116,9 +118,9 @@ class PowerSequence:
         """Switch every drive to Operation Enabled, one checked step per cycle.
 
         Raises:
-            DeviceTimeoutError: A drive does not reach it within its `enable_timeout_s`, or does not
-                report that it follows its command (6041h bit 12).
-            DeviceFaultError: A drive is in fault or reports one, or has left Operation Enabled.
+            DeviceTimeoutError: A drive does not reach Operation Enabled within its
+                `enable_timeout_s`, or does not report that it follows its command (6041h bit 12).
+            DeviceFaultError: A drive is in fault, reports a fault, or has left Operation Enabled.
             SafetyStop: A stop was ordered.
         """
         until_s = self._clock.now_s() + self._enable_s
@@ -142,9 +144,9 @@ class PowerSequence:
         self._exchange.send_words(words)
 
     def rest(self) -> bool:
-        """Quick stop until no drive is powered or none moves; return whether that was seen.
+        """Command a quick stop; return True when each drive is at rest or without power.
 
-        The wait is limited to the time of the slowest ramp, `LONGEST_STOP_S` at most, plus
+        Wait at most for the duration of the slowest ramp (limited to `LONGEST_STOP_S`) plus
         `HALT_MARGIN_S`.
         """
         until_s = self._clock.now_s() + self._halt_s
@@ -168,8 +170,8 @@ class PowerSequence:
                 return True
         return False
 
-    def take_power_away(self) -> list[str]:
-        """Disable voltage; return the joints whose drive did not confirm it in time."""
+    def disable_voltage(self) -> list[str]:
+        """Disable voltage; return the joints whose drive did not confirm this in time."""
         unconfirmed = [axis.joint for axis in self._axes]
         words = [ControlWord.DISABLE_VOLTAGE] * len(self._axes)
         for _ in range(max(DISABLE_CYCLES, math.ceil(DISABLE_S / self._period_s))):
@@ -184,7 +186,7 @@ class PowerSequence:
         return unconfirmed
 
     def bus_notes(self) -> tuple[str, ...]:
-        """Return notes on other senders on this bus, if any were detected."""
+        """Return remarks about other senders that were detected on this bus."""
         exchange = self._exchange
         return other_senders(
             self._axes, self._watch, exchange.answers.second_answers, exchange.contradictions
@@ -193,7 +195,7 @@ class PowerSequence:
     def _step(
         self, words: Sequence[int], until_s: float, verb: str, waiting: Sequence[str]
     ) -> None:
-        """Run a cycle; refuse faults, ordered stops, and waiting beyond `until_s` [s]."""
+        """Run a cycle; raise an error at a fault, at a stop order, or after `until_s` [s]."""
         if self._stopped():
             raise SafetyStop(
                 f"a stop was ordered before the drives could {verb}", code="RID-STOP-ORDERED"
@@ -212,7 +214,7 @@ class PowerSequence:
             )
 
     def _advice(self, waiting: Sequence[str]) -> str:
-        """Return advice about drives that do not reach their state in time."""
+        """Return what to do about drives that do not reach their state in time."""
         without_bit = [
             answer.joint
             for answer in self._answers()
@@ -240,7 +242,7 @@ class PowerSequence:
 
 
 def _refuse_fault(answers: Sequence[AxisAnswer], enabled: set[str]) -> None:
-    """Refuse a drive in fault, or one that left Operation Enabled; add newly enabled ones."""
+    """Raise an error for a drive in fault or a lost Operation Enabled; update `enabled`."""
     for answer in answers:
         if not answer.received:
             continue

@@ -1,8 +1,9 @@
 """Values that a drive needs before motion: `Requirement`, the safety settings and the PDOs.
 
-If this computer fails, the heartbeat consumer (1016h) with abort connection (6007h) stops a drive.
-The RPDO's event timer (1400h:05) is a second protection, if a drive has it. A drive without 1016h
-may have life guarding instead (100Ch, 100Dh), which is always tested before motion.
+If this computer fails, each drive stops itself: its heartbeat consumer (1016h) detects the failure,
+and abort connection (6007h) defines the reaction. The event timer of the RPDO (1400h:05) is a
+second protection, in drives that have it. A drive without 1016h can have life guarding instead
+(100Ch, 100Dh); its effect is always tested before a motion.
 """
 
 from __future__ import annotations
@@ -56,23 +57,26 @@ TARGETS: Final[dict[Mode, tuple[int, int]]] = {
     "cyclic_position": (0x607A, 0),
     "interpolated_position": (0x60C1, 1),
 }
-"""Objects of the set-points; in a manufacturer's mode the PDOs define them."""
+"""Object of the set-point in each mode; in a manufacturer-specific mode, the fixed PDOs define
+it."""
 INCREMENTS, REVOLUTIONS = (0x608F, 1), (0x608F, 2)
 GUARD_TIME, LIFE_TIME_FACTOR = (0x100C, 0), (0x100D, 0)
 RATED_TORQUE, RATED_CURRENT = (0x6076, 0), (0x6075, 0)
 
 _MILLI = 1000.0
 _STEEPER = 4.0
-"""Steepness of a drive's own ramp to a set-point, in multiples of the joint's acceleration."""
+"""Acceleration of a drive's own ramp to a set-point, as a multiple of the joint's acceleration
+limit: the ramp must not limit the motion."""
 
 
 @dataclass(frozen=True, slots=True)
 class Requirement:
-    """One object that must hold a value; with `value` None it is only read and shown.
+    """An object with its required value; if `value` is None, the object is only read and shown.
 
-    With `write` False the value is only checked. A wrong `watchdog` requirement is accepted if the
-    cell file allows it. `lack` is the result if a drive does not have the object: it is red, it is
-    shown, or the watchdog test shows what the drive does without it.
+    If `write` is False, the value is checked but not written. If `watchdog` is True, the cell file
+    can accept a wrong value (allow_drive_without_watchdog). `lack` is the result if the drive does
+    not have the object: ``"red"``, ``"shown"``, or ``"trial"``: the watchdog test must show how the
+    drive reacts without the object.
     """
 
     index: int
@@ -89,7 +93,7 @@ class Requirement:
 
     @property
     def written(self) -> bool:
-        """True if the object is to be written."""
+        """True if the value is written to the drive."""
         return self.write and self.value is not None
 
     def words(self, value: int) -> str:
@@ -100,7 +104,7 @@ class Requirement:
         """Return a value as bytes.
 
         Raises:
-            ConfigError: It does not fit.
+            ConfigError: The value does not fit into `size` bytes.
         """
         try:
             return value.to_bytes(self.size, "little", signed=self.signed)
@@ -115,7 +119,7 @@ class Requirement:
 def identity_requirement(
     subindex: int, name: str, value: int | None, mask: int = -1
 ) -> Requirement:
-    """Return the requirement on a part of 1018h; with `value` None it is optional."""
+    """Return the requirement on a part of 1018h (identity); None as `value` accepts any value."""
     return Requirement(
         0x1018,
         subindex,
@@ -135,11 +139,11 @@ def mode_words(mode: Mode) -> str:
 
 
 def kind_requirements(profile: ServoProfile) -> tuple[Requirement, ...]:
-    """Return the requirements that identify a servo drive with the profile's mode."""
+    """Return the requirements that a device is a servo drive and supports the profile's mode."""
     device = Requirement(
         0x1000, 0, 4, "device profile", DRIVE_PROFILE, mask=0xFFFF, write=False
     )  # fmt: skip
-    if profile.mode == "makers":  # it has no bit in 6502h
+    if profile.mode == "makers":  # this mode has no bit in 6502h
         return (device,)
     bit = 1 << MODES[profile.mode] - 1
     return (
@@ -152,7 +156,7 @@ def kind_requirements(profile: ServoProfile) -> tuple[Requirement, ...]:
 
 
 def rating_requirements(profile: ServoProfile) -> tuple[Requirement, ...]:
-    """Return the motor's ratings that are read because the profile does not state them."""
+    """Return the requirements to read the motor's ratings that the profile does not state."""
     used, limit = {profile.torque.of}, profile.torque_limit
     if limit is not None:
         used.add(limit.of)
@@ -174,7 +178,7 @@ def rating_requirements(profile: ServoProfile) -> tuple[Requirement, ...]:
 
 
 def ratings_of(profile: ServoProfile, held: Held) -> MotorRatings:
-    """Return the motor's ratings, from the profile or from its drive."""
+    """Return the motor's ratings, from the profile or from the values `held` by its drive."""
     increments = profile.encoder_increments
     if increments is None:
         increments = held[INCREMENTS] / held[REVOLUTIONS]
@@ -190,7 +194,7 @@ def ratings_of(profile: ServoProfile, held: Held) -> MotorRatings:
 
 
 def signal_object(profile: ServoProfile, signal: Signal) -> tuple[int, int]:
-    """Return the object that carries a signal, from the fixed PDOs or from CiA 402."""
+    """Return the object that contains a signal: that in the fixed PDOs, or that of CiA 402."""
     fixed = object_of(profile.pdos, signal)
     if fixed is not None:
         return fixed
@@ -204,10 +208,11 @@ def signal_object(profile: ServoProfile, signal: Signal) -> tuple[int, int]:
 def cyclic_pdos(
     node_id: int, exchange: str, profile: ServoProfile | None = None
 ) -> tuple[PdoMapping, ...]:
-    """Return the PDOs of a drive in a cell's `exchange`, full or trimmed.
+    """Return the PDOs of a drive for an `exchange`, full or trimmed.
 
-    Synchronous PDOs are applied and sent at every SYNC. In the trimmed exchange the statusword is
-    sent when it changes, and every `STATUS_EVENT_MS`. Fixed PDOs are returned as they are.
+    At every SYNC the drive applies its synchronous RPDOs and sends its synchronous TPDOs. In the
+    trimmed exchange the drive sends its statusword when it changes, and in any case every
+    `STATUS_EVENT_MS`. For a drive with fixed PDOs, `exchange` has no effect.
     """
     profile = profile or ServoProfile()
     if profile.pdos:
@@ -250,10 +255,11 @@ def safety_requirements(
     units: AxisUnits,
     acceleration: float,
 ) -> tuple[Requirement, ...]:
-    """Return the settings of every drive of a cell: monitoring, reactions, limits, mode.
+    """Return the required settings of a drive: monitoring, reactions to faults, limits, mode.
 
-    A drive knows only its motor: with a coupled wrist its following error and its deceleration are
-    the motor's, divided by its gear ratio. `acceleration` is the joint's largest [rad/s² or m/s²].
+    A drive measures only its motor. In a robot with a coupled wrist, its following error and its
+    deceleration are therefore those of the motor, divided by the gear ratio, and not those of a
+    joint. `acceleration` is the joint's acceleration limit [rad/s² or m/s²].
 
     Raises:
         ConfigError: The torque limit cannot be converted to the units of its object.
@@ -300,7 +306,7 @@ def safety_requirements(
         ),
         *(
             Requirement(
-                *object_address(extra.object), extra.bits // 8, "by the drive's profile",
+                *object_address(extra.object), extra.bits // 8, "set by the drive's profile",
                 extra.value, signed=extra.value < 0, write=extra.written,
             )
             for extra in profile.settings
@@ -309,9 +315,10 @@ def safety_requirements(
 
 
 def _watches(cell: CellConfig, profile: ServoProfile) -> Iterator[Requirement]:
-    """Yield the settings by which drive and computer detect each other's failure.
+    """Yield the settings by which drive and computer monitor each other.
 
-    A node that sends its heartbeat is not guarded (CiA 301, 7.2.8.3): 1017h must be 0 then.
+    A node that sends a heartbeat cannot use life guarding (CiA 301, 7.2.8.3), so 1017h must then be
+    0.
     """
     safety = cell.drive_safety
     timeout_ms, period_ms = safety.master_heartbeat_timeout_ms, safety.master_heartbeat_ms
@@ -324,7 +331,7 @@ def _watches(cell: CellConfig, profile: ServoProfile) -> Iterator[Requirement]:
     yield Requirement(0x1017, 0, 2, "heartbeat period [ms]", safety.drive_heartbeat_ms)
     master = consumer_entry(safety.master_node_id, timeout_ms)
     yield Requirement(
-        0x1016, 1, 4, "watch on this computer's heartbeat", master,
+        0x1016, 1, 4, "monitoring of this computer's heartbeat", master,
         watchdog=True, hexadecimal=True,
     )  # fmt: skip
 
@@ -332,7 +339,7 @@ def _watches(cell: CellConfig, profile: ServoProfile) -> Iterator[Requirement]:
 def _ramps(
     cell: CellConfig, profile: ServoProfile, units: AxisUnits, acceleration: float
 ) -> Iterator[Requirement]:
-    """Yield the decelerations of a stop, and ramps to set-points that must not limit motions."""
+    """Yield the decelerations of a stop, and ramps to set-points that are steep enough."""
     factor = abs(units.acceleration_units_per_rad_s2)
     deceleration = cell.drive_safety.quick_stop_deceleration_rad_s2
     if profile.deceleration_rad_s2 is None:

@@ -17,15 +17,15 @@ MISSING = (SdoCode.NO_OBJECT, SdoCode.NO_SUBINDEX)
 
 
 class SdoPort:
-    """Blocking SDO with one node; every other frame of the bus is passed to `others`.
+    """SDO transfers with one node; each call waits for the answer, and passes other frames on.
 
     Args:
         link: The bus.
         node_id: The drive.
         others: Handler of each frame that is not an answer of this node's SDO server, with its time
             [s].
-        timeout_s: Time limit of each answer [s]. No request is repeated.
-        write_log: Log of the values that are written, and of the previous ones.
+        timeout_s: Longest wait for each answer [s]. No request is repeated.
+        write_log: Log of every value that is written to the drive, with the previous value.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class SdoPort:
         """Return an object's bytes.
 
         Raises:
-            SdoAbort: The drive refuses.
+            SdoAbort: The drive refuses the request.
             DeviceTimeoutError: The drive does not answer.
             TransportError: The bus is lost.
         """
@@ -57,18 +57,19 @@ class SdoPort:
         """Write an object; raise errors as `read` does.
 
         Raises:
-            RecordingError: The write log cannot be written; the object was not written.
+            RecordingError: The write log cannot be written; the object in the drive was not
+                changed.
         """
         if self._write_log is not None:
             try:
                 old: bytes | str = self.read(index, subindex)
             except SdoAbort as abort:
                 old = abort_text(abort.code)
-            self.note_change(self._write_log, (index, subindex), old, data)
+            self.log_change(self._write_log, (index, subindex), old, data)
         self._run(self._client.download(index, subindex, data, self._link.clock.now_s()))
 
     def read_int(self, index: int, subindex: int, *, signed: bool = False) -> int:
-        """Return an integer object of 1 to 8 bytes; raise errors as `read` does."""
+        """Return the value of an integer object of 1 to 8 bytes; raise errors as `read` does."""
         data = self.read(index, subindex)
         if not 1 <= len(data) <= 8:
             raise ProtocolError(
@@ -79,14 +80,14 @@ class SdoPort:
         return int.from_bytes(data, "little", signed=signed)
 
     def identity(self) -> DriveIdentity:
-        """Return the parts of 1018h that the drive has; raise errors as `read`, except refusals."""
+        """Return the parts of 1018h that the drive has; raise errors as `read`, not `SdoAbort`."""
         parts: dict[str, int] = {}
         for subindex, name in enumerate(("vendor", "product", "revision", "serial"), start=1):
             with contextlib.suppress(SdoAbort):
                 parts[name] = self.read_int(0x1018, subindex)
         return DriveIdentity(**parts)
 
-    def note_change(
+    def log_change(
         self, write_log: WriteLog, address: Address, old: bytes | str, new: bytes | None
     ) -> None:
         """Log a change before it reaches the drive; raise errors as `read` and `write` do."""
@@ -112,5 +113,5 @@ class SdoPort:
 
 
 def is_missing(abort: SdoAbort) -> bool:
-    """Return whether an abort means that the drive does not have the object."""
+    """Return True if the abort code means that the drive does not have the object."""
     return abort.code in MISSING

@@ -20,13 +20,13 @@ from drivers.settings.write_log import WriteLog
 
 
 class DriveService:
-    """Reads and commands by SDO that switch no power on.
+    """Requests to single drives by SDO; no request switches power on.
 
     Args:
         link, cell: The open bus and its cell. The constructor does not use the bus.
         axes: The drives, in the order of the robot's joints.
         watch: Monitor of the drives' other frames.
-        write_log: Log of the values that are written, and of the previous ones.
+        write_log: Log of every value that is written to a drive, with the previous value.
     """
 
     def __init__(
@@ -44,7 +44,7 @@ class DriveService:
         self._write_log = write_log
 
     def claim_bus(self) -> None:
-        """Make sure that no other master is on the bus, before anything is sent.
+        """Make sure that no other master is active on the bus, before the first frame is sent.
 
         Raises:
             LockedError: Another master is active.
@@ -52,31 +52,31 @@ class DriveService:
         listen_for_masters(self._link, self._cell, self._watch)
 
     def ports(self, timeout_s: float = 0.5) -> list[SdoPort]:
-        """Return the drives' ports, with a time limit of each answer [s]."""
+        """Return an SDO port for each drive; `timeout_s` is the longest wait for an answer [s]."""
         return [
             SdoPort(self._link, axis.node_id, self._watch.handle, timeout_s, self._write_log)
             for axis in self._axes
         ]
 
     def leave_operational(self) -> None:
-        """Switch every drive to NMT pre-operational, in which PDOs are configured."""
+        """Switch every drive to NMT pre-operational, the state in which PDOs can be configured."""
         for axis in self._axes:
             self._link.send(nmt_frame(NmtCommand.ENTER_PRE_OPERATIONAL, axis.node_id))
 
-    def note_before_reset(self) -> None:
-        """Log the values that a reset of the communication discards; once per write log.
+    def log_before_reset(self) -> None:
+        """Log the values that a reset of the communication discards, once for each drive.
 
-        Values of a drive that does not answer cannot be logged; its bring-up will fail.
+        A drive that does not answer is skipped; its bring-up fails afterwards.
         """
         for port in self.ports():
             if self._write_log is None or self._write_log.knows(port.node_id):
                 continue
             with contextlib.suppress(DeviceTimeoutError):
                 for address, value in read_objects(port, COMMUNICATION_SETTINGS):
-                    port.note_change(self._write_log, address, value, None)
+                    port.log_change(self._write_log, address, value, None)
 
     def reset_faults(self) -> tuple[FaultReset, ...]:
-        """Reset the drives that are in fault, on a person's request; no power, no motion.
+        """Reset the drives that are in fault, on a user's request; no drive gets power.
 
         Raises:
             LockedError: Another master is active on the bus.
@@ -95,9 +95,9 @@ class DriveService:
         return tuple(state_of(port.read_int(0x6041, 0)) for port in self.ports())
 
     def silence_drives(self) -> None:
-        """Switch the drives' heartbeats off until the next bring-up, to test our monitoring.
+        """Switch off the drives' heartbeats until the next bring-up, to test their monitoring.
 
-        Drives with life guarding are silent when no request is sent.
+        Drives with life guarding send no heartbeat: they are silent while they get no request.
 
         Raises:
             DeviceTimeoutError, TransportError: A drive does not answer, or the bus is lost.

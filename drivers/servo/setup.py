@@ -1,4 +1,4 @@
-"""`DriveSetup`: settings of one drive before motion, written and read back.
+"""`DriveSetup`: writes the settings of one drive before motion and reads them back.
 
 A drive that does not monitor this computer (1016h, 6007h) is refused unless the cell file names it
 in allow_drive_without_watchdog.
@@ -55,31 +55,33 @@ Verdict = Literal["ok", "red", "allowed", "shown"]
 
 @dataclass(frozen=True, slots=True)
 class SetupResult:
-    """Result of one drive's setup; `units` is None if the drive's units could not be read.
+    """Result of one drive's setup; `units` is None if they could not be determined.
 
-    `left_to_trial` lists objects that define the drive's reactions but are missing in the drive,
-    and the object of life guarding if it is used. Only the watchdog test shows these reactions.
+    `undefined_reactions` lists objects that would define the drive's reactions to a failure but are
+    missing in the drive; if life guarding is used, its object is listed too. Only the watchdog test
+    shows how the drive reacts.
     """
 
     joint: str
     units: AxisUnits | None
     settings: tuple[DriveSetting, ...]
-    left_to_trial: tuple[str, ...] = ()
+    undefined_reactions: tuple[str, ...] = ()
 
 
 class DriveSetup:
-    """Configures one drive over SDO and collects the results; no answer is trusted.
+    """Configures one drive by SDO and collects the results; every written value is read back.
 
-    A refused or ignored write becomes a red setting and the setup continues, so that one run shows
-    every problem. Only a drive that stops answering, or a lost bus, raises an error.
+    If the drive refuses or ignores a write, the setting is red and the setup continues, so that one
+    run shows every problem. An error is raised only if the drive stops answering or the bus is
+    lost.
 
     Args:
         link: The bus.
-        axis, joint, cell: The drive, the joint that it moves and the cell's limits.
-        reach: The lowest and highest position of the drive's motor divided by its gear ratio [rad
-            or m].
+        axis, joint, cell: The drive, the joint that it moves, and the cell with the limits.
+        reach: Lowest and highest position of the drive's motor, divided by the gear ratio [rad or
+            m].
         others: Handler of frames that are not this drive's SDO answers, with their time [s].
-        write_log: Log of the values that are written, and of the previous ones.
+        write_log: Log of every value that is written to the drive, with the previous value.
     """
 
     def __init__(
@@ -97,17 +99,17 @@ class DriveSetup:
         self._cell = cell
         self._reach = reach
         self._profile = cell.servo_of(axis)
-        self._left_to_trial: list[str] = []
-        if self._profile.watch == "life_guarding":  # its reaction is manufacturer-specific
-            self._left_to_trial.append(object_name(*LIFE_TIME_FACTOR))
+        self._undefined_reactions: list[str] = []
+        if self._profile.watch == "life_guarding":  # each maker defines the reaction
+            self._undefined_reactions.append(object_name(*LIFE_TIME_FACTOR))
         self._port = SdoPort(link, axis.node_id, others, write_log=write_log)
         self._settings: list[DriveSetting] = []
         self._values: dict[tuple[int, int], int] = {}
 
     def run(self) -> SetupResult:
-        """Identify, configure and read back the drive.
+        """Identify the drive, write its settings and read them back.
 
-        Nothing is written to a drive that differs from the cell file or its data sheet.
+        Nothing is written if the drive's identity differs from that in the cell file or its EDS.
 
         Raises:
             DeviceTimeoutError: The drive stopped answering.
@@ -125,7 +127,7 @@ class DriveSetup:
 
     def _result(self, units: AxisUnits | None) -> SetupResult:
         return SetupResult(
-            self._axis.joint, units, tuple(self._settings), tuple(self._left_to_trial)
+            self._axis.joint, units, tuple(self._settings), tuple(self._undefined_reactions)
         )
 
     def _configure(self, motor: MotorRatings, units: AxisUnits) -> None:
@@ -134,12 +136,12 @@ class DriveSetup:
         for requirement in safety_requirements(self._cell, self._profile, motor, units, steepest):
             self._require(requirement)
         if self._profile.deceleration_rad_s2 is not None:
-            found_text = f"{self._profile.deceleration_rad_s2:g} rad/s² or m/s², by the cell file"
+            found_text = f"{self._profile.deceleration_rad_s2:g} rad/s² or m/s², from the cell file"
             self._note(*QUICK_STOP_DECELERATION, "quick-stop deceleration", "", found_text, "shown")
         self._settings += stop_settings(self._cell, axis, joint, motor, units, self._values)
         if self._profile.torque.asked:
             torque = object_address(self._profile.torque.object)
-            found_text = "asked for after every SYNC: once a cycle, as old as the drive's answer"
+            found_text = "read by SDO once in every cycle, after SYNC"
             self._note(*torque, "torque", "", found_text, "shown")
         pdos = cyclic_pdos(axis.node_id, self._cell.exchange, self._profile)
         for pdo in pdos:
@@ -158,7 +160,7 @@ class DriveSetup:
             self._require(requirement)
 
     def _is_expected(self) -> bool:
-        """Read 1018h; return whether it agrees with the cell file or the drive's EDS."""
+        """Read 1018h; return True if it agrees with the identity in the cell file or the EDS."""
         wanted = self._axis.identity or DeviceIdentity()
         begun = len(self._settings)
         for subindex, text, value in (
@@ -196,7 +198,7 @@ class DriveSetup:
         return motor, self._with_counter(units)
 
     def _with_counter(self, units: AxisUnits) -> AxisUnits:
-        """Return units with the wrap-around of 6064h, within the motor's range."""
+        """Return units with the drive's position counter and the middle of the motor's range."""
         counter = read_counter(self._port)
         ends = [units.counts_per_rad * end for end in self._reach]
         if counter.is_smaller_than_32_bits:
@@ -205,18 +207,16 @@ class DriveSetup:
         return replace(units, counter=counter, middle_counts=round(0.5 * sum(ends)))
 
     def _describes_encoder(self) -> bool:
-        """Return whether 608Fh describes the encoder; a drive with scaled units may report 1."""
+        """Return True if 608Fh describes the encoder; drives with scaled units may report 1."""
         increments = ratings_of(self._profile, self._values).increments
         good = increments >= LEAST_INCREMENTS and not self._profile.sets_increments
         if not good:
-            required = f"≥ {LEAST_INCREMENTS}, the encoder's"
-            self._note(
-                *INCREMENTS, "increments in a revolution", required, f"{increments:g}", "red"
-            )
+            required = f"≥ {LEAST_INCREMENTS}, those of the encoder"
+            self._note(*INCREMENTS, "increments per revolution", required, f"{increments:g}", "red")
         return good
 
     def _positive(self, requirement: Requirement) -> bool:
-        """Read a value that must be above 0; return whether it is."""
+        """Read a value that must be above 0; return True if it is."""
         index, subindex, name = requirement.index, requirement.subindex, requirement.name
         try:
             value = self._port.read_int(index, subindex)
@@ -231,10 +231,11 @@ class DriveSetup:
         return good
 
     def _gear_ratio(self) -> float | None:
-        """Return motor per joint revolutions from the robot file, checked against 6091h.
+        """Return the gear ratio in the robot file; None if the drive's 6091h contradicts it.
 
-        A drive that reports 1:1, or has no 6091h, does not know the gear; a prismatic joint's ratio
-        (rad/m) cannot be stored there.
+        The ratio is motor revolutions per joint revolution. A drive that reports 1:1, or has no
+        6091h, does not know the gear. The ratio of a prismatic joint (rad/m) cannot be stored in
+        6091h, which is then not compared.
         """
         wanted = abs(self._joint.gear_ratio)
         try:
@@ -271,8 +272,8 @@ class DriveSetup:
             if is_missing(abort) and r.lack != "red" and verdict == "red":
                 verdict = "shown"
                 if r.lack == "trial":
-                    self._left_to_trial.append(object_name(r.index, r.subindex))
-                    text += ": the trial of the watches decides"
+                    self._undefined_reactions.append(object_name(r.index, r.subindex))
+                    text += ": the watchdog test decides"
             self._note(r.index, r.subindex, r.name, required, text, verdict)
             return
         self._values[r.index, r.subindex] = found
@@ -294,7 +295,7 @@ class DriveSetup:
                 self._port.write(write.index, write.subindex, write.data)
             except SdoAbort as abort:
                 if abort.code == SdoCode.READ_ONLY and write.index == pdo.communication_index:
-                    continue  # the values that are read back below decide
+                    continue  # the value that is read back decides
                 wanted = write.data[::-1].hex().upper() + "h"
                 found = f"refused: {abort_text(abort.code)}"
                 self._note(write.index, write.subindex, f"{title} mapping", wanted, found, "red")
@@ -314,7 +315,7 @@ class DriveSetup:
             )
 
     def _switch_off_other_pdos(self, used: set[int]) -> None:
-        """Switch unused PDOs off, because the bus load is computed without them."""
+        """Switch off unused PDOs, because the computed bus load does not contain them."""
         for index in _other_pdos(used):
             try:
                 entry = self._port.read_int(index, 1)
@@ -330,7 +331,7 @@ class DriveSetup:
                 self._note(index, 1, "unused PDO", "off", f"{entry:X}h", "red")
 
     def _check_state(self) -> None:
-        """Refuse a drive in fault, which a person must reset; show its error register."""
+        """Check the power state, and show the error register; a user must reset a fault."""
         self._require(Requirement(0x1001, 0, 1, "error register", hexadecimal=True))
         try:
             state = state_of(self._port.read_int(0x6041, 0))

@@ -1,8 +1,9 @@
-"""`StopRamp`: stopping distance and time of an axis, from the values in its drive; too long is red.
+"""`StopRamp`: stopping distance and time of an axis, computed from the values in its drive.
 
-The values that the drive reads back are used. A deceleration that rounds to 0 in the drive's units
-does not stop the axis. Some faults are detected by a limit, such as a following error. Too wide a
-limit would let an axis run through its whole range before the stop begins.
+A distance or time that is too long makes a red setting. The computation uses the values that were
+read back from the drive, because a deceleration that rounds to 0 in the drive's units does not stop
+the axis. It includes the detection of a fault: with a limit that is too wide, for example for the
+following error, an axis could run through its whole range before the stop begins.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from drivers.interfaces.servo_axes import DriveSetting
 from drivers.servo.cia402 import AxisUnits, MotorRatings
 
 LONGEST_STOP_S = 2.0
-LEAST_TORQUE_SHARE = 0.9
+LEAST_TORQUE_FRACTION = 0.9
 
 PROFILE_DECELERATION = (0x6084, 0)
 QUICK_STOP_DECELERATION = (0x6085, 0)
@@ -35,7 +36,10 @@ Held = Mapping[tuple[int, int], int]
 
 
 class _Delay(NamedTuple):
-    """Delay between a fault and the ramp: time at top speed, and additional travel."""
+    """Delay between a fault (`after`) and the ramp: time at top speed, and additional travel.
+
+    `lower` names the keys of the cell file that shorten the delay.
+    """
 
     after: str
     time_s: float
@@ -45,11 +49,12 @@ class _Delay(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class StopRamp:
-    """The ramp of an axis from its largest allowed velocity.
+    """Deceleration ramp of an axis from its largest allowed velocity to rest.
 
     Attributes:
-        velocity: The joint's limit plus the margin at which the motion is stopped [rad/s or m/s].
-        deceleration: The drive's value [rad/s² or m/s²]; 0 if it has none.
+        velocity: Velocity at which the ramp begins [rad/s or m/s].
+        deceleration: Deceleration in the drive [rad/s² or m/s²]; 0 if it rounds to 0 in the drive's
+            units.
     """
 
     velocity: float
@@ -57,20 +62,20 @@ class StopRamp:
 
     @property
     def time_s(self) -> float:
-        """Duration of the ramp [s]; infinite without a deceleration."""
+        """Duration of the ramp [s]; infinite if the deceleration is 0."""
         return self.velocity / self.deceleration if self.deceleration > 0.0 else math.inf
 
     @property
     def distance(self) -> float:
-        """Distance that the axis moves on the ramp [rad or m]."""
+        """Distance that the axis moves during the ramp [rad or m]."""
         return 0.5 * self.velocity * self.time_s
 
 
 def quick_stop_decelerations(cell: CellConfig, robot: RobotDescription) -> list[float]:
-    """Return the deceleration of a quick stop of each axis, base to flange [rad/s² or m/s²].
+    """Return each axis's deceleration in a quick stop, base to flange [rad/s² or m/s²].
 
-    For a drive without a 6085h to set, it is the value in the cell file; for all others, the value
-    that is written to them.
+    For a drive whose 6085h cannot be written, the deceleration is the `deceleration_rad_s2` of its
+    axis in the cell file. For all other drives it is the value that is written to them.
     """
     stated = {axis.joint: cell.servo_of(axis).deceleration_rad_s2 for axis in cell.axes}
     written = cell.drive_safety.quick_stop_deceleration_rad_s2
@@ -88,7 +93,7 @@ def longest_ramp_s(cell: CellConfig, robot: RobotDescription) -> float:
 
 
 def uses_profile_deceleration(cell: CellConfig) -> bool:
-    """Return whether a stop of a cell's drives uses 6084h, not 6085h (CiA 402-2, 605Ah)."""
+    """Return True if a stop can use 6084h instead of 6085h (CiA 402-2, 605Ah)."""
     safety = cell.drive_safety
     return (
         safety.quick_stop_option in _QUICK_STOPS_BY_PROFILE
@@ -104,17 +109,18 @@ def stop_settings(
     units: AxisUnits,
     held: Held,
 ) -> Iterator[DriveSetting]:
-    """Compare the stopping distances and times of one drive's axis with its limits.
+    """Compare the stopping distances and times of one axis with their limits.
 
     Args:
-        cell, axis, joint, motor, units: The limits, the drive, its joint, its motor, and the
-            drive's numbers in the joint's units. With a coupled wrist everything is the motor's,
-            divided by its gear ratio.
-        held: Values that were read back, by index and subindex; objects that could not be read are
-            missing, and already red.
+        cell, axis, joint, motor, units: The cell with the limits, the drive, its joint, its motor,
+            and the conversion of the drive's numbers to the joint's units. In a robot with a
+            coupled wrist, all motions are those of the motor, divided by its gear ratio.
+        held: Values that were read back, by index and subindex. An object that could not be read is
+            missing here; its setting is already red.
 
     Yields:
-        The ordered stop, the longest way to rest after a fault, and the torque for it.
+        The results for a stop that is ordered, for the slowest stop after a fault, and for the
+        torque that a stop needs.
     """
     ramp = _ramp(cell, axis, joint, units, held)
     if ramp is not None:
@@ -137,7 +143,7 @@ def stop_settings(
 def _ramp(
     cell: CellConfig, axis: DriveAxis, joint: Joint, units: AxisUnits, held: Held
 ) -> StopRamp | None:
-    """Return the longest possible ramp of a stop; None if a deceleration was not read."""
+    """Return the longest possible ramp of a stop; None if a deceleration could not be read."""
     velocity = joint.limits.velocity * (1.0 + cell.supervision.limit_margin_fraction)
     stated = cell.servo_of(axis).deceleration_rad_s2
     if stated is not None:
@@ -154,7 +160,7 @@ def _ramp(
 def _check_ordered_stop(
     cell: CellConfig, axis: DriveAxis, joint: Joint, ramp: StopRamp
 ) -> DriveSetting:
-    """Check a stop that is ordered at top speed; its command acts at the SYNC after the next."""
+    """Check a stop that is ordered at top speed; it begins at the second SYNC after the order."""
     before_s = 2.0 * cell.cycle_time_s
     time_s = before_s + ramp.time_s
     distance = ramp.velocity * before_s + ramp.distance
@@ -177,7 +183,7 @@ def _check_ordered_stop(
 def _check_fault_stop(
     cell: CellConfig, axis: DriveAxis, joint: Joint, units: AxisUnits, held: Held, ramp: StopRamp
 ) -> DriveSetting:
-    """Check the longest way to rest after a fault that must first be detected."""
+    """Check the slowest stop after a fault, including the time until the fault is detected."""
     delays = list(_delays(cell, units, held, ramp.velocity))
     far = [ramp.velocity * each.time_s + each.travel + ramp.distance for each in delays]
     late = [each.time_s + ramp.time_s for each in delays]
@@ -199,11 +205,11 @@ def _check_fault_stop(
 def _delays(cell: CellConfig, units: AxisUnits, held: Held, velocity: float) -> Iterator[_Delay]:
     safety, rules, cycle_s = cell.drive_safety, cell.supervision, cell.cycle_time_s
     yield _Delay(
-        "this computer dies", 1e-3 * safety.master_heartbeat_timeout_ms, 0.0,
+        "this computer fails", 1e-3 * safety.master_heartbeat_timeout_ms, 0.0,
         "drive_safety.master_heartbeat_timeout_ms",
     )  # fmt: skip
     yield _Delay(
-        "another drive dies", 1e-3 * safety.drive_heartbeat_timeout_ms + 2.0 * cycle_s, 0.0,
+        "another drive fails", 1e-3 * safety.drive_heartbeat_timeout_ms + 2.0 * cycle_s, 0.0,
         "drive_safety.drive_heartbeat_timeout_ms",
     )  # fmt: skip
     yield _Delay(
@@ -220,21 +226,21 @@ def _delays(cell: CellConfig, units: AxisUnits, held: Held, velocity: float) -> 
     )  # fmt: skip
     allowed = rules.following_error_min_rad + rules.following_error_per_velocity_s * velocity
     yield _Delay(
-        "following error", 2.0 * cycle_s, allowed,
+        "following error, detected by this computer", 2.0 * cycle_s, allowed,
         "supervision.following_error_min_rad and supervision.following_error_per_velocity_s",
     )  # fmt: skip
     if FOLLOWING_ERROR_WINDOW in held and FOLLOWING_ERROR_TIME_MS in held:
         counts = held[FOLLOWING_ERROR_WINDOW]
         window = math.inf if counts == _WINDOW_OFF else counts / abs(units.counts_per_rad)
         yield _Delay(
-            "following error, by the drive", 1e-3 * held[FOLLOWING_ERROR_TIME_MS], window,
+            "following error, detected by the drive", 1e-3 * held[FOLLOWING_ERROR_TIME_MS], window,
             "drive_safety.following_error_rad and drive_safety.following_error_timeout_ms",
         )  # fmt: skip
 
 
 def _check_torque(axis: DriveAxis, joint: Joint, limit: str, allowed: float) -> DriveSetting:
-    """Check whether the drive may produce the torque that motions use [N m or N]."""
-    wanted = LEAST_TORQUE_SHARE * joint.limits.torque
+    """Check that the drive's torque limit `allowed` is enough for a stop [N m or N]."""
+    wanted = LEAST_TORQUE_FRACTION * joint.limits.torque
     good = allowed >= wanted
     unit = "N m" if joint.type == "revolute" else "N"
     return DriveSetting(
@@ -262,9 +268,9 @@ def _required_text(joint: Joint) -> str:
 
 def _found_text(time_s: float, distance: float, joint: Joint) -> str:
     if math.isinf(time_s):
-        return "never: its deceleration is 0 in the drive's units"
+        return "never stops: the deceleration is 0 in the drive's units"
     if math.isinf(distance):
-        return "never: the drive's window is off"
+        return "never stops: the drive does not monitor its following error"
     return f"{time_s:.3g} s, {distance:.3g} {_unit(joint)}"
 
 

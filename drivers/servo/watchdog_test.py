@@ -1,9 +1,9 @@
-"""`WatchTrial`: both heartbeat timeouts are tested once, with the axes at rest.
+"""Watchdog test: the heartbeat timeouts of computer and drives expire once, with the axes at rest.
 
-A correct setting alone does not prove that a drive reacts, so this test observes it. First each
-drive's heartbeat is switched off and no guarding request is sent: this computer must detect it.
-Then this computer's heartbeat and requests are withheld while everything else continues: each drive
-must leave its state by itself, by a quick stop if it was powered.
+A correct setting alone does not prove that a drive reacts, so this test observes it. First, each
+drive's heartbeat is switched off, and no request of life guarding is sent: this computer must
+detect the silence. Then this computer stops its own heartbeat and requests, while the cyclic
+exchange continues: each drive must react by itself, by a quick stop if it has power.
 """
 
 from __future__ import annotations
@@ -23,33 +23,36 @@ HEARTBEAT_LOST = 0x8130
 
 
 @dataclass(frozen=True, slots=True)
-class WatchTrial:
-    """Result of one drive.
+class WatchdogResult:
+    """Result of the watchdog test for one drive.
 
     Attributes:
         joint, node_id: The drive.
-        noticed_s: Time until this computer detected the drive's silence [s]; NaN if it did not.
-        acted_s: Time from this computer's last heartbeat until the drive's reaction [s]; NaN if it
-            did not react.
-        how: The reaction, in words.
-        powered: Whether the drive was switched on, so that its quick stop was observed.
+        detected_s: Time until this computer detected the drive's silence [s]; NaN if it did not.
+        reacted_s: Time from this computer's last heartbeat until the drive's reaction [s]; NaN if
+            the drive did not react.
+        how: The drive's reaction, in words.
+        powered: True if the drive was switched on, so that its quick stop was observed.
     """
 
     joint: str
     node_id: int
-    noticed_s: float
-    acted_s: float
+    detected_s: float
+    reacted_s: float
     how: str
     powered: bool
 
 
-def try_watches(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> tuple[WatchTrial, ...]:
-    """Let both timeouts expire once; the drives are configured before, between and after.
+def run_watchdog_test(
+    axes: CanServoAxes, clock: Clock, cell: CellConfig
+) -> tuple[WatchdogResult, ...]:
+    """Run the watchdog test: let the timeouts of computer and drives expire once.
 
-    With `drive_safety.trip_watchdog_with_power`, or if a drive's reactions are known only by this
-    test, the drives are switched on for the second part, at velocity 0, so that their quick stop
-    can be observed: no person may be in the cell. Otherwise their emergency message is observed. A
-    fault that this test causes is reset.
+    The drives are configured before, between and after the two parts. If
+    `drive_safety.trip_watchdog_with_power` is set, or if only this test can show a drive's
+    reactions, the drives are switched on for the second part, at velocity 0, to observe their quick
+    stop: no person must be in the cell. Otherwise the drives stay without power, and their
+    emergency messages are observed. Faults that this test causes are reset.
 
     Raises:
         LockedError, PreflightError, DeviceTimeoutError, DeviceFaultError, TransportError: As
@@ -61,52 +64,52 @@ def try_watches(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> tuple[Wat
     acted = _withhold_heartbeat(axes, clock, cell, powered=powered)
     axes.bring_up()
     return tuple(
-        WatchTrial(axis.joint, axis.node_id, noticed[axis.joint], *acted[axis.joint], powered)
+        WatchdogResult(axis.joint, axis.node_id, noticed[axis.joint], *acted[axis.joint], powered)
         for axis in cell.axes
     )
 
 
 def switches_power(axes: CanServoAxes, cell: CellConfig) -> bool:
-    """Return whether `try_watches` switches the drives on."""
-    return cell.drive_safety.trip_watchdog_with_power or bool(axes.left_to_trial)
+    """Return True if `run_watchdog_test` switches the drives on."""
+    return cell.drive_safety.trip_watchdog_with_power or bool(axes.undefined_reactions)
 
 
-def prove_watches(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> None:
-    """Test before motion that every drive stops without this computer, if only a test can show it.
+def require_watchdogs(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> None:
+    """Make sure before a motion that every drive stops if this computer fails.
 
-    The drives are configured before and after. Nothing is done if all drives have objects that
-    define their reactions.
+    If all drives have objects that define their reactions, nothing is done. Otherwise the second
+    part of the watchdog test is run with power. The drives are configured before and after it.
 
     Raises:
-        PreflightError: A drive did not stop, or was too late.
+        PreflightError: A drive did not stop, or stopped too late.
         LockedError, DeviceTimeoutError, DeviceFaultError, TransportError: As `bring_up`, `start`
             and `enable`.
     """
-    if not axes.left_to_trial:
+    if not axes.undefined_reactions:
         return
     acted = _withhold_heartbeat(axes, clock, cell, powered=True)
     allowed = cell.drive_safety.allow_drive_without_watchdog
     bad = [
         f"{axis.joint} (node {axis.node_id}): {acted[axis.joint][1]}"
         for axis in cell.axes
-        if axis.node_id not in allowed and not acted[axis.joint][0] <= acts_within_s(cell)
+        if axis.node_id not in allowed and not acted[axis.joint][0] <= reaction_limit_s(cell)
     ]
     if bad:
         raise PreflightError(
-            f"without this computer a drive does not stop in time: {'; '.join(bad)}; do not move"
-            " it. `rid-daq check` shows the test",
+            f"a drive does not stop in time if this computer fails: {'; '.join(bad)}; do not move"
+            " the robot. `rid-daq check` shows the watchdog test",
             code="RID-DRIVE-WATCHDOG",
         )
     axes.bring_up()
 
 
-def acts_within_s(cell: CellConfig) -> float:
-    """Return the time limit for a drive's reaction to this computer's last heartbeat [s]."""
+def reaction_limit_s(cell: CellConfig) -> float:
+    """Return the time limit from this computer's last heartbeat to a drive's reaction [s]."""
     return 1e-3 * cell.drive_safety.master_heartbeat_timeout_ms + 2.0 * cell.cycle_time_s
 
 
 def _silence_drives(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> dict[str, float]:
-    """Switch the drives' heartbeats off; return the time until each was detected [s]."""
+    """Switch off the drives' heartbeats; return the time until each silence was detected [s]."""
     noticed = dict.fromkeys(axes.joint_names, math.nan)
     reported: dict[str, set[int]] = {joint: set() for joint in axes.joint_names}
     axes.bring_up()
@@ -118,20 +121,21 @@ def _silence_drives(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> dict[
     while clock.now_s() < since_s + patience_s and any(map(math.isnan, noticed.values())):
         due_s = _cycle(axes, clock, cell, due_s)
         axes.send_heartbeat(clock.now_s(), asking=False)
-        axes.quick_stop()  # prevents the drives' command timeout; it moves nothing
+        axes.quick_stop()  # prevents the drives' command timeout, without motion
         for event in axes.take_events():
             if event.kind is EventKind.HEARTBEAT_LOST and math.isnan(noticed[event.joint]):
                 noticed[event.joint] = event.time_s - since_s
             elif event.kind is EventKind.EMERGENCY:
                 reported[event.joint].add(event.code)
-    _reset_unasked(axes, reported)
+    _reset_unguarded(axes, reported)
     return noticed
 
 
-def _reset_unasked(axes: CanServoAxes, reported: Mapping[str, set[int]]) -> None:
-    """Reset drives that are in fault only because no guarding request was sent.
+def _reset_unguarded(axes: CanServoAxes, reported: Mapping[str, set[int]]) -> None:
+    """Reset the drives in fault, if the only cause is that they got no request of life guarding.
 
-    A drive with another fault is not reset, so that the next `bring_up` reports it.
+    If a drive has any other fault, no drive is reset, so that the next `bring_up` reports the
+    fault.
     """
     states = zip(axes.joint_names, axes.service.power_states(), strict=True)
     faulty = [reported[joint] for joint, state in states if state.faulty]
@@ -142,9 +146,9 @@ def _reset_unasked(axes: CanServoAxes, reported: Mapping[str, set[int]]) -> None
 def _withhold_heartbeat(
     axes: CanServoAxes, clock: Clock, cell: CellConfig, *, powered: bool
 ) -> dict[str, tuple[float, str]]:
-    """Withhold this computer's heartbeat; return each drive's reaction time [s] and reaction.
+    """Stop this computer's heartbeat; return each drive's reaction time [s] and reaction.
 
-    With power the reaction is the stop, without power the emergency message.
+    The reaction is a drive's stop if the drives have power, and its emergency message if not.
     """
     axes.start()
     due_s = axes.enable() if powered else clock.now_s()
@@ -173,7 +177,7 @@ def _withhold_heartbeat(
 def _await_emergencies(
     axes: CanServoAxes, clock: Clock, cell: CellConfig, due_s: float, until_s: float
 ) -> dict[str, float]:
-    """Run cycles until every drive has sent 8130h or `until_s`; return the times [s], or NaN."""
+    """Run cycles until each drive has sent 8130h, or until `until_s`; return times [s] or NaN."""
     emergency_s = dict.fromkeys(axes.joint_names, math.nan)
     while clock.now_s() < until_s and any(map(math.isnan, emergency_s.values())):
         due_s = _cycle(axes, clock, cell, due_s)
@@ -188,12 +192,12 @@ def _await_emergencies(
 def _observe_stops(
     axes: CanServoAxes, clock: Clock, cell: CellConfig, due_s: float, until_s: float
 ) -> dict[str, float]:
-    """Run cycles until no drive follows or `until_s`; return the times [s], or NaN.
+    """Run cycles until all drives have stopped, or until `until_s`; return the times [s] or NaN.
 
-    A report of a drive is not a stop yet. Its time counts only if the next answer shows that the
-    drive has left Operation Enabled, or if no answer comes. Only a drive whose answer shows this
-    gets Disable Voltage. No drive gets a quick stop: the effect of a command of this computer, or
-    of another drive's reaction, could otherwise be taken for the drive's own reaction.
+    A message about a failure does not yet prove that the drive stops. The time of the message
+    counts only if the drive's next answer shows that it has left Operation Enabled, or if it does
+    not answer. Only drives whose answer shows this get Disable Voltage. No drive gets a quick stop
+    from this computer, because its effect could be mistaken for the drive's own reaction.
     """
     left_s = dict.fromkeys(axes.joint_names, math.nan)
     words = dict.fromkeys(axes.joint_names, ControlWord.ENABLE_OPERATION)
@@ -223,7 +227,7 @@ def _observe_stops(
 
 
 def _cycle(axes: CanServoAxes, clock: Clock, cell: CellConfig, before_s: float) -> float:
-    """Run the next cycle in time; return the time of SYNC [s]."""
+    """Wait for the next cycle and run it; return the time of SYNC [s]."""
     due_s = max(before_s + cell.cycle_time_s, clock.now_s())
     clock.sleep_until(due_s)
     return axes.exchange()

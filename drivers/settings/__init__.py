@@ -1,5 +1,6 @@
-"""Drive settings, stored in files so that they can be restored: no bus, no port.
+"""Files with drive settings, from which the settings can be restored; no communication.
 
-These files define which objects are settings, which values were overwritten, and the order of
-restoring. `drivers/servo/drive_settings.py` communicates with drives. Begin with `saved_drive.py`.
+The modules define which objects are settings, log overwritten values, and define the order of
+restoring. `drivers/servo/drive_settings.py` communicates with the drives. Begin with
+`saved_drive.py`.
 """

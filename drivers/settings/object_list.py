@@ -1,7 +1,7 @@
-"""The objects of a drive that are settings, chosen by a person or a program.
+"""The objects of a drive that are settings: their values are chosen by a user or a program.
 
-Sources: CiA 301, 7.5.2; CiA 402-2. A drive's data sheet (EDS) defines this for all its objects;
-without one, these lists define it for the objects of the profiles.
+Sources: CiA 301, 7.5.2; CiA 402-2. If a drive has a data sheet (EDS), it lists all objects and
+their access. Without an EDS, the lists here are used: the settings of CiA 301 and CiA 402.
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ COMMUNICATION_SETTINGS: Final[tuple[int, ...]] = (
         for number in PREDEFINED_NUMBERS
     ),
 )
-"""Objects that a reset of the communication restores to the values stored in the drive."""
+"""Communication settings: a reset of the communication restores their values that are stored in the
+drive."""
 
 PROFILE_SETTINGS: Final[tuple[int, ...]] = (
     *(0x6007, 0x605A, 0x605B, 0x605C, 0x605D, 0x605E, 0x6060, 0x6065, 0x6066, 0x6067, 0x6068),
@@ -44,7 +45,8 @@ PROFILE_SETTINGS: Final[tuple[int, ...]] = (
 RECORDS: Final = frozenset(
     (0x1016, 0x1029, 0x607B, 0x607D, *range(0x608F, 0x6098), 0x6099, 0x60C2, 0x6410)
 )
-"""Arrays and records of these lists, besides those of the PDOs; sub-index 0 is their length."""
+"""Arrays and records among the settings, except those of PDOs; sub-index 0 is the number of their
+elements."""
 
 _NO_SETTINGS = frozenset(
     (
@@ -52,21 +54,22 @@ _NO_SETTINGS = frozenset(
         *(0x6040, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60C1, 0x60FE, 0x60FF),
     )
 )
-"""Commands, set-points, texts and programs: writing them has an effect of its own."""
+"""Commands, set-points, error history and programs: a write to them has an immediate effect, so
+they are not settings."""
 
 
 def is_setting(index: int) -> bool:
-    """Return whether an object can be a setting, because writing it is not a command."""
+    """Return True if an object can be a setting; a write to it is then not a command."""
     return index not in _NO_SETTINGS
 
 
 def is_record(index: int) -> bool:
-    """Return whether an object has sub-indices, with their number in sub-index 0."""
+    """Return True if an object has sub-indices, whose number is in sub-index 0."""
     return 0x1400 <= index < 0x1C00 or index in RECORDS
 
 
 def settings_of(eds: ElectronicDataSheet) -> tuple[Address, ...]:
-    """Return the objects of a drive that are writable settings, by its data sheet."""
+    """Return the addresses of the writable settings in a drive's data sheet."""
     return tuple(
         (item.index, item.subindex)
         for item in eds.objects

@@ -1,4 +1,4 @@
-"""Order in which a drive accepts that its objects are restored."""
+"""Order of writes in which a drive accepts that its settings are restored."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ def restore_order(
 ) -> Iterator[ObjectWrite]:
     """Yield the writes that restore `values` for the objects in `different`.
 
-    If any part of a PDO differs, the PDO is written completely: it is switched off, its mapping is
-    emptied and written, and its identifier is written last (CiA 301, 7.5.2.34 and 7.5.2.36).
+    A PDO that differs is made invalid first. If its mapping differs, the number of mapped objects
+    is set to 0 and the whole mapping is written. The identifier is written last, which makes the
+    PDO valid again (CiA 301, 7.5.2.34 and 7.5.2.36).
     """
     records = {record for index, _ in different if (record := pdo_of(index)) is not None}
     for index, subindex in sorted(different):
@@ -27,7 +28,7 @@ def restore_order(
 
 
 def pdo_of(index: int) -> int | None:
-    """Return the communication record of the PDO that contains an object; None for others."""
+    """Return the communication record of the PDO that contains an object; None without a PDO."""
     if not 0x1400 <= index < 0x1C00:
         return None
     return index - _TO_MAPPING if index & _TO_MAPPING else index

@@ -1,4 +1,4 @@
-"""`SavedDrive`: stored values of one drive's objects, with the drive's identity."""
+"""`SavedDrive`: saved values of one drive's objects, with the drive's identity."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from config.model import ConfigModel
 from drivers.canopen.sdo import object_name
 
 Address = tuple[int, int]
-"""Index and sub-index."""
+"""Index and sub-index of an object."""
 
 ObjectName = Annotated[str, Field(pattern=r"^[0-9A-F]{4}h:[0-9A-F]{2}$")]
 HexBytes = Annotated[str, Field(pattern=r"^([0-9a-f]{2})*$", max_length=1 << 17)]
@@ -25,12 +25,12 @@ _BACKUP_BYTES = 16 << 20
 
 
 class DriveIdentity(DeviceIdentity):
-    """A drive's answer of 1018h; None for unknown values."""
+    """Identity of a drive, from its object 1018h; None for unknown values."""
 
     serial: Unsigned32 | None = None
 
     def differences(self, other: DriveIdentity) -> tuple[str, ...]:
-        """Return the differences of two drives; only upper 16 bits of revisions are compared."""
+        """Return the differences in words; of the revisions, only the upper 16 bits count."""
         pairs = {
             "vendor": (self.vendor, other.vendor),
             "product": (self.product, other.product),
@@ -45,7 +45,7 @@ class DriveIdentity(DeviceIdentity):
 
 
 class SavedSetting(ConfigModel):
-    """Value of one object, in the byte order of the bus; None with the reason."""
+    """Saved value of one object, in the byte order of the bus; None if unknown because of `why`."""
 
     object: ObjectName
     value: HexBytes | None
@@ -53,7 +53,7 @@ class SavedSetting(ConfigModel):
 
 
 class SavedDrive(ConfigModel):
-    """Values of one drive's objects, by their addresses."""
+    """Saved values of one drive's objects."""
 
     node_id: NodeId
     identity: DriveIdentity
@@ -67,7 +67,7 @@ class SavedDrive(ConfigModel):
         values: dict[Address, bytes],
         unknown: dict[Address, str],
     ) -> SavedDrive:
-        """Return the values that were read from a drive, and the reasons for missing ones."""
+        """Return a drive with saved values, and with the reasons for the unknown values."""
         held: dict[Address, tuple[str | None, str]] = {
             address: (value.hex(), "") for address, value in values.items()
         }
@@ -80,7 +80,7 @@ class SavedDrive(ConfigModel):
 
     @property
     def values(self) -> dict[Address, bytes]:
-        """The known values."""
+        """The known values, by address."""
         return {
             address_of(each.object): bytes.fromhex(each.value)
             for each in self.settings
@@ -89,12 +89,12 @@ class SavedDrive(ConfigModel):
 
     @property
     def unknown(self) -> dict[Address, str]:
-        """The reasons for unknown values."""
+        """The reasons for unknown values, by address."""
         return {address_of(each.object): each.why for each in self.settings if each.value is None}
 
 
 class DriveBackup(ConfigModel):
-    """The file of `rid-daq drives backup`: all drives of a cell."""
+    """Content of the file that `rid-daq drives backup` writes: all drives of a cell."""
 
     format: Literal[1]
     cell: str
@@ -106,7 +106,7 @@ class DriveBackup(ConfigModel):
         """Read the file.
 
         Raises:
-            ConfigError: It cannot be read, or is not a backup.
+            ConfigError: The file cannot be read, or is not a backup.
         """
         return read_json_file(path, cls, _BACKUP_BYTES, "a backup of `rid-daq drives backup`")
 
@@ -114,13 +114,13 @@ class DriveBackup(ConfigModel):
         """Write the file.
 
         Raises:
-            RecordingError: It cannot be written.
+            RecordingError: The file cannot be written.
         """
         write_whole(path, self.model_dump_json(indent=1).encode() + b"\n")
 
 
 def address_of(name: str) -> Address:
-    """Return the address of an object's name."""
+    """Return index and sub-index in an object's name, such as ``6085h:00``."""
     index, subindex = name.split("h:")
     return int(index, 16), int(subindex, 16)
 

@@ -1,8 +1,9 @@
-"""`WriteLog`: log of values that are written to drives, with the previous values, line by line.
+"""`WriteLog`: log of all values that are written to drives, with the previous values.
 
-A line is on disk before its write reaches the drive, so that it survives a crash of the program and
-a power failure. Lines are JSON: first the identity of a node's drive, then every object that
-changes. Commands (6040h) are not settings and are not logged, because there is nothing to restore.
+Each write is one line. The line is on disk before the write reaches the drive, so that it survives
+a crash of the program and a power failure. Lines are JSON: first the identity of a node's drive,
+then every object that changes. Commands (6040h) are not settings and are not logged, because there
+is nothing to restore.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ from drivers.settings.saved_drive import (
 )
 
 DRIVE_WRITES = "drive_writes.jsonl"
-"""The write log's name in a run folder."""
+"""Name of the write log in a run folder."""
 
 _LOG_BYTES = 64 << 20
 
@@ -42,9 +43,9 @@ class DriveLine(ConfigModel):
 
 
 class ChangeLine(ConfigModel):
-    """An object that is about to change: by a write, or by a reset, which has no `new`.
+    """A change of an object that is about to be made: by a write, or (`new` is None) by a reset.
 
-    If `old` cannot be read, it is None and `why` has the reason.
+    If the old value cannot be read, `old` is None and `why` is the reason.
     """
 
     kind: Literal["change"] = "change"
@@ -61,12 +62,12 @@ _LINE: TypeAdapter[DriveLine | ChangeLine] = TypeAdapter(
 
 
 class WriteLog:
-    """Writer of a write log; the file is created with its first line.
+    """Writer of a write log; the first line creates the file.
 
     Args:
         path: The file; its folder is created too.
-        durable: Whether each line is on disk before its write. Simulated drives do not survive a
-            power failure of the computer, and need not wait.
+        durable: True to wait until each line is on disk. Simulated drives lose their values in a
+            power failure of the computer, so that their log need not wait.
     """
 
     def __init__(self, path: Path, *, durable: bool = True) -> None:
@@ -75,14 +76,14 @@ class WriteLog:
         self._nodes: set[int] = set()
 
     def knows(self, node_id: int) -> bool:
-        """Return whether the identity of a node's drive has been logged."""
+        """Return True if the identity of a node's drive has been logged."""
         return node_id in self._nodes
 
     def add_drive(self, node_id: int, identity: DriveIdentity) -> None:
         """Log the identity of a node's drive.
 
         Raises:
-            RecordingError: It cannot be written.
+            RecordingError: The log cannot be written.
         """
         self._append(DriveLine(node_id=node_id, identity=identity))
         self._nodes.add(node_id)
@@ -90,10 +91,10 @@ class WriteLog:
     def add_change(
         self, node_id: int, address: Address, old: bytes | str, new: bytes | None
     ) -> None:
-        """Log a change that is about to be made; a text as `old` is the reason for a missing value.
+        """Log a change that is about to be made; a text as `old` is the reason why it is unknown.
 
         Raises:
-            RecordingError: It cannot be written; then nothing may be written to the drive either.
+            RecordingError: The log cannot be written; the caller must then not write to the drive.
         """
         known = isinstance(old, bytes)
         self._append(
@@ -131,7 +132,7 @@ class WriteLog:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Flush a new file's name to disk."""
+    """Ensure that the name of a new file in a folder is on disk."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
         os.fsync(descriptor)
@@ -140,12 +141,14 @@ def _sync_folder(folder: Path) -> None:
 
 
 def read_write_log(path: Path) -> tuple[SavedDrive, ...]:
-    """Return every drive's values before the first change of each object.
+    """Return the values of every drive from before the first change of each object.
 
-    An incomplete last line is ignored: its write did not reach the drive.
+    An incomplete last line is ignored, because the write that belongs to it did not reach the
+    drive.
 
     Raises:
-        ConfigError: The file cannot be read, or is not a write log; the message has the line.
+        ConfigError: The file cannot be read, or is not a write log; the message contains the number
+            of the wrong line.
     """
     with system_errors(ConfigError, f"{path}: cannot be read", code="RID-FILE-READ"):
         data = read_file(path, _LOG_BYTES, follow_link=False)

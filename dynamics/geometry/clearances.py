@@ -1,4 +1,4 @@
-"""`Clearances`: distances between the robot's bodies, and from them to the surroundings."""
+"""`Clearances`: distances between the robot's bodies, and from them to the workspace's solids."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ _ROUNDED_M = 1e-9
 
 @dataclass(frozen=True)
 class _Solid:
-    """A shape of the library coal, the link that carries it, and its pose in the link's frame.
+    """A collision shape (of the library coal), the link that carries it, and its pose on the link.
 
-    A capsule around `centre` contains the shape. `half` is half of the capsule's line, from the
-    centre to an end, and `radius` is its radius. Solids around the robot have no capsule. `body` is
-    the name of a body of the robot.
+    A capsule encloses the shape: all points within `radius` of a line segment, whose middle is
+    `centre` and whose ends are `centre` ± `half`. Solids of the workspace have no capsule. `body`
+    is the name of the body in the robot file; empty for solids of the workspace.
     """
 
     name: str
@@ -40,13 +40,13 @@ class _Solid:
 
     @property
     def reach(self) -> float:
-        """Largest distance of the capsule's surface from the centre [m]."""
+        """Radius of the sphere around `centre` that encloses the capsule [m]."""
         return self.radius + float(np.linalg.norm(self.half))
 
 
 @dataclass(frozen=True)
 class _Touch:
-    """Distances of (sample, pair)s, nearest points of both, normals from first to second."""
+    """Distances of pairs of solids, nearest points on both, normals from first to second solid."""
 
     distance: FloatArray
     points: tuple[FloatArray, FloatArray]
@@ -57,15 +57,15 @@ class _Touch:
 class Clearances:
     """Pairs of solids whose distance is checked.
 
-    Some bodies touch by design and are not checked against each other: bodies of the same link or
-    of neighbouring links, and pairs in the robot's `may_touch`. For a robot without bodies, the
-    tool point is checked against the surroundings. If the capsules around two bodies are far apart,
-    their exact distance is not computed.
+    Bodies that touch by design are not checked against each other: bodies of the same link or of
+    neighbouring links, and the pairs in `may_touch` of the robot file. For a robot without bodies,
+    only the tool point is checked against the workspace. The exact distance of two bodies is
+    computed only if their enclosing capsules are close.
 
     Attributes:
         chain: The robot's geometry.
-        pairs: Tuple of (solid, solid). Solids that must stay apart; the second of each pair is a
-            body of the robot.
+        pairs: Pairs of solids that must stay apart; the second solid of each pair is a body of the
+            robot.
         margin_m: The smallest allowed distance.
     """
 
@@ -75,7 +75,7 @@ class Clearances:
 
     @classmethod
     def of(cls, robot: RobotDescription, workspace: Workspace | None = None) -> Clearances:
-        """Return the pairs of a robot's bodies and a cell's workspace."""
+        """Return the pairs to check for a robot's bodies and the solids of a cell's workspace."""
         workspace = workspace or Workspace()
         chain = Chain.from_description(robot)
         bodies = [_body_solid(body, number) for number, body in enumerate(robot.bodies, start=1)]
@@ -100,13 +100,13 @@ class Clearances:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the pairs in a message."""
+        """Names of the pairs for messages."""
         return tuple(f"{first.name} and {second.name}" for first, second in self.pairs)
 
     def nearest(self, q: FloatArray) -> FloatArray:
-        """Return each pair's smallest distance, (pairs,) [m], over poses q of (samples, n).
+        """Return each pair's smallest distance, (pairs,) [m], over the poses q, (samples, n).
 
-        Overlap is a negative distance.
+        The distance is negative if the two solids overlap.
         """
         links = link_transforms(self.chain, q)
         bounds = self._bounds(links)
@@ -121,7 +121,7 @@ class Clearances:
         return nearest
 
     def is_clear(self, q: FloatArray) -> bool:
-        """Return True if every pair stays apart by the margin over poses q of (samples, n)."""
+        """Return True if every pair keeps the margin in all poses q, (samples, n)."""
         links = link_transforms(self.chain, q)
         rows, columns = self._near(links)
         return all(
@@ -134,29 +134,31 @@ class Clearances:
         )
 
     def clear_pose(self, first: FloatArray, others: FloatArray, robot: str) -> FloatArray:
-        """Return a pose (n,) that keeps the margin: the first, or one of the others (poses, n).
+        """Return a pose (n,) that keeps the margin: `first`, or else one of `others` (poses, n).
 
         Raises:
-            ConfigError: No pose keeps the margin; `robot` is the name in the message.
+            ConfigError: No pose keeps the margin; the message contains `robot` as the robot's name.
         """
         for pose in (first, *others):
             if self.is_clear(pose[np.newaxis]):
                 return np.asarray(pose)
         raise ConfigError(
-            f"robot {robot!r}: none of {len(others)} poses keeps the clearance from itself and from"
-            " the workspace: check `bodies` in the robot file and `workspace` in the cell file",
+            f"robot {robot!r}: none of {len(others)} poses keeps the robot clear of itself"
+            " and of the workspace: check `bodies` in the robot file and `workspace` in the cell"
+            " file",
             code="RID-DESIGN-NONE",
         )
 
     def shortfall(self, q: FloatArray) -> tuple[float, FloatArray]:
-        """Return the violation of the margin by bodies that are too close, and its gradient.
+        """Return the sum of squares by which distances fall short of the margin, and its gradient.
 
         Args:
             q: Shape (samples, n). Joint positions [rad or m].
 
         Returns:
-            `squares`. Sum over samples and pairs of the squared violations of the margin [m^2].
-            `gradient`, shape (samples, n). Its derivatives by the joint positions.
+            `squares`. Sum over samples and pairs of (margin - distance)^2 for distances below the
+            margin [m^2]. `gradient`, shape (samples, n). Derivatives of `squares` by the joint
+            positions.
         """
         gradient = np.zeros_like(q)
         links = link_transforms(self.chain, q)
@@ -173,7 +175,7 @@ class Clearances:
         return float(short @ short), gradient
 
     def _bounds(self, links: FloatArray) -> FloatArray:
-        """Return a lower bound of the distance of each pair, (samples, pairs) [m]."""
+        """Return a lower bound of the distance in each pair, (samples, pairs) [m]."""
         lines = self._lines(links)
         bounds = np.empty((len(links), len(self)))
         for column, (first, second) in enumerate(self.pairs):
@@ -181,9 +183,10 @@ class Clearances:
         return bounds
 
     def _near(self, links: FloatArray) -> tuple[IntArray, IntArray]:
-        """Return samples and pairs that may be closer than the margin, sample by sample.
+        """Return sample and pair numbers of the distances that may be below the margin.
 
-        The bound of a pair is computed only if the spheres around both come close.
+        The lower bound of a pair's distance is computed only if the spheres around its two solids
+        come close. The result is ordered by samples.
         """
         lines = self._lines(links)
         samples, pairs = [], []
@@ -202,9 +205,9 @@ class Clearances:
     def _balls_meet(
         self, lines: dict[int, tuple[FloatArray, FloatArray]]
     ) -> Iterator[tuple[int, IntArray]]:
-        """Yield the pairs whose surrounding spheres are closer than the margin, with the samples.
+        """Yield each pair with the samples in which its enclosing spheres violate the margin.
 
-        Solids around the robot have no such sphere: all samples are yielded for them.
+        Solids of the workspace have no enclosing sphere; for their pairs, all samples are yielded.
         """
         if not self.pairs:
             return
@@ -226,15 +229,15 @@ class Clearances:
                 yield column, np.flatnonzero(close[:, *ends])
 
     def _solids(self) -> dict[int, _Solid]:
-        """Return each solid of the pairs once, by its id."""
+        """Return all solids of the pairs, each once, by the `id` of the object."""
         return {id(solid): solid for pair in self.pairs for solid in pair}
 
     def _lines(self, links: FloatArray) -> dict[int, tuple[FloatArray, FloatArray]]:
-        """Return the centre and half vector of each solid's line, by the solid's id."""
+        """Return `centre` and `half` of each solid in the base frame, by the `id` of the object."""
         return {key: _line(solid, links) for key, solid in self._solids().items()}
 
     def _measure(self, links: FloatArray, rows: IntArray, columns: IntArray) -> _Touch:
-        """Compute the distance of pair `columns[k]` in sample `rows[k]` with coal."""
+        """Compute, by the library coal, the distance of pair `columns[k]` in sample `rows[k]`."""
         distance, normals = np.empty(len(rows)), np.empty((len(rows), 3))
         points = np.empty((len(rows), 3)), np.empty((len(rows), 3))
         request, result = coal.DistanceRequest(), coal.DistanceResult()
@@ -261,13 +264,13 @@ def _bound(
     second: _Solid,
     other: tuple[FloatArray, FloatArray],
 ) -> FloatArray:
-    """Return a lower bound of the distance of a pair, (samples,) [m], from the lines of both."""
+    """Return a lower bound of the distance of two solids, (samples,) [m], from their capsules."""
     centre, half = other
     if isinstance(first.shape, coal.Halfspace):
         height = centre @ first.shape.n - np.abs(half @ first.shape.n) - first.shape.d
         return np.asarray(height - second.radius)
     if isinstance(first.shape, coal.Box):
-        # Distance of the box and the bounding box of the capsule along the same axes.
+        # From the box to the axis-aligned bounding box of the capsule's line segment.
         size = first.shape.halfSide + np.abs(half)
         beyond = np.maximum(np.abs(centre - first.centre) - size, 0.0)
         return np.asarray(np.linalg.norm(beyond, axis=1) - second.radius)
@@ -275,7 +278,7 @@ def _bound(
 
 
 def _line(solid: _Solid, links: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return centre and half vector of a solid's line in the base frame, (samples, 3) each."""
+    """Return `centre` and `half` of a solid in the base frame, (samples, 3) each."""
     if solid.link == 0:
         shape = (len(links), 3)
         return np.broadcast_to(solid.centre, shape), np.broadcast_to(solid.half, shape)
@@ -287,7 +290,7 @@ def _line(solid: _Solid, links: FloatArray) -> tuple[FloatArray, FloatArray]:
 def _line_distance(
     first: FloatArray, half_first: FloatArray, second: FloatArray, half_second: FloatArray
 ) -> FloatArray:
-    """Return the distance of line segments, (samples,); Ericson (2005), section 5.1.9."""
+    """Return the distances of two line segments, (samples,); Ericson (2005), section 5.1.9."""
     r = first - second
     a, b, e, c, f = (
         np.einsum("sd,sd->s", left, right)
@@ -307,7 +310,7 @@ def _line_distance(
 
 
 def _clipped_quotient(numerator: FloatArray, denominator: FloatArray) -> FloatArray:
-    """Return the quotient, limited to -1..1; 0 if the denominator vanishes."""
+    """Return numerator / denominator, limited to -1..1; 0 if the denominator is almost 0."""
     safe = np.where(denominator > 1e-12, denominator, 1.0)
     return np.clip(np.where(denominator > 1e-12, numerator / safe, 0.0), -1.0, 1.0)
 
@@ -345,7 +348,7 @@ def _ball(name: str, link: int, centre: FloatArray, radius: float, body: str = "
 
 
 def _plane_solid(plane: Plane) -> _Solid:
-    """Return the half-space behind a plane, which the robot must not enter."""
+    """Return the half-space behind a plane as a solid that the robot must not enter."""
     return _half_space(plane.name, np.array(plane.normal), plane.offset_m)
 
 
@@ -364,7 +367,7 @@ def _box_solids(box: Box) -> list[_Solid]:
 
 
 def _z_along(direction: FloatArray) -> FloatArray:
-    """Return a rotation whose third column points along a vector."""
+    """Return a rotation whose third column is the direction of a vector."""
     z = direction / np.linalg.norm(direction)
     other = np.eye(3)[int(np.argmin(np.abs(z)))]
     x = np.cross(other, z)

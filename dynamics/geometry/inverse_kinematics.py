@@ -24,16 +24,19 @@ def follow_tool_path(
 
     Args:
         chain: The arm.
-        points_m: Shape (samples, 3). Wanted tool points in the base frame; neighbours are close.
-        near: Shape (n,). A pose near the first point; it selects one of the arm's configurations.
-        rotation: Shape (3, 3). Orientation of the last link's frame to hold; free, if not given. An
-            arm of three joints cannot hold one.
+        points_m: Shape (samples, 3). Desired tool points in the base frame [m]; consecutive points
+            must be close together.
+        near: Shape (n,). Joint positions with the tool near the first point; they select the arm's
+            configuration, such as elbow up.
+        rotation: Shape (3, 3). Orientation that the last link's frame must keep; None leaves the
+            orientation free, as is necessary for an arm of three joints.
 
     Returns:
         Shape (samples, n). Joint positions [rad or m].
 
     Raises:
-        ConfigError: A point cannot be reached from the previous one, or only through a singularity.
+        ConfigError: A point cannot be reached from the previous point, or only through a singular
+            pose.
     """
     found = np.empty((len(points_m), chain.n))
     pose = np.array(near, dtype=float)
@@ -47,17 +50,18 @@ def follow_tool_path(
 def reach(
     chain: Chain, point: FloatArray, near: FloatArray, rotation: FloatArray | None, what: str
 ) -> FloatArray:
-    """Return the joint positions near a pose that put the tool point at a given point.
+    """Return joint positions with the tool point at a given point, starting the search at a pose.
 
     Args:
         chain: The arm.
-        point: Shape (3,). Wanted tool point in the base frame [m].
-        near: Shape (n,). A pose near it.
-        rotation: Shape (3, 3). Orientation of the last link's frame to hold; None leaves it free.
+        point: Shape (3,). Desired tool point in the base frame [m].
+        near: Shape (n,). Joint positions at which the search starts, with the tool near the point.
+        rotation: Shape (3, 3). Orientation that the last link's frame must keep; None leaves it
+            free.
         what: Name of the point in a message.
 
     Raises:
-        ConfigError: It cannot be reached from there, or only through a singularity.
+        ConfigError: The point cannot be reached from there, or only through a singular pose.
     """
     pose = near
     place = ", ".join(f"{1e3 * x:.0f}" for x in point)
@@ -71,14 +75,14 @@ def reach(
         if size[-1] < SINGULAR * size[0]:
             raise ConfigError(
                 f"{what} ({place} mm) leads through a singular pose, in which the arm cannot move"
-                " in every direction: shift or turn the path, or start it near another pose",
+                " in every direction: shift or turn the path, or start the path near another pose",
                 code="RID-PATH-SINGULAR",
             )
         step = right.T @ ((left.T @ short) / size)
         pose = pose + step * min(1.0, LONGEST_STEP / max(float(np.abs(step).max()), 1e-300))
     raise ConfigError(
-        f"{what} ({place} mm) cannot be reached from {_describe_tool(chain, near)}: move it nearer"
-        " to the robot, or start it near another pose",
+        f"{what} ({place} mm) cannot be reached from {_describe_tool(chain, near)}: move the"
+        " point nearer to the robot, or start the path near another pose",
         code="RID-PATH-REACH",
     )
 
@@ -94,8 +98,8 @@ class PathSlopes(NamedTuple):
     """Joint positions along a path of the tool point, with derivatives by the path length.
 
     Attributes:
-        position, slope, bend: Shape (samples, n). rad or m, and its first two derivatives by the
-            length [1/m, 1/m^2].
+        position, slope, bend: Shape (samples, n). Joint positions [rad or m], and their first and
+            second derivatives by the path length [rad/m and rad/m^2, or 1 and 1/m].
     """
 
     position: FloatArray
@@ -111,19 +115,21 @@ def refine_positions(
     near: FloatArray,
     rotation: FloatArray | None = None,
 ) -> PathSlopes:
-    """Return joint positions along a path, and their slopes, from good initial guesses.
+    """Return joint positions along a path, and their derivatives, from good initial guesses.
 
-    All rows are solved at once.
+    All points are solved at the same time.
 
     Args:
         chain: The arm.
         points_m, direction, curvature: Shape (samples, 3). The path in the base frame: points, unit
             tangents, and the derivative of the tangents by the length [1/m].
         near: Shape (samples, n). Initial guesses.
-        rotation: Shape (3, 3). Orientation of the last link's frame to hold.
+        rotation: Shape (3, 3). Orientation that the last link's frame must keep; None leaves it
+            free.
 
     Raises:
-        ConfigError: The guesses were not good enough.
+        ConfigError: The search does not converge from the initial guesses: the path is too near a
+            singular pose.
     """
     position = np.array(near, dtype=float)
     for _ in range(ITERATIONS):
@@ -134,7 +140,7 @@ def refine_positions(
     else:
         raise ConfigError(
             "the path comes too near a singular pose, in which the arm cannot move in every"
-            " direction: shift or turn it",
+            " direction: shift or turn the path",
             code="RID-PATH-SINGULAR",
         )
     spin = np.zeros((len(points_m), 0 if rotation is None else 3))
@@ -150,14 +156,14 @@ def refine_positions(
 
 
 def _solve(slopes: FloatArray, wanted: FloatArray) -> FloatArray:
-    """Return the smallest joint changes that produce the wanted changes, row by row."""
+    """Return, for each row, the smallest joint changes that produce the desired pose changes."""
     return np.asarray((np.linalg.pinv(slopes) @ wanted[:, :, np.newaxis])[:, :, 0])
 
 
 def _pose_error(
     chain: Chain, pose: FloatArray, points: FloatArray, rotation: FloatArray | None
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the errors of points and orientation, (samples, 3 or 6), and the Jacobians."""
+    """Return the errors of position and orientation, (samples, 3 or 6), and the Jacobians."""
     last = link_transforms(chain, pose)[:, -1]
     short = points - (last[:, :3, :3] @ chain.tool_m + last[:, :3, 3])
     slopes = jacobian(chain, pose)

@@ -1,4 +1,4 @@
-"""`Chain`: the geometry of a serial arm as arrays, and forward kinematics."""
+"""`Chain`: the geometry of a serial arm as arrays, and its forward kinematics."""
 
 from __future__ import annotations
 
@@ -19,16 +19,17 @@ ChainArrays = tuple[FloatArray, FloatArray, BoolArray, FloatArray]
 class Chain:
     """A serial chain of n joints in the modified Denavit-Hartenberg convention.
 
-    Frame i lies on axis i and moves with link i; joint i turns about (or slides along) its z.
-    Frame 0 is the base. Link parameters and rotor axes refer to these frames, whichever convention
-    the robot file uses.
+    Frame 0 is fixed to the base. Frame i is fixed to link i, and its z axis is the axis of joint i:
+    the joint turns about it, or slides along it. Link parameters and rotor axes always refer to
+    these frames, even if the robot file uses another convention.
 
     Attributes:
-        rows: Shape (n, 5). alpha [rad], beta [rad], theta [rad], a [m], d [m] of Rot_x(alpha)
-            Trans_x(a) Rot_y(beta) Rot_z(theta) Trans_z(d), from frame i-1 to i (theory: section 1).
+        rows: Shape (n, 5). alpha [rad], beta [rad], theta [rad], a [m], d [m] of the transform
+            Rot_x(alpha) Trans_x(a) Rot_y(beta) Rot_z(theta) Trans_z(d) from frame i-1 to i (theory:
+            section 1).
         prismatic: Shape (n,). True if the joint position adds to d, False if it adds to theta.
-        gravity_m_s2: Shape (3,). Acceleration of free fall in the base frame.
-        tool_m: Shape (3,). Tool point in the frame of the last link.
+        gravity_m_s2: Shape (3,). Gravitational acceleration vector in the base frame [m/s^2].
+        tool_m: Shape (3,). Tool point in the frame of the last link [m].
     """
 
     rows: FloatArray
@@ -54,7 +55,7 @@ class Chain:
         """Return the geometry of a robot description."""
         rows = robot.kinematics.modified_rows()
         tool = np.array(robot.tool_offset_m)
-        if robot.kinematics.convention == "standard_dh":  # the half row from axis n to the flange
+        if robot.kinematics.convention == "standard_dh":  # from axis n to the flange
             last = robot.kinematics.calibrated_rows[-1]
             tool = _rotation_x(last.alpha_rad) @ tool + np.array([last.a_m, 0.0, 0.0])
         return cls(
@@ -71,7 +72,7 @@ class Chain:
 
     @cached_property
     def fixed_rotations(self) -> FloatArray:
-        """The constant part Rot_x(alpha) Rot_y(beta) of every joint's rotation, (n, 3, 3)."""
+        """Constant part Rot_x(alpha) Rot_y(beta) of the rotation at every joint, (n, 3, 3)."""
         rotations = np.array([_rotation_x(row[0]) @ _rotation_y(row[1]) for row in self.rows])
         rotations.setflags(write=False)
         return rotations
@@ -83,7 +84,7 @@ class Chain:
 
 
 def link_transforms(chain: Chain, q: npt.ArrayLike) -> FloatArray:
-    """Return the homogeneous transforms from every link frame to the base frame.
+    """Return the homogeneous transforms from all link frames to the base frame.
 
     Args:
         chain: The arm.
@@ -134,8 +135,8 @@ def jacobian(chain: Chain, q: npt.ArrayLike) -> FloatArray:
         q: Shape (samples, n). Joint positions [rad or m].
 
     Returns:
-        Shape (samples, 6, n). Linear velocity of the tool point, then angular velocity, in the base
-        frame, per unit of each joint's speed.
+        Shape (samples, 6, n). Linear velocity of the tool point, then angular velocity of the last
+        link, in the base frame, per unit velocity of each joint.
 
     Raises:
         EstimationError: q does not have the shape (samples, n).
@@ -163,7 +164,8 @@ def point_jacobian(
         points_m: Shape (samples, 3). The points, in the base frame.
 
     Returns:
-        Shape (samples, 3, n). Velocity in the base frame per unit of each joint's speed.
+        Shape (samples, 3, n). Velocity of the points in the base frame, per unit velocity of each
+        joint.
     """
     axes, origins = transforms[:, :, :3, 2], transforms[:, :, :3, 3]
     turning = np.cross(axes, points_m[:, np.newaxis] - origins)

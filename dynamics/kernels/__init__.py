@@ -1,5 +1,5 @@
-"""Compiled loops over samples: recursion, gradients, threads, eight samples at once.
+"""Compiled loops over samples: dynamics, gradients, filters, friction, eight samples at once.
 
-Kernels know arrays only, no models and no files. Begin with `rigid_body.py`; decision 0008 explains
-why they exist.
+Kernels work on arrays only, not on models or files. Begin with `rigid_body.py`; decision 0008
+explains why compiled kernels are used.
 """

@@ -1,4 +1,4 @@
-"""Unit friction functions of one actuator at one sample."""
+"""Values of the friction functions, each with coefficient 1, for one actuator and one sample."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from typing import Final
 from dynamics.kernels.simd import kernel
 
 BY_SPEED: Final = math.nan
-"""Value for a joint without hysteretic direction: its friction follows sign(v)."""
+"""Value of `direction` for a joint without presliding hysteresis: its friction follows sign(v)."""
 
 
 @kernel
 def friction_function(
     function: int, u: float, scale: float, smoothing: float, direction: float
 ) -> float:
-    """Return the value of a friction term for a coefficient of one.
+    """Return the value of a friction function with coefficient 1.
 
     Args:
-        function: 0 Coulomb, 1 viscous, 2 offset, 3 forward, 4 backward, 5 cubic, 6 cube root, 7
-            Stribeck, 8 shear-thinning viscous.
-        u: The actuator's speed.
-        scale: Stribeck velocity, or speed of shear thinning.
-        smoothing: sign(v) is tanh(v / smoothing); 0 for a hard sign.
-        direction: Direction of the presliding hysteresis, which replaces sign(v); `BY_SPEED` for a
-            joint without presliding.
+        function: Number of the function: 0 Coulomb, 1 viscous, 2 offset, 3 forward, 4 backward, 5
+            cubic, 6 cube root, 7 Stribeck, 8 shear-thinning viscous.
+        u: Velocity of the actuator, link side [rad/s or m/s].
+        scale: Stribeck velocity (function 7) or shear-thinning speed (function 8).
+        smoothing: sign(v) is replaced by tanh(v / smoothing); 0 keeps the discontinuous sign.
+        direction: Direction of motion from the presliding hysteresis, -1 to 1, which replaces
+            sign(v); `BY_SPEED` for a joint without presliding.
     """
     sign = 1.0 if u > 0.0 else (-1.0 if u < 0.0 else 0.0)
     smooth = math.tanh(u / smoothing) if smoothing > 0.0 else sign

@@ -1,10 +1,13 @@
-"""Compiled reverse mode of the regressor: gradients of weighted sums by the motion.
+"""Gradients of weighted sums of regressor columns by the motion (reverse-mode differentiation).
 
-For each motion there are three sweeps along the chain:
-1. The first one, outwards, stores the motion of every link.
-2. The second one, inwards, carries the weights from link to link with the screw of each row. A
-   screw is the unit motion that belongs to a row (`dynamics.kernels.rigid_body`).
-3. The third one, inwards, converts the result to derivatives by the joints' motion.
+The kernel passes along the chain three times:
+1. From the base to the tool, it stores the motion of every link.
+2. From the tool to the base, it transforms the weights from link to link, for the screw of each
+   row. A screw is the unit motion that belongs to a row (`dynamics.kernels.rigid_body`).
+3. From the tool to the base, it converts derivatives by the links' motions to derivatives by the
+   joints' motions.
+
+In this module, the gain of a quantity is the derivative of the weighted sum by that quantity.
 """
 
 from __future__ import annotations
@@ -47,24 +50,25 @@ from dynamics.kernels.vectors import (
 )
 
 Pair: TypeAlias = tuple[FloatArray, FloatArray]
-"""An array for the links or joints, and one for the rotors or actuators."""
+"""Two arrays: the first for links or joints, the second for rotors or actuators."""
 
 Rotor: TypeAlias = tuple[Vector, float, int]
-"""Axis in its link, ratio, index of the joint whose actuator it belongs to."""
+"""A rotor: its axis in the frame of the link that carries it, its ratio, and the index of the joint
+that it drives."""
 
 Sweep: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
-"""Intermediate results of the sweeps for eight samples.
+"""Intermediate results of the passes along the chain, for eight samples.
 
-`moves` and `gains` (3 (n + 1), 3, LANES): for every link, the base first, angular velocity and
-acceleration and the acceleration of the origin; and the derivatives of the sum by each of these.
-`frames` (4 n, 3, LANES): rotation and offset of every joint. `screws` (2 n, 3, LANES): the two
-vectors of a row's screw on every link. `by_position` (n, 1, LANES): the derivative of the sum by
-each position.
+`moves` (3 (n + 1), 3, LANES): angular velocity, angular acceleration, and acceleration of the
+frame's origin, for the base and then for every link. `gains`, with the same shape: the derivatives
+of the weighted sum by `moves`. `frames` (4 n, 3, LANES): rotation and offset of every joint.
+`screws` (2 n, 3, LANES): the two vectors of a row's screw on every link. `by_position` (n, 1,
+LANES): the derivative of the sum by each joint position.
 """
 
 
 def weights_of(values: FloatArray) -> FloatArray:
-    """Return a read-only view; numba would compile a second version for a writable array."""
+    """Return a read-only view, because numba would compile a second version for writable arrays."""
     weights = values.view()
     weights.setflags(write=False)
     return weights
@@ -81,18 +85,18 @@ def pull_back(
     first: int,
     last: int,
 ) -> None:
-    """Compute the derivatives of sums of weights * columns of links and rotors by the motion.
+    """Compute the derivatives of weighted sums of the links' and rotors' columns by the motion.
 
     Args:
         chain, rotors: As for `fill_rotors`.
         moved: Two (3, samples, n) arrays. Positions, velocities, accelerations of the joints and of
             the actuators.
-        first_link: The first link (from 0) that has weights; n leaves the links out.
+        first_link: The first link (from 0) that has weights; n if no link has weights.
         weights: Two arrays, (sums, samples, n, 10 (n - first_link)) and (sums, samples, n, rotors).
-            Weights on the columns of `fill_rigid_body` and of `fill_rotors`, in the rows of the
-            joints.
-        found: Two (sums, 3, samples, n) arrays. Written: the derivatives of each sum by the motion
-            of the joints and, if there are rotors, of the actuators. Zero on entry.
+            Weights of the columns of `fill_rigid_body` and of `fill_rotors`, with one row per
+            joint.
+        found: Two (sums, 3, samples, n) arrays. Output, zero on entry: the derivatives of each sum
+            by the motion of the joints and, if there are rotors, by that of the actuators.
         first, last: Range of samples to compute.
     """
     motion, actuator = moved
@@ -150,7 +154,7 @@ def _sweep_out(
     moves: FloatArray,
     frames: FloatArray,
 ) -> None:
-    """Store the motion of every link and the frame of every joint."""
+    """Compute the motion of every link and the frame of every joint, from the base to the tool."""
     rows, fixed_rotations, prismatic, gravity = chain
     w = dw = zero_vector()
     dv = (w[0] - gravity[0], w[1] - gravity[1], w[2] - gravity[2])
@@ -174,7 +178,7 @@ def _sweep_out(
 
 @kernel
 def _carry_screw(prismatic: BoolArray, k: int, frames: FloatArray, screws: FloatArray) -> None:
-    """Carry the screw of joint k out to the last link."""
+    """Compute the screw of joint k in the frames of its link and all following links."""
     turning = unit_vector(3 if prismatic[k] else 2)
     sliding = unit_vector(2 if prismatic[k] else 3)
     store_vector(turning, screws, 2 * k)
@@ -196,10 +200,10 @@ def _contract_link(
     moves: FloatArray,
     gains: FloatArray,
 ) -> tuple[Vector, Vector]:
-    """Add the weights on link i's ten columns; return the gains of the screw's two vectors.
+    """Add the contribution of link i's ten weights to `gains`; return the gains of the screw.
 
-    The calculation treats the weights as the parameters of a body. The gains are then the moment
-    and the force of this body.
+    The calculation treats the weights as the inertial parameters of a body. The gains of the
+    screw's angular and linear vectors are then the moment and the force on this body.
     """
     m = gather(weights, samples, 0)
     h = (gather(weights, samples, 1), gather(weights, samples, 2), gather(weights, samples, 3))
@@ -230,7 +234,7 @@ def _contract_rotor(
     sweep: Sweep,
     by_actuator: FloatArray,
 ) -> Vector:
-    """Add the weight on a rotor's load on link i; return the gain of the screw's angular part."""
+    """Add a rotor's load on link i to `gains`; return the gain of the screw's angular part."""
     axis, ratio, joint = rotor
     moves, gains, _, screws, _ = sweep
     t, w = load_vector(screws, 2 * i), load_vector(moves, 3 * i + 3)
@@ -252,7 +256,7 @@ def _contract_own(
     gains: FloatArray,
     by_actuator: FloatArray,
 ) -> None:
-    """Add the weights on a rotor's torque on its own actuator."""
+    """Add the contribution of a rotor's torque on the actuator that it belongs to."""
     _, rotor_link, _, _, own_torque = rotors
     axis, ratio, joint = _rotor(rotors, r)
     weight = spread(0.0)
@@ -271,7 +275,7 @@ def _carry_back(
     sliding_gain: Vector,
     sweep: Sweep,
 ) -> tuple[Vector, Vector]:
-    """Carry the gain of a screw on link i over its joint to the previous link."""
+    """Transform the gains of a screw from the frame of link i to that of the previous link."""
     _, fixed_rotations, prismatic, _ = chain
     _, _, frames, screws, by_position = sweep
     rotation, offset = _frame(frames, i)
@@ -292,7 +296,7 @@ def _carry_back(
 def _sweep_in(
     chain: ChainArrays, motion: FloatArray, samples: Samples, sweep: Sweep, by_joint: FloatArray
 ) -> None:
-    """Convert gains by the links' motions to derivatives by the joints' motions."""
+    """Convert the gains of the links' motions to derivatives by the joints' motions."""
     _, fixed_rotations, prismatic, _ = chain
     moves, gains, frames, _, by_position = sweep
     for i in range(len(prismatic) - 1, -1, -1):
@@ -342,20 +346,20 @@ def _frame(frames: FloatArray, i: int) -> tuple[Rotation, Vector]:
 
 @kernel
 def _centripetal_derivative(s: Vector, w: Vector, p: Vector) -> Vector:
-    """Return the derivative of s . w x (w x p) by w."""
+    """Return the derivative of s . (w x (w x p)) by w."""
     along = add(scale(dot(w, p), s), scale(dot(s, w), p))
     return add(along, scale(-2.0 * dot(s, p), w))
 
 
 @kernel
 def _rotation_derivative(gain: Vector, v: Vector) -> Lanes:
-    """Return the gain if a vector's frame turns about z."""
+    """Return the derivative by the angle, if the frame of vector v turns about its z axis."""
     return gain[0] * v[1] - gain[1] * v[0]
 
 
 @kernel
 def _axis_component(fixed: FloatArray, v: Vector) -> Lanes:
-    """Return the component of v along a joint's axis, in the previous frame."""
+    """Return the component of v along a joint's axis; v is in the frame of the previous link."""
     along: Lanes = v[0] * fixed[0, 2] + v[1] * fixed[1, 2] + v[2] * fixed[2, 2]
     return along
 

@@ -1,8 +1,8 @@
-"""Zero-phase low-pass over many columns at once: second-order sections, forwards and backwards.
+"""Zero-phase low-pass filter for many columns: second-order sections, forwards and backwards.
 
-Neighbouring columns are neighbours in memory and are computed together, in groups that fit into the
-processor's nearest cache. The initial state of a pass is that of a signal which was always at its
-first value.
+Columns are filtered in groups that fit into the processor's fastest cache; the values of
+neighbouring columns are neighbours in memory. Each pass starts in the steady state for a signal
+that has always had its first value.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from config.arrays import FloatArray
 from dynamics.kernels.simd import kernel
 
 COLUMNS: Final = 32
-"""Number of columns that are computed together."""
+"""Number of columns that are filtered together."""
 
 
 @kernel
@@ -23,10 +23,11 @@ def filter_both_ways(sections: FloatArray, start: FloatArray, values: FloatArray
     """Filter columns forwards, then backwards, in place.
 
     Args:
-        sections: Shape (k, 6). b0, b1, b2, 1, a1, a2 of each section, in the order of application.
+        sections: Shape (k, 6). Coefficients b0, b1, b2, 1, a1, a2 of each section, in the order of
+            application.
         start: Shape (k, 2). Steady state of each section for a constant input of 1 (transposed
             direct form II).
-        values: Shape (samples, columns). Time first, C-ordered; overwritten.
+        values: Shape (samples, columns). The signals, C-ordered; overwritten with the result.
     """
     samples, columns = values.shape
     first = np.empty((len(sections), COLUMNS))

@@ -1,15 +1,16 @@
-"""The compiled sweeps along the chain that fill the regressors' columns.
+"""Compiled recursions along the chain that compute the regressor's columns of links and rotors.
 
-There are two sweeps, for the links and for the rotors. Both start at the base. They carry the
-motion of each link and the *screws* of the rows, in the link's own frame. A screw is the unit
-motion that belongs to a row: the motion of one joint for the torque of its actuator, or a motion of
-the base for one component of the base wrench. The entry of a load in a row is the virtual power of
-this load on the row's screw. The method is the modified recursive Newton-Euler method (appendix B),
-with the backward recursion replaced by its transpose.
+There is one recursion for the links and one for the rotors. Each goes from the base to the last
+link and computes, in the frame of each link, the link's motion and the *screws*. Each row of the
+regressor has a screw, the unit motion that belongs to it: a motion of one joint for the torque of
+this joint, or a motion of the base for one component of the base wrench. The contribution of a
+link's load to a row is the virtual power of this load for the row's screw. The method is the
+modified recursive Newton-Euler method (appendix B of the thesis), with the backward recursion
+replaced by its transpose.
 
-Eight samples are computed at once, `first` to `last` - 1 of the motion. Numba's cache on disk
-detects a change only in a kernel's own file: after a change in `simd` or `vectors`, touch the
-kernels' files.
+A call computes the samples `first` to `last` - 1, eight at a time. Numba's cache on disk detects
+only changes in a kernel's own file: after a change of `simd.py` or `vectors.py`, touch the files of
+the kernels that use them.
 """
 
 from __future__ import annotations
@@ -48,17 +49,17 @@ def fill_rigid_body(
     first: int,
     last: int,
 ) -> None:
-    """Fill the columns of the ten parameters of every link from `first_link` (from 0) on.
+    """Compute the columns of the ten parameters of every link from `first_link` (from 0) on.
 
     Args:
         chain: `Chain.arrays`.
         motion: Shape (3, samples, n). Joint positions, velocities, accelerations.
-        of_base: Whether the rows of `out` are the six components of the base wrench or the n
-            joints.
+        of_base: True if the rows of `out` are the six components of the base wrench; False if they
+            are the n joint torques.
         first_link: The first link that has columns.
-        out: Shape (samples, 6 or n, 10 (n - first_link)). All of it is written, including zeros;
-            the columns must be neighbours in memory. Per link: m, sx, sy, sz, Ixx, Ixy, Ixz, Iyy,
-            Iyz, Izz.
+        out: Shape (samples, 6 or n, 10 (n - first_link)). Every element is written, including
+            zeros; the columns must be neighbours in memory. Order of the columns of a link: m, sx,
+            sy, sz, Ixx, Ixy, Ixz, Iyy, Iyz, Izz.
         first, last: The samples to fill.
     """
     rows, fixed_rotations, prismatic, gravity = chain
@@ -69,7 +70,7 @@ def fill_rigid_body(
     for start in range(first, last, LANES):
         samples = eight_indices(start, last)
         w = dw = zero_vector()
-        # Gravity acts as an acceleration of the base.
+        # Gravity has the same effect as an upward acceleration of the base.
         dv = (w[0] - gravity[0], w[1] - gravity[1], w[2] - gravity[2])
         active = _start_base_screws(of_base, angular, linear)
         for i in range(joints):
@@ -108,16 +109,16 @@ def fill_rotors(
     first: int,
     last: int,
 ) -> None:
-    """Fill the column of every rotor's polar inertia (theory: section 3).
+    """Compute the columns of the rotors' polar inertias (theory: section 3).
 
     Args:
         chain: `Chain.arrays`.
-        rotors: joint, link, axis and ratio as in `Rotors`; then (n, n) C^-T, whose columns are the
-            joint torques for a unit torque of one actuator.
+        rotors: `joint`, `link`, `axis` and `ratio` as in `Rotors`; then C^-T, shape (n, n), whose
+            column j contains the joint torques that a unit torque of actuator j produces.
         motion, actuator: Shape (3, samples, n). Positions, velocities, accelerations of the joints
             and of the actuators.
-        of_base: Whether the rows of `out` are the six components of the base wrench or the n
-            joints.
+        of_base: True if the rows of `out` are the six components of the base wrench; False if they
+            are the n joint torques.
         out: Shape (samples, 6 or n, rotors). Zero on entry.
         first, last: The samples to fill.
     """
@@ -162,7 +163,7 @@ def fill_rotors(
 
 @kernel
 def _start_base_screws(of_base: bool, angular: FloatArray, linear: FloatArray) -> int:
-    """Start the six screws of the base, forces first; return how many screws are active."""
+    """Set the six screws of the base, forces first; return the number of screws that are set."""
     if not of_base:
         return 0
     for k in range(3):
@@ -175,7 +176,7 @@ def _start_base_screws(of_base: bool, angular: FloatArray, linear: FloatArray) -
 
 @kernel
 def _start_joint_screw(angular: FloatArray, linear: FloatArray, k: int, prismatic: bool) -> None:
-    """Start the screw of a joint in its own frame, along z."""
+    """Set the screw of joint k in its link's frame: a unit motion about, or along, the z axis."""
     store_vector(unit_vector(3 if prismatic else 2), angular, k)
     store_vector(unit_vector(2 if prismatic else 3), linear, k)
 
@@ -191,11 +192,11 @@ def _project(
     tile: FloatArray,
     first: int,
 ) -> None:
-    """Write the virtual power, on each active screw, of a link's ten unit inertial loads.
+    """Compute a link's ten columns: the virtual power of its unit loads for each active screw.
 
-    Force m dv + dw x s + w x (w x s), moment s x dv + I dw + w x (I w). Per unit parameter, the
-    force of sx, sy, sz (a column of [dw] + [w][w] each) and the moment of each element of I do not
-    depend on the screw.
+    The link's inertial force is m dv + dw x s + w x (w x s), its moment s x dv + I dw + w x (I w).
+    The forces for unit sx, sy, sz (the columns of [dw] + [w][w]) and the moments for unit elements
+    of I do not depend on the screw, so they are computed once.
     """
     xx, yy, zz = w[0] * w[0], w[1] * w[1], w[2] * w[2]
     xy, xz, yz = w[0] * w[1], w[0] * w[2], w[1] * w[2]

@@ -1,9 +1,10 @@
-"""`Lanes`: eight samples that a kernel computes with as if they were one number.
+"""`Lanes`: eight samples in one vector; a kernel computes with them as with a single number.
 
-LLVM maps a vector of eight doubles to the registers of the processor: one of AVX-512, two of AVX2,
-four of SSE or NEON. Kernels need only arithmetic with floats and other `Lanes`, and the functions
-below. Every lane is computed in the same way, so a sample's result does not depend on its
-neighbours. All functions are for compiled code only.
+LLVM maps a vector of eight doubles to processor registers: one register of AVX-512, two of AVX2, or
+four of SSE or NEON. `Lanes` support +, - and * with floats and other `Lanes`, and the functions
+below. A lane is one of the eight elements. The same operations are done on every lane, so the
+result of a sample does not depend on the other samples. All functions can be called from compiled
+code only.
 """
 
 from __future__ import annotations
@@ -19,9 +20,9 @@ from numba.core.datamodel import models
 from numba.extending import intrinsic, overload, register_model
 
 LANES: Final = 8
-FLAGS: Final = ("contract", "nsz")  # allow the compiler to fuse operations and to ignore -0
+FLAGS: Final = ("contract", "nsz")  # allow fused multiply-add; ignore the sign of 0
 
-Lanes: TypeAlias = float  # to a type checker
+Lanes: TypeAlias = float  # for type checkers only
 Function = TypeVar("Function", bound=Callable[..., Any])
 Samples: TypeAlias = tuple[int, int, int, int, int, int, int, int]
 
@@ -33,7 +34,7 @@ _UNDEFINED = ir.Constant(_VECTOR, ir.Undefined)
 
 
 class LanesType(types.Type):
-    """The type of `Lanes` in numba."""
+    """Numba's type of `Lanes`."""
 
     def __init__(self) -> None:
         super().__init__(name="Lanes")
@@ -72,7 +73,7 @@ def _numbers(*kinds: Any) -> bool:
 
 
 def _define(symbol: Callable[[Any, Any], Any], instruction: str) -> None:
-    """Define an operator for `Lanes`, and for `Lanes` and floats."""
+    """Define a binary operator for two `Lanes`, and for `Lanes` with a float."""
 
     @_compiled
     def apply(_typing: Any, a: Any, b: Any) -> Any:
@@ -116,7 +117,7 @@ def _offer_negative(a: Any) -> Any:
 
 @_compiled
 def spread(_typing: Any, x: Any) -> Any:
-    """Return a float in all lanes."""
+    """Return `Lanes` that contain the float x in every lane."""
 
     def emit(_context: Any, builder: Any, _signature: Any, values: Any) -> Any:
         return _spread(builder, values[0])
@@ -126,7 +127,7 @@ def spread(_typing: Any, x: Any) -> Any:
 
 @_compiled
 def floor(_typing: Any, x: Any) -> Any:
-    """Return the whole number below each lane."""
+    """Return the largest integer not above x, for each lane."""
 
     def emit(_context: Any, builder: Any, _signature: Any, values: Any) -> Any:
         kind = ir.FunctionType(_VECTOR, [_VECTOR])
@@ -138,7 +139,7 @@ def floor(_typing: Any, x: Any) -> Any:
 
 @_compiled
 def gather(_typing: Any, array: Any, samples: Any, column: Any) -> Any:
-    """Return array[samples, column]."""
+    """Return `Lanes` with array[samples, column]."""
 
     def emit(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         array, samples, column = values
@@ -154,7 +155,7 @@ def gather(_typing: Any, array: Any, samples: Any, column: Any) -> Any:
 
 @_compiled
 def scatter(_typing: Any, x: Any, array: Any, samples: Any, column: Any) -> Any:
-    """Set array[samples, column] = x."""
+    """Set array[samples, column] to the values of `Lanes` x."""
 
     def emit(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         x, array, samples, column = values
@@ -169,7 +170,7 @@ def scatter(_typing: Any, x: Any, array: Any, samples: Any, column: Any) -> Any:
 
 @_compiled
 def load(_typing: Any, array: Any, i: Any, j: Any) -> Any:
-    """Return array[i, j, :], eight neighbours in memory."""
+    """Return `Lanes` with array[i, j, :]; its eight values must be neighbours in memory."""
 
     def emit(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         return _load(context, builder, signature.args[0], *values)
@@ -179,7 +180,7 @@ def load(_typing: Any, array: Any, i: Any, j: Any) -> Any:
 
 @_compiled
 def store(_typing: Any, x: Any, array: Any, i: Any, j: Any) -> Any:
-    """Set array[i, j, :] = x, eight neighbours in memory."""
+    """Set array[i, j, :] to `Lanes` x; the eight elements must be neighbours in memory."""
 
     def emit(context: Any, builder: Any, signature: Any, values: Any) -> Any:
         x, array, i, j = values
@@ -196,8 +197,8 @@ def store_transposed(
 ) -> Any:
     """Set array[samples, row, column : column + 8] = tile[row, column : column + 8, :].T.
 
-    The eight columns must be neighbours in memory. The 8 x 8 numbers are transposed in three
-    rounds, by exchanging blocks of 1 x 1, 2 x 2 and 4 x 4.
+    The eight columns must be neighbours in memory. The block of 8 x 8 numbers is transposed in
+    three steps, which exchange blocks of 1 x 1, 2 x 2 and 4 x 4 numbers.
     """
 
     def emit(context: Any, builder: Any, signature: Any, values: Any) -> Any:

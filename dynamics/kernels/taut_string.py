@@ -1,10 +1,12 @@
-"""The shortest path through a tube: a string that is pulled taut between two bounds.
+"""The taut-string path: the shortest path between a lower and an upper bound over time.
 
-Of all paths within bounds that change with time, it has the smallest total variation: it is
-straight if the bounds allow, and bends only at their corners (funnel algorithm: Lee and Preparata
-1984; taut string: Davies and Kovac 2001). A funnel opens from the last corner; its two sides are
-the parts of the bounds that the string could touch. If a new bound closes the funnel, the string
-continues to the next corner of the other side. Each bound joins and leaves a side once.
+Of all paths within the bounds, it has the smallest total variation. Like a string that is pulled
+taut, it is straight except at points at which it touches a bound. Sources: Lee and Preparata 1984
+(funnel algorithm), Davies and Kovac 2001 (taut string). The funnel algorithm keeps the last corner
+of the string and, from this corner, the two sides of a funnel: the parts of the lower and of the
+upper bound that the string could touch. If a new bound closes the funnel, the string continues to
+the next corner of the opposite side. Each bound is added to a side once and removed from it at most
+once.
 """
 
 from __future__ import annotations
@@ -17,21 +19,21 @@ from dynamics.kernels.simd import kernel
 
 @kernel
 def pull_taut(time_s: FloatArray, low: FloatArray, high: FloatArray, path: FloatArray) -> None:
-    """Compute the shortest path within bounds, from the middle of the first to that of the last.
+    """Compute the taut-string path; it starts and ends midway between the bounds.
 
     Args:
-        time_s: Shape (samples,). Strictly ascending.
-        low, high: Shape (samples,). The bounds, low at most high.
-        path: Shape (samples,). Written.
+        time_s: Shape (samples,). Times, strictly increasing [s].
+        low, high: Shape (samples,). The lower and upper bounds; low <= high.
+        path: Shape (samples,). Output: the path.
     """
     last = len(time_s) - 1
-    bounds = np.empty((2, last + 1))  # the upper one is negated, so that both sides are concave
+    bounds = np.empty((2, last + 1))  # the upper bound is negated, so that both sides are concave
     for i in range(last + 1):
         bounds[0, i], bounds[1, i] = low[i], -high[i]
     for i in (0, last):
         path[i] = 0.5 * (low[i] + high[i])
         bounds[0, i], bounds[1, i] = path[i], -path[i]
-    sides = np.zeros((2, last + 1), dtype=np.int64)  # indices of the bounds, starting at the corner
+    sides = np.zeros((2, last + 1), dtype=np.int64)  # samples on each side, from the corner
     begin, end = np.array([0, 0]), np.array([1, 1])
     for i in range(1, last + 1):
         for own in range(2):

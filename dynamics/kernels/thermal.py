@@ -1,4 +1,4 @@
-"""Temperature of a body that is heated and cooled by its surroundings: a first-order lag."""
+"""Temperature rise of a heated body that its surroundings cool, as a first-order lag."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ RISE, BY_TIME_CONSTANT = 0, 1
 
 @kernel
 def warm_up(time_s: FloatArray, heat: FloatArray, time_constant_s: float, out: FloatArray) -> None:
-    """Integrate the temperature rise T x' = heat - x of a body that starts cold, x = 0.
+    """Compute the temperature rise x by T dx/dt = heat - x, starting at x = 0 (cold).
 
     Args:
-        time_s: Shape (samples,). Increasing [s].
-        heat: Shape (samples,). Heat flow from each sample until the next, in units of the final
-            rise that it causes.
-        time_constant_s: T [s].
-        out: Shape (samples, 2). Written: the rise, and its derivative by the time constant.
+        time_s: Shape (samples,). Times, increasing [s].
+        heat: Shape (samples,). Heat flow from each sample until the next one, expressed as the
+            steady temperature rise that it would cause [K].
+        time_constant_s: Time constant T [s].
+        out: Shape (samples, 2). Output: the temperature rise, and its derivative by the time
+            constant.
     """
     rise = 0.0
     slope = 0.0

@@ -1,4 +1,4 @@
-"""Distribution of samples over the machine's cores."""
+"""Distribution of samples over the cores of the computer."""
 
 from __future__ import annotations
 
@@ -8,23 +8,24 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from typing import Final
 
-SHARE: Final = 1024  # samples per task; distributing smaller tasks costs more than it saves
+RANGE_SAMPLES: Final = 1024  # samples per range; smaller ranges cost more time than they save
 
 
-def share_out(samples: int, fill: Callable[[int, int], object]) -> None:
-    """Call fill(first, last) for ranges that cover all samples, on several cores if that pays.
+def run_in_ranges(samples: int, fill: Callable[[int, int], object]) -> None:
+    """Call fill(first, last) for ranges that cover all samples; use several cores for many samples.
 
-    A thread takes the next range as soon as it is free. Therefore a core that is busy with other
-    programs does not delay the others. `fill` must release the interpreter's lock to gain speed.
-    Its results must not depend on the division of the samples.
+    As soon as a thread is free, it takes the next range, so a core that is busy with other programs
+    does not delay the other cores. Threads save time only if `fill` releases Python's global
+    interpreter lock. The results of `fill` must not depend on how the samples are divided into
+    ranges.
     """
-    shares = iter(range(0, samples, SHARE))
+    ranges = iter(range(0, samples, RANGE_SAMPLES))
 
     def work() -> None:
-        for first in shares:
-            fill(first, min(first + SHARE, samples))
+        for first in ranges:
+            fill(first, min(first + RANGE_SAMPLES, samples))
 
-    helpers = min(_cores(), samples // SHARE) - 1
+    helpers = min(_cores(), samples // RANGE_SAMPLES) - 1
     others = [_pool().submit(work) for _ in range(helpers)]
     try:
         work()
@@ -45,5 +46,5 @@ def _pool() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(max(1, _cores() - 1), thread_name_prefix="dynamics")
 
 
-if hasattr(os, "register_at_fork"):  # threads do not survive a fork, so a child needs a new pool
+if hasattr(os, "register_at_fork"):  # a forked child needs its own threads
     os.register_at_fork(after_in_child=_pool.cache_clear)

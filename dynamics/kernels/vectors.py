@@ -1,6 +1,6 @@
-"""Three-vectors and joints of `Lanes`: the algebra of the kernels, inlined into each of them.
+"""Three-dimensional vectors and joint frames of `Lanes`; the compiler inlines these functions.
 
-Vectors are tuples, which the compiler keeps in registers.
+Vectors are tuples, so that the compiler can keep them in registers.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ Rotation = tuple[Vector, Vector, Vector]  # its columns
 
 @kernel
 def eight_indices(first: int, samples: int) -> Samples:
-    """Return eight consecutive samples; the last is repeated if there are fewer."""
+    """Return the indices of eight consecutive samples; repeat the last index if there are fewer."""
     last = samples - 1
     return (
         first,
@@ -30,10 +30,10 @@ def eight_indices(first: int, samples: int) -> Samples:
 
 @kernel
 def sin_cos(x: Lanes) -> tuple[Lanes, Lanes]:
-    """Return sine and cosine, to 3e-16 for |x| up to a million.
+    """Return sine and cosine with an error of at most 3e-16 for |x| up to a million.
 
-    Reduction to |r| <= pi/4 by pi/2 in three pieces (Cody and Waite 1980), then the minimax
-    polynomials of Cephes (Moshier 1992).
+    The angle is reduced to |r| <= pi/4 with pi/2 in three parts (Cody and Waite 1980); then the
+    minimax polynomials of Cephes are used (Moshier 1992).
     """
     n = floor(x * 0.6366197723675814 + 0.5)
     r = x - n * 1.57079625129699707031
@@ -53,7 +53,7 @@ def sin_cos(x: Lanes) -> tuple[Lanes, Lanes]:
     c = c * z + 4.16666666666665929218e-2
     c = 1.0 - 0.5 * z + z * z * c
     half = floor(0.5 * n)
-    odd = n - 2.0 * half  # 1 if sine and cosine are exchanged
+    odd = n - 2.0 * half  # 1 if sine and cosine are swapped
     even = 1.0 - odd
     sign = 1.0 - 2.0 * (half - 2.0 * floor(0.5 * half))
     return sign * (even * s + odd * c), sign * (even * c - odd * s)
@@ -63,7 +63,7 @@ def sin_cos(x: Lanes) -> tuple[Lanes, Lanes]:
 def joint_frame(
     row: FloatArray, fixed: FloatArray, prismatic: bool, q: Lanes
 ) -> tuple[Rotation, Vector]:
-    """Return rotation and origin of the joint's frame in the previous frame."""
+    """Return rotation and origin of a link's frame, relative to the previous link's frame."""
     slide = q if prismatic else spread(0.0)
     d = row[4] + slide
     s, c = sin_cos(row[2] + (q - slide))
@@ -78,7 +78,7 @@ def joint_frame(
 def angular_motion(
     rotation: Rotation, w: Vector, dw: Vector, prismatic: bool, qd: Lanes, qdd: Lanes
 ) -> tuple[Vector, Vector]:
-    """Carry angular velocity and acceleration over a joint."""
+    """Return angular velocity and acceleration of the link after a joint, in its own frame."""
     w, dw = turn(rotation, w), turn(rotation, dw)
     if not prismatic:
         dw = (dw[0] + w[1] * qd, dw[1] - w[0] * qd, dw[2] + qdd)
@@ -88,25 +88,25 @@ def angular_motion(
 
 @kernel
 def turn(rotation: Rotation, v: Vector) -> Vector:
-    """Transform a vector from the previous frame to the rotated frame."""
+    """Transform a vector from the previous link's frame to the frame with this rotation."""
     return (dot(rotation[0], v), dot(rotation[1], v), dot(rotation[2], v))
 
 
 @kernel
 def turn_back(rotation: Rotation, v: Vector) -> Vector:
-    """Transform a vector from the rotated frame to the previous frame."""
+    """Transform a vector from the frame with this rotation to the previous link's frame."""
     return add(scale(v[0], rotation[0]), add(scale(v[1], rotation[1]), scale(v[2], rotation[2])))
 
 
 @kernel
 def zero_vector() -> Vector:
-    """Return the vector of zeros."""
+    """Return the zero vector."""
     return (spread(0.0), spread(0.0), spread(0.0))
 
 
 @kernel
 def unit_vector(axis: int) -> Vector:
-    """Return the unit vector of axis 0, 1 or 2; zeros for any other number."""
+    """Return the unit vector of axis 0, 1 or 2; the zero vector for any other number."""
     return (
         spread(1.0 if axis == 0 else 0.0),
         spread(1.0 if axis == 1 else 0.0),

@@ -1,4 +1,5 @@
 """`RobotModel`: all terms of a robot, and computations with them.
 
-The functions take an immutable model; nothing is estimated here. Begin with `robot_model.py`.
+A model is immutable; this package evaluates models and estimates nothing. Begin with
+`robot_model.py`.
 """

@@ -1,4 +1,4 @@
-"""The base wrench for given parameters, and its gradient by the motion."""
+"""The base wrench for given parameters, and the gradient of its weighted sum by the motion."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ def base_wrench_gradient(
     parameters: FloatArray,
     weights: FloatArray,
 ) -> FloatArray:
-    """Return the gradient of the sum of weights * base wrench by the motion, (3, samples, n).
+    """Return the gradient of sum(weights * base wrench) by q, v and a, (3, samples, n).
 
-    Central differences are used. They are exact in v, because the wrench is quadratic in v, and in
-    a, because it is linear in a. In q the relative error is about 1e-8.
+    The gradient is computed by central differences. They are exact for v, because the wrench is
+    quadratic in v, and for a, because it is linear in a. For q the relative error is about 1e-8.
 
     Args:
         model, q, v, a, parameters: As for `base_wrench`.
-        weights: Shape (samples, 6). The weights.
+        weights: Shape (samples, 6). Weight of each component of the wrench in each sample.
     """
     motion = np.array([q, v, a])
     _, samples, n = motion.shape

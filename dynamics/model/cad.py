@@ -1,4 +1,4 @@
-"""Standard parameters from a robot's drawings, with their stated uncertainty."""
+"""Standard parameters from a robot's CAD data (`cad` in the robot file), with their uncertainty."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ SMALLEST_ARM_M: Final = 0.01
 
 
 def cad_parameters(model: RobotModel, robot: RobotDescription) -> tuple[FloatArray, FloatArray]:
-    """Return a model's standard parameters from the drawings.
+    """Return a model's standard parameters from CAD data, with standard deviations.
 
     Args:
-        robot: The model's robot, with `cad`.
+        robot: The model's robot; its file must contain `cad`.
 
     Returns:
-        `values`, shape (parameters,). The links' inertial parameters about their frames' origins;
-            zero for all others.
-        `sigmas`, shape (parameters,). Their standard deviations: the stated fraction of the link's
-            mass, of its first moment and of the magnitude of its inertia. If the drawings state no
-            inertia, it is a typical inertia for the mass. It is infinite for parameters that the
-            drawings do not contain (friction, rotors, spring, links that are a guess).
+        `values`, shape (parameters,). The links' inertial parameters about the origins of their
+        frames; zero for all other parameters. `sigmas`, shape (parameters,). Standard deviations of
+        the values: the stated `uncertainty` times the link's mass, the magnitude of its first
+        moment, or the magnitude of its inertia. If the inertia of a link is unknown, a typical
+        inertia for its mass is added. Infinite for parameters without CAD data: friction, rotors,
+        spring, and links whose data are only a guess (`uncertainty: null`).
 
     Raises:
         ConfigError: The robot has no `cad`.
@@ -54,23 +54,23 @@ def cad_parameters(model: RobotModel, robot: RobotDescription) -> tuple[FloatArr
 
 
 def cad_prior(model: RobotModel, robot: RobotDescription) -> tuple[FloatArray, FloatArray]:
-    """Return `cad_parameters` of a robot whose drawings are not all guesses.
+    """Return `cad_parameters`, which must contain at least one value that is not a guess.
 
     Raises:
-        ConfigError: The robot has no `cad`, or only guesses.
+        ConfigError: The robot has no `cad`, or all values in it are guesses.
     """
     values, sigmas = cad_parameters(model, robot)
     if not np.isfinite(sigmas).any():
         raise ConfigError(
-            f"robot {robot.name!r} has only guesses for `cad` (uncertainty: null), which are no"
-            " prior: state the drawings' values and their uncertainty",
+            f"robot {robot.name!r} has only guesses under `cad` (uncertainty: null), which"
+            " cannot be a prior: state values from drawings with their uncertainty",
             code="RID-ROBOT-CAD",
         )
     return values, sigmas
 
 
 def about_origin(mass_kg: float, centre_m: ArrayLike, inertia_kg_m2: FloatArray) -> FloatArray:
-    """Return the ten parameters of a link about its frame's origin (parallel axes).
+    """Return a link's ten parameters about its frame's origin, by the parallel axis theorem.
 
     Args:
         centre_m: Shape (3,). Centre of gravity in the link's frame.
@@ -82,9 +82,9 @@ def about_origin(mass_kg: float, centre_m: ArrayLike, inertia_kg_m2: FloatArray)
 
 
 def _sizes(link: FloatArray) -> FloatArray:
-    """Return reference values for relative uncertainties: mass, first moment, inertia.
+    """Return the values to which a link's relative uncertainty refers: mass, first moment, inertia.
 
-    They are never zero, because no drawing is exact: a link is at least a small, compact body.
+    Each value is at least that of a small, compact body, so that no uncertainty is zero.
     """
     mass = max(float(link[0]), SMALLEST_MASS_KG)
     moment = max(float(np.linalg.norm(link[1:4])), mass * SMALLEST_ARM_M)

@@ -1,7 +1,7 @@
-"""The model's torque with presliding hysteresis, sample by sample along a path.
+"""The model's torque with presliding hysteresis, computed sample by sample along a path.
 
-The caller keeps the state of the hysteresis (`dynamics.kernels.presliding`), so that a path can be
-continued. The state depends on the joints' path, not on time.
+The caller stores the state of the hysteresis (`dynamics.kernels.presliding`) between the samples.
+The state depends on the joints' path, not on time.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from dynamics.model import one_sample
 from dynamics.model.one_sample import ModelArrays, sample_torque
 
 LAST: Final = 0
-"""Index of the last position in a joint's state."""
+"""Index of the last position in the state of a joint."""
 
 
 def initial_states(joints: int) -> FloatArray:
-    """Return the initial state of joints, (n, `STATE`): unknown history, nothing is stretched."""
+    """Return the initial states of joints, (n, `STATE`): no position, no stretched element."""
     return np.zeros((joints, STATE))
 
 
@@ -30,15 +30,15 @@ def initial_states(joints: int) -> FloatArray:
 def update_presliding(
     q: FloatArray, presliding: FloatArray, state: FloatArray, found: FloatArray
 ) -> None:
-    """Update the state of the joints for a new pose.
+    """Update the hysteresis of all joints for the next positions on the path.
 
     Args:
         q: Shape (n,). Positions of the actuators, link side [rad or m].
-        presliding: Shape (2, n). `SampleTorque.presliding`.
+        presliding: Shape (2, n). As `SampleTorque.presliding`.
         state: Shape (n, STATE). State of the hysteresis; updated.
-        found: Shape (n, FOUND). Written: the results of `drive_presliding`. The first one is the
-            direction, -1 to 1, which replaces sign(v); it is `BY_SPEED` for joints without
-            presliding.
+        found: Shape (n, FOUND). Output: the results of `drive_presliding` for each joint. The first
+            result is the direction, -1 to 1, which replaces sign(v); for joints without presliding
+            it is `BY_SPEED`.
     """
     for j in range(len(q)):
         if presliding[0, j] > 0.0:
@@ -58,11 +58,11 @@ def hysteretic_torque(
     found: FloatArray,
     torque: FloatArray,
 ) -> None:
-    """Compute the actuators' torques of one sample.
+    """Compute the actuators' torques of one sample, with the given hysteresis.
 
     Args:
         model, q, v, a, torque: As for `sample_torque`.
-        found: Shape (n, FOUND). As `update_presliding` writes it.
+        found: Shape (n, FOUND). The output of `update_presliding`.
     """
     n = len(q)
     directions = model[6][n + one_sample.DIRECTION]

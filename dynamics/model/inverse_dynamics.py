@@ -1,7 +1,7 @@
-"""Derivatives of torque and regressor by the motion, and the joint-space inertia.
+"""Derivatives of torque and regressor by the motion, and the joint-space inertia matrix.
 
-No finite differences are used. The kernels run in reverse mode (Griewank and Walther 2008); terms
-that act on one joint only use the complex step.
+The derivatives are not finite differences. Kernels compute those of links and rotors by
+reverse-mode differentiation (Griewank and Walther 2008); the other terms use the complex step.
 """
 
 from __future__ import annotations
@@ -29,15 +29,16 @@ def torque_derivatives(
     """Return the derivatives of the actuators' torques by q, v and a.
 
     Args:
-        model: The robot. The jumps of a hard sign(v) and of gear losses are ignored.
+        model: The robot. The jumps of a discontinuous sign(v) and of gear losses are not
+            differentiated.
         q, v, a: Shape (samples, n). Joint positions, velocities, accelerations [rad or m, per s,
             per s^2].
         parameters: Shape (parameters,). Values of `model.parameter_names`.
-        conditions: Temperature and payload; the load is computed here.
+        conditions: Temperature and payload; `load_nm` is computed here.
 
     Returns:
-        `by_q, by_v, by_a`, shape (samples, n, n). Element (s, i, j) is the derivative of torque i
-        by coordinate j of the joints.
+        `by_q, by_v, by_a`, shape (samples, n, n). Element (s, i, j) is the derivative of actuator
+        torque i in sample s by q, v or a of joint j.
 
     Raises:
         EstimationError: A shape does not fit the model, or a condition is missing.
@@ -51,7 +52,7 @@ def torque_derivatives(
     factors = model.transmission.factors(motion)
     out = np.zeros((n, 3, samples, n))
     for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):
-        # Sum i is the torque of actuator i.
+        # The weights make sum i the torque of actuator i.
         one_row = np.eye(n)[:, np.newaxis, :, np.newaxis] * theta[columns]
         weights = np.broadcast_to(one_row, (n, samples, *one_row.shape[2:]))
         by_motion = term.torque_gradient(motion, weights)
@@ -63,12 +64,12 @@ def torque_derivatives(
 
 
 def mass_matrix(model: RobotModel, q: npt.ArrayLike, parameters: npt.ArrayLike) -> FloatArray:
-    """Return the joint-space inertia with rotors and armatures, (samples, n, n).
+    """Return the joint-space inertia matrix with rotors and armatures, (samples, n, n).
 
-    Its rows are joint torques (not actuator torques), before losses of the gears.
+    Its rows belong to joint torques (not actuator torques), without gear losses.
 
     Args:
-        model: The robot, without its payload.
+        model: The robot; a payload is not included.
         q: Shape (samples, n). Joint positions [rad or m].
         parameters: Shape (parameters,). Values of `model.parameter_names`.
 
@@ -98,19 +99,20 @@ def regressor_gradient(
     weights: FloatArray,
     conditions: Conditions | None = None,
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the gradient of the sum of weights * Phi by the motion.
+    """Return the gradient of sum(weights * Phi) by q, v and a; Phi is the regressor.
 
-    The gradient of any scalar J of the regressor follows with weights = dJ / dPhi.
+    With weights = dJ / dPhi, the result is the gradient of a scalar J(Phi).
 
     Args:
-        model: The robot. The jumps of a hard sign(v) and of gear losses are ignored.
+        model: The robot. The jumps of a discontinuous sign(v) and of gear losses are not
+            differentiated.
         q, v, a: Shape (samples, n). Joint positions, velocities, accelerations [rad or m, per s,
             per s^2].
-        weights: Shape (samples, n, parameters). The weights.
+        weights: Shape (samples, n, parameters). Weight of each element of the regressor.
         conditions: As for `regressor`.
 
     Returns:
-        `by_q, by_v, by_a`, shape (samples, n). The gradient.
+        `by_q, by_v, by_a`, shape (samples, n). The gradient by q, v and a of the joints.
 
     Raises:
         EstimationError: A shape does not fit the model, or a condition is missing.

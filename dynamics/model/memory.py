@@ -14,11 +14,11 @@ from dynamics.terms.friction import Friction
 from dynamics.terms.memory import Memory, Presliding
 
 WHOLE: Final = 1.0 - 1e-9
-"""Magnitude of the direction from which on the whole joint slides."""
+"""Smallest magnitude of the hysteretic direction at which the whole joint counts as sliding."""
 
 
 def presliding_of_model(model: RobotModel) -> tuple[Presliding, ...]:
-    """Return the presliding distances of a model, joint by joint; empty if it has none."""
+    """Return the presliding parameters of a model, joint by joint; empty without presliding."""
     return tuple(p for term in model.terms if isinstance(term, Friction) for p in term.presliding)
 
 
@@ -30,15 +30,15 @@ def with_presliding_history(
     *,
     periodic: bool = False,
 ) -> Conditions:
-    """Return the conditions of a motion, including the presliding hysteresis along it.
+    """Return the conditions of a motion, with the presliding hysteresis computed along its path.
 
     Args:
         model: The robot.
         q: Shape (samples, n). Joint positions in the order of time [rad or m].
         conditions: The motion's other conditions.
-        segment: Shape (samples,). Number of the segment of each row; the hysteresis starts afresh
-            after a gap.
-        periodic: The motion is one period of a periodic motion.
+        segment: Shape (samples,). Number of the recording's segment to which each row belongs; at a
+            new segment, after a gap, the hysteresis starts again from its initial state.
+        periodic: True if q is one period of a periodic motion.
     """
     conditions, own = conditions or Conditions(), presliding_of_model(model)
     if not own:
@@ -48,10 +48,10 @@ def with_presliding_history(
 
 
 def sliding_samples(conditions: Conditions, moving: BoolArray) -> BoolArray:
-    """Return the samples in which a whole joint slides, (samples, n): friction follows sign(v).
+    """Return True if the whole joint slides, so that its friction follows sign(v), (samples, n).
 
-    These are the samples that move. For a joint with presliding, samples that are still affected by
-    a reversal are excluded.
+    A joint without presliding slides in all samples in which it is `moving`. For a joint with
+    presliding, the samples that are still affected by a reversal are False too.
     """
     memory = conditions.memory
     if memory is None:
@@ -62,10 +62,11 @@ def sliding_samples(conditions: Conditions, moving: BoolArray) -> BoolArray:
 
 
 def samples_with_known_friction(conditions: Conditions, moving: BoolArray) -> BoolArray:
-    """Return the samples in which friction is known, (samples, n).
+    """Return True if the friction of a joint can be computed, (samples, n).
 
-    These are the samples that move. For a joint with presliding they are the samples in which its
-    hysteresis is known, at rest and at a reversal too.
+    For a joint without presliding, these are the samples in which it is `moving`. For a joint with
+    presliding, they are the samples in which its hysteresis is known, also at rest and at
+    reversals.
     """
     memory = conditions.memory
     if memory is None:

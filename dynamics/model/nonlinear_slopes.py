@@ -1,4 +1,4 @@
-"""Derivatives of the torque by the parameters in which it is not linear."""
+"""Derivatives of the torque by the nonlinear parameters."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ def nonlinear_slopes(
     parameters: npt.ArrayLike,
     conditions: Conditions | None = None,
 ) -> FloatArray:
-    """Return the derivative of the torque by `model.nonlinear_names`, (samples, n, any).
+    """Return the torque's derivatives by the nonlinear parameters, (samples, n, parameters).
 
     Args:
         model: The robot.
         q, v, a: Shape (samples, n). Joint positions, velocities, accelerations [rad or m, per s,
             per s^2].
         parameters: Shape (parameters,). Values of `model.parameter_names`.
-        conditions: Its `load_nm` is needed if gears have losses.
+        conditions: Conditions of the motion; `load_nm` is required if gears have losses.
 
     Raises:
         EstimationError: A shape does not fit the model, or the load is missing.

@@ -1,8 +1,9 @@
-"""`SampleTorque`: the model's torque for one sample at a time, as a controller needs it.
+"""`SampleTorque`: the model's torque for one sample at a time, for use in a controller.
 
-The regressor's kernels (`dynamics.kernels.rigid_body`) compute eight samples at once; a controller
-has one sample and needs its torque, not the regressor. This is the recursion of appendix B itself,
-with every term of the model, on single numbers, in preallocated memory.
+The regressor's kernels (`dynamics.kernels.rigid_body`) compute eight samples at once. A controller
+needs only the torque of one sample, without the regressor. This module therefore uses the
+Newton-Euler recursion of the thesis's appendix B for a single sample, with all terms of the model,
+in preallocated memory.
 """
 
 from __future__ import annotations
@@ -32,36 +33,37 @@ from dynamics.terms.spring import Spring
 Vector: TypeAlias = tuple[float, float, float]
 ModelArrays: TypeAlias = tuple[
     FloatArray,  # (n, 5) the chain's rows
-    FloatArray,  # (n, 3, 3) its fixed rotations
-    BoolArray,  # (n,) whether a joint is prismatic
-    FloatArray,  # (n + 2, 10) the links' parameters; gravity; spring
-    FloatArray,  # (terms, 8) rotors, armatures, friction, losses: columns as below
+    FloatArray,  # (n, 3, 3) the chain's fixed rotations
+    BoolArray,  # (n,) True for prismatic joints
+    FloatArray,  # (n + 2, 10) links' parameters; gravity; spring
+    FloatArray,  # (terms, 8) rotors, armatures, friction, losses
     FloatArray,  # (2, n, n) C and C^-1
     FloatArray,  # (n + 6, 21) working memory
 ]
 
-# Kinds of terms, and the columns of their rows.
+# Kinds of terms, and the columns of the table of terms.
 _ROTOR, _ARMATURE, FRICTION, EFFICIENCY, _LOAD = 0.0, 1.0, 2.0, 3.0, 4.0
 KIND, JOINT, VALUE, FUNCTION, SPEED = 0, 1, 2, 3, 4
 _LINK, _AXIS, _RATIO = 3, 4, 7
 _NO_SPRING, _STRAIGHT, _FOURIER = 0.0, 1.0, 2.0
-# Rows of the working memory after the links'. Load torque, free torque and base wrench are those of
-# the last sample before losses, the latter as in `base_wrench_regressor`. The last row is an input:
-# the direction of an actuator's presliding hysteresis, or `BY_SPEED`.
+# Rows of the working memory after the n rows of the links: actuator speeds; load torques (through
+# the gears, before losses) and free torques (not through the gears) of the last sample; motions of
+# the links; base wrench, as in `base_wrench_regressor`. The last row is an input: the direction of
+# each actuator's presliding hysteresis, or `BY_SPEED`.
 _ACTUATOR, LOAD_TORQUE, FREE_TORQUE, _LINK_MOTION, BASE_WRENCH, DIRECTION = 0, 1, 2, 3, 4, 5
 
 
 @dataclass(frozen=True, eq=False)
 class SampleTorque:
-    """A robot's model with its parameters, ready to be evaluated sample by sample.
+    """A robot's model with parameter values, which can be evaluated sample by sample.
 
     Attributes:
         joints: Number of joints.
-        arrays: Arguments of `sample_torque`.
-        presliding: Shape (2, n). Presliding distance of each actuator [rad or m], 0 without
-            presliding, and the fraction of its friction with hysteresis. A single sample does not
-            contain the joint's history, so friction follows sign(v) here.
-            `dynamics.model.hysteretic_sample` uses the hysteresis.
+        arrays: The argument `model` of `sample_torque`.
+        presliding: Shape (2, n). First row: presliding distance of each actuator [rad or m], 0
+            without presliding. Second row: fraction of its friction with hysteresis. This class
+            ignores both: a single sample does not contain the joint's history, so friction follows
+            sign(v). `dynamics.model.hysteretic_sample` computes the torque with hysteresis.
     """
 
     joints: int
@@ -72,17 +74,17 @@ class SampleTorque:
     def of(
         cls, model: RobotModel, parameters: npt.ArrayLike, *, least_smoothing_rad_s: float = 0.0
     ) -> SampleTorque:
-        """Return a model with its parameters, without payload.
+        """Return the torque function of a model with parameter values, without payload.
 
         Args:
             model: The robot.
             parameters: Shape (parameters,). Values of `model.parameter_names`, in their order and
                 units.
-            least_smoothing_rad_s: Lower bound of the smoothing of sign(v), so that rounding at rest
-                does not count as motion.
+            least_smoothing_rad_s: Lower bound of the model's `sign_smoothing_rad_s`, so that
+                rounding errors of v at rest cause no friction torque.
 
         Raises:
-            EstimationError: The parameters are not the model's, friction depends on the drives'
+            EstimationError: The number of parameters is wrong, friction depends on the drives'
                 temperature, or the model has a term that is not supported here.
         """
         theta = checked_parameters(model, parameters)
@@ -96,7 +98,7 @@ class SampleTorque:
                 case RigidBodies():
                     bodies[:n] = theta[columns].reshape(n, PARAMETERS_PER_LINK)
                 case Payload():
-                    pass  # not attached, as for `torque` without conditions
+                    pass  # the payload is not attached
                 case Rotors():
                     terms += _rotors(term, values)
                 case Armature():
@@ -126,7 +128,7 @@ class SampleTorque:
         coupling = model.coupling or WristCoupling.of_matrix(np.eye(n))
         presliding_parameters = np.zeros((2, n))
         for own in presliding_of_model(model):
-            presliding_parameters[:, own.joint] = own.distance.value, own.share_value
+            presliding_parameters[:, own.joint] = own.distance.value, own.fraction_value
         memory = np.zeros((n + 6, max(21, n, 6 * (n + 1))))
         memory[n + DIRECTION] = BY_SPEED
         return cls(
@@ -170,8 +172,8 @@ def _friction(term: Friction, values: list[float]) -> list[list[float]]:
         if kernel_number is None:
             raise EstimationError(
                 f"{column.parameter_name} depends on the drive's temperature, which is not known"
-                " before the motion: state one, or identify a model without the friction term"
-                " `temperature`",
+                " before the motion: state a temperature, or identify a model without the"
+                " friction term `temperature`",
                 code="RID-MODEL-TEMPERATURE",
             )
         match column.function:
@@ -189,12 +191,12 @@ def _friction(term: Friction, values: list[float]) -> list[list[float]]:
 def sample_torque(
     model: ModelArrays, q: FloatArray, v: FloatArray, a: FloatArray, torque: FloatArray
 ) -> None:
-    """Compute the actuators' torques of one sample.
+    """Compute the actuators' torques of one sample, link side.
 
     Args:
-        model: `SampleTorque.arrays`; the last is written to.
+        model: `SampleTorque.arrays`; the last array is overwritten.
         q, v, a: Shape (n,). Joint positions, velocities, accelerations.
-        torque: Shape (n,). Written.
+        torque: Shape (n,). Output: the torques [N m or N].
     """
     rows, fixed, prismatic, bodies, terms, coupling, memory = model
     n = len(q)
@@ -246,7 +248,7 @@ def sample_torque(
     for c in range(6):
         base[c] = 0.0
     _add_actuator_torques(model, a, n)
-    force = moment = turning = (0.0, 0.0, 0.0)  # on link i + 1, from all links beyond
+    force = moment = turning = (0.0, 0.0, 0.0)  # sums over the links after link i + 1
     for i in range(n - 1, -1, -1):
         row = memory[i]
         force = _add(force, (row[12], row[13], row[14]))
@@ -288,7 +290,7 @@ def sample_torque(
 
 @kernel
 def _add_actuator_torques(model: ModelArrays, a: FloatArray, n: int) -> None:
-    """Add the torques on actuators that bypass the gears: rotors, armatures, friction."""
+    """Add the torques that the gears do not transmit: rotors, armatures, friction."""
     bodies, terms, coupling, memory = model[3], model[4], model[5], model[6]
     speed, free, links = memory[n + _ACTUATOR], memory[n + FREE_TORQUE], memory[n + _LINK_MOTION]
     smoothing = bodies[n, 3]
@@ -351,7 +353,7 @@ def _inertia(body: FloatArray, u: Vector) -> Vector:
 
 @kernel
 def _to_previous_frame(row: FloatArray, u: Vector) -> Vector:
-    """Transform a vector from link i + 1's frame to the previous frame."""
+    """Transform a vector from a link's frame to the previous link's frame."""
     return (
         row[0] * u[0] + row[3] * u[1] + row[6] * u[2],
         row[1] * u[0] + row[4] * u[1] + row[7] * u[2],

@@ -1,4 +1,4 @@
-"""`RobotModel`: the sum of the terms, linear in the parameters."""
+"""`RobotModel`: a robot's inverse dynamics, a sum of terms that are linear in parameters."""
 
 from __future__ import annotations
 
@@ -35,11 +35,12 @@ class RobotModel:
     """Inverse dynamics tau = Phi(q, v, a) theta of one robot.
 
     Attributes:
-        joint_names: Base to flange, in the order of the joints' axis of every array.
+        joint_names: Names of the joints from base to flange; all arrays have this order.
         chain: The geometry.
-        terms: The rigid bodies first, so that the first 10 n parameters are always the links'.
+        terms: Terms of the model. `RigidBodies` is the first, so that the first 10 n parameters
+            always belong to the links.
         transmission: Losses of the gears.
-        coupling: C of q = C alpha, if the actuators move several joints (5.18).
+        coupling: Matrix C in q = C alpha (5.18), if an actuator moves several joints; else None.
         speed_limits: The joints' speed limits [rad/s or m/s]; empty if unknown.
     """
 
@@ -71,9 +72,9 @@ class RobotModel:
         payload: bool = False,
         sign_smoothing_rad_s: float = 0.0,
     ) -> RobotModel:
-        """Build the model of a description, without the terms that are switched off.
+        """Return the model of a robot description, without the terms that are switched off.
 
-        `rotors` includes armatures; `payload` adds an unknown body on the last link.
+        `rotors` switches rotors and armatures; `payload` adds an unknown body on the last link.
 
         Raises:
             ConfigError: The description's spring is invalid.
@@ -104,17 +105,17 @@ class RobotModel:
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
-        """The standard parameters, term by term."""
+        """Names of the standard parameters, term by term."""
         return tuple(name for term in self.terms for name in term.parameter_names)
 
     @property
     def parameter_units(self) -> tuple[str, ...]:
-        """Units of the parameters, in the order of the names."""
+        """Units of the standard parameters, in the order of `parameter_names`."""
         return tuple(unit for term in self.terms for unit in term.parameter_units)
 
     @cached_property
     def parameter_groups(self) -> dict[str, slice]:
-        """Columns of each term, by its name: `rigid_body`, `rotors`, `friction`."""
+        """Columns of each term, by the term's name, such as `rigid_body`."""
         ends = np.cumsum([len(term.parameter_names) for term in self.terms]).tolist()
         return {
             term.name: slice(start, end)
@@ -128,34 +129,34 @@ class RobotModel:
 
     @cached_property
     def nonlinear_names(self) -> tuple[str, ...]:
-        """Parameters in which the torque is not linear: Stribeck velocities, losses of gears."""
+        """Names of the nonlinear parameters, such as Stribeck velocities and gear losses."""
         return tuple(parameter.name for parameter in self._nonlinear)
 
     @property
     def nonlinear_units(self) -> tuple[str, ...]:
-        """Units of the nonlinear parameters, in the order of the names."""
+        """Units of the nonlinear parameters, in the order of `nonlinear_names`."""
         return tuple(parameter.unit for parameter in self._nonlinear)
 
     @property
     def nonlinear_values(self) -> FloatArray:
-        """Values of the nonlinear parameters, in the order of the names."""
+        """Values of the nonlinear parameters, in the order of `nonlinear_names`."""
         return np.array([parameter.value for parameter in self._nonlinear])
 
     @property
     def nonlinear_bounds(self) -> FloatArray:
-        """Allowed ranges of the nonlinear parameters, (nonlinear parameters, 2)."""
+        """Lowest and highest allowed values of the nonlinear parameters, (parameters, 2)."""
         return np.array([(p.low, p.high) for p in self._nonlinear]).reshape(-1, 2)
 
     @property
     def nonlinear_at_bound(self) -> tuple[str, ...]:
-        """Names of the nonlinear parameters whose values are at an end of their range."""
+        """Names of the nonlinear parameters whose values are at a limit of their allowed range."""
         return tuple(p.name for p in self._nonlinear if not p.low < p.value < p.high)
 
     def with_nonlinear(self, values: npt.ArrayLike) -> RobotModel:
-        """Return the model with other values of `nonlinear_names`.
+        """Return a copy of the model with other values of the nonlinear parameters.
 
         Raises:
-            EstimationError: The number of values differs from that of the names.
+            EstimationError: The number of values differs from that of `nonlinear_names`.
         """
         rest = np.asarray(values, dtype=np.float64)
         if rest.shape != (len(self._nonlinear),):
@@ -184,11 +185,11 @@ class RobotModel:
         a: npt.ArrayLike,
         conditions: Conditions | None = None,
     ) -> TermMotion:
-        """Return a motion of this robot; see `TermMotion.of`."""
+        """Return a motion of this robot for its terms; see `TermMotion.of`."""
         return TermMotion.of(q, v, a, self.chain.n, self.coupling, conditions)
 
     def actuator_speed(self, v: FloatArray) -> FloatArray:
-        """Return the actuators' speeds (samples, n), link side, for the joints' speeds (5.18)."""
+        """Convert joint velocities (samples, n) to actuator velocities, link side (5.18)."""
         return v if self.coupling is None else self.coupling.to_motors(v)
 
 
@@ -199,7 +200,7 @@ def regressor(
     a: npt.ArrayLike,
     conditions: Conditions | None = None,
 ) -> FloatArray:
-    """Return Phi with tau = Phi theta, the actuators' torques at the link side.
+    """Return the regressor Phi: tau = Phi theta are the actuators' torques at the link side.
 
     Args:
         model: The robot.
@@ -208,8 +209,8 @@ def regressor(
         conditions: Temperature, load and payload, if the model depends on them.
 
     Returns:
-        Shape (samples, n, parameters). N m (N for a prismatic joint) per unit of each of
-        `model.parameter_names`. Without coupling an actuator's torque is its joint's.
+        Shape (samples, n, parameters). Torque [N m] or force [N] per unit of each of
+        `model.parameter_names`. Without coupling, an actuator's torque is that of its joint.
 
     Raises:
         EstimationError: q, v and a do not all have the shape (samples, n), or a condition is
@@ -230,15 +231,15 @@ def regressor_blocks(
     *,
     block: int = BLOCK_SAMPLES,
 ) -> Iterator[tuple[slice, FloatArray]]:
-    """Yield the regressor block by block, so that its memory does not grow with the recording.
+    """Yield the regressor in blocks of samples, so that long recordings need no more memory.
 
     Args:
         model, q, v, a, conditions: As for `regressor`.
-        block: Samples per block; the default fits into a core's cache.
+        block: Samples per block; blocks of the default size fit into the cache of a processor core.
 
     Yields:
-        `samples`. The samples of the block.
-        `phi`, shape (samples, n, parameters). Their regressor. The next block overwrites it.
+        `samples`. Range of the samples in the block. `phi`, shape (samples, n, parameters).
+        Regressor of these samples. The next block overwrites this array.
 
     Raises:
         EstimationError: As for `regressor`.
@@ -257,7 +258,7 @@ def _fill(model: RobotModel, motion: TermMotion, out: FloatArray) -> None:
     factors = model.transmission.factors(motion)
     for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):
         own = out[:, :, columns]
-        if not isinstance(term, RigidBodies):  # that term writes all elements
+        if not isinstance(term, RigidBodies):  # `RigidBodies` writes all elements
             own[...] = 0.0
         term.fill_torque(motion, own)
         if factors is not None and term.through_gears:
@@ -271,18 +272,20 @@ def base_wrench_regressor(
     a: npt.ArrayLike,
     conditions: Conditions | None = None,
 ) -> FloatArray:
-    """Return Phi_e with w = Phi_e theta, the wrench that the base exerts on the robot.
+    """Return the regressor Phi_e: w = Phi_e theta is the wrench of the base on the robot.
 
-    At rest its force is the weight, pointing up; a force plate under the base measures the opposite
-    (theory: section 7, one more backward Newton-Euler step).
+    At rest, the force is equal to the robot's weight and points up. A force plate under the base
+    measures the opposite wrench. The regressor is one more step of the backward Newton-Euler
+    recursion (theory: section 7).
 
     Args:
         model, q, v, a, conditions: As for `regressor`.
 
     Returns:
-        Shape (samples, 6, parameters). Fx, Fy, Fz [N], then Mx, My, Mz [N m] about the base frame's
-        origin, in its axes. Friction, spring (their columns are zero) and the rotors' motor side do
-        not act on the base.
+        Shape (samples, 6, parameters). Fx, Fy, Fz [N], then Mx, My, Mz [N m], about the origin and
+        in the axes of the base frame, per unit parameter. The columns of friction and spring are
+        zero, because these act between two links. Of a rotor, only its load on a link acts on the
+        base.
 
     Raises:
         EstimationError: q, v and a do not all have the shape (samples, n).
@@ -310,7 +313,7 @@ def torque(
             per s^2].
         parameters: Shape (parameters,). Values of `model.parameter_names`, in their order and
             units.
-        conditions: Temperature and payload; the load is computed here.
+        conditions: Temperature and payload; `load_nm` is computed here.
 
     Raises:
         EstimationError: A shape does not fit the model, or a condition is missing.
@@ -335,7 +338,7 @@ def load_torque(
 ) -> FloatArray:
     """Return the torque that each gear would transmit without losses, (samples, n) [N m or N].
 
-    It contains links, payload and spring, in actuator coordinates, as `Conditions.load_nm` needs.
+    The torque of links, payload and spring, in actuator coordinates, for `Conditions.load_nm`.
     """
     theta = checked_parameters(model, parameters)
     motion = model.motion(q, v, a, conditions)
@@ -349,10 +352,10 @@ def load_torque(
 
 
 def checked_parameters(model: RobotModel, parameters: npt.ArrayLike) -> FloatArray:
-    """Return the parameters as an array.
+    """Return the parameters as an array of the model's number of parameters.
 
     Raises:
-        EstimationError: The number of values differs from that of the model's parameters.
+        EstimationError: The number of values differs from the number of the model's parameters.
     """
     theta, expected = np.asarray(parameters, dtype=np.float64), len(model.parameter_names)
     if theta.shape != (expected,):

@@ -20,7 +20,7 @@ START_LOAD_FRICTION: Final = 0.02
 
 @dataclass(frozen=True)
 class GearLoss:
-    """The loss of one gear: an efficiency, or friction proportional to the load."""
+    """The loss of one gear: an efficiency, or a friction that is proportional to the load."""
 
     joint: int
     kind: Literal["efficiency", "load"]
@@ -29,12 +29,13 @@ class GearLoss:
 
 @dataclass(frozen=True)
 class Transmission:
-    """Losses proportional to the torque that a gear transmits.
+    """Losses of all gears; each loss is proportional to the torque that its gear transmits.
 
-    Let s = 1 if the motor drives the load, and s = -1 if the load drives the motor. The torque
-    behind the gear is multiplied by eta^-s (5.16, 5.17), or by 1 + c s for a friction of
-    c |load| sign(v). A gear does not transmit the inertia torque of its own rotor. If an estimate
-    cannot separate the rotor's inertia from the link's, both count as transmitted load.
+    Let s = 1 if the motor drives the load, and s = -1 if the load drives the motor. The torque of
+    the load is multiplied by eta^-s (5.16, 5.17), or by 1 + c s for a load-dependent friction c
+    |load| sign(v). A gear does not transmit the inertia torque of its own motor's rotor. But if an
+    estimate cannot distinguish the rotor's inertia from that of the link, both count as transmitted
+    load.
     """
 
     losses: tuple[GearLoss, ...] = ()
@@ -50,19 +51,19 @@ class Transmission:
                 )
                 losses.append(GearLoss(j, "efficiency", eta))
             if friction and "load" in joint.friction:
-                share = NonlinearParameter(
+                factor = NonlinearParameter(
                     f"cl_{joint.name}", "1", START_LOAD_FRICTION, 0.0, HIGHEST_LOAD_FRICTION
                 )
-                losses.append(GearLoss(j, "load", share))
+                losses.append(GearLoss(j, "load", factor))
         return cls(tuple(losses))
 
     @property
     def nonlinear(self) -> tuple[NonlinearParameter, ...]:
-        """The nonlinear parameters, gear by gear."""
+        """The nonlinear parameters: one per loss."""
         return tuple(loss.parameter for loss in self.losses)
 
     def with_nonlinear(self, values: FloatArray) -> Transmission:
-        """Return the gears with other values of the nonlinear parameters."""
+        """Return a copy with other values of the nonlinear parameters."""
         return Transmission(
             tuple(
                 replace(loss, parameter=replace(loss.parameter, value=float(value)))
@@ -71,10 +72,10 @@ class Transmission:
         )
 
     def factors(self, motion: TermMotion) -> FloatArray | None:
-        """Return the factor of the torque behind each gear, (samples, n); None means 1.
+        """Return the factor of the load torque of each gear, (samples, n); None if all are 1.
 
         Raises:
-            EstimationError: The gears have losses and the motion's load is not known.
+            EstimationError: The gears have losses, but `Conditions.load_nm` is None.
         """
         if not self.losses:
             return None
@@ -86,7 +87,7 @@ class Transmission:
         return factors
 
     def nonlinear_slopes(self, motion: TermMotion) -> FloatArray:
-        """Return the derivative of the torque by the losses, (samples, n, losses)."""
+        """Return the torque's derivatives by the nonlinear parameters, (samples, n, losses)."""
         slopes = np.zeros((*motion.joint.shape[1:], len(self.losses)))
         if not self.losses:
             return slopes
@@ -99,7 +100,7 @@ class Transmission:
         return slopes
 
     def _direction(self, motion: TermMotion) -> FloatArray:
-        """Return 1 if the motor drives the load, -1 if the load drives it, (samples, n)."""
+        """Return 1 if the motor drives the load, -1 if the load drives the motor, (samples, n)."""
         load = motion.conditions.load_nm
         if load is None:
             names = ", ".join(parameter.name for parameter in self.nonlinear)
@@ -118,7 +119,7 @@ class Transmission:
         return [] if memory is None else [x.joint for x in self.losses if x.joint in memory.joints]
 
     def memory_slopes(self, motion: TermMotion) -> FloatArray:
-        """Return the derivative of the torque by the hysteretic directions, (samples, n)."""
+        """Return the torque's derivative by each joint's hysteretic direction, (samples, n)."""
         slopes = np.zeros(motion.joint.shape[1:])
         if not self._joints_with_memory(motion):
             return slopes

@@ -1,6 +1,7 @@
 """True parameters of a simulated robot, as parameters of the identification model.
 
-They exist only for a simulated robot; the demo compares estimates and intervals with them.
+Only a simulated robot has known true parameters; the demo compares estimates and their confidence
+intervals with them.
 """
 
 from __future__ import annotations
@@ -19,18 +20,19 @@ from dynamics.terms.rigid_body import SYMBOLS
 def true_parameters(model: RobotModel, robot: RobotDescription, plant: PlantConfig) -> FloatArray:
     """Return the plant's values of the model's standard parameters.
 
-    Link inertias are moved from the centre of gravity to the origin of the link's frame. The polar
-    inertia of a rotor is added, about its spin axis, to the link that carries the rotor (theory:
-    section 3). The rotor term expects this.
+    Link inertias are converted from the centre of gravity to the origin of the link's frame. A
+    rotor's polar inertia about its spin axis is added to the link that carries it, because the
+    rotor term of the model assumes this (theory: section 3).
 
     Args:
-        model: The model whose parameters are needed; friction coefficients that the plant does not
-            have are zero.
-        robot: The robot, for the mounting of its rotors.
-        plant: The simulated robot; effects under `unmodelled` have no parameter and are ignored.
+        model: The model whose parameters are returned; friction coefficients of effects that the
+            plant does not have are zero.
+        robot: Description of the robot, with the mounting of its rotors.
+        plant: The simulated robot; its effects under `unmodelled` have no parameters in the model
+            and are ignored.
 
     Returns:
-        Shape (parameters,). In the order and units of `model.parameter_names`.
+        Shape (parameters,). Values in the order and units of `model.parameter_names`.
 
     Raises:
         ConfigError: The model has a parameter that the plant file does not state.
@@ -55,13 +57,14 @@ def true_parameters(model: RobotModel, robot: RobotDescription, plant: PlantConf
     unknown = [name for name in model.parameter_names if name not in known]
     if unknown:
         raise ConfigError(
-            f"plant {plant.name}: states no value of {', '.join(unknown)}", code="RID-PLANT-UNFIT"
+            f"plant {plant.name}: the plant file has no value of {', '.join(unknown)}",
+            code="RID-PLANT-UNFIT",
         )
     return np.array([known[name] for name in model.parameter_names])
 
 
 def _rotors_on(link: int, robot: RobotDescription, plant: PlantConfig) -> FloatArray:
-    """Return the polar inertias of the rotors that are mounted on a link, (3, 3) [kg m^2]."""
+    """Return the inertia matrix of all rotors that are mounted on a link, (3, 3) [kg m^2]."""
     lumped = np.zeros((3, 3))
     for joint, axis in zip(robot.joints, plant.axes, strict=True):
         if joint.rotor is not None and joint.rotor.link == link:

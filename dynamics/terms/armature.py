@@ -1,4 +1,4 @@
-"""`Armature`: the term of motor inertias with unknown mounting."""
+"""`Armature`: the term of motors' inertias if the mounting of the motors is unknown."""
 
 from __future__ import annotations
 
@@ -13,10 +13,11 @@ from dynamics.terms.motion import TermMotion
 
 @dataclass(frozen=True)
 class Armature:
-    """Motor inertias `Ia{i}` = mu^2 I_M at the link side: torque Ia times acceleration.
+    """Motor inertias at the link side, `Ia{i}` = mu^2 I_M; the torque is Ia times the acceleration.
 
-    The effect of the rotor's spin on the link that carries it, and the wrench on the base, are not
-    modelled (theory: section 3); `Rotors` models both.
+    I_M is the rotor's inertia, mu the gear ratio. The effect of the rotor's spin on the link that
+    carries it, and its wrench on the base, are neglected (theory: section 3); `Rotors` contains
+    both effects.
     """
 
     joints: tuple[int, ...]
@@ -37,24 +38,24 @@ class Armature:
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """One name per armature."""
+        """Names of the parameters, one per armature."""
         return tuple(f"Ia{j + 1}" for j in self.joints)
 
     @property
     def parameter_units(self) -> tuple[str, ...]:
-        """The units, in the order of the names."""
+        """Units of the parameters, in the order of `parameter_names`."""
         return self.units
 
     def fill_torque(self, motion: TermMotion, out: FloatArray) -> None:
-        """Fill `out`, (samples, n, armatures)."""
+        """Compute the torque columns into `out`, (samples, n, armatures)."""
         for column, j in enumerate(self.joints):
             out[:, j, column] = motion.actuator[2, :, j]
 
     def fill_base_wrench(self, motion: TermMotion, out: FloatArray) -> None:
-        """Leave `out` zero, because the mounting of the motor is not known."""
+        """Leave `out` zero, because the motors' mounting is unknown."""
 
     def torque_gradient(self, motion: TermMotion, weights: FloatArray) -> FloatArray:
-        """Return the gradient of sums of weights * columns by the motion; see `Term`."""
+        """Return the gradient of weighted sums of torque columns by the motion; see `Term`."""
         out = np.zeros((len(weights), *motion.actuator.shape))
         for column, j in enumerate(self.joints):
             out[:, 2, :, j] = weights[:, :, j, column]

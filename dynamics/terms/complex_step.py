@@ -1,4 +1,4 @@
-"""Derivatives of columns by the complex step, exact to rounding."""
+"""Derivatives of functions by the complex step, exact except for rounding errors."""
 
 from __future__ import annotations
 
@@ -11,17 +11,18 @@ from config.arrays import FloatArray
 
 STEP: Final = 1e-30
 
-Values: TypeAlias = Any  # an array, complex if derivatives are computed
+Values: TypeAlias = Any  # array; complex to compute derivatives
 
 
 def slopes(columns: Callable[[Values], Values], x: FloatArray) -> FloatArray:
-    """Return the derivative of functions that are analytic around each x.
+    """Return the derivatives of functions at each x; the functions must be analytic there.
 
-    The complex step (Squire and Trapp 1998): f(x + i h) = f(x) + i h f'(x) + O(h^2), so for a
-    tiny h the imaginary part over h is the derivative, without a difference.
+    The complex step (Squire and Trapp 1998) uses f(x + i h) = f(x) + i h f'(x) + O(h^2). For a tiny
+    h, the imaginary part divided by h is the derivative. It needs no difference, so there is no
+    cancellation.
 
     Args:
-        columns: The functions, each applied element by element.
-        x: The arguments.
+        columns: Function that returns the values of all functions, element by element.
+        x: Arguments of the functions.
     """
     return np.asarray(columns(x + 1j * STEP).imag / STEP)

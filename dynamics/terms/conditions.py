@@ -1,4 +1,4 @@
-"""`Conditions`: quantities besides the motion on which the torque depends."""
+"""`Conditions`: quantities on which the torque depends, besides positions and their derivatives."""
 
 from __future__ import annotations
 
@@ -15,14 +15,13 @@ class Conditions:
     """Conditions of a motion.
 
     Attributes:
-        temperature_k: Shape (samples, n) or (n,). Temperature of each joint's drive [K]; needed by
-            temperature-dependent friction.
+        temperature_k: Shape (samples, n) or (n,). Temperature of each joint's drive [K]; required
+            by temperature-dependent friction.
         load_nm: Shape (samples, n). Signed torque that each gear transmits, link side [N m or N];
-            needed by transmission efficiency and load-dependent friction. `load_torque` computes it
-            from parameters.
-        payload: True if the unknown payload is attached.
-        memory: Direction of the presliding hysteresis; without it, friction with presliding follows
-            sign(v). `dynamics.model.memory` computes it along a motion.
+            required by gear efficiencies and load-dependent friction. `load_torque` computes it.
+        payload: True if the payload with unknown parameters is attached.
+        memory: Hysteretic directions of motion; if None, friction with presliding follows sign(v).
+            `dynamics.model.memory` computes them along a motion.
     """
 
     temperature_k: FloatArray | None = None
@@ -31,7 +30,7 @@ class Conditions:
     memory: Memory | None = None
 
     def part(self, samples: slice) -> Conditions:
-        """Return the conditions of some of the samples."""
+        """Return the conditions for a range of samples."""
         temperature, load = self.temperature_k, self.load_nm
         if temperature is not None and np.ndim(temperature) == 2:
             temperature = temperature[samples]

@@ -1,4 +1,4 @@
-"""`Friction`: the term of every actuator's friction, linear in its coefficients."""
+"""`Friction`: the term of all actuators' friction, linear in the friction coefficients."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ SLOWEST_STRIBECK: Final = 0.02
 FASTEST_STRIBECK: Final = 0.5
 SHORTEST_PRESLIDING: Final = 1e-5
 LONGEST_PRESLIDING: Final = 0.05
-LEAST_SHARE: Final = 0.02
-LARGEST_SHARE: Final = 0.98
+LEAST_FRACTION: Final = 0.02
+LARGEST_FRACTION: Final = 0.98
 
 _FUNCTIONS: Final[dict[FrictionTerm, tuple[FrictionFunction, ...]]] = {
     "coulomb": ("coulomb",),
@@ -35,14 +35,14 @@ _FUNCTIONS: Final[dict[FrictionTerm, tuple[FrictionFunction, ...]]] = {
     "stribeck": ("stribeck",),
     "shear_thinning": ("shear_thinning",),
     "temperature": ("coulomb_by_temperature", "viscous_by_temperature"),
-    "load": (),  # a loss of the gear: see `Transmission`
-    "presliding": (),  # changes the direction in the other functions: see `Memory`
+    "load": (),  # a gear loss: see `Transmission`
+    "presliding": (),  # replaces sign(v) in the others: see `Memory`
 }
 
 
 @dataclass(frozen=True)
 class FrictionColumn:
-    """One friction coefficient: function, joint (from 0), name and unit.
+    """One friction coefficient: joint (from 0), friction function, name and unit.
 
     `shear_thinning_speed` is v_T of the function `shear_thinning` [rad/s or m/s].
     """
@@ -57,7 +57,7 @@ class FrictionColumn:
 
 @dataclass(frozen=True)
 class StribeckSpeed:
-    """Speed at which the Stribeck friction of a joint (from 0) has fallen to 1/e (2.10)."""
+    """Speed at which the Stribeck friction of a joint (from 0) has decreased to 1/e (2.10)."""
 
     joint: int
     parameter: NonlinearParameter
@@ -67,13 +67,14 @@ class StribeckSpeed:
 class Friction:
     """Friction of the actuators, link side, with the terms of each joint (2.8-2.14).
 
-    With `sign_smoothing_rad_s` > 0, sign(v) is tanh(v / sign_smoothing_rad_s). Asymmetric friction
-    is f+ for forward motion and f- for backward motion, both positive if they brake: Coulomb
-    friction (f+ + f-) / 2 and the offset (f+ - f-) / 2, which is not smoothed. All functions are
-    analytic on either side of v = 0, so that the complex step can be used.
+    With `sign_smoothing_rad_s` > 0, sign(v) is replaced by tanh(v / sign_smoothing_rad_s).
+    Asymmetric friction has the magnitudes f+ for forward motion and f- for backward motion, which
+    are positive if friction brakes. It is a Coulomb friction (f+ + f-) / 2 plus an offset (f+ - f-)
+    / 2, which is not smoothed. All functions are analytic for v > 0 and for v < 0, so that the
+    complex step can be used.
 
-    If a joint has presliding and the motion's memory is known, the hysteretic direction, which
-    depends on the path and not on v, replaces sign(v).
+    If a joint has presliding and `Conditions.memory` is given, the hysteretic direction replaces
+    sign(v). It depends on the joint's path and not on v.
     """
 
     columns: tuple[FrictionColumn, ...]
@@ -88,8 +89,8 @@ class Friction:
     def __post_init__(self) -> None:
         if not 0.0 <= self.sign_smoothing_rad_s < np.inf:
             raise EstimationError(
-                f"sign_smoothing_rad_s is {self.sign_smoothing_rad_s}: it must be 0 (a hard sign)"
-                " or a small positive speed",
+                f"sign_smoothing_rad_s is {self.sign_smoothing_rad_s}: it must be 0 (sign(v) is"
+                " discontinuous) or a small positive speed",
                 code="RID-OPTION-RANGE",
             )
 
@@ -122,23 +123,23 @@ class Friction:
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """One name per coefficient."""
+        """Names of the parameters, one per friction coefficient."""
         return tuple(column.parameter_name for column in self.columns)
 
     @property
     def parameter_units(self) -> tuple[str, ...]:
-        """The units, in the order of the names."""
+        """Units of the parameters, in the order of `parameter_names`."""
         return tuple(column.unit for column in self.columns)
 
     @property
     def nonlinear(self) -> tuple[NonlinearParameter, ...]:
-        """The nonlinear parameters: Stribeck velocities, presliding distances, then fractions."""
+        """The nonlinear parameters: Stribeck velocities, presliding distances and fractions."""
         speeds = tuple(speed.parameter for speed in self.stribeck)
         distances = tuple(own.distance for own in self.presliding)
-        return (*speeds, *distances, *(own.share for own in self.presliding if own.share))
+        return (*speeds, *distances, *(own.fraction for own in self.presliding if own.fraction))
 
     def with_nonlinear(self, values: FloatArray) -> Friction:
-        """Return the friction with other values of `nonlinear`."""
+        """Return a copy with other values of the nonlinear parameters."""
         pairs = zip(self.nonlinear, values, strict=True)
         moved = {own.name: replace(own, value=float(value)) for own, value in pairs}
         return replace(
@@ -150,7 +151,7 @@ class Friction:
                 replace(
                     own,
                     distance=moved[own.distance.name],
-                    share=own.share and moved[own.share.name],
+                    fraction=own.fraction and moved[own.fraction.name],
                 )
                 for own in self.presliding
             ),
@@ -158,7 +159,7 @@ class Friction:
 
     @property
     def changing(self) -> tuple[bool, ...]:
-        """For each column: True if it depends on the nonlinear parameters."""
+        """For each column, True if it depends on the nonlinear parameters."""
         with_memory = {own.joint for own in self.presliding}
         return tuple(
             column.function == "stribeck"
@@ -167,12 +168,12 @@ class Friction:
         )
 
     def with_changing_only(self) -> Friction:
-        """Return the friction with only the columns that depend on the nonlinear parameters."""
+        """Return a copy with only those columns that depend on the nonlinear parameters."""
         pairs = zip(self.columns, self.changing, strict=True)
         return replace(self, columns=tuple(column for column, own in pairs if own))
 
     def nonlinear_slopes(self, motion: TermMotion, coefficients: FloatArray) -> FloatArray:
-        """Return the torque's derivative by `nonlinear`, (samples, n, nonlinear parameters)."""
+        """Return the torque's derivatives by the nonlinear parameters, (samples, n, parameters)."""
         slopes = np.zeros((*motion.joint.shape[1:], len(self.nonlinear)))
         for k, stribeck in enumerate(self.stribeck):
             j, speed = stribeck.joint, stribeck.parameter.value
@@ -195,7 +196,7 @@ class Friction:
         return slopes
 
     def _memory_slopes(self, motion: TermMotion, coefficients: FloatArray) -> FloatArray:
-        """Return the derivative of the torque by the directions of motion, (samples, n)."""
+        """Return the torque's derivative by each joint's hysteretic direction, (samples, n)."""
         slopes = np.zeros(motion.joint.shape[1:])
         for column, size in zip(self.columns, coefficients, strict=True):
             j, v = column.joint, motion.actuator[1, :, column.joint]
@@ -215,10 +216,11 @@ class Friction:
         return slopes
 
     def fill_torque(self, motion: TermMotion, out: FloatArray) -> None:
-        """Fill `out`, (samples, n, coefficients).
+        """Compute the torque columns into `out`, (samples, n, coefficients).
 
         Raises:
-            EstimationError: Friction depends on temperature, and the motion's is not known.
+            EstimationError: Friction depends on temperature, but `Conditions.temperature_k` is
+                None.
         """
         for c, column in enumerate(self.columns):
             speed = motion.actuator[1, :, column.joint]
@@ -228,9 +230,9 @@ class Friction:
         """Leave `out` zero: friction acts between two links and not on the base."""
 
     def torque_gradient(self, motion: TermMotion, weights: FloatArray) -> FloatArray:
-        """Return the gradient of sums of weights * columns by the motion; see `Term`.
+        """Return the gradient of weighted sums of torque columns by the motion; see `Term`.
 
-        The jump of a hard sign is ignored.
+        The jump of a discontinuous sign(v) is not differentiated.
         """
         out = np.zeros((len(weights), *motion.actuator.shape))
         for c, column in enumerate(self.columns):
@@ -281,7 +283,7 @@ class Friction:
         return np.tanh(v / smoothing) if smoothing else np.sign(v.real)
 
     def _motion(self, motion: TermMotion, column: FrictionColumn, v: Values) -> Values:
-        """Return 1, or 0 if a hard sign is 0."""
+        """Return 1; return 0 at rest if sign(v) is discontinuous (not smoothed, no hysteresis)."""
         if self.sign_smoothing_rad_s or _hysteretic_direction(motion, column.joint) is not None:
             return 1.0
         return np.abs(np.sign(v.real))
@@ -301,7 +303,7 @@ def _column(j: int, joint: Joint, function: FrictionFunction) -> FrictionColumn:
 
 
 def _presliding(robot: RobotDescription) -> tuple[Presliding, ...]:
-    """Return the initial values of presliding distances and fractions for an estimate."""
+    """Return presliding distances and fractions, with their initial values for an estimate."""
     return tuple(
         Presliding(
             j,
@@ -312,20 +314,20 @@ def _presliding(robot: RobotDescription) -> tuple[Presliding, ...]:
                 min(SHORTEST_PRESLIDING, joint.presliding_distance),
                 max(LONGEST_PRESLIDING, joint.presliding_distance),
             ),
-            _share(joint),
+            _fraction(joint),
         )
         for j, joint in enumerate(robot.joints)
         if "presliding" in joint.friction
     )
 
 
-def _share(joint: Joint) -> NonlinearParameter | None:
-    """Return the fraction of a joint's friction with hysteresis; None if it is all of it."""
-    share = joint.presliding_share
-    if share == 1.0:
+def _fraction(joint: Joint) -> NonlinearParameter | None:
+    """Return a joint's presliding fraction as a parameter; None if all friction has hysteresis."""
+    fraction = joint.presliding_share
+    if fraction == 1.0:
         return None
-    low, high = min(LEAST_SHARE, share), max(LARGEST_SHARE, share)
-    return NonlinearParameter(f"sp_{joint.name}", "1", share, low, high)
+    low, high = min(LEAST_FRACTION, fraction), max(LARGEST_FRACTION, fraction)
+    return NonlinearParameter(f"sp_{joint.name}", "1", fraction, low, high)
 
 
 def _hysteretic_direction(motion: TermMotion, joint: int) -> FloatArray | None:
@@ -334,13 +336,13 @@ def _hysteretic_direction(motion: TermMotion, joint: int) -> FloatArray | None:
 
 
 def _temperature_rise(column: FrictionColumn, motion: TermMotion) -> FloatArray:
-    """Return the temperature of a drive above its reference, (samples,) [K]."""
+    """Return a drive's temperature minus its reference temperature, (samples,) [K]."""
     temperature = motion.conditions.temperature_k
     if temperature is None:
         raise EstimationError(
-            f"{column.parameter_name} depends on the drive's temperature, and none is given:"
+            f"{column.parameter_name} depends on the drive's temperature, which is missing:"
             " record or import it, give the joints' temperature if the command has --temperature,"
-            " or leave the friction term `temperature` out",
+            " or leave out the friction term `temperature`",
             code="RID-MODEL-TEMPERATURE",
         )
     shape = motion.actuator.shape[1:]

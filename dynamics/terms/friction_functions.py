@@ -1,9 +1,9 @@
-"""`FRICTION_FUNCTIONS`: properties of every friction function that several modules need.
+"""`FRICTION_FUNCTIONS`: table of the friction functions, with properties for several modules.
 
-There is one row per function. Its values and derivatives are in `dynamics.terms.friction`, its
-kernel is in `dynamics.kernels.friction`, its text for an export in
-`identification.export.function`. Each of these three modules raises an error for a friction
-function that it does not support.
+The table has one row per function. `dynamics.terms.friction` computes a function's values and
+derivatives, `dynamics.kernels.friction` its value for one sample, and
+`identification.export.function` writes its code into an exported file. Each of these three modules
+raises an error for a friction function that it does not support.
 """
 
 from __future__ import annotations
@@ -25,16 +25,19 @@ class FunctionTraits:
     """Properties of one friction function.
 
     Attributes:
-        symbol: Symbol of its coefficient; a parameter is named SYMBOL_JOINT.
-        units: Units of its coefficient for a revolute and for a prismatic joint.
-        sign: Constraint of a physically consistent coefficient. `braking`: it is not negative.
-            `curve`: the joint's total friction brakes at every speed. `free`: no constraint.
-        by_direction: True if it depends on the direction of motion; presliding hysteresis then
-            replaces this direction.
-        smooth: True if a model that is differentiated at zero speed may contain it.
-        kernel: Number in `dynamics.kernels.friction`; None if it depends on a temperature.
-        words: Name of this friction in an exported file's list of omitted effects, if the format
-            supports only a straight friction line; None if such a format supports it.
+        symbol: Symbol of the coefficient; the name of the parameter is SYMBOL_JOINT.
+        units: Unit of the coefficient for a revolute joint, and for a prismatic joint.
+        sign: Constraint on the coefficient in a physically consistent model. `braking`: it is not
+            negative. `curve`: only the joint's total friction must brake, at every speed. `free`:
+            no constraint.
+        by_direction: True if the function contains sign(v), which the hysteretic direction replaces
+            in joints with presliding.
+        smooth: True if the function can be differentiated at zero speed.
+        kernel: Number of the function in `dynamics.kernels.friction`; None if the function depends
+            on temperature, which this kernel does not support.
+        words: Name of the function, for the list of omitted effects in exports to formats that
+            support only Coulomb and viscous friction; None if such a format can contain the
+            function.
     """
 
     symbol: str
@@ -80,7 +83,7 @@ def traits(function: FrictionFunction) -> FunctionTraits:
     """Return the properties of a friction function.
 
     Raises:
-        EstimationError: The function has no row.
+        EstimationError: The table has no such function.
     """
     found = FRICTION_FUNCTIONS.get(function)
     if found is None:
@@ -89,7 +92,7 @@ def traits(function: FrictionFunction) -> FunctionTraits:
 
 
 def unknown_function(function: str, where: str) -> EstimationError:
-    """Return the error for a friction function that a file does not support."""
+    """Return the error for a friction function that the source file `where` does not support."""
     return EstimationError(
         f"unknown friction function {function!r}: add it to {where}, or leave it out of the model",
         code="RID-MODEL-TERM",

@@ -1,8 +1,8 @@
-"""`Memory`: the hysteretic direction of motion of joints with presliding, sample by sample.
+"""`Memory`: the hysteretic direction of motion of joints with presliding, for each sample.
 
-The memory is a condition of a motion, like the load of the gears. The direction depends on the
-joint's past path. Therefore it is computed along the whole path first, and each block of samples
-gets its part. For joints with presliding, friction terms use this direction instead of sign(v).
+For joints with presliding, friction terms use this direction instead of sign(v). It depends on the
+joint's path up to the sample. Therefore it is computed along the whole path before the torque, and
+it is one of the `Conditions` of a motion.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 from config.arrays import BoolArray, FloatArray, IntArray
 from dynamics.kernels.presliding import (
     BY_DISTANCE,
-    BY_SHARE,
+    BY_FRACTION,
     DIRECTION,
     FOUND,
     KNOWN,
@@ -28,43 +28,43 @@ from dynamics.terms.term_parameter import NonlinearParameter
 
 @dataclass(frozen=True)
 class Presliding:
-    """Presliding hysteresis of a joint (from 0).
+    """Parameters of the presliding hysteresis of a joint (from 0).
 
     Attributes:
         distance: Displacement from rest after which the whole joint slides [rad or m].
-        share: Fraction of its friction with hysteresis, while the rest is rigid; None for all of
-            it.
+        fraction: Fraction of the joint's friction that has hysteresis, while the rest is rigid
+            (Coulomb); None if all friction has hysteresis.
     """
 
     joint: int
     distance: NonlinearParameter
-    share: NonlinearParameter | None = None
+    fraction: NonlinearParameter | None = None
 
     @property
-    def share_value(self) -> float:
-        """Fraction of the friction with hysteresis."""
-        return 1.0 if self.share is None else self.share.value
+    def fraction_value(self) -> float:
+        """Fraction of the joint's friction that has hysteresis; 1 if `fraction` is None."""
+        return 1.0 if self.fraction is None else self.fraction.value
 
 
 @dataclass(frozen=True, eq=False)
 class Memory:
-    """Directions of motion of the joints with presliding.
+    """Hysteretic directions of motion of all joints with presliding.
 
     Attributes:
-        joints: Joints (from 0) with presliding, one per column.
-        direction: Shape (samples, columns). Replaces sign(v), from -1 to 1.
-        by_distance: Shape (samples, columns). Its derivative by the presliding distance [1/rad or
-            1/m].
-        by_share: Shape (samples, columns). Its derivative by the fraction of the friction with
-            hysteresis.
-        known: Shape (samples, columns). True if the direction depends only on the motion, and no
-            longer on the joint's initial state.
+        joints: Joints (from 0) with presliding, in the order of the columns.
+        direction: Shape (samples, columns). Direction from -1 to 1, which replaces sign(v).
+        by_distance: Shape (samples, columns). Derivative of the direction by the presliding
+            distance [1/rad or 1/m].
+        by_fraction: Shape (samples, columns). Derivative of the direction by the presliding
+            fraction.
+        known: Shape (samples, columns). True if the direction no longer depends on the joint's
+            unknown initial state.
     """
 
     joints: tuple[int, ...]
     direction: FloatArray
     by_distance: FloatArray
-    by_share: FloatArray
+    by_fraction: FloatArray
     known: BoolArray
 
     @classmethod
@@ -76,15 +76,16 @@ class Memory:
         *,
         periodic: bool = False,
     ) -> Memory:
-        """Compute the directions along a path.
+        """Compute the hysteretic directions along a path.
 
         Args:
-            presliding: Parameters of the hysteresis of each joint.
+            presliding: Parameters of each joint with presliding.
             path: Shape (samples, n). Positions of the actuators, link side, in the order of time
                 [rad or m].
-            segment: Shape (samples,). Number of the segment of each row; the hysteresis starts
-                afresh after a gap.
-            periodic: The path is one period of a periodic motion; it is followed twice.
+            segment: Shape (samples,). Number of the recording's segment to which each row belongs;
+                at a new segment, after a gap, the hysteresis starts again from its initial state.
+            periodic: True if the path is one period of a periodic motion; the period is then
+                computed twice, and the second result is returned.
         """
         out = np.zeros((len(path), len(presliding), FOUND))
         starts = [0, len(path)]
@@ -96,22 +97,22 @@ class Memory:
                 state = initial_state()
                 rows, found = positions[first:end], out[first:end, column]
                 for _ in range(1 + periodic):
-                    drive_presliding(rows, own.distance.value, own.share_value, state, found)
+                    drive_presliding(rows, own.distance.value, own.fraction_value, state, found)
         return cls(
             joints=tuple(own.joint for own in presliding),
             direction=out[:, :, DIRECTION],
             by_distance=out[:, :, BY_DISTANCE],
-            by_share=out[:, :, BY_SHARE],
+            by_fraction=out[:, :, BY_FRACTION],
             known=out[:, :, KNOWN] > 0.0,
         )
 
     def known_through(self, segment: IntArray, rows: int) -> BoolArray:
-        """Return True for samples in which a low-passed direction is known, (samples, columns).
+        """Return True if a direction is known even after low-pass filtering, (samples, columns).
 
         Args:
-            segment: Shape (samples,). Number of the segment of each row; each was low-passed
+            segment: Shape (samples,). Number of the segment of each row; each segment was filtered
                 separately.
-            rows: Number of rows over which the low-pass spreads an unknown value.
+            rows: Number of rows that the filter affects after an unknown value.
         """
         starts = np.concatenate([[0], np.flatnonzero(np.diff(segment)) + 1])
         number = np.arange(len(segment))
@@ -119,27 +120,27 @@ class Memory:
         return np.asarray(self.known[np.maximum(number - rows, first)])
 
     def of(self, joint: int) -> FloatArray | None:
-        """Return the direction of a joint, (samples,); None for a joint without presliding."""
+        """Return the directions of a joint, (samples,); None for a joint without presliding."""
         return self.direction[:, self.joints.index(joint)] if joint in self.joints else None
 
     def slopes(self, own: Presliding) -> tuple[tuple[NonlinearParameter, FloatArray], ...]:
-        """Return a joint's nonlinear parameters, each with the direction's derivative, (samples,).
+        """Return a joint's presliding parameters, with the direction's derivatives, (samples,).
 
         Args:
-            own: Hysteresis of one of `joints`.
+            own: Presliding parameters of one of `joints`.
         """
         column = self.joints.index(own.joint)
         by_distance = (own.distance, self.by_distance[:, column])
-        if own.share is None:
+        if own.fraction is None:
             return (by_distance,)
-        return (by_distance, (own.share, self.by_share[:, column]))
+        return (by_distance, (own.fraction, self.by_fraction[:, column]))
 
     def part(self, samples: slice) -> Memory:
-        """Return the directions of some of the samples."""
+        """Return the directions for a range of samples."""
         return Memory(
             self.joints,
             self.direction[samples],
             self.by_distance[samples],
-            self.by_share[samples],
+            self.by_fraction[samples],
             self.known[samples],
         )

@@ -1,4 +1,4 @@
-"""`TermMotion`: positions, velocities and accelerations as the terms of a model need them."""
+"""`TermMotion`: positions, velocities and accelerations, in the form that terms use."""
 
 from __future__ import annotations
 
@@ -18,11 +18,13 @@ class TermMotion:
     """A motion in joint and in actuator coordinates, and its conditions.
 
     Attributes:
-        joint: Shape (3, samples, n). q, v, a of the joints [rad or m, per s, per s^2].
-        actuator: Shape (3, samples, n). The same for the actuators, link side: alpha with q = C
-            alpha (5.18). If the robot has no coupling, it is the same array as `joint`.
-        coupling: C and its inverse; None if each actuator moves only its own joint.
-        conditions: Temperature, load, payload.
+        joint: Shape (3, samples, n). Positions q, velocities v and accelerations a of the joints
+            [rad or m, per s, per s^2].
+        actuator: Shape (3, samples, n). Positions alpha, velocities and accelerations of the
+            actuators, link side, with q = C alpha (5.18). If the robot has no coupling, this is the
+            same array as `joint`.
+        coupling: Matrix C and its inverse; None if each actuator moves only its own joint.
+        conditions: Temperature, load, payload, and presliding hysteresis.
     """
 
     joint: FloatArray
@@ -40,7 +42,7 @@ class TermMotion:
         coupling: WristCoupling | None = None,
         conditions: Conditions | None = None,
     ) -> TermMotion:
-        """Copy q, v, a, each (samples, n), into new arrays.
+        """Return a motion with copies of q, v and a, each of shape (samples, n).
 
         Raises:
             EstimationError: The shapes do not fit each other or the robot.
@@ -61,12 +63,13 @@ class TermMotion:
             values = getattr(conditions, name)
             if values is not None and np.shape(values) not in shapes:
                 raise EstimationError(
-                    f"{name} has the shape {np.shape(values)}, the motion {expected}",
+                    f"{name} has the shape {np.shape(values)}, but the motion has {expected}",
                     code="RID-API-ARGUMENT",
                 )
         if conditions.memory is not None and len(conditions.memory.direction) != expected[0]:
             raise EstimationError(
-                f"memory has {len(conditions.memory.direction)} samples, the motion {expected[0]}",
+                f"memory has {len(conditions.memory.direction)} samples, but the motion has"
+                f" {expected[0]}",
                 code="RID-API-ARGUMENT",
             )
         joint = np.array((q, v, a), dtype=np.float64)
@@ -76,7 +79,7 @@ class TermMotion:
         return cls(joint, actuator, coupling, conditions)
 
     def part(self, samples: slice) -> TermMotion:
-        """Return the motion of some of the samples."""
+        """Return the motion for a range of samples."""
         joint = np.ascontiguousarray(self.joint[:, samples])
         actuator = joint
         if self.coupling is not None:
@@ -93,13 +96,13 @@ class TermMotion:
             rows[:, i] += mixed[j, i] * before[j]
 
     def to_joints(self, weights: FloatArray) -> FloatArray:
-        """Convert weights (any, samples, n, any) on actuators' rows to weights on joints' rows."""
+        """Convert weights (any, samples, n, any) of actuator torques to those of joint torques."""
         if self.coupling is not None:
             weights = np.einsum("ji,rsip->rsjp", self.coupling.joints_by_motors, weights)
         return weights
 
     def by_joints(self, by_actuators: FloatArray) -> FloatArray:
-        """Convert derivatives (..., n) by the actuators' coordinates to those by the joints'."""
+        """Convert derivatives (..., n) by actuator coordinates to those by joint coordinates."""
         if self.coupling is not None:
             by_actuators = by_actuators @ self.coupling.motors_by_joints
         return by_actuators

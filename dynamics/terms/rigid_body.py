@@ -12,7 +12,7 @@ from config.errors import EstimationError
 from dynamics.geometry.kinematics import Chain
 from dynamics.kernels.gradients import pull_back, weights_of
 from dynamics.kernels.rigid_body import RotorArrays, fill_rigid_body
-from dynamics.kernels.threads import share_out
+from dynamics.kernels.threads import run_in_ranges
 from dynamics.terms.motion import TermMotion
 
 PARAMETERS_PER_LINK: Final = 10
@@ -21,7 +21,7 @@ UNITS: Final = ("kg", *("kg m",) * 3, *("kg m^2",) * 6)
 _NO_INDEX: Final[IntArray] = np.empty(0, dtype=np.int64)
 _NO_ROTORS: Final = (_NO_INDEX, _NO_INDEX, np.empty((0, 3)), np.empty(0))
 for _none in _NO_ROTORS:
-    _none.setflags(write=False)  # as in `Rotors`, so that one kernel is compiled for both
+    _none.setflags(write=False)  # read-only as in `Rotors`: one kernel for both
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,8 +29,8 @@ class RigidBodies:
     """Inertial and gravitational loads of the links (theory: section 2).
 
     Link i has, in frame i of `Chain`: mass `m{i}`, first moment `sx{i} sy{i} sz{i}` = m c, and the
-    inertia about the frame's origin `Ixx{i} Ixy{i} Ixz{i} Iyy{i} Iyz{i} Izz{i}`, elements of the
-    inertia matrix (so Ixy = -integral of x y dm).
+    inertia about the frame's origin `Ixx{i} Ixy{i} Ixz{i} Iyy{i} Iyz{i} Izz{i}`. These are the
+    elements of the inertia matrix, so that Ixy = -integral of x y dm.
     """
 
     chain: Chain
@@ -41,42 +41,44 @@ class RigidBodies:
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Ten names per link, link by link."""
+        """Names of the parameters: ten per link, link by link."""
         return tuple(f"{s}{link}" for link in range(1, self.chain.n + 1) for s in SYMBOLS)
 
     @property
     def parameter_units(self) -> tuple[str, ...]:
-        """The units, in the order of the names."""
+        """Units of the parameters, in the order of `parameter_names`."""
         return UNITS * self.chain.n
 
     def fill_torque(self, motion: TermMotion, out: FloatArray) -> None:
-        """Fill `out`, (samples, n, 10 n)."""
+        """Compute the torque columns into `out`, (samples, n, 10 n)."""
         fill_links(self.chain, motion, 0, False, out)
         motion.to_actuators(out)
 
     def fill_base_wrench(self, motion: TermMotion, out: FloatArray) -> None:
-        """Fill `out`, (samples, 6, 10 n)."""
+        """Compute the base wrench columns into `out`, (samples, 6, 10 n)."""
         fill_links(self.chain, motion, 0, True, out)
 
     def torque_gradient(self, motion: TermMotion, weights: FloatArray) -> FloatArray:
-        """Return the gradient of sums of weights * columns by the motion; see `Term`."""
+        """Return the gradient of weighted sums of torque columns by the motion; see `Term`."""
         return links_gradient(self.chain, motion, 0, weights)
 
 
 def fill_links(
     chain: Chain, motion: TermMotion, first_link: int, of_base: bool, out: FloatArray
 ) -> None:
-    """Fill the columns of the links from `first_link` (from 0) on, in the joints' rows.
+    """Compute the columns of the links from `first_link` (from 0) on.
 
     Args:
         chain: The arm.
-        first_link: The first link with columns.
-        of_base: Whether the rows are the six components of the base wrench or the n joints.
-        out: Shape (samples, 6 or n, 10 (n - first_link)). All of it is written, including zeros.
-            Its columns must be neighbours in memory.
+        first_link: The first link that has columns.
+        of_base: True if the rows are the six components of the base wrench; False if they are the n
+            joint torques.
+        out: Shape (samples, 6 or n, 10 (n - first_link)). Every element is written, including
+            zeros. The columns must be neighbours in memory.
 
     Raises:
-        EstimationError: `out` is not such an array; the kernel would write outside it.
+        EstimationError: `out` has another shape, type or memory order, so that the kernel would
+            write outside the array.
     """
     _, samples, n = motion.joint.shape
     expected = (samples, 6 if of_base else n, PARAMETERS_PER_LINK * (n - first_link))
@@ -90,21 +92,21 @@ def fill_links(
     def fill(first: int, last: int) -> None:
         fill_rigid_body(chain.arrays, motion.joint, of_base, first_link, out, first, last)
 
-    share_out(len(out), fill)
+    run_in_ranges(len(out), fill)
 
 
 def links_gradient(
     chain: Chain, motion: TermMotion, first_link: int, weights: FloatArray
 ) -> FloatArray:
-    """Return the gradient of sums of weights * columns by the motion of the joints.
+    """Return the gradient of weighted sums of the links' columns by the motion of the joints.
 
     Args:
         chain, motion, first_link: As for `fill_links`.
-        weights: Shape (sums, samples, n, 10 (n - first_link)). Weights on the columns, in the rows
-            of the actuators.
+        weights: Shape (sums, samples, n, 10 (n - first_link)). Weights of the columns, with one row
+            per actuator.
 
     Returns:
-        Shape (sums, 3, samples, n). Derivatives of each sum by q, v and a.
+        Shape (sums, 3, samples, n). Derivatives of each sum by q, v and a of the joints.
     """
     out = np.zeros((len(weights), *motion.joint.shape))
     no_rotors: RotorArrays = (*_NO_ROTORS, np.eye(chain.n))
@@ -123,5 +125,5 @@ def links_gradient(
             last,
         )
 
-    share_out(motion.joint.shape[1], pull)
+    run_in_ranges(motion.joint.shape[1], pull)
     return out

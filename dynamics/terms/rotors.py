@@ -1,4 +1,4 @@
-"""`Rotors`: the term of the motors' polar inertias, with their coupling to the links."""
+"""`Rotors`: the term of the motors' polar inertias, including their effect on the links."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain
 from dynamics.kernels.gradients import pull_back, weights_of
 from dynamics.kernels.rigid_body import RotorArrays, fill_rotors
-from dynamics.kernels.threads import share_out
+from dynamics.kernels.threads import run_in_ranges
 from dynamics.terms.motion import TermMotion
 
 
@@ -20,17 +20,21 @@ from dynamics.terms.motion import TermMotion
 class Rotors:
     """Polar inertias of the rotors, `Im{i}` for the motor of joint i (theory: section 3).
 
-    A rotor's mass, its transverse inertia and I_M e e^T are lumped into the link that carries it.
-    Two effects remain: the load I_M mu (q.. e + q. w x e) on that link, and the torque
-    I_M (mu^2 q.. + mu e.w') on its joint's actuator. Only the load on the link acts on the
-    base. With a coupled wrist, the rotor's own motion q is its actuator's coordinate.
+    A rotor has the polar inertia I_M and turns about the unit vector e on the link that carries it,
+    mu times as fast as its joint. Its mass, its transverse inertia and I_M e e^T are included in
+    the parameters of that link. Two effects remain: the moment I_M mu (q'' e + q' w x e) on that
+    link, and the torque I_M (mu^2 q'' + mu e . w') on the joint's actuator. Here w is the angular
+    velocity of the link, and q the coordinate of the actuator, which in a coupled wrist differs
+    from that of the joint. Only the moment on the link acts on the base.
 
     Attributes:
         chain: The arm.
-        joint: Shape (rotors,). Index of the joint that a rotor drives, from 0.
-        link: Shape (rotors,). The link that carries it; 0 is the base.
-        axis: Shape (rotors, 3). Unit vector of its spin in the frame of that link.
-        ratio: Shape (rotors,). mu, rotor speed relative to its link over joint speed [1, or rad/m].
+        joint: Shape (rotors,). Index of the joint that each rotor drives, from 0.
+        link: Shape (rotors,). Number of the link that carries each rotor; 0 is the base.
+        axis: Shape (rotors, 3). Unit vector e of each rotor's axis, in the frame of the link that
+            carries it.
+        ratio: Shape (rotors,). mu, the speed of each rotor relative to that link, divided by the
+            speed of its joint [1, or rad/m].
     """
 
     chain: Chain
@@ -52,8 +56,8 @@ class Rotors:
             )
         if np.any((self.link < 0) | (self.link > self.joint + 1) | (self.joint >= self.chain.n)):
             raise EstimationError(
-                f"rotors of joints {self.joint} (from 0) sit on links {self.link}: a rotor must"
-                " sit on the base (0) or on a link up to the one that it moves",
+                f"rotors of joints {self.joint} (from 0) are on links {self.link}: a rotor must"
+                " be on the base (0), on a link before its joint, or on the link that it moves",
                 code="RID-ROBOT-VALUE",
             )
         for array in arrays:
@@ -75,25 +79,25 @@ class Rotors:
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """One name per rotor."""
+        """Names of the parameters, one per rotor."""
         return tuple(f"Im{j + 1}" for j in self.joint)
 
     @property
     def parameter_units(self) -> tuple[str, ...]:
-        """The units, in the order of the names."""
+        """Units of the parameters, in the order of `parameter_names`."""
         return ("kg m^2",) * len(self.joint)
 
     def fill_torque(self, motion: TermMotion, out: FloatArray) -> None:
-        """Fill `out`, (samples, n, rotors)."""
+        """Compute the torque columns into `out`, (samples, n, rotors)."""
         self._fill(motion, False, out)
         motion.to_actuators(out)
 
     def fill_base_wrench(self, motion: TermMotion, out: FloatArray) -> None:
-        """Fill `out`, (samples, 6, rotors)."""
+        """Compute the base wrench columns into `out`, (samples, 6, rotors)."""
         self._fill(motion, True, out)
 
     def torque_gradient(self, motion: TermMotion, weights: FloatArray) -> FloatArray:
-        """Return the gradient of sums of weights * columns by the motion; see `Term`."""
+        """Return the gradient of weighted sums of torque columns by the motion; see `Term`."""
         by_joint = np.zeros((len(weights), *motion.joint.shape))
         by_actuator = np.zeros_like(by_joint)
         weights = weights_of(motion.to_joints(weights))
@@ -112,7 +116,7 @@ class Rotors:
                 last,
             )
 
-        share_out(motion.joint.shape[1], pull)
+        run_in_ranges(motion.joint.shape[1], pull)
         return by_joint + motion.by_joints(by_actuator)
 
     def _arrays(self, motion: TermMotion) -> RotorArrays:
@@ -127,4 +131,4 @@ class Rotors:
         def fill(first: int, last: int) -> None:
             fill_rotors(chain, rotors, motion.joint, motion.actuator, of_base, out, first, last)
 
-        share_out(len(out), fill)
+        run_in_ranges(len(out), fill)

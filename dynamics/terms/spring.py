@@ -19,10 +19,11 @@ FOURIER_HARMONICS = 3
 class Spring:
     """A spring of stiffness k and free length l0 between two points (3.36-3.38).
 
-    The points are `l_m` and `r_m` from the joint's axis. The actuator's torque against the spring,
-    k l r sin q - P0 l r sin q / L with L = sqrt(l^2 + r^2 - 2 l r cos q), is linear in the
-    parameters `k_spring` and `P0_spring` = k l0. Without the distances it is a Fourier series of
-    the angle (3.37): `A1_spring` cos q + `B1_spring` sin q + ... up to the third harmonic.
+    The points have the distances `l_m` and `r_m` from the joint's axis. The torque that holds the
+    spring is k l r sin q - P0 l r sin q / L, where L = sqrt(l^2 + r^2 - 2 l r cos q) is the
+    spring's length. It is linear in the parameters `k_spring` and `P0_spring` = k l0. If the
+    distances are unknown, the torque is a Fourier series of the joint angle up to the third
+    harmonic (3.37): `A1_spring` cos q + `B1_spring` sin q + ...
     """
 
     joint: int
@@ -37,8 +38,8 @@ class Spring:
         """Return the robot's spring.
 
         Raises:
-            ConfigError: The robot has no spring, its geometry has no length at q = 0, or its joint
-                is prismatic.
+            ConfigError: The robot has no spring, its joint is prismatic, or the spring would have
+                no length at q = 0.
         """
         spring = robot.spring
         if spring is None:
@@ -55,33 +56,33 @@ class Spring:
         if spring.l_m == spring.r_m:
             raise ConfigError(
                 f"robot {robot.name!r}: spring.l_m and spring.r_m are both {spring.l_m} m, so its"
-                " ends would meet at zero angle; check the two distances",
+                " ends would coincide at joint angle 0; correct the two distances",
                 code="RID-ROBOT-VALUE",
             )
         return cls(joint, (spring.l_m, spring.r_m))
 
     @property
     def parameter_names(self) -> tuple[str, ...]:
-        """Two names; six in the Fourier form."""
+        """Names of the parameters: two, or six for the Fourier series."""
         if self.distances_m is not None:
             return ("k_spring", "P0_spring")
         return tuple(f"{s}{k}_spring" for k in range(1, FOURIER_HARMONICS + 1) for s in "AB")
 
     @property
     def parameter_units(self) -> tuple[str, ...]:
-        """The units, in the order of the names."""
+        """Units of the parameters, in the order of `parameter_names`."""
         return ("N/m", "N") if self.distances_m is not None else ("N m",) * (2 * FOURIER_HARMONICS)
 
     def fill_torque(self, motion: TermMotion, out: FloatArray) -> None:
-        """Fill `out`, (samples, n, 2 or 6)."""
+        """Compute the torque columns into `out`, (samples, n, 2 or 6)."""
         out[:, self.joint] = self._columns(motion.joint[0, :, self.joint])
         motion.to_actuators(out)
 
     def fill_base_wrench(self, motion: TermMotion, out: FloatArray) -> None:
-        """Leave `out` zero: the spring acts between two links."""
+        """Leave `out` zero: the spring acts between two links and not on the base."""
 
     def torque_gradient(self, motion: TermMotion, weights: FloatArray) -> FloatArray:
-        """Return the gradient of sums of weights * columns by the motion; see `Term`."""
+        """Return the gradient of weighted sums of torque columns by the motion; see `Term`."""
         out = np.zeros((len(weights), *motion.joint.shape))
         steepness = slopes(self._columns, motion.joint[0, :, self.joint])
         on_joint = motion.to_joints(weights)[:, :, self.joint]
@@ -92,6 +93,6 @@ class Spring:
         if self.distances_m is None:
             harmonics = range(1, FOURIER_HARMONICS + 1)
             return np.stack([f(k * q) for k in harmonics for f in (np.cos, np.sin)], axis=-1)
-        l, r = self.distances_m  # noqa: E741 (the thesis's letters)
+        l, r = self.distances_m  # noqa: E741 (symbols of the thesis)
         lever = l * r * np.sin(q)
         return np.stack([lever, -lever / np.sqrt(l**2 + r**2 - 2.0 * l * r * np.cos(q))], axis=-1)

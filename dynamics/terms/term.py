@@ -1,4 +1,4 @@
-"""`Term`: interface of all parts of a robot's model; `NonlinearTerm`: with nonlinear parameters."""
+"""`Term`: interface of the parts of a robot's model; `NonlinearTerm`: additions for some terms."""
 
 from __future__ import annotations
 
@@ -11,43 +11,44 @@ from dynamics.terms.term_parameter import NonlinearParameter
 
 
 class Term(Protocol):
-    """A part of the model: names, units, and the columns that belong to them.
+    """A part of the model: parameters with names and units, and their columns in the regressor.
 
-    A term computes its part of the regressor, of the regressor's gradient, of the base wrench, and
-    thereby of the torque. Two other modules compute without columns: the torque of one sample
-    (`dynamics.model.one_sample`) and the exports (`identification.export.model`). They list the
-    terms that they support, and refuse a model with any other term. To add an effect, write a class
-    like this one, and add it to `RobotModel.from_description` and to those two modules.
+    A term computes its columns of the regressor and of the base wrench's regressor, and the
+    gradient of its columns; the torque follows from the columns. Two modules do not use the
+    columns: `dynamics.model.one_sample`, which computes the torque of one sample, and
+    `identification.export.model`, which exports a model. They list the terms that they support, and
+    refuse a model with any other term. To add an effect, write a class with the members of `Term`,
+    and add it to `RobotModel.from_description` and to these two modules.
     """
 
     @property
     @abstractmethod
     def name(self) -> str:
-        """Name of the group of parameters."""
+        """Name of the term, which is also that of its group of parameters."""
 
     @property
     @abstractmethod
     def through_gears(self) -> bool:
-        """True if the gears transmit this torque, so that their losses act on it."""
+        """True if the gears transmit the term's torque, so that gear losses depend on it."""
 
     @property
     @abstractmethod
     def inertial(self) -> bool:
-        """True if this torque depends on the acceleration: part of the joint-space inertia."""
+        """True if the torque depends on acceleration, so that the inertia matrix contains it."""
 
     @property
     @abstractmethod
     def parameter_names(self) -> tuple[str, ...]:
-        """One name per column, different from those of all other terms."""
+        """Names of the parameters, one per column, different from those of all other terms."""
 
     @property
     @abstractmethod
     def parameter_units(self) -> tuple[str, ...]:
-        """The units, in the order of the names."""
+        """Units of the parameters, in the order of `parameter_names`."""
 
     @abstractmethod
     def fill_torque(self, motion: TermMotion, out: FloatArray) -> None:
-        """Fill in the actuators' torque, link side, per unit parameter.
+        """Compute the actuators' torques, link side, per unit of each parameter.
 
         Args:
             out: Shape (samples, n, parameters). Zero on entry, one column per parameter.
@@ -55,14 +56,15 @@ class Term(Protocol):
 
     @abstractmethod
     def fill_base_wrench(self, motion: TermMotion, out: FloatArray) -> None:
-        """Fill in the base wrench per unit parameter; `out` as (samples, 6, parameters)."""
+        """Compute the base wrench per unit parameter into `out`, (samples, 6, parameters)."""
 
     @abstractmethod
     def torque_gradient(self, motion: TermMotion, weights: FloatArray) -> FloatArray:
-        """Return the gradient of sums of weights * torque columns by the motion.
+        """Return the gradient of weighted sums of the torque columns by the motion.
 
         Args:
-            weights: Shape (sums, samples, n, parameters). The weights of each sum.
+            weights: Shape (sums, samples, n, parameters). Weights of the elements of the torque
+                columns, for each sum.
 
         Returns:
             Shape (sums, 3, samples, n). Derivatives by q, v and a of the joints.
@@ -76,24 +78,24 @@ class NonlinearTerm(Protocol):
     @property
     @abstractmethod
     def nonlinear(self) -> tuple[NonlinearParameter, ...]:
-        """The nonlinear parameters."""
+        """The nonlinear parameters of the term."""
 
     @abstractmethod
     def with_nonlinear(self, values: FloatArray) -> Term:
-        """Return the term with other values of the nonlinear parameters."""
+        """Return a copy with other values of the nonlinear parameters."""
 
     @abstractmethod
     def nonlinear_slopes(self, motion: TermMotion, coefficients: FloatArray) -> FloatArray:
-        """Return the torque's derivative by them, shape (samples, n, nonlinear parameters).
+        """Return the torque's derivatives by the nonlinear parameters, (samples, n, parameters).
 
-        `coefficients` are the values of the term's linear parameters.
+        `coefficients` are the values of the term's linear parameters, one per column.
         """
 
     @property
     @abstractmethod
     def changing(self) -> tuple[bool, ...]:
-        """For each column of the term: True if it depends on the nonlinear parameters."""
+        """For each column of the term, True if it depends on the nonlinear parameters."""
 
     @abstractmethod
     def with_changing_only(self) -> Term:
-        """Return the term with only the columns that depend on the nonlinear parameters."""
+        """Return a copy with only those columns that depend on the nonlinear parameters."""

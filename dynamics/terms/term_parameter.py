@@ -1,4 +1,4 @@
-"""`NonlinearParameter`: a parameter in which the torque is not linear."""
+"""`NonlinearParameter`: a parameter on which the torque depends nonlinearly."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class NonlinearParameter:
-    """A parameter in which the torque is not linear.
+    """A parameter on which the torque depends nonlinearly, with its present value.
 
     Attributes:
-        low, high: The allowed range.
+        low, high: Lowest and highest allowed value.
     """
 
     name: str

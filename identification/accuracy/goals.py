@@ -1,4 +1,4 @@
-"""`Goal`: an accuracy that a measurement must reach, and its state for an estimate."""
+"""`Goal`: accuracy that a measurement must reach; `GoalState`: the accuracy reached so far."""
 
 from __future__ import annotations
 
@@ -29,7 +29,8 @@ class Goal:
     """Largest allowed standard deviation of a quantity.
 
     Attributes:
-        name: A base parameter's name, or `torque`: the predicted torque's RMS over the motion.
+        name: A base parameter's name, or `torque` for the predicted torque; its standard deviation
+            is the RMS over the motion, of the least certain joint.
         limit: Largest standard deviation, in the parameter's unit (N m for torque), or relative to
             its value.
         relative: True if `limit` is relative to the value.
@@ -47,7 +48,7 @@ class GoalState:
     """State of a goal.
 
     Attributes:
-        sigma, limit: Current and allowed standard deviation, in the unit.
+        sigma, limit: Current and allowed standard deviation, in `unit`.
         noise: Part of `sigma` that falls with more periods; None if it is not known.
     """
 
@@ -63,7 +64,7 @@ class GoalState:
         return self.sigma <= self.limit
 
     def sentence(self, periods: int) -> str:
-        """Return the state after some averaged periods, and the remedy, in one sentence."""
+        """Return a sentence: the accuracy after this number of averaged periods, and what to do."""
         so_far = f"{self.goal.text}: σ is {self.sigma:.3g} {self.unit} after {periods} periods"
         if self.reached:
             return f"{so_far}, reached"
@@ -101,7 +102,8 @@ def goal_states(
 
     Args:
         estimate: The current estimate.
-        motion: Tuple of (samples, n) arrays. q, v, a at which a torque goal is evaluated.
+        motion: Tuple of (samples, n) arrays. Positions, velocities and accelerations at which a
+            torque goal is evaluated.
     """
     return tuple(_state(goal, estimate, motion) for goal in goals)
 
@@ -129,9 +131,9 @@ def _parse(text: str, model: RobotModel, base: BaseParameters) -> Goal:
             w for w, row in zip(base.expressions, base.combination, strict=True) if row[index]
         ]
         where = (
-            f"it affects the torques only as part of {inside[0]!r}"
+            f"the torques depend on this parameter only through {inside[0]!r}"
             if inside
-            else "it has no effect on torques"
+            else "the torques do not depend on this parameter"
         )
         raise ConfigError(
             f"--until {text}: {name} cannot be identified separately: {where}",
@@ -151,7 +153,10 @@ def _parse(text: str, model: RobotModel, base: BaseParameters) -> Goal:
             )
         return Goal(name, number / 100.0, True, text)
     if unit not in ("", own):
-        raise ConfigError(f"--until {text}: the unit of {name} is {own}", code="RID-OPTION-SYNTAX")
+        raise ConfigError(
+            f"--until {text}: write the limit of {name} in {own}, not in {unit}",
+            code="RID-OPTION-SYNTAX",
+        )
     return Goal(name, number, False, text)
 
 
@@ -182,7 +187,7 @@ def _state(
 def _torque_sigma(
     estimate: Estimate, covariance: FloatArray, motion: tuple[FloatArray, FloatArray, FloatArray]
 ) -> float:
-    """Return the largest of the joints' RMS standard deviations of the predicted torque."""
+    """Return the RMS standard deviation of the predicted torque, of the least certain joint."""
     step = max(1, len(motion[0]) // POSES)
     q, v, a = (part[::step] for part in motion)
     reference_k = np.array([joint.reference_temperature_k for joint in estimate.robot.joints])

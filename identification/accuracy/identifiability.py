@@ -22,7 +22,7 @@ SAMPLES: Final = 80
 LIMIT_SHARE: Final = 0.8
 SMALLEST_GAIN: Final = 1.5
 NOISELESS_SHARE: Final = 5e-4
-"""Residual over torque below which only encoder quantisation remains, without torque noise."""
+"""Ratio of residual to torque (RMS) below which the torque counts as free of noise."""
 
 
 @dataclass(frozen=True)
@@ -45,14 +45,14 @@ class WeakParameter:
 
     @property
     def sentence(self) -> str:
-        """The finding in one sentence."""
+        """The parameter, its interval and the motion to add, in one sentence."""
         interval = plus_minus(self.value, 2.0 * self.sigma, self.unit)
         text = f"{self.expression} = {interval} is poorly determined"
         if not self.motion:
-            return f"{text}; it is small, and no motion of one or two joints would improve it."
+            return f"{text}; no motion of one or two joints would determine it much better."
         return (
-            f"{text}; {self.motion} for as long again would make its interval {self.gain:.1f} times"
-            " smaller."
+            f"{text}; a second run of the same length, {self.motion}, would make the interval"
+            f" {self.gain:.1f} times smaller."
         )
 
 
@@ -60,7 +60,7 @@ def weak_parameters(estimate: Estimate, most: int = 5) -> tuple[WeakParameter, .
     """Return the rigid-body parameters that are not distinct from zero, the least certain first.
 
     For each parameter, motions of one joint or of two joints at their limits are tried. Each counts
-    as one more run of the same length and with the same colour of residuals: its information is
+    as one more run of the same length, with residuals of the same spectrum: its information is
     added to that of the estimate.
 
     Args:
@@ -87,7 +87,7 @@ def weak_parameters(estimate: Estimate, most: int = 5) -> tuple[WeakParameter, .
     for words, motion in joint_motions(estimate.robot):
         if np.any(
             motion[1][:, list(still)] != 0.0
-        ):  # such a motion would change the base parameters
+        ):  # moving a joint that was at rest would change the base parameters
             continue
         motion[0][:, list(still)] = list(still.values())
         tried.append((words, _information(estimate, motion, noise)))
@@ -98,9 +98,7 @@ def weak_parameters(estimate: Estimate, most: int = 5) -> tuple[WeakParameter, .
             weight = colour * estimate.equations / len(more)
             covariance = np.linalg.inv(information + weight * (more.T @ more))
             better = float(sigma[i] / np.sqrt(covariance[i, i]))
-            if (
-                better > gain * 1.05
-            ):  # simpler motions come first; a later one must be clearly better
+            if better > gain * 1.05:  # simple motions come first; a later motion must be 5 % better
                 best, gain = words, better
         found.append(
             WeakParameter(
@@ -131,10 +129,10 @@ def few_cluster_findings(estimate: Estimate) -> tuple[str, ...]:
         return ()
     parts = "bins of the spectrum" if estimate.method == "periodic" else "seconds of motion"
     wider = widening(clusters)
-    told = f"{wider:.2g} times wider for this reason, and rough" if wider >= 1.05 else "rough"
+    widened = f" They were made {wider:.2g} times wider to allow for this." if wider >= 1.05 else ""
     return (
-        f"The intervals are computed from only {clusters} {parts}. They are {told}: record longer"
-        f" ({FEW_CLUSTERS} are enough).",
+        f"The intervals are inaccurate, because they are computed from only {clusters} {parts}."
+        f"{widened} Record longer ({FEW_CLUSTERS} are enough).",
     )
 
 
@@ -166,12 +164,13 @@ def noiseless_findings(estimate: Estimate) -> tuple[str, ...]:
 
 
 def still_findings(estimate: Estimate) -> tuple[str, ...]:
-    """Report the parameters that are left out for joints that no run moved."""
+    """Report the joints that no run moved, and their parameters, which are not identified."""
     return tuple(
         f"{each.words} was at rest. Its own friction and inertia are not identified and are left"
         f" out ({', '.join(_of_joint(estimate, each.joint)) or 'none in the model'}). The other"
-        f" parameters hold only with {each.joint} at this position. To identify it, record a"
-        f" motion that moves {each.joint} and identify both runs together."
+        f" parameters are valid only with {each.joint} at this position. To identify the"
+        f" missing parameters, record a motion that moves {each.joint} and identify both runs"
+        " together."
         for each in estimate.still
     )
 
@@ -198,8 +197,8 @@ def unseen_findings(estimate: Estimate) -> tuple[str, ...]:
             continue
         symbol, joint = name.split("_", 1)
         of_unit = "" if unit == "1" else f" {unit}"
-        nothing_gives_way = symbol == "sp" and value < 0.5
-        term = _OF_TERMS["dp" if nothing_gives_way else symbol]
+        is_rigid = symbol == "sp" and value < 0.5
+        term = _OF_TERMS["dp" if is_rigid else symbol]
         why = (
             f"is at a bound of its range ({low:.3g} to {high:.3g}): the runs do not determine it,"
             " and its interval is meaningless"
@@ -216,7 +215,7 @@ def unseen_findings(estimate: Estimate) -> tuple[str, ...]:
 def _information(
     estimate: Estimate, motion: tuple[FloatArray, FloatArray, FloatArray], noise: FloatArray
 ) -> FloatArray:
-    """Return the weighted rows of a motion, shape (samples n, b)."""
+    """Return a motion's regressor rows, divided by the joints' noise, shape (samples n, b)."""
     model: RobotModel = estimate.model
     warm = Conditions(temperature_k=np.full(model.chain.n, 300.0))
     columns = torque_columns(model, estimate.base, motion, warm)
@@ -228,22 +227,25 @@ def _information(
 def joint_motions(
     robot: RobotDescription,
 ) -> list[tuple[str, tuple[FloatArray, FloatArray, FloatArray]]]:
-    """Return motions in words and as q, v, a: of one joint, then of two; wide, then fast."""
+    """Return motions of one joint and of two joints, each as a text and as q, v, a.
+
+    For each set of joints there is a motion through the whole range and a fast one.
+    """
     names = robot.joint_names
     motions = []
     for moved in (*((j,) for j in range(len(names))), *combinations(range(len(names)), 2)):
-        who = " and ".join(names[j] for j in moved)
+        joints = " and ".join(names[j] for j in moved)
         joined = " together" if len(moved) > 1 else ""
         for fast, how in ((False, "through their range"), (True, "with large accelerations")):
             how = how if joined else how.replace("their", "its")
-            motions.append((f"moving {who}{joined} {how}", _sine_motion(robot, moved, fast)))
+            motions.append((f"moving {joints}{joined} {how}", _sine_motion(robot, moved, fast)))
     return motions
 
 
 def _sine_motion(
     robot: RobotDescription, moved: tuple[int, ...], fast: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return sine motions at the limits of some joints; other joints at mid-range."""
+    """Return q, v, a of sines of some joints at their limits; other joints are at mid-range."""
     q, v, a = np.zeros((3, SAMPLES, len(robot.joints)))
     phase = 2.0 * np.pi * np.arange(SAMPLES) / SAMPLES
     for j, joint in enumerate(robot.joints):
@@ -251,7 +253,7 @@ def _sine_motion(
         q[:, j] = (limits.position_max + limits.position_min) / 2.0
         if j not in moved:
             continue
-        turns = 1 + moved.index(j)  # two joints at two frequencies, to reach all combinations
+        turns = 1 + moved.index(j)  # each joint has another frequency
         amplitude, omega = _amplitude(joint, fast)
         angle = turns * phase + 0.7 * j
         q[:, j] += amplitude * np.sin(angle)

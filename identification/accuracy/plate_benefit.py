@@ -1,9 +1,9 @@
-"""`Improvement`: additional information of a force plate, parameter by parameter (table 4.1).
+"""`Improvement`: information that a force plate adds, parameter by parameter (table 4.1).
 
-All three models use the same equations and weights:
-- The combined model uses all outputs.
-- The internal model uses only the joints' outputs.
-- The external model uses only the plate's outputs.
+Three models are compared. They have the same weights, but use different equations:
+- The combined model uses the joint torques and the base wrench.
+- The internal model uses only the joint torques.
+- The external model uses only the base wrench.
 
 Leaving out equations can only reduce the information. Therefore the combined model is never less
 certain than the other two.
@@ -31,14 +31,14 @@ RANK: float = 1e-10
 
 @dataclass(frozen=True)
 class ParameterGain:
-    """One combination of parameters, and its uncertainty in each model.
+    """A combination of standard parameters, and its uncertainty in each model.
 
     Attributes:
         expression, unit: The combination.
         value: Its estimate in the combined model.
-        sigma_internal, sigma_external: Standard deviation from the measured noise, with only the
-            joints' or only the plate's outputs; None if they do not determine the combination.
-        sigma_combined: Standard deviation from the measured noise with both.
+        sigma_internal, sigma_external: Standard deviation from the measured noise, in the internal
+            and in the external model; None if the model does not determine the combination.
+        sigma_combined: Standard deviation from the measured noise, in the combined model.
     """
 
     expression: str
@@ -50,7 +50,7 @@ class ParameterGain:
 
     @property
     def gain(self) -> float | None:
-        """Ratio of the standard deviations without and with the plate, or None."""
+        """Ratio of standard deviations without and with the plate; None if infinite."""
         return None if self.sigma_internal is None else self.sigma_internal / self.sigma_combined
 
 
@@ -60,7 +60,7 @@ class Improvement:
 
     Attributes:
         parameters: The internal model's base parameters, then those that only the plate determines.
-        shared: The parameters that both determine.
+        shared: Expressions of the parameters that torques alone and plate alone both determine.
         determinant_ratio: Determinant of the covariance of the shared parameters, internal over
             combined model.
     """
@@ -71,14 +71,15 @@ class Improvement:
 
     @property
     def sentence(self) -> str:
-        """The finding in one sentence."""
+        """The plate's effect on the standard deviations, in words."""
         gains = sorted(p.gain for p in self.parameters if p.gain is not None)
         return (
             f"The force plate divides the standard deviations of the {len(gains)} parameters that"
             f" the torques determine by {gains[len(gains) // 2]:.2g} (median; {gains[0]:.2g} to"
-            f" {gains[-1]:.2g}). It divides the determinant of the {len(self.shared)} shared ones"
-            f" by {self.determinant_ratio:.2g}, and determines"
-            f" {len(self.parameters) - len(gains)} more."
+            f" {gains[-1]:.2g}). It divides the determinant of the covariance of the"
+            f" {len(self.shared)} parameters that torques and plate each determine by"
+            f" {self.determinant_ratio:.2g}. The plate determines"
+            f" {len(self.parameters) - len(gains)} more parameters."
         )
 
 
@@ -114,8 +115,8 @@ def improvement(fitted: FittedPeriods) -> Improvement:
     wide = np.hstack([functionals, np.zeros((len(rows), steps))])
     of_both = _covariance(both, np.eye(wide.shape[1]), wide)
     s = fitted.fit.nonlinear
-    # Unknowns that do not affect a model are left out: the plate does not depend on nonlinear
-    # parameters of gears and friction, nor do the joints on delays of the plate.
+    # Each model has only the unknowns that affect it: the base wrench does not depend on nonlinear
+    # parameters of gears and friction, and the joint torques do not depend on the plate's delays.
     of_joints = _covariance(joints, _unknowns(internal, fitted, range(s)), wide)
     of_plates = _covariance(plates, _unknowns(external, fitted, range(s, steps)), wide)
     shared = np.flatnonzero(np.isfinite(np.diagonal(of_joints) + np.diagonal(of_plates)))
@@ -138,12 +139,16 @@ def improvement(fitted: FittedPeriods) -> Improvement:
 
 
 def _functional(base: BaseParameters, i: int, combined: BaseParameters) -> FloatArray:
-    """Return base parameter i of another base set in terms of the combined ones, (b,)."""
+    """Return base parameter i of one model as a combination of the combined model's, (b,)."""
     return np.asarray(base.combination[i, list(combined.kept)])
 
 
 def _unknowns(base: BaseParameters, fitted: FittedPeriods, steps: Sequence[int]) -> FloatArray:
-    """Return a basis of the unknowns (p, any) that another base set and some steps depend on."""
+    """Return a basis (p, any) of the unknowns on which one model depends.
+
+    The unknowns are base parameters, followed by steps of nonlinear parameters and of delays;
+    `steps` are the indices of those steps that affect the model.
+    """
     b, p = len(fitted.base), len(fitted.fit.solution.values)
     to_own = base.combination[:, list(fitted.base.kept)]
     size = np.linalg.norm(to_own, axis=1, keepdims=True)
@@ -157,9 +162,11 @@ def _unknowns(base: BaseParameters, fitted: FittedPeriods, steps: Sequence[int])
 def _covariance(
     outputs: Sequence[WhitenedEquations], basis: FloatArray, functionals: FloatArray
 ) -> FloatArray:
-    """Return the covariance of functionals (any, p) of unknowns spanned by a basis (p, any).
+    """Return the covariance of linear functions of the unknowns, estimated from some outputs.
 
-    A functional that the outputs do not determine has infinite variance, and no covariances.
+    The coefficients of the functions are `functionals` (any, p). The outputs depend only on the
+    unknowns in the span of `basis` (p, any). A function that the outputs do not determine has an
+    infinite variance and no covariances.
 
     Raises:
         EstimationError: The motion does not determine an unknown.

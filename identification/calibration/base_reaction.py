@@ -51,7 +51,7 @@ class BaseLoad:
 
     @property
     def sentence(self) -> str:
-        """The result in words."""
+        """The exceeded limits of the base, in words."""
         broken = [
             f"{WRENCH_NAMES[k]} reaches {self.peak[k]:.4g} ± {SIGMAS * self.sigma[k]:.2g}"
             f" {WRENCH_UNITS[k]} at {self.at_s[k]:.3g} s, but its limit is {self.limit[k]:.4g}"
@@ -60,7 +60,10 @@ class BaseLoad:
             if not held
         ]
         share = 100.0 * float(np.max((self.peak + SIGMAS * self.sigma) / self.limit))
-        words = "; ".join(broken) or f"all base limits are satisfied, {share:.0f} % used"
+        words = (
+            "; ".join(broken)
+            or f"all base limits are satisfied; at most {share:.0f} % of a limit is used"
+        )
         weight = (
             "" if self.weight_known else ". The robot's static weight is unknown and not included"
         )
@@ -68,7 +71,7 @@ class BaseLoad:
 
 
 def base_limits(limits: PlateLimits) -> FloatArray:
-    """Return the limits on the six components, (6,)."""
+    """Return the limits of the base wrench's six components, (6,) [N, N m]."""
     return np.array([*limits.force_n, *limits.moment_nm])
 
 
@@ -116,10 +119,11 @@ def base_load(
 def with_known_mass(
     estimate: Estimate, mass_kg: float | None = None
 ) -> tuple[FloatArray, FloatArray, bool]:
-    """Return an estimate's values and covariance, with the weight from another source.
+    """Return an estimate's values and covariance, with the robot's weight from another source.
 
-    The total mass adds a constant wrench for any motion, which a plate cannot distinguish from its
-    offset. It is `mass_kg`, or else the mass in the robot's drawings, or else zero.
+    In every motion the total mass adds the same constant wrench, which a plate cannot distinguish
+    from its offset. Therefore the estimated mass is replaced by `mass_kg`, or else by the mass in
+    the robot's drawings, or else by zero.
 
     Returns:
         `values`, shape (b,). Base parameters.
@@ -150,7 +154,7 @@ def with_known_mass(
 
 
 def weight_parameters(estimate: Estimate) -> IntArray:
-    """Return the indices of base parameters that add a constant wrench for any motion, (any,)."""
+    """Return the indices of base parameters whose part of the base wrench is constant, (any,)."""
     model, base = estimate.model, estimate.base
     random = np.random.default_rng(0)
     phi = base.columns(base_wrench_regressor(model, *random.normal(size=(3, 20, model.chain.n))))
@@ -160,10 +164,10 @@ def weight_parameters(estimate: Estimate) -> IntArray:
 
 
 def weight_words(estimate: Estimate) -> tuple[str, ...]:
-    """Return the expressions of the parameters that only the static weight shows.
+    """Return the expressions of the parameters that affect only the constant base wrench.
 
     Args:
-        estimate: Estimate of any model; empty for the internal model.
+        estimate: Estimate of any model; for the internal model the result is empty.
     """
     if estimate.options.kind == "internal":
         return ()

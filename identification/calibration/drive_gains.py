@@ -40,8 +40,8 @@ COMMON_FACTORS: Final = {
     0.001: "tonnes were given as kilograms",
     9.81: "newtons were given as kilograms",
     2.2: "pounds were given as kilograms",
-    2.0: "the load has half of that mass",
-    0.5: "the load has twice that mass",
+    2.0: "the load has half of the stated mass",
+    0.5: "the load has twice the stated mass",
 }
 
 
@@ -53,7 +53,8 @@ class DriveGains:
         joint_names: The joints.
         values, sigma: Shape (n,). Gains and their cluster-robust standard deviations; 1 if the
             torque constant is right.
-        covariance: Shape (n, n). Covariance of the gains, which share the error of the load.
+        covariance: Shape (n, n). Covariance of the gains; the error of the load's mass correlates
+            them.
     """
 
     joint_names: tuple[str, ...]
@@ -90,7 +91,7 @@ class DriveGains:
         bad = [j for j, gain in enumerate(self.values) if not low <= gain <= high]
         if not bad:
             return
-        told = ", ".join(f"{self.joint_names[j]} {self.values[j]:.3g}" for j in bad)
+        bad_gains = ", ".join(f"{self.joint_names[j]} {self.values[j]:.3g}" for j in bad)
         common = float(np.median(self.values))
         spread = np.exp(np.abs(np.log(self.values / common)))
         if (spread < ALIKE).all():
@@ -100,8 +101,8 @@ class DriveGains:
                 f"all by the same factor, as if the load had {mass_kg / common:.3g} kg instead of"
                 f" {mass_kg:g} kg"
                 + (f" ({COMMON_FACTORS[factor]})" if near else "")
-                + ": state its mass in kg (--load-mass), or correct all torque constants by this"
-                " factor"
+                + ": state the load's mass in kg (--load-mass), or correct all torque constants by"
+                " this factor"
             )
         else:
             mistake = (
@@ -109,7 +110,8 @@ class DriveGains:
                 " torque constant or gear ratio of these joints, or move them more"
             )
         raise EstimationError(
-            f"drive gains outside {low} to {high}: {told}; {mistake}", code="RID-GAINS-IMPLAUSIBLE"
+            f"drive gains outside {low} to {high}: {bad_gains}; {mistake}",
+            code="RID-GAINS-IMPLAUSIBLE",
         )
 
     def sentences(self) -> list[str]:
@@ -118,7 +120,11 @@ class DriveGains:
         for name, value, sigma, wrong in zip(
             self.joint_names, self.values, self.sigma, self.wrong, strict=True
         ):
-            words = "multiply its torque constant by it" if wrong else "as in the robot file"
+            words = (
+                "multiply the joint's torque constant by this factor"
+                if wrong
+                else "no error of the torque constant is visible"
+            )
             found.append(f"{name}: drive gain {value:.3f} ± {2.0 * sigma:.2g} (2σ): {words}")
         return found
 
@@ -190,7 +196,7 @@ def drive_gains(
 
     stretches = joint_equations(model, base, runs, standstill)
     covariance = jackknife(solution.information, (cluster(rows) for rows in stretches)).quoted
-    # The load's mass is not part of a cluster: its uncertainty is added to the cluster-robust one.
+    # No cluster contains the uncertainty of the load's mass: it is added to the covariance.
     to_mass = solution.covariance[b:, scales.mass] / mass_sigma_kg
     of_shares = covariance[b:, b:] + np.outer(to_mass, to_mass)
     gains = 1.0 / shares
@@ -203,7 +209,10 @@ def drive_gains(
 
 @dataclass(frozen=True, eq=False)
 class _Scales:
-    """Equations tau_j = s_j Phi_j x + noise, in which one element of x is known; s = 1 / gain."""
+    """Equations tau_j = s_j Phi_j x + noise of the joints j, with s_j = 1 / gain.
+
+    x are the base parameters. One of them, the load's mass, is known.
+    """
 
     names: tuple[str, ...]
     factors: tuple[FloatArray, ...]
@@ -213,7 +222,7 @@ class _Scales:
     mass_sigma_kg: float
 
     def fit(self, start: FloatArray) -> tuple[FloatArray, FloatArray, Solution, FloatArray]:
-        """Return x, s, the last linear solution, and each joint's RMS residual."""
+        """Return x, s, the last Gauss-Newton step's solution, and each joint's RMS residual."""
         x, s = (
             start * (self.mass_kg / start[self.mass]),
             np.full(len(self.factors), start[self.mass] / self.mass_kg),
@@ -254,7 +263,7 @@ class _Scales:
     def rows_of(
         self, joint: int, matrix: FloatArray, rhs: FloatArray, x: FloatArray, s: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Return some rows of a joint, linear in steps of x and s, and their residual."""
+        """Return the equations of one joint, linearised about x and s: columns and residual."""
         predicted = matrix @ x
         slopes = np.zeros((len(rhs), len(x) + len(s)))
         slopes[:, : len(x)] = s[joint] * matrix

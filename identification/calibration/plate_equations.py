@@ -1,8 +1,8 @@
 """`PlateEquations`: the base wrench of some runs, condensed for fast trials of wrench matrices.
 
-A wrench is a matrix (6, 8) times the channels' readings. Least squares needs only the products of
-columns and channels, which are computed once. Each trial of a matrix is then one small solution,
-independent of the runs' length.
+The measured wrench is a matrix of shape (6, 8) times the readings of the plate's eight channels.
+Least squares needs only sums of products of regressor columns and readings; they are computed once.
+Therefore the time to try another matrix does not depend on the length of the runs.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ SMALLEST_SHARE: Final = 0.01
 
 @dataclass(frozen=True, eq=False)
 class PlateEquations:
-    """Products of the base wrench's columns and the channels, without their constant parts.
+    """Sums of products of regressor columns and channel readings, without constant parts.
 
     Attributes:
-        columns: Shape (6, b, b). Phi^T Phi of the columns of each component.
+        columns: Shape (6, b, b). Phi^T Phi of the regressor Phi of each component of the wrench.
         crossed: Shape (6, b, 8). Phi^T y of the channels' readings y.
         channels: Shape (8, 8). y^T y [N^2].
     """
@@ -84,7 +84,10 @@ class PlateEquations:
         return np.asarray(np.maximum(np.sqrt(np.maximum(left, 0.0)) / size, SMALLEST_SHARE))
 
     def best_parameters(self, matrix: FloatArray, slopes: FloatArray) -> FloatArray:
-        """Return the best theta (k,) for a wrench matrix plus theta times slopes (k, 6, 8)."""
+        """Return theta (k,) for which the wrench matrix `matrix` + theta `slopes` fits best.
+
+        `slopes` (k, 6, 8) is the derivative of the wrench matrix with respect to theta.
+        """
         _, size = self._component_sizes(matrix)
         weight, k = 1.0 / size**2, len(slopes)
         mixed = -np.einsum("w,wbc,kwc->bk", weight, self.crossed, slopes)
@@ -95,14 +98,17 @@ class PlateEquations:
         return _solved(gram, np.concatenate([of_columns, of_slopes]))[-k:]
 
     def weight(self, matrix: FloatArray, drawn: FloatArray) -> float:
-        """Return the measured wrench relative to that of drawn parameters (b,), by projection."""
+        """Return the measured wrench over that of drawn parameters (b,), by projection."""
         _, size = self._component_sizes(matrix)
         power = self.columns @ drawn @ drawn
         measured = np.einsum("wbc,wc,b->w", self.crossed, matrix, drawn)
         return float(np.sum(measured / size**2) / max(float(np.sum(power / size**2)), 1e-300))
 
     def _component_sizes(self, matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the components' squares, (6,), and their sizes; small ones count as larger."""
+        """Return each component's sum of squares, and its root, (6,) each.
+
+        The root of a small component is raised to a fraction of the largest force or moment.
+        """
         power = np.einsum("wc,cd,wd->w", matrix, self.channels, matrix)
         size = np.sqrt(np.maximum(power, 0.0))
         for part in (slice(0, 3), slice(3, 6)):

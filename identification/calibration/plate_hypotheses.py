@@ -1,7 +1,8 @@
-"""`plate_hypotheses`: mistakes in a plate's description, and the wrench without each mistake.
+"""`plate_hypotheses`: possible mistakes in a plate's description, each with its correction.
 
-The wrench is linear in sizes, in the position and in each channel's sensitivity, so that these are
-solved for together with the parameters. Rotations, reversed and permuted channels are tried.
+The base wrench is linear in the plate's sizes, its position and each channel's sensitivity. Their
+right values are therefore solved for together with the robot's parameters. Rotations of the plate,
+and reversed or permuted channels, are tried one by one.
 """
 
 from __future__ import annotations
@@ -22,14 +23,14 @@ from identification.calibration.plate_mistake import PlateKind
 
 SENSITIVITY_KEY: Final = "amplifier.sensitivity_pc_n"
 LEAST_CHANGE: Final = 0.1
-"""Smallest relative change that counts as a mistake; smaller ones can be calibration errors."""
+"""Smallest relative error of a size or a sensitivity that counts as a mistake."""
 LEAST_SHIFT_M: Final = 0.01
 YAW_STEP_DEG: Final = 15
 LEAST_YAW_DEG: Final = 3.0
 HORIZONTAL: Final = 4
-"""The first channels measure horizontal forces, the others vertical ones."""
+"""Number of channels for horizontal forces; they precede those for vertical forces."""
 GROUPS: Final = ((0, 1), (2, 3), (0, 1, 2, 3), (4, 5, 6, 7))
-"""Channels that have one kind of sensor: along x, along y, both, and vertical."""
+"""Sets of channels with one kind of sensor: for x, for y, for x and y, and for z."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +56,7 @@ class PlateHypothesis:
 
 
 def plate_hypotheses(equations: PlateEquations, plate: PlateConfig) -> Iterator[PlateHypothesis]:
-    """Yield possible mistakes; fitted ones with their best value.
+    """Yield possible mistakes; a size, position or sensitivity has the value that fits best.
 
     Args:
         equations: Condensed equations of the wrench.
@@ -72,7 +73,7 @@ def plate_hypotheses(equations: PlateEquations, plate: PlateConfig) -> Iterator[
 
 
 def wrench_matrix(plate: PlateConfig, **changes: object) -> FloatArray:
-    """Return the base wrench per reading, (6, 8), of a plate with some fields changed."""
+    """Return the base wrench per channel reading, (6, 8); `changes` replace fields of `plate`."""
     return PlateGeometry.from_config(plate.model_copy(update=changes)).base_wrench_matrix
 
 
@@ -105,21 +106,21 @@ def _positions(
     right = stated + sum(shift * unit for shift, unit in zip(theta, units, strict=True))
     if np.max(np.abs(right - stated)) >= LEAST_SHIFT_M:
         before, after = (", ".join(f"{x:.3g}" for x in place) for place in (stated, right))
-        words = f"its position is [{before}] m, but the recording shows [{after}] m"
+        words = f"the plate's position is [{before}] m, but the recording shows [{after}] m"
         values = (tuple(stated.tolist()), tuple(right.tolist()))
         wrench = wrench_matrix(plate, position_m=values[1])
         yield PlateHypothesis(PlateKind.POSITION, "position_m", *values, words, wrench, len(axes))
 
 
 def _rotations(equations: PlateEquations, plate: PlateConfig) -> Iterator[PlateHypothesis]:
-    """Yield all rotations by multiples of 90°, and any yaw of an upright or inverted plate."""
+    """Yield rotations by multiples of 90°, and the best yaw of an upright or inverted plate."""
     stated = rotation_of(plate)
 
     def turned(turn: FloatArray, free: int) -> PlateHypothesis:
         right = angles_of(stated @ turn)
         angle = math.degrees(math.acos(max(-1.0, min(1.0, 0.5 * (float(np.trace(turn)) - 1.0)))))
         shown = ", ".join(f"{each:.4g}" for each in right)
-        words = f"it is turned by {angle:.0f}°: the recording shows rotation_rad [{shown}]"
+        words = f"the plate is turned by {angle:.0f}°: the recording shows rotation_rad [{shown}]"
         values = (tuple(plate.rotation_rad), right)
         wrench = wrench_matrix(plate, rotation_rad=right)
         return PlateHypothesis(PlateKind.ROTATION, "rotation_rad", *values, words, wrench, free)
@@ -141,7 +142,7 @@ def _rotations(equations: PlateEquations, plate: PlateConfig) -> Iterator[PlateH
 
 
 def _sensitivities(equations: PlateEquations, matrix: FloatArray) -> Iterator[PlateHypothesis]:
-    """Yield a wrong sensitivity of each channel, of each kind of sensor, and of two channels."""
+    """Yield wrong sensitivities of each channel, of each of `GROUPS`, and of each two channels."""
     for channels in (*((each,) for each in range(CHANNELS)), *GROUPS):
         slope = np.zeros((1, 6, CHANNELS))
         slope[0][:, list(channels)] = matrix[:, list(channels)]
@@ -158,7 +159,7 @@ def _sensitivities(equations: PlateEquations, matrix: FloatArray) -> Iterator[Pl
 
 
 def _signs(matrix: FloatArray) -> Iterator[PlateHypothesis]:
-    """Yield reversed readings of every set of channels except all channels."""
+    """Yield reversed readings of every set of channels, except of all channels together."""
     for size in range(1, CHANNELS):
         for channels in combinations(range(CHANNELS), size):
             yield _scaled(matrix, channels, (-1.0,) * size, 0)
@@ -183,7 +184,8 @@ def _scaled(
 def _orders(equations: PlateEquations, matrix: FloatArray) -> Iterator[PlateHypothesis]:
     """Yield every order with two exchanged channels, and the best one of many other orders.
 
-    The best one is improved by exchanges of two channels until none reduces the cost.
+    This best order is improved by exchanges of two channels until no exchange reduces the
+    residuals.
     """
     identity = tuple(range(CHANNELS))
     swaps = [_swapped(identity, *pair) for pair in combinations(identity, 2)]
@@ -222,7 +224,7 @@ def _reordered(matrix: FloatArray, order: tuple[int, ...]) -> PlateHypothesis:
     words = (
         f"the channels {names[0]} and {names[1]} are swapped"
         if len(moved) == 2
-        else f"the readings of {', '.join(names)} are those of {', '.join(right)}"
+        else f"the readings of {', '.join(names)} belong to {', '.join(right)}, in this order"
     )
     values = (tuple(float(i) for i in moved), tuple(float(order[i]) for i in moved))
     return PlateHypothesis(PlateKind.ORDER, "amplifier", *values, words, matrix[:, list(order)])

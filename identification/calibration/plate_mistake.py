@@ -28,8 +28,8 @@ class PlateMistake(ConfigModel):
         key: The wrong key of the cell file's `plate`.
         stated, right: The stated value, and the value that explains the measurement; for
             sensitivities the factors, for an order the channels' numbers.
-        times_better: Largest factor by which a residual falls; 1 if only the arm's weight reveals
-            the mistake.
+        times_better: Largest factor by which the correction reduces the residual of a component of
+            the wrench; 1 if only the arm's weight reveals the mistake.
         sentence: The finding in words.
     """
 

@@ -1,8 +1,9 @@
 """`find_plate_mistake`: search for a mistake in the description of a force plate.
 
-A plate's wrench must be that of some robot, whatever its motors measure: its six components share
-the links' parameters. A wrong size, position, direction or sensitivity contradicts this. The
-exception is a factor common to all channels, which the drawn weight of the arm reveals.
+The six components of a measured base wrench depend on the same parameters of the robot's links. If
+the plate's size, position, orientation or sensitivities are described wrongly, no link parameters
+fit all six components. One mistake is not visible in this way, a wrong factor common to all
+channels: it is found by comparing the measured weight of the arm with its drawings.
 """
 
 from __future__ import annotations
@@ -90,7 +91,10 @@ def best_mistake(
             tried.append((gain - ONE_MORE_FREE * each.free, float(times.max()), each))
     if tried:
         _, times_better, best = max(tried, key=lambda each: each[0])
-        why = f"This reduces the residual of the wrench by a factor of up to {times_better:.2g}"
+        why = (
+            "This correction reduces the residual of the wrench by a factor of up to"
+            f" {times_better:.2g}"
+        )
         return _mistake(best.kind, best.key, best.stated, best.right, times_better, best.words, why)
     if np.any(before > EXPLAINED_SHARE):
         return None
@@ -100,7 +104,8 @@ def best_mistake(
 def _of_all_channels(weight: float, plausible: tuple[float, float]) -> PlateMistake | None:
     """Return the mistake of a sign or a factor that is common to all channels.
 
-    A wrench with such a mistake is that of another arm; only the drawn arm reveals it.
+    A wrench with such a mistake fits another arm equally well; only the weight in the robot's
+    drawings reveals the mistake.
     """
     low, high = plausible
     if low <= weight <= high:
@@ -112,7 +117,7 @@ def _of_all_channels(weight: float, plausible: tuple[float, float]) -> PlateMist
         if factor == -1.0
         else f"the readings of all channels must be multiplied by about {factor:.2g}"
     )
-    why = f"As stated, the arm has {weight:.2g} times the weight expected from `cad` or its size"
+    why = f"Otherwise the arm has {weight:.2g} times the weight expected from `cad` or its size"
     key, stated, right = SENSITIVITY_KEY, (1.0,) * CHANNELS, (factor,) * CHANNELS
     return _mistake(PlateKind.SENSITIVITY, key, stated, right, 1.0, words, why)
 

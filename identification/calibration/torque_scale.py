@@ -37,7 +37,8 @@ class TorqueScale:
         joint: The axis.
         ratio: Measured torque over the torque according to the plate.
         sigma: Standard deviation of the ratio, cluster-robust.
-        p_value: Probability of such a deviation from 1 on any axis if all agree (Holm).
+        p_value: Probability that any axis deviates from 1 this much if all torque constants are
+            right (Holm).
     """
 
     joint: str
@@ -57,7 +58,7 @@ class TorqueConsistency:
 
     Attributes:
         axes: Result of each axis.
-        p_value: Probability of such deviations if torque constants and plate agree.
+        p_value: Probability of deviations this large if all torque constants are right.
     """
 
     axes: tuple[TorqueScale, ...]
@@ -65,7 +66,7 @@ class TorqueConsistency:
 
     @property
     def sentence(self) -> str:
-        """The finding in words."""
+        """The axes that do not agree with the plate, in words."""
         wrong = [axis for axis in self.axes if axis.wrong]
         if not wrong:
             ratios = ", ".join(f"{a.ratio:.4f} ± {2.0 * a.sigma:.4f}" for a in self.axes)
@@ -155,7 +156,10 @@ def torque_consistency(fitted: FittedPeriods) -> TorqueConsistency:
 def _scaled(
     parts: tuple[WhitenedEquations, ...], near: FloatArray, scale: FloatArray
 ) -> Iterator[WhitenedEquations]:
-    """Yield outputs linearised in the factors of the joints' torques; joints come first."""
+    """Yield the equations of each output with columns for the factors of the joints' torques.
+
+    The first outputs are the joints' torques, the others those of the plate.
+    """
     for j, part in enumerate(parts):
         columns = np.zeros((len(part.rhs), len(scale)))
         if j < len(scale):

@@ -5,7 +5,7 @@ no real robot with the estimated sums. A robot is physically consistent under th
 - The pseudo-inertia of every link is positive definite (Wensing, Kim and Slotine 2018, "Linear
   matrix inequalities for physically consistent inertial parameter identification").
 - No rotor has a negative inertia.
-- No braking friction is negative.
+- Friction never drives a joint: its coefficients are not negative.
 
 The result is the consistent robot whose base parameters are closest to the estimate. The distance
 is measured in the estimate's own standard deviations.
@@ -38,7 +38,7 @@ from identification.estimation.estimate import Estimate
 NOMINAL_WEIGHT: Final = 1e-3
 CONE_WEIGHT: Final = 1e-6
 FLOOR_SHARE: Final = 1e-2
-UNMOVED_SIGMAS: Final = 0.01  # the solver's own accuracy
+UNMOVED_SIGMAS: Final = 0.01  # smaller distances are errors of the solver
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ class ConsistentEstimate:
 
     @cached_property
     def test(self) -> ConsistencyTest:
-        """Test of the estimate itself; it may take a second."""
+        """Consistency test of the estimate, which is computed when first used (about a second)."""
         return check_consistency(self.estimate)
 
     @property
@@ -72,7 +72,7 @@ class ConsistentEstimate:
 
     @property
     def sentence(self) -> str:
-        """Result of the test, and the parameter with the largest distance."""
+        """Result of the test, and the parameter that the consistent robot changes most."""
         moved = self.moved_sigmas
         worst = int(np.argmax(np.abs(moved)))
         most = abs(float(moved[worst]))
@@ -96,10 +96,9 @@ def consistent(estimate: Estimate) -> ConsistentEstimate:
     """Find the physically consistent robot that is closest to an estimate.
 
     The squared distance is computed with `jackknife_metric`, so that it is comparable to a
-    chi-squared value. Some directions are not determined by the measurement. A small cost, a
-    thousandth of a chi-squared value each, sets them close to the values of the drawings, in units
-    of their sigmas. Without drawings, a plausible robot replaces these values
-    (`nominal_parameters`).
+    chi-squared value. Some directions are not determined by the measurement. To determine them, a
+    small cost is added: a thousandth of the squared distance from the drawings' values, in units of
+    their sigmas. Without drawings, the values of a plausible robot are used (`nominal_parameters`).
 
     The constraints are:
     - Each pseudo-inertia is at least a hundredth of that of the nominal body.
@@ -130,12 +129,12 @@ def check_consistency(estimate: Estimate) -> ConsistencyTest:
 
 
 def programme(estimate: Estimate) -> ConsistencyProgramme:
-    """Return the semidefinite programme of `consistent`."""
+    """Return the semidefinite programme that `consistent` solves."""
     return _programme(estimate, NOMINAL_WEIGHT, FLOOR_SHARE)
 
 
 def cone(estimate: Estimate) -> ConsistencyProgramme:
-    """Return the programme of projections onto the cone of consistent robots."""
+    """Return the programme that projects parameters onto the cone of consistent robots."""
     return _programme(estimate, CONE_WEIGHT, 0.0)
 
 

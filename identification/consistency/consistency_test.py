@@ -1,20 +1,20 @@
 """`ConsistencyTest`: test whether identified parameters can be those of a real robot.
 
-There are two test statistics. For both, the distribution for a consistent robot is known. The
-smaller p-value is doubled (Bonferroni).
+There are two test statistics, whose distributions for a consistent robot are known. The smaller one
+of their p-values is doubled (Bonferroni).
 
 1. The largest violation by a single parameter that cannot be negative. This test is one-sided, and
    corrected for the number of such parameters (Holm 1979). It keeps its power with many parameters.
-2. The distance d2 from the cone of consistent robots, in the estimate's own metric. The
-   distribution of d2 is a mixture of chi-squares (Shapiro 1988), which is simulated. Estimates of a
-   robot near the estimate are drawn and projected onto the cone, until enough of them have at least
-   this distance (Besag and Clifford 1991).
+2. The distance d2 from the cone of consistent robots, in the estimate's own metric. For a
+   consistent robot, d2 has a mixture of chi-squared distributions (Shapiro 1988), which is
+   simulated: random estimates of such a robot are drawn and projected onto the cone, until enough
+   of them have at least the distance d2 (Besag and Clifford 1991).
 
 The distribution of d2 depends on the number of constraints that are active for the true robot,
 which is unknown. Therefore the simulation starts from the nearest consistent robot; each of its
-values within `BORDER_SIGMAS` of the border is moved to the border (Andrews and Soares 2010). Moving
-a robot towards the cone's apex never makes the distribution too narrow. The cone is convex, so that
-the distance of beta + k + e is at most that of beta + e for every k in the cone.
+values within `BORDER_SIGMAS` of the border is moved to the border (Andrews and Soares 2010). A
+robot closer to the cone's apex never has smaller distances: because the cone is convex, the
+distance of beta + k + e is at most that of beta + e for every k in the cone.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ MOST_NAMED: Final = 3
 DRAWS: Final = 120
 ENOUGH: Final = 10
 SEED: Final = 20130013
-NO_DISTANCE: Final = 1e-2  # the cost towards the nominal robot is of this size
+NO_DISTANCE: Final = 1e-2  # the weight of the nominal robot causes distances up to this size
 ROUNDING_SHARE: Final = 1e-7
 
 
@@ -65,7 +65,7 @@ class ConsistencyTest:
     """Result of the test.
 
     Attributes:
-        p_value: P-value of both statistics together.
+        p_value: P-value of the test, from both statistics.
         single_p_value: P-value of the largest single violation.
         distance_p_value, distance: P-value of the squared distance from the nearest consistent
             robot, and this squared distance in decorrelated standard deviations; None if the single
@@ -135,7 +135,8 @@ class JudgedParameters:
         names, expressions: Names, and the combinations of standard parameters.
         values, sigma: Shape (b,). Values and standard deviations.
         factor: Shape (b, b). Lower Cholesky factor of their correlations.
-        clusters: Number of clusters of the standard deviations; None if these are exact.
+        clusters: Number of clusters from which the standard deviations were computed; None if the
+            standard deviations are exact.
     """
 
     names: tuple[str, ...]
@@ -151,8 +152,9 @@ def judge_consistency(parameters: JudgedParameters, cone: ConsistencyProgramme) 
 
     Args:
         parameters: The estimate.
-        cone: The programme of consistent robots, without floors and with a small weight of the
-            nominal robot; its targets are the parameters in decorrelated standard deviations.
+        cone: Programme that finds the nearest consistent robot, with floors of zero and a small
+            weight of the nominal robot. Its targets are parameters in decorrelated standard
+            deviations.
 
     Raises:
         EstimationError: The solver found no nearest robot.
@@ -199,9 +201,10 @@ def _violations(
 def cannot_be_negative(parameters: JudgedParameters, cone: ConsistencyProgramme) -> BoolArray:
     """Return a mask of the parameters that are not negative in any consistent robot, shape (b,).
 
-    A parameter is a sum over the bodies <Y, P> of coefficients Y with pseudo-inertias P, and over
-    scalars. It cannot be negative if and only if every Y is positive semidefinite, no scalar has a
-    negative coefficient, and no scalar that may be negative has a coefficient other than zero.
+    A parameter is a sum of inner products <Y, P> of coefficient matrices Y with the bodies'
+    pseudo-inertias P, and of scalar parameters times coefficients. It cannot be negative if and
+    only if every Y is positive semidefinite, no coefficient of a scalar is negative, and the
+    coefficient of every scalar that may be negative is zero.
     """
     rows = (parameters.sigma[:, np.newaxis] * parameters.factor) @ cone.effects
     alone, _ = _constrained(cone)
@@ -218,7 +221,7 @@ def cannot_be_negative(parameters: JudgedParameters, cone: ConsistencyProgramme)
 
 
 def _constrained(cone: ConsistencyProgramme) -> tuple[BoolArray, BoolArray]:
-    """Return masks of parameters constrained individually and only jointly, each (p,)."""
+    """Return masks (p,): parameters constrained alone, and those constrained only together."""
     involved = cone.not_negative != 0.0
     single = np.count_nonzero(involved, axis=1) == 1
     alone = np.any(involved[single], axis=0)
@@ -226,11 +229,11 @@ def _constrained(cone: ConsistencyProgramme) -> tuple[BoolArray, BoolArray]:
 
 
 def _towards_apex(cone: ConsistencyProgramme, y: FloatArray) -> FloatArray:
-    """Return a robot with everything within `BORDER_SIGMAS` of the border moved to the border.
+    """Return a robot whose values within `BORDER_SIGMAS` of the border are moved to the border.
 
     Each eigenvalue of a body's pseudo-inertia, and each scalar, becomes zero if this changes the
-    base parameters by less than this distance. Friction with several joint constraints always
-    becomes zero as a whole.
+    base parameters by less than this distance. Friction parameters that are constrained only
+    together always become zero.
     """
     out = y.copy()
     for body in cone.bodies:
@@ -250,12 +253,12 @@ def _towards_apex(cone: ConsistencyProgramme, y: FloatArray) -> FloatArray:
 def _simulated_tail(
     cone: ConsistencyProgramme, centre: FloatArray, distance: float, clusters: int | None
 ) -> float:
-    """Return the probability that an estimate of a robot has at least this `distance`."""
+    """Return the simulated p-value: the probability that an estimate has at least `distance`."""
     random = np.random.default_rng(SEED)
     exceeded = 0
     for draw in range(1, DRAWS + 1):
         error = random.normal(size=len(centre))
-        if clusters is not None:  # the standard deviations are uncertain: Student's t
+        if clusters is not None:  # few clusters: Student's t
             freedom = clusters - 1
             error *= np.sqrt(freedom / random.chisquare(freedom)) / widening(clusters)
         target = centre + error
@@ -266,7 +269,7 @@ def _simulated_tail(
 
 
 def _upper_bound_of_tail(distance: float, count: int, clusters: int | None) -> float:
-    """Return an upper bound of this probability: that of a robot without any freedom."""
+    """Return an upper bound of the p-value: its value if only one robot were consistent."""
     if clusters is None:
         return float(chdtrc(count, distance))
     return float(fdtrc(count, clusters - 1, distance * widening(clusters) ** 2 / count))

@@ -20,7 +20,10 @@ TO_BODY: Final = np.linalg.pinv(BASIS.reshape(len(BASIS), -1).T)
 
 
 def _stacked(matrix: FloatArray) -> FloatArray:
-    """Return the upper triangle column by column, off-diagonals times the root of 2."""
+    """Return a symmetric matrix as the vector that Clarabel expects.
+
+    It is the upper triangle column by column, with off-diagonal elements times sqrt(2).
+    """
     column, row = np.tril_indices(SIZE)
     return np.asarray(matrix[row, column] * np.where(row == column, 1.0, np.sqrt(2.0)))
 
@@ -57,7 +60,7 @@ class ConsistencyProgramme:
     not_negative: FloatArray
 
     def cost(self, target: FloatArray, standard: FloatArray) -> float:
-        """Return the cost of standard parameters of shape (p,)."""
+        """Return the minimised function's value for standard parameters of shape (p,)."""
         x = (standard - self.centre) / self.scale
         return float(np.sum((self.matrix @ standard - target) ** 2) + self.weight * np.sum(x**2))
 
@@ -77,15 +80,15 @@ class ConsistencyProgramme:
 
     @cached_property
     def effects(self) -> FloatArray:
-        """A S, (b, p): effects of y on the base parameters."""
+        """The matrix A S, (b, p), from y to the whitened base parameters."""
         return np.asarray(self.matrix @ self.units)
 
     @cached_property
     def _directions(self) -> FloatArray:
-        """D of y = start + D (r, z), (p, p): residuals r, and z that changes no residual.
+        """The matrix D of y = start + D (r, z), (p, p).
 
-        In these coordinates the programme's numbers are of similar size for any precision of the
-        measurement.
+        r are the residuals, and z are coordinates that change no residual. In these coordinates the
+        programme's numbers are of similar size for any precision of the measurement.
         """
         b = len(self.matrix)
         left, size, right = np.linalg.svd(self.effects)
@@ -105,7 +108,7 @@ class ConsistencyProgramme:
 
     @cached_property
     def _constraints(self) -> FloatArray:
-        """R of R y >= 0, (10 bodies + k, p): stacked pseudo-inertias, then G theta."""
+        """The matrix R, (10 bodies + k, p): R y are the stacked pseudo-inertias and G theta."""
         rows = np.zeros((len(_STACKED_BASIS) * len(self.bodies), len(self.centre)))
         for number, body in enumerate(self.bodies):
             place = len(_STACKED_BASIS) * number
@@ -139,7 +142,7 @@ class ConsistencyProgramme:
         settings.max_threads = 1
         settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = TOLERANCE
         statuses: list[str] = []
-        for unit in UNITS_SIGMAS:  # far from all consistent robots the solver needs a larger unit
+        for unit in UNITS_SIGMAS:  # far from the cone, the solver needs a larger unit
             solution = DefaultSolver(
                 self._quadratic,
                 linear / unit,

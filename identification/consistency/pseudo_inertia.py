@@ -11,7 +11,7 @@ from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 
 SIZE: Final = 4
 SMALLEST_BODY: Final = (0.01, 0.0, 0.0, 0.0, 4e-7, 0.0, 0.0, 4e-7, 0.0, 4e-7)
-"""The ten parameters of a ball of 10 g and 1 cm radius."""
+"""Ten parameters of the lightest plausible body: a ball of 10 g and 1 cm radius."""
 
 
 def _basis() -> FloatArray:

@@ -11,7 +11,7 @@ from config.arrays import FloatArray
 
 @dataclass(frozen=True, eq=False)
 class LinkBody:
-    """A link about its centre of gravity, in its frame (modified convention)."""
+    """A link's mass, centre of gravity and inertia about this centre, in the link's frame."""
 
     mass_kg: float
     centre_m: FloatArray

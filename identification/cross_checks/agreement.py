@@ -41,8 +41,8 @@ _FUNCTIONS: Final[dict[CrossMethod, Callable[..., tuple[FloatArray, FloatArray]]
 }
 _SUSPECTS: Final = {
     CrossMethod.ENERGY: (
-        "check what this method does not use, the accelerations (delays, filters, the band),"
-        " and forces whose work does not cancel over a motion in both directions"
+        "this method does not use accelerations: check them (delays, filters, the band), and check"
+        " forces whose work does not cancel over a motion in both directions"
     ),
     CrossMethod.LINK_BY_LINK: (
         "the torque or geometry of a joint is wrong: check torque constants, gear ratios, the"
@@ -56,10 +56,11 @@ _SUSPECTS: Final = {
 
 
 _BY_EQUATIONS: Final = frozenset({CrossMethod.LINK_BY_LINK})
-"""Methods that use the joints' torque equations, whose columns pass the channel of the torque.
+"""Methods that can use a torque that was recorded with a delay or through a filter.
 
-The other methods, by energy or by simulation, need the torque that acted at the joint. They refuse
-recordings with a channel, because the recorded torque is never deconvolved.
+These methods apply the same delay and filter (the torque channel) to the columns of the joints'
+equations. The other methods, by energy or by simulation, need the torque that acted at the joint.
+They refuse such recordings, because a recorded torque is never deconvolved.
 """
 
 
@@ -68,10 +69,10 @@ class CrossCheck:
     """Result of one other method.
 
     Attributes:
-        values, sigma: Shape (b,). Its base parameters and their standard deviations; empty if it
-            cannot be used.
-        difference: Shape (b,). Its values minus the estimate's, divided by the combined standard
-            deviation.
+        values, sigma: Shape (b,). The method's base parameters and their standard deviations; empty
+            if the method cannot be used.
+        difference: Shape (b,). The method's values minus the estimate's, divided by the combined
+            standard deviation.
         worst: Expression of the parameter that differs most.
         trouble: Reason why the method cannot be used; empty if it can.
     """
@@ -103,7 +104,7 @@ class CrossCheck:
 
     @property
     def sentence(self) -> str:
-        """The finding in one sentence."""
+        """The method's agreement with the estimate, in one sentence."""
         name = f"{self.method[0].upper()}{self.method[1:]}"
         if self.trouble:
             return f"{name}: not checked: {self.trouble}"
@@ -128,8 +129,8 @@ def check_method(method: CrossMethod, estimate: Estimate, runs: tuple[TimeRun, .
     """Estimate by one other method.
 
     Both estimates come from the same data, so that their difference scatters less than the sum of
-    the variances suggests. The test therefore reports false contradictions less often than its
-    level.
+    the variances suggests. Therefore the test reports false contradictions less often than its
+    significance level.
     """
     try:
         if method not in _BY_EQUATIONS:
@@ -151,8 +152,8 @@ def _refuse_channels(runs: tuple[TimeRun, ...]) -> None:
         channel = run.signals.channel
         if channel is not None and channel.changes:
             raise EstimationError(
-                f"the recorded torque passed a channel ({channel.kind}), but this method needs"
-                " the torque that acted: switch off the filter of the drives, or correct the"
-                " time of the torques in the recording",
+                f"the recorded torque was delayed or filtered ({channel.kind}), but this method"
+                " needs the torque that acted at the joint: switch off the filter of the drives, or"
+                " correct the time of the torques in the recording",
                 code="RID-CROSS-CHECK-CHANNEL",
             )

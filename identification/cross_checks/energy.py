@@ -2,7 +2,7 @@
 
 The work of the actuators over an interval is the change of kinetic energy, plus the work against
 gravity and springs, plus the work of friction. This gives one equation per interval for the whole
-robot, which is less information than the torques contain. It uses neither the second derivative nor
+robot, which is less information than the torques contain. The method uses neither accelerations nor
 the equations of motion, and therefore tests both (Gautier and Khalil 1988, Kozlowski 1998).
 """
 
@@ -64,9 +64,10 @@ def estimate_by_energy(
 def _intervals(
     estimate: Estimate, runs: tuple[TimeRun, ...]
 ) -> Iterator[tuple[FloatArray, FloatArray, IntArray]]:
-    """Yield matrix (intervals, b), work (intervals,) over its noise, and event, segment by segment.
+    """Yield the energy equations of each segment: matrix, work and events of its intervals.
 
-    An interval belongs to the event in which it starts.
+    The matrix (intervals, b) and the work (intervals,) are divided by the work's noise. An interval
+    belongs to the event (`TimeRun.event`) in which it starts.
     """
     for run in runs:
         event, signals = run.event, run.signals
@@ -94,7 +95,10 @@ def _intervals(
 def _energies(
     estimate: Estimate, run: TimeRun, rows: slice
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return stored and lost energy per unit parameter, work done, and noise power, over time.
+    """Return energy per unit parameter, the actuators' work and the noise's power, row by row.
+
+    The energy is kinetic energy, plus the energy that gravity, springs and friction took since the
+    first row. Work and noise power are summed from the first row on.
 
     Kinetic energy is half the product of velocity and momentum. The momentum M v is the torque at
     standstill with the acceleration v, minus the torque without acceleration.

@@ -88,7 +88,7 @@ class _Simulation:
     ) -> tuple[FloatArray, FloatArray]:
         """Process one segment; return the parameters and their covariance at its end."""
         signals, n, b = self.run.signals, self.estimate.model.chain.n, len(values)
-        # White noise per sample with the same information as the noise inside the band.
+        # Variance of white noise per sample with the same information as the noise inside the band.
         per_sample = 1.0 / (2.0 * signals.cutoff_hz * signals.sample_period_s)
         noise = per_sample * POSITION_SIGMA**2 * np.eye(n)
         state = np.concatenate([signals.position[rows[0]], signals.velocity[rows[0]], values])
@@ -117,7 +117,11 @@ class _Simulation:
     def _predict_state(
         self, row: int, following: int, state: FloatArray, loudest: FloatArray
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the next state (Heun), its derivative, and the torque noise's effect."""
+        """Return the next state (Heun's method), and its derivatives.
+
+        The derivatives are those with respect to the present state, and to the torques, which are
+        multiplied by the torques' standard deviations.
+        """
         signals, model = self.run.signals, self.estimate.model
         n, step_s = model.chain.n, signals.sample_period_s
         q, v, beta = state[:n], state[n : 2 * n], state[2 * n :]
@@ -161,7 +165,7 @@ class _Simulation:
         torque: FloatArray,
         conditions: Conditions,
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return the acceleration (n,), the regressor there (n, b), and the inverse inertia."""
+        """Return the acceleration (n,), the regressor (n, b), and the inverse inertia (n, n)."""
         n = len(q)
         warmth = conditions.temperature_k
         repeated = None if warmth is None else np.tile(np.atleast_2d(warmth)[0], (n + 2, 1))

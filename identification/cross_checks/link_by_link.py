@@ -28,8 +28,9 @@ def estimate_link_by_link(
 ) -> tuple[FloatArray, FloatArray]:
     """Estimate the base parameters of a model, joint after joint.
 
-    Each joint's equations are solved for those parameter directions that no joint beyond it has
-    determined. Directions that the joint does not determine either are left to the next joint.
+    The last joint comes first. Each joint's equations determine those combinations of parameters
+    that no joint beyond it has determined. Combinations that the joint does not determine either
+    are left to the next joint inward.
 
     Args:
         estimate: The model.
@@ -53,7 +54,8 @@ def estimate_link_by_link(
     if not size.all():
         hidden = [name for name, s in zip(estimate.base.names, size, strict=True) if s == 0.0]
         raise EstimationError(
-            f"the motion does not determine {', '.join(hidden)}", code="RID-MOTION-UNINFORMATIVE"
+            f"the motion does not determine {', '.join(hidden)}: move more axes",
+            code="RID-MOTION-UNINFORMATIVE",
         )
 
     scaled, steps = np.zeros(b), [np.zeros((b, 0)) for _ in range(n)]
@@ -69,7 +71,7 @@ def estimate_link_by_link(
         worst = np.argsort(-np.linalg.norm(unseen, axis=1))[:3]
         names = ", ".join(estimate.base.names[k] for k in worst)
         raise EstimationError(
-            f"joint by joint, the motion does not distinguish {names} from each other",
+            f"if each joint is solved separately, the motion does not distinguish {names}",
             code="RID-MOTION-UNINFORMATIVE",
         )
 
@@ -87,7 +89,7 @@ def _condensed(
     basis: FloatArray,
     values: FloatArray,
 ) -> Cluster:
-    """Return the information of some rows of each joint on the directions that it determines."""
+    """Return a cluster of rows of all joints, reduced to the combinations that each determines."""
     gram, score = [], []
     for (matrix, rhs), directions in zip(rows, own, strict=True):
         seen = (matrix @ directions).T

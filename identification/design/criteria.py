@@ -26,11 +26,11 @@ class Criterion(Protocol):
 
     @abstractmethod
     def objective(self, information: FloatArray) -> float:
-        """Return the criterion of an information matrix (b, b)."""
+        """Return the criterion's value for an information matrix (b, b)."""
 
     @abstractmethod
     def smooth(self, information: FloatArray) -> tuple[float, FloatArray]:
-        """Return the smooth approximation of the criterion, and its derivatives by the elements."""
+        """Return a smooth approximation of the criterion, and its gradient (b, b)."""
 
     @abstractmethod
     def describe(self, objective: float) -> str:
@@ -45,11 +45,11 @@ class DOptimal:
     """
 
     def objective(self, information: FloatArray) -> float:
-        """Return the criterion of an information matrix (b, b)."""
+        """Return the criterion's value for an information matrix (b, b)."""
         return self.smooth(information)[0]
 
     def smooth(self, information: FloatArray) -> tuple[float, FloatArray]:
-        """Return the criterion and its derivatives by the elements of the information."""
+        """Return the criterion, and its derivatives with respect to the information (b, b)."""
         log_det, inverse = _log_det(information)
         return -log_det / len(information), -inverse / len(information)
 
@@ -64,8 +64,8 @@ class Condition:
 
     By default each column is scaled to length one, so that units have no effect. This condition
     number does not depend on the size of a motion. Therefore the search also uses a fraction of the
-    log determinant. If `parameter_size` (b,) is given, each column is multiplied by its element
-    instead.
+    log determinant. If `parameter_size` (b,) is given, each column is multiplied by the size of its
+    parameter instead.
     """
 
     parameter_size: FloatArray | None = None
@@ -76,7 +76,10 @@ class Condition:
         return math.sqrt(float(eigenvalues[-1] / eigenvalues[0]))
 
     def smooth(self, information: FloatArray) -> tuple[float, FloatArray]:
-        """Return the log with p-norms for largest and smallest eigenvalue, and its derivatives."""
+        """Return the logarithm of a smooth condition number, and its derivatives (b, b).
+
+        Norms of all eigenvalues replace the largest and the smallest eigenvalue.
+        """
         size = self._size(information)
         eigenvalues, vectors = _eigen(information, size)
         high = (eigenvalues / eigenvalues[-1]) ** NORM_POWER
@@ -108,17 +111,17 @@ class Condition:
 class Goals:
     """Mean log standard deviation of chosen combinations, the rows of `wanted` (k, b).
 
-    A row with a single one is a parameter; rows of a regressor are predicted torques.
+    A row of the unit matrix stands for one parameter, a row of a regressor for a predicted torque.
     """
 
     wanted: FloatArray
 
     def objective(self, information: FloatArray) -> float:
-        """Return the criterion of an information matrix (b, b)."""
+        """Return the criterion's value for an information matrix (b, b)."""
         return self.smooth(information)[0]
 
     def smooth(self, information: FloatArray) -> tuple[float, FloatArray]:
-        """Return the criterion and its derivatives by the elements of the information."""
+        """Return the criterion, and its derivatives with respect to the information (b, b)."""
         _, inverse = _log_det(information)
         spread = self.wanted @ inverse
         variance = np.einsum("kb,kb->k", spread, self.wanted)

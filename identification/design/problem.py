@@ -60,8 +60,8 @@ class ExcitationProblem:
         workspace: Region in which the robot may be.
         base_limits: Shape (6,). Largest forces [N] and moments [N m] that the base may exert on the
             robot.
-        torque_share: Fraction of the torque limits for the torques of `parameters`; the rest is for
-            torques that they do not contain.
+        torque_share: Fraction of the torque limits that the torques of `parameters` may use; the
+            rest is reserved for torques that `parameters` do not contain.
     """
 
     robot: RobotDescription
@@ -115,12 +115,12 @@ class ExcitationProblem:
 
     @cached_property
     def model(self) -> RobotModel:
-        """The model, with the discontinuous sign of the speed."""
+        """The model, in which friction has the discontinuous sign of the speed."""
         return design_model(self.robot)
 
     @cached_property
     def _smooth_model(self) -> RobotModel:
-        """The same model with a smoothed sign, which has a gradient."""
+        """The model with a smoothed sign of the speed, so that it has a gradient."""
         fastest = max(joint.limits.velocity for joint in self.robot.joints)
         return design_model(self.robot, SIGN_SMOOTHING_SHARE * fastest)
 
@@ -157,7 +157,7 @@ class ExcitationProblem:
 
     @cached_property
     def _scales(self) -> FloatArray:
-        """Scale of each variable, (n, 2 N + 1): half range, then largest amplitudes."""
+        """Scales of the variables, (n, 2 N + 1): half the range, then largest amplitudes."""
         omega = 2.0 * math.pi / self.period_s * np.arange(1, self.harmonics + 1)
         half, velocity, acceleration = self._sizes[:, :, np.newaxis]
         largest = np.minimum(half, np.minimum(velocity / omega, acceleration / omega**2))
@@ -186,7 +186,7 @@ class ExcitationProblem:
         return np.asarray(x.reshape(self._scales.shape) * self._scales)
 
     def within_limits(self, x: FloatArray) -> FloatArray:
-        """Return variables of the same motion, scaled down if it violates planned limits.
+        """Return variables of the same motion, scaled down if it exceeds its fraction of a limit.
 
         All amplitudes are multiplied by the same factor; the motion's middle pose does not change.
         """
@@ -310,7 +310,7 @@ class ExcitationProblem:
         return objective, np.asarray((gradient * self._scales).ravel())
 
     def no_shifts(self) -> Shifts:
-        """Return zero shifts for the start."""
+        """Return the shifts for the first minimisation, all zero."""
         n, fine, coarse = len(self.robot.joints), len(self._fine[0]), len(self._coarse[0])
         rows = [(fine, n)] * 3 + [(coarse, n)]
         rows += [(fine, n)] * (self._to_motors is not None)
@@ -332,8 +332,9 @@ class ExcitationProblem:
     ) -> list[FloatArray]:
         """Return the relative violation of the shifted limits by q, v, a, torques and base wrench.
 
-        The arrays have the shape (2, points, n or 6): above the upper limit, below the lower one.
-        Without a coupled wrist and base limits there are four arrays.
+        Each array has the shape (2, points, n or 6): violation of the upper limit, then of the
+        lower limit. A coupled wrist adds the array of the motors' speeds, which precedes that of
+        the base wrench.
         """
         offsets = [fine[0] - self._middle, fine[1], fine[2], phi @ self._prior]
         sizes = [*self._sizes, self._torques]
@@ -350,17 +351,17 @@ class ExcitationProblem:
 
     @cached_property
     def _to_motors(self) -> FloatArray | None:
-        """Matrix from the joints' speeds to the motors' over their gears, (n, n).
+        """Matrix from the joints' speeds to the motors' speeds, on the link side, (n, n).
 
-        It is None without coupling. The speed limit of a motor is that of its joint without
-        coupling.
+        It is None without a coupled wrist. A motor on the link side has the speed limit of its
+        joint.
         """
         coupling = WristCoupling.of_robot(self.robot)
         return None if coupling is None else coupling.motors_by_joints
 
     @cached_property
     def _prior(self) -> FloatArray:
-        """The a-priori parameters; zeros, and therefore zero torque, without any."""
+        """The a-priori parameters; zeros if none are given, so that all torques are zero."""
         if self.parameters is None:
             return np.zeros(len(self.model.parameter_names))
         return self.parameters

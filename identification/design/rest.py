@@ -78,7 +78,7 @@ class RestingPoses:
         return bool((np.abs(self._torque(pose)) <= self.torque_limits).all())
 
     def _excess(self, pose: FloatArray) -> tuple[float, FloatArray]:
-        """Return the squared violation of the requirements by a pose, and its gradient."""
+        """Return a pose's squared violations of the requirements, and their gradient."""
         rest = np.zeros((1, len(pose)))
         share = self._torque(pose) / self.torque_limits
         over = np.sign(share) * np.maximum(np.abs(share) - 0.98, 0.0)

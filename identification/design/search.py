@@ -23,7 +23,7 @@ ITERATIONS = 200
 LATER_SHARE = 0.3
 SHRINKING = (0.98, 0.95, 0.9, 0.8, 0.65, 0.5)
 SMALLER_STILL = (0.8, 0.6, 0.45, 0.35, 0.25, 0.18, 0.12, 0.08)
-"""Factors of the amplitudes: about the motion's middle pose, then about the resting pose."""
+"""Factors to try on the amplitudes: first about the middle pose, then about a resting pose."""
 PLANNED_MARGIN_M = 0.005
 SCHEDULER_TIMEOUT_S = 10.0
 
@@ -35,7 +35,7 @@ class Candidate:
     Attributes:
         seed: Seed of its start.
         check: Result of its verification.
-        amplitude: Factor of the refined amplitudes that was needed to satisfy the limits.
+        amplitude: Factor by which the refined amplitudes were reduced to satisfy the limits.
     """
 
     seed: int
@@ -115,7 +115,7 @@ def candidates(
 
     Args:
         problem, sample_period_s, iterations, periods: As for `refine_start`.
-        seeds: Seed of each start. The set of candidates does not depend on the machines.
+        seeds: Seed of each start. The same seeds give the same candidates on any machine.
         jobs: Number of processes; -1 for one per core.
         scheduler: Address of a Dask scheduler; its workers need this program installed.
 
@@ -128,7 +128,7 @@ def candidates(
         for seed in seeds
     )
     with joblib_backend(scheduler, jobs), warnings.catch_warnings():
-        # A caller may close this generator early: suppress the warning.
+        # A caller may close this generator early: suppress joblib's warning about this.
         warnings.filterwarnings("ignore", ".*have been cancelled", UserWarning)
         parallel = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered")
         yield from cast(Generator[Candidate], parallel(tasks))
@@ -138,7 +138,7 @@ def candidates(
 def joblib_backend(scheduler: str | None, jobs: int) -> Iterator[None]:
     """Select the joblib backend: this machine, or a Dask cluster."""
     if scheduler is None:
-        # One thread per process: rounding must not depend on the number of cores of a sum.
+        # One thread per process, because the rounding of a sum depends on the number of threads.
         with joblib.parallel_config(backend="loky", inner_max_num_threads=1):
             with signals_blocked():
                 joblib.Parallel(n_jobs=jobs)([joblib.delayed(int)()])

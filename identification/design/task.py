@@ -25,7 +25,7 @@ from identification.model.base_parameters import BaseParameters, base_parameters
 EXPECTED_NOISE_SHARE: Final = 0.01
 LIMIT_FRACTION: Final = 0.95
 CAD_TORQUE_SHARE: Final = 0.8
-"""Fraction of the torque limits for torques from drawings, which lack friction and rotors."""
+"""Usable fraction of torque limits for torques from `cad`, without friction and rotors."""
 TORQUE: Final = "torque"
 TORQUE_POSES: Final = 50
 FRICTION_POSES: Final = 500
@@ -133,7 +133,10 @@ def _base_limits(
 
 
 def _torque_share(robot: RobotDescription, planned: RobotModel, model: Estimate) -> float:
-    """Return the fraction of the torque limits that friction of the model alone leaves."""
+    """Return the fraction of the torque limits that friction of `model` alone leaves free.
+
+    This friction is that of the terms which the robot file does not have.
+    """
     if model.options.kind == "external":
         return 1.0
     motion = _random_motion(robot, FRICTION_POSES)
@@ -183,7 +186,7 @@ def _standard_values(planned: RobotModel, estimate: Estimate) -> FloatArray:
 
 
 def _information(base: BaseParameters, given: Sequence[Estimate]) -> FloatArray:
-    """Return the information of earlier estimates, per sample of a run with as many equations.
+    """Return the information of earlier estimates, divided by their numbers of samples.
 
     Friction is left out: it changes from day to day, and is estimated anew (theory: section 4).
     """

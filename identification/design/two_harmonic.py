@@ -133,7 +133,7 @@ def _condition_number(
 
 
 def _draw(joint: Joint, options: TwoHarmonicOptions, random: np.random.Generator) -> FourierJoint:
-    """Draw one joint's motion; each harmonic uses its fraction of every limit, so that both fit."""
+    """Draw one joint's motion; its two harmonics share every limit, so that their sum fits."""
     limits, limit_fraction = joint.limits, options.limit_fraction
     highest_harmonic = options.highest_harmonic
     half_range = (limits.position_max - limits.position_min) / 2.0

@@ -21,7 +21,7 @@ from config.errors import EstimationError
 
 NEIGHBOURS = 4
 OFFSET_SIGMA = 1e4
-"""Standard deviation of a plate's constant offset [N, N m]: larger than any robot's weight."""
+"""Assumed standard deviation of a plate's unknown offset, above any robot's weight [N, N m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +170,7 @@ def _bins(rows: FloatArray) -> Bins:
 
 
 def _smooth_covariance(covariance: FloatArray) -> FloatArray:
-    """Return each bin's covariance averaged with its neighbours, without reducing any variance.
+    """Return each bin's covariance averaged with its neighbours; no variance is reduced.
 
     A single bin's covariance comes from few periods and scatters. If a bin's own variance is larger
     than the average, the bin keeps its own, as for the torques.

@@ -184,7 +184,7 @@ def bin_equations(
 def counted_samples(
     model: RobotModel, average: PeriodAverage, band_hz: float, standstill_rad_s: float
 ) -> BoolArray:
-    """Return the samples of a mean period at which `bin_equations` uses each joint, (samples, n).
+    """Return a mask of a mean period's samples that `bin_equations` uses, (samples, n).
 
     At all other samples the joint's torque is free.
     """
@@ -202,7 +202,7 @@ def counted_samples(
 def with_free_reversals(
     equations: BinEquations, model: RobotModel, average: PeriodAverage, standstill_rad_s: float
 ) -> BinEquations:
-    """Return equations in which a joint's torque is free until the whole joint slides.
+    """Return equations in which a joint's torque is free at reversals, until the joint slides.
 
     For friction with presliding, the torque is then free until the effect of the last reversal has
     ended, so that the shape of the friction transition has no effect. For other joints nothing
@@ -307,17 +307,19 @@ def _position_sigma(average: PeriodAverage) -> FloatArray:
 
 
 def _free_columns(slow: BoolArray, period_s: float, harmonics: int) -> FloatArray:
-    """Return columns (2 H + 1, any) that represent any torque during the slow passages.
+    """Return columns (2 H + 1, any) that represent any torque while the joint is slow.
 
-    Each slow passage of a joint is divided into pieces. A piece is so short that frequencies in the
-    band do not show at which instant within it the friction changes its sign.
+    Each interval in which the joint is slow is divided into pieces. A piece is so short that
+    frequencies in the band do not show at which instant of the piece the friction changes its sign.
     """
     samples = len(slow)
     if not slow.any():
         return np.zeros((2 * harmonics + 1, 0))
     if slow.all():
         return np.eye(2 * harmonics + 1)
-    start = int(np.argmin(slow))  # start at a sample with motion, so that no passage wraps around
+    start = int(
+        np.argmin(slow)
+    )  # start at a sample with motion, so that no slow interval crosses the period's end
     edges = np.flatnonzero(np.diff(np.roll(slow, -start).astype(np.int8), append=0))
     step_s = period_s / samples
     columns: list[FloatArray] = []

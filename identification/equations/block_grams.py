@@ -2,7 +2,7 @@
 
 The Gram matrices are computed once. A model with some of the friction terms needs only a subset of
 their entries: for its fit, and for its error on a block that was left out of the fit. The equations
-of the joints share the parameters of the links.
+of all joints contain the same parameters of the links.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from identification.regression.nested_choice import deviations
 Terms = tuple[Column, ...]
 
 PLAIN: Final[Terms] = ("coulomb", "viscous")
-MOST_INFLATION: Final = 1e9
-"""Largest variance inflation factor of a value due to the other columns."""
+MOST_INFLATION: Final = 1e12
+"""Largest variance inflation factor of a column that counts as identified."""
 RANK: Final = 1e-7
 
 
@@ -63,7 +63,7 @@ class Fit:
     errors: FloatArray
 
     def sigmas_from_zero(self, joint: int, column: Column) -> float:
-        """Return a value divided by its standard deviation."""
+        """Return the value of a joint's column, divided by its standard deviation."""
         at = self.places[joint, column]
         return float(self.values[at] / max(self.sigma[at], 1e-300))
 
@@ -99,8 +99,8 @@ class Grams:
     ) -> Grams:
         """Compute the Gram matrices, weighted by the residuals of Coulomb and viscous friction.
 
-        `reaches` of the joints are as for `CandidateEquations.rows`; None means those of the
-        channel.
+        `reaches` contains the argument `reach` of `CandidateEquations.rows` for each joint; by
+        default it follows from `channel`.
         """
         n = equations.joints
         blocks = int(equations.duration_s / block_s) + 1
@@ -139,14 +139,15 @@ class Grams:
         return int(self.gram.shape[2]) - 1 - len(ALL_COLUMNS)
 
     def _with_identified(self) -> Grams:
-        """Return the matrices with the friction-free columns that are linearly independent."""
+        """Return the Gram matrices, with `rigid` reduced to linearly independent columns."""
         n, p = self.joints, self.width
         total, _ = self._assembled([PLAIN] * n)
         matrix = total.sum(axis=0)
         size = np.sqrt(np.maximum(np.diagonal(matrix), 1e-300))
         matrix = matrix / np.outer(size, size)
         kept: list[int] = []
-        # First friction, which is always used; then every column independent of the previous ones.
+        # The friction columns come first, because they are always used. Each further column is kept
+        # if it is independent of the previous columns.
         basis = np.linalg.cholesky(matrix[p:-1, p:-1] + 1e-14 * np.eye(len(matrix) - p - 1))
         order = list(range(p, len(matrix) - 1))
         for c in range(p):
@@ -163,7 +164,7 @@ class Grams:
         return Grams(self.gram, self.rows, np.array(kept, dtype=np.int64), self.scale_nm)
 
     def _reweighted(self, fit: Fit) -> Grams:
-        """Return the matrices divided by the held-out residuals of a fit."""
+        """Return the Gram matrices of rows divided by each joint's held-out residual in a fit."""
         error = np.nansum(fit.errors * self.rows, axis=0) / np.maximum(self.rows.sum(axis=0), 1.0)
         factor = np.sqrt(np.maximum(error, 1e-18 * error.max() + 1e-300))
         gram = self.gram / np.square(factor)[:, np.newaxis, np.newaxis, np.newaxis]
@@ -171,12 +172,12 @@ class Grams:
 
     @cached_property
     def _shared(self) -> FloatArray:
-        """Each block's matrix of the columns without friction and the torque, all joints summed."""
+        """Gram matrix of the columns without friction and the torque, for each block."""
         at = np.append(self.rigid, -1)
         return np.asarray(sum(gram[:, at[:, np.newaxis], at] for gram in self.gram))
 
     def _assembled(self, chosen: Sequence[Terms]) -> tuple[FloatArray, list[IntArray]]:
-        """Return each block's matrix for all joints, and the indices of each joint's columns.
+        """Return the Gram matrix of all joints for each block, and the indices of their columns.
 
         The last index is that of the torque.
         """
@@ -215,8 +216,8 @@ class Grams:
         matrix, rhs = scaled.sum(axis=0), torque.sum(axis=0)
         inverse = np.linalg.inv(matrix)
         inflation = np.diagonal(inverse)
-        if not np.all((inflation > 0.0) & (inflation < MOST_INFLATION * 1e3)):
-            raise np.linalg.LinAlgError("a candidate is not identified")
+        if not np.all((inflation > 0.0) & (inflation < MOST_INFLATION)):
+            raise np.linalg.LinAlgError("the data do not identify a candidate term")
         theta = inverse @ rhs
         live = np.flatnonzero(self.rows.sum(axis=1))
         others = np.linalg.solve(matrix - scaled[live], (rhs - torque[live])[:, :, np.newaxis])[

@@ -1,4 +1,4 @@
-"""Delays of a torque that no bus explains; these are reported, and the model does not use them.
+"""Torque delays too long for any bus; they are reported, and the model does not use them.
 
 A bus and a logger can delay a torque relative to the position:
 - A drive samples torque and position in the same cycle or in two consecutive cycles, and may send

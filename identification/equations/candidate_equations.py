@@ -32,12 +32,12 @@ from identification.equations.friction_columns import Column, friction_column
 from identification.model.base_parameters import BaseParameters
 
 CUTOFF_HZ: Final = 8.0
-"""Highest -3 dB frequency of the low-pass; at lower frequencies encoder noise has less effect."""
+"""Highest -3 dB frequency of the low-pass [Hz]; encoder noise has more effect above it."""
 KERNEL_PERIODS: Final = 0.72
 """Length of a Hann window with -3 dB at 1 Hz [s]."""
 ZEROS: Final = 4.0
 ROW_S: Final = 0.005
-"""Time between the rows of columns: the instant of a reversal is known to half this time."""
+"""Longest time between the rows of computed columns [s], unless the recording is slower."""
 EDGE_S: Final = 0.5
 LONGEST_S: Final = 300.0
 """Largest total length of recordings [s]; of longer ones, each segment is shortened by the same
@@ -45,7 +45,7 @@ factor."""
 
 Source = SmoothedSignals | UnfilteredSignals
 Rigid = Literal["rigid"]
-"""Name of all columns without friction."""
+"""Name that stands for all columns without friction."""
 
 
 class Reach(NamedTuple):
@@ -53,7 +53,7 @@ class Reach(NamedTuple):
 
     Attributes:
         before_s, after_s: Time in addition to that of the low-pass [s].
-        passed_s: A standstill no longer than this is ignored [s].
+        passed_s: Longest standstill that is ignored [s].
     """
 
     before_s: float
@@ -206,7 +206,7 @@ class CandidateEquations:
         return sum(len(piece.rigid) * piece.step_s for piece in self.pieces)
 
     def with_gear_load(self, values: FloatArray) -> CandidateEquations:
-        """Return equations whose gears transmit the torques of these base parameters."""
+        """Return these equations with the gears' load computed from base parameters (b,)."""
         pieces = []
         for piece in self.pieces:
             load_nm = piece.rigid @ values
@@ -258,20 +258,20 @@ class CandidateEquations:
         return matrix, torque, block
 
     def moving_rows(self, piece: Piece, joint: int) -> BoolArray:
-        """Return the rows of a piece at which a joint moves, (rows of the band,)."""
+        """Return a mask of the rows of a piece at which a joint moves."""
         rows, time_s = len(piece.slow), piece.time_s
         at = np.clip(np.round(time_s / piece.step_s).astype(np.int64), 0, rows - 1)
         inside = (time_s > EDGE_S) & (time_s < rows * piece.step_s - EDGE_S)
         return np.asarray(~piece.slow[at, joint] & inside)
 
     def usable_rows(self, piece: Piece, joint: int, reach: Reach | None) -> BoolArray:
-        """Return the rows of a piece at which a joint's friction is known, (rows of the band,)."""
+        """Return a mask of the rows of a piece at which a joint's friction is known."""
         if reach is None:
             return self.moving_rows(piece, joint)
         slow = _long_runs(
             piece.slow[:, joint : joint + 1], math.floor(reach.passed_s / piece.step_s)
         )
-        # A row is affected within the length of the low-pass plus that of the channel's response.
+        # Standstill affects all rows within half the low-pass and the channel's response.
         kernel_s = KERNEL_PERIODS / 2.0 / self.cutoff_hz
         clear = _rows_away_from(
             piece, slow, Reach(kernel_s + reach.before_s, kernel_s + reach.after_s)
@@ -280,15 +280,15 @@ class CandidateEquations:
         return np.asarray(clear & (time_s > EDGE_S) & (time_s < end_s - EDGE_S))
 
 
-def _long_runs(those: BoolArray, passed: int) -> BoolArray:
-    """Return the rows that belong to a run of more than `passed` true rows, (samples, n)."""
+def _long_runs(mask: BoolArray, passed: int) -> BoolArray:
+    """Return the mask (samples, n) without its sequences of at most `passed` true rows."""
     from scipy import ndimage  # a large import, which few recordings need
 
-    return np.asarray(ndimage.binary_opening(those, np.ones((passed + 1, 1), bool)))
+    return np.asarray(ndimage.binary_opening(mask, np.ones((passed + 1, 1), bool)))
 
 
 def _rows_away_from(piece: Piece, slow: BoolArray, reach: Reach) -> BoolArray:
-    """Return the rows of a piece with no slow row within `reach`, (rows of the band,)."""
+    """Return a mask of the rows of a piece that have no slow row within `reach`."""
     counts = np.concatenate([[0], np.cumsum(slow)])
     first = np.floor((piece.time_s - reach.after_s) / piece.step_s).astype(np.int64)
     last = np.ceil((piece.time_s + reach.before_s) / piece.step_s).astype(np.int64)
@@ -297,13 +297,13 @@ def _rows_away_from(piece: Piece, slow: BoolArray, reach: Reach) -> BoolArray:
 
 
 def reaches_of(channel: TorqueChannel) -> tuple[Reach, ...]:
-    """Return the `Reach` of each joint's torque channel."""
+    """Return the time around standstill that each joint's torque channel affects."""
     times_s = (channel.before_s, channel.after_s, channel.passed_s)
     return tuple(Reach(*own) for own in np.stack(times_s, axis=1).tolist())
 
 
 def _highest_cutoff_hz(run: SmoothedSignals) -> float:
-    """Return the highest cut-off that suits a recording.
+    """Return the highest -3 dB frequency that a recording allows [Hz].
 
     A mean period is known only up to its own cut-off.
     """
@@ -348,7 +348,8 @@ def _piece(
     low_pass = _hann(frequency_hz * kernel_s)
     torque = np.fft.rfft(with_padding(run.torque_nm[rows], length * stride), axis=0)
     speed = model.actuator_speed(run.velocity[thin])
-    # A low-passed velocity does not jump across zero, but crosses it at a wrong time.
+    # Reversals count as slow only in an unfiltered velocity: a low-passed one has them at a wrong
+    # time.
     of_rows = moving_without_reversal if isinstance(run, UnfilteredSignals) else moving_actuators
     return Piece(
         rigid=rigid,
@@ -364,6 +365,6 @@ def _piece(
 
 
 def _hann(periods: FloatArray) -> FloatArray:
-    """Return the gain of a Hann window of unit length and unit sum; frequencies in 1 / length."""
+    """Return the gain of a Hann window; frequencies are periods per length of the window."""
     away = np.where(np.isclose(periods, 1.0), 0.5, 1.0 / (1.0 - np.square(periods) + 1e-300))
     return np.where(np.isclose(periods, 1.0), 0.5, np.sinc(periods) * away)

@@ -21,11 +21,11 @@ from config.errors import EstimationError
 MARGIN_PERIODS = 40.0
 SMALLEST_GAIN = 1e-3
 HIGHEST_SHARE = 0.44
-"""Highest cut-off of a low-pass, as a fraction of the sampling frequency."""
+"""Highest cut-off of the low-pass after the division, relative to the sampling frequency."""
 
 
 def smoothed_recording(recording: Recording, cutoff_hz: float) -> SmoothedSignals:
-    """Return a recording as `smooth_nonperiodic` does, after division by the anti-alias filter.
+    """Return the smoothed recording, with the torques' anti-alias filter divided out.
 
     Raises:
         ConfigError: The cut-off does not fit the sampling.
@@ -83,6 +83,8 @@ def without_filter(
     duration_s = len(extended) * sample_period_s
     frequency_hz = np.arange(len(extended) // 2 + 1) / duration_s
     response = filter_response(passed, frequency_hz)
-    response /= np.minimum(1.0, np.abs(response) / SMALLEST_GAIN)  # largest gain: 1 / SMALLEST_GAIN
+    response /= np.minimum(
+        1.0, np.abs(response) / SMALLEST_GAIN
+    )  # amplify by at most 1 / SMALLEST_GAIN
     bins = np.fft.rfft(extended, axis=0) / response[:, np.newaxis]
     return np.asarray(np.fft.irfft(bins, n=len(extended), axis=0)[margin : margin + rows])

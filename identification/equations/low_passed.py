@@ -38,7 +38,8 @@ class ColumnCache:
         chain: Kinematic chain of the model; it stays the same object when nonlinear parameters
             change.
         names: Names of the columns.
-        blocks: By first row and stride: mask of the columns that are not zero, and their values.
+        blocks: For each first row and stride: mask of the columns that are not zero, and their
+            values.
     """
 
     chain: Chain | None = None
@@ -59,14 +60,14 @@ class ColumnCache:
 
 @dataclass(frozen=True, eq=False)
 class LowPassedColumns:
-    """The columns of one recording.
+    """Computation of one recording's low-passed columns.
 
     Attributes:
         model, base, standard: As for `torque_columns`.
         signals: The recording.
-        conditions: Conditions of the recording, including presliding hysteresis; for its unfiltered
-            rows if it has any.
-        kept: Cache for this recording; it is valid for any presliding hysteresis.
+        conditions: Conditions of the rows from which the columns are computed
+            (`ParallelFilter.source`), including presliding hysteresis.
+        kept: Cache of this recording's columns; it does not depend on presliding hysteresis.
     """
 
     model: RobotModel
@@ -77,7 +78,7 @@ class LowPassedColumns:
     kept: ColumnCache
 
     def of(self, rows: slice, stride: int) -> FloatArray:
-        """Return every `stride`-th of some rows of one segment; columns as in `torque_columns`."""
+        """Return low-passed columns of every `stride`-th row of `rows`, as in `torque_columns`."""
         shared = ParallelFilter(self.signals)
         wide, inner = shared.window(np.arange(rows.start, rows.stop, stride))
         changing = changing_columns(self.model, self.base)
@@ -105,7 +106,7 @@ class LowPassedColumns:
         return out
 
     def unfiltered(self, rows: slice, *, linear: bool = False) -> FloatArray:
-        """Return unfiltered `torque_columns` of rows of the source; no derivatives if `linear`."""
+        """Return the unfiltered columns of source rows; without derivatives if `linear`."""
         conditions = self.conditions.part(rows)
         standard = None if linear else self.standard
         motion = ParallelFilter(self.signals).motion(rows)

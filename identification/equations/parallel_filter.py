@@ -61,7 +61,7 @@ class ParallelFilter:
         return source.position[rows], source.velocity[rows], source.acceleration[rows]
 
     def conditions(self, model: RobotModel, own: Conditions) -> Conditions:
-        """Return the conditions for the rows of the source, including presliding hysteresis.
+        """Return the conditions of the source's rows, including presliding hysteresis.
 
         The hysteresis follows the low-passed position, because an encoder that toggles between two
         counts is not a reversal.
@@ -83,7 +83,7 @@ class ParallelFilter:
         return with_presliding_history(model, path, own, source.segment)
 
     def window(self, rows: IntArray) -> tuple[slice, IntArray]:
-        """Return the source's rows that affect some rows, and the indices of those rows.
+        """Return the range of source rows that affect `rows`, and the places of `rows` in it.
 
         Args:
             rows: Shape (wanted,). Ascending rows of the signals, of one segment.
@@ -171,7 +171,7 @@ class ParallelFilter:
 
     @property
     def _instantaneous(self) -> bool:
-        """True if each row's torque is a sample: not held, filtered or smoothed."""
+        """True if each row's torque is a new sample that no filter has changed."""
         source, channel = self.signals.unfiltered, self.signals.channel
         if source is None or (channel is not None and channel.changes):
             return False
@@ -179,14 +179,14 @@ class ParallelFilter:
         return unheld and source.smoothing_s == 0.0
 
     def _known(self, moves: BoolArray) -> BoolArray:
-        """Return the source's rows at which a joint moves now and at the torque's update."""
+        """Return a mask of source rows: the joint moves, also when the torque was updated."""
         source = self.signals.unfiltered
         if source is None or source.torque_row is None:
             return moves
         return np.asarray(moves & np.take_along_axis(moves, source.torque_row, axis=0))
 
     def _spread(self) -> tuple[int, int]:
-        """Return how many rows before and after an event the torque channel's response lasts."""
+        """Return for how many rows before and after an event the torque channel responds to it."""
         channel = self.signals.channel
         if channel is None or not channel.changes:
             return 0, 0
@@ -200,19 +200,17 @@ class ParallelFilter:
         return math.ceil(time_s / self.source.sample_period_s)
 
 
-def _rows_near(those: BoolArray, segment: IntArray, ahead: int, behind: int) -> BoolArray:
-    """Return the rows at most `ahead` rows before or `behind` rows after one of `those`.
+def _rows_near(marked: BoolArray, segment: IntArray, ahead: int, behind: int) -> BoolArray:
+    """Return a mask of the rows up to `ahead` rows before or `behind` rows after a marked row.
 
-    Rows of other segments do not count.
+    Marked rows of other segments do not count.
     """
-    near = np.zeros_like(those)
+    near = np.zeros_like(marked)
     edges = (np.flatnonzero(np.diff(segment)) + 1).tolist()
-    for first, end in pairwise([0, *edges, len(those)]):
+    for first, end in pairwise([0, *edges, len(marked)]):
         rows = np.arange(end - first)
         before, after = np.maximum(rows - behind, 0), np.minimum(rows + ahead + 1, end - first)
-        for j in range(
-            those.shape[1]
-        ):  # joint by joint, because an array of all joints would be too large
-            counts = np.concatenate([[0], np.cumsum(those[first:end, j])])
+        for j in range(marked.shape[1]):  # one joint at a time, to limit the memory
+            counts = np.concatenate([[0], np.cumsum(marked[first:end, j])])
             near[first:end, j] = counts[after] > counts[before]
     return near

@@ -27,7 +27,7 @@ from identification.equations.deconvolution import HIGHEST_SHARE, SMALLEST_GAIN
 
 ROWS_PER_PERIOD: Final = 8
 SPLINE_ROWS: Final = 20
-"""Rows from the end of a spline over which the end conditions affect it."""
+"""Number of rows at each end of a spline that its end conditions affect."""
 FILTER_PERIODS: Final = 6.0
 """Duration of a Butterworth low-pass's transient [periods of its cut-off]."""
 

@@ -22,12 +22,12 @@ from identification.model.base_parameters import BaseParameters
 BLOCK_ROWS = 4096
 EVENT_S = 1.0
 EVENT_PERIODS = 2.0
-"""Shortest interval [periods of the cut-off]: neighbouring intervals are then independent."""
+"""Shortest interval [periods of the cut-off], so that neighbouring intervals are independent."""
 
 
 @dataclass(frozen=True, eq=False)
 class TimeRun:
-    """One smoothed recording with its conditions, and the cache of its columns."""
+    """One smoothed recording with its conditions, and a cache of its columns."""
 
     signals: SmoothedSignals
     conditions: Conditions
@@ -48,13 +48,15 @@ class TimeRun:
 
 @dataclass(frozen=True, eq=False)
 class TimeBlock:
-    """Some rows of the equations rhs = columns (beta, shape step).
+    """Some rows of the equations rhs = columns x, in the time domain.
+
+    x are the base parameters, and steps of the nonlinear parameters if requested.
 
     Attributes:
         columns: Shape (rows, n, any). As returned by `torque_columns`.
         rhs: Shape (rows, n). Torque [N m or N].
         use: Shape (rows, n). True if the joint moves fast enough for its friction to be known. If
-            its friction has presliding: true unless the row is inside a long pause.
+            its friction has presliding: False only inside a long standstill.
         moving: Shape (rows, n). True if the joint moves fast enough.
         event: Shape (rows,). Index of each row's interval of time, counted over all recordings from
             0.
@@ -81,7 +83,7 @@ class TimeBlock:
 
 
 def rows_by_event(blocks: Iterable[TimeBlock]) -> Iterator[list[tuple[TimeBlock, IntArray]]]:
-    """Yield the rows of each interval of time; a list has several blocks if they share it."""
+    """Yield the rows of each time interval, as a list of the blocks that contain them."""
     stretch: list[tuple[TimeBlock, IntArray]] = []
     event = -1
     for block in blocks:
@@ -138,10 +140,10 @@ def time_blocks(
     of the cut-off contain all information. The columns of a mean period are low-passed in three
     cases: if `low_passed` is true, if its torque passed a channel, or if friction has presliding.
 
-    The friction of a joint is unknown near standstill and reversal. Rows within the filter's length
-    of either are therefore left out. Friction with presliding is known there, so these rows are
-    used. Of a pause, only the rows within one period of the cut-off from motion are used, because
-    the others repeat one value.
+    The friction of a joint is unknown near standstill and reversal. Therefore rows within the
+    filter's length of a standstill or reversal are left out. Friction with presliding is known
+    there, so these rows are used. Of a longer standstill, only the rows within one period of the
+    cut-off from motion are used, because the others repeat one value.
     """
     first_event = 0
     for run in runs:

@@ -19,10 +19,10 @@ from acquisition.processing.unfiltered import SLOW_RAD_S
 from config.arrays import FloatArray, IntArray
 
 MOST_ROWS: Final = 6
-"""Longest reversal that counts as one event; a longer standstill is a stop and a start."""
+"""Longest reversal [rows] that counts as one event; a longer one is a stop and a start."""
 BEFORE: Final = 4
 AFTER: Final = 4
-"""Rows that the weights use, relative to the last row before a kink."""
+"""Last row that the weights use, counted from the last row before a kink."""
 
 
 def integrable_torque(
@@ -72,11 +72,11 @@ def _reversals(position: FloatArray, velocity: FloatArray) -> tuple[FloatArray, 
 
 
 def _weights(phi: FloatArray) -> FloatArray:
-    """Return weights of the rows around a kink, (events, rows); their sum is integral minus sum.
+    """Return weights (events, rows) whose weighted sum of torques is integral minus plain sum.
 
-    They are the smallest weights that are exact for a parabola plus a cubic polynomial of (x - phi)
-    that begins at phi. For a parabola the sum has no error. For (x - phi)^k from phi on, the error
-    is B_{k+1}(1 - phi)/(k + 1).
+    The rows are those around a kink. The weights are the smallest that are exact for a parabola
+    plus a cubic polynomial of (x - phi) that begins at phi. For a parabola the plain sum has no
+    error. For (x - phi)^k from phi on, the error is B_{k+1}(1 - phi)/(k + 1).
     """
     rows, rest = np.arange(-BEFORE, AFTER + 1.0), 1.0 - phi
     bend = np.maximum(rows - phi[:, np.newaxis], 0.0)

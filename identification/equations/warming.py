@@ -69,7 +69,7 @@ class Warming:
     def with_temperature_slopes(
         self, robot: RobotDescription, signals: SmoothedSignals
     ) -> SmoothedSignals:
-        """Return a recording with the derivative of its temperatures [K/s].
+        """Return a recording with the derivatives of its temperatures [K/s].
 
         Each temperature is replaced by its derivative with respect to the joint's time constant.
         """

@@ -49,7 +49,7 @@ class WhitenedEquations:
         return replace(self, matrix=np.column_stack([self.matrix, columns]))
 
     def scale_model(self, factor: float) -> WhitenedEquations:
-        """Return the rows of an output whose measured values are `factor` times the model's."""
+        """Return the equations for measured values that are `factor` times the model's."""
         return replace(self, matrix=factor * self.matrix)
 
     def residual(self, values: FloatArray) -> FloatArray:

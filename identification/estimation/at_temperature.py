@@ -26,7 +26,7 @@ _BY_TEMPERATURE: Final[dict[FrictionFunction, tuple[FrictionFunction, ...]]] = {
     "coulomb_by_temperature": ("coulomb", "forward", "backward"),
     "viscous_by_temperature": ("viscous",),
 }
-"""Each temperature-dependent function, and the functions of a joint to which it is added."""
+"""For each temperature-dependent function: the joint's functions that take over its effect."""
 
 
 def depends_on_temperature(estimate: Estimate) -> BoolArray:

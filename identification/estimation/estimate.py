@@ -186,7 +186,7 @@ class Estimate:
 
 
 class TorqueModel(Protocol):
-    """Model that predicts torques: an `Estimate`, or a fit without intervals."""
+    """Identified model that predicts torques: an `Estimate`, or a fit without intervals."""
 
     @property
     @abstractmethod
@@ -260,7 +260,7 @@ def base_regressor(
     Args:
         estimate: The identified robot.
         q, v, a: As for `predict`.
-        conditions: Temperature, payload and the memory of friction; the load is computed here.
+        conditions: Temperature, payload and presliding hysteresis; the load is computed here.
     """
     model = estimate.model
     if model.transmission.losses:

@@ -39,7 +39,7 @@ _ELSEWHERE = (
     "options", "base", "values", "covariance_jackknife", "nonlinear_covariance", "cell_name",
     "run_ids",
 )  # fmt: skip
-"""Fields of an estimate that have other names in the document."""
+"""Fields of an estimate that have other names in the file."""
 
 Size = Annotated[float, Field(ge=0.0)]
 Row = tuple[float, ...]

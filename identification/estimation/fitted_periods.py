@@ -214,7 +214,7 @@ def _solve_with_delays(
     standard: FloatArray | None,
     equations: tuple[BinEquations, ...],
 ) -> tuple[PeriodicProblem, PeriodicFit]:
-    """Solve the equations, and the plates' delays by Gauss-Newton if there are plates."""
+    """Solve the equations; if there are plates, estimate their delays by Gauss-Newton."""
     fit = problem.fit(model, standard, equations)
     if problem.kind == "internal":
         return problem, fit

@@ -78,9 +78,9 @@ def fit_nonlinear(
 def step_prior(model: RobotModel, b: int, width: int | None = None) -> Triangle:
     """Return equations that limit the steps of nonlinear parameters to the size of their ranges.
 
-    They have no effect on parameters that the data determine, and keep the others small, for
-    example the speed of a Stribeck term whose coefficient is zero. The steps follow `b` base
-    parameters; `width` is the number of all unknowns.
+    They have no effect on parameters that the data determine. They keep the steps of other
+    parameters small, for example of the Stribeck speed of a term whose coefficient is zero. In the
+    unknowns, the steps follow `b` base parameters; `width` is the number of all unknowns.
     """
     low, high = model.nonlinear_bounds.T
     columns = np.arange(b, b + len(low))
@@ -91,7 +91,7 @@ def step_prior(model: RobotModel, b: int, width: int | None = None) -> Triangle:
 def _solve_at(
     model: RobotModel, standard: FloatArray, base: BaseParameters, solve: Solve
 ) -> NonlinearFit:
-    """Solve a model at given standard values; linearise at the linear optimum."""
+    """Solve for the linear parameters, and linearise the model at this solution."""
     values, cost = solve(model, standard).leading(len(base))
     standard = base.to_standard(values)
     return NonlinearFit(model, standard, solve(model, standard), cost)

@@ -49,9 +49,9 @@ class RunningEstimate:
     Attributes:
         model, base: The model and its base parameters.
         standstill_rad_s: Rows of a joint below this speed are left out [rad/s or m/s].
-        stretches: For each second from the start of the run or of its period: one triangle per
-            joint with the rows. The same second of all periods is one cluster, because errors that
-            repeat in every period are not independent.
+        stretches: For each second, counted from the start of the run or of its period: one triangle
+            of the rows of each joint. The same second of all periods is one cluster, because errors
+            that repeat in every period are not independent.
     """
 
     model: RobotModel

@@ -153,7 +153,7 @@ def _tool(model: ExportModel) -> FloatArray:
     frame[:3, 3] = chain.tool_m
     frame[:3, :3] = rotation_of_rpy(*model.robot.tool_rpy_rad)
     kinematics = model.robot.kinematics
-    if kinematics.convention == "standard_dh":  # its last frame is rotated relative to axis n's
+    if kinematics.convention == "standard_dh":  # the last frame is twisted relative to axis n
         twist = rotation_of_rpy(kinematics.calibrated_rows[-1].alpha_rad, 0.0, 0.0)
         frame[:3, :3] = twist @ frame[:3, :3]
     return frame

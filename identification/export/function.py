@@ -1,6 +1,6 @@
 """Inverse dynamics as a self-contained C99 or Python file, with every term of the model.
 
-The recursion is that of appendix B; the numbers are those of the standard parameters.
+The recursion is that of the thesis's appendix B, with the values of the standard parameters.
 """
 
 from __future__ import annotations
@@ -171,7 +171,7 @@ def _friction(model: ExportModel, language: Language) -> list[_Line]:
 
 
 def _friction_function(term: Friction, column: FrictionColumn, language: Language) -> str:
-    """Return the function that a coefficient multiplies, as in `Friction`."""
+    """Return the source text of the function that a friction coefficient multiplies."""
     f, u = _names(language), _at("va", column.joint, language)
     warmth = (
         f"({_at('temperature_k', column.joint, language)} - {column.reference_temperature_k!r})"

@@ -127,7 +127,7 @@ class ExportModel:
                 )
 
     def term(self, kind: type[T]) -> tuple[T, FloatArray] | None:
-        """Return a term of the model and its parameters' values, or None."""
+        """Return a term of the model and its parameters' values; None without this term."""
         groups = self.model.parameter_groups.values()
         for term, columns in zip(self.model.terms, groups, strict=True):
             if isinstance(term, kind):
@@ -163,7 +163,7 @@ class ExportModel:
         return _turn_onto_z(up)
 
     def is_coupled(self, joint: int) -> bool:
-        """Return True if a joint's actuator moves other joints, or other actuators this joint."""
+        """Return True if the joint's actuator moves other joints, or others move this joint."""
         if self.model.coupling is None:
             return False
         coupling = self.model.coupling.joints_by_motors
@@ -205,7 +205,7 @@ class ExportModel:
         return plain + inertia * (ratio**2 + 2.0 * ratio * along)
 
     def omitted_properties(self, *, armatures: bool) -> tuple[str, ...]:
-        """Return, in words, properties that simple formats cannot represent."""
+        """Return descriptions of the properties that simple formats cannot represent."""
         lines: list[str] = []
         for j, joint in enumerate(self.robot.joints):
             lines += self._omitted_of_joint(j, joint, armatures=armatures)
@@ -251,7 +251,8 @@ class ExportModel:
         curved = [word for c in columns if c.joint == j and (word := traits(c.function).words)]
         if curved:
             lines.append(
-                f"the friction of {joint.name} is a line through the model's {', '.join(curved)}"
+                f"the curve of the friction of {joint.name} ({', '.join(curved)}): the file has a"
+                " straight line"
             )
         if f"fcT_{joint.name}" in self.model.parameter_names:
             lines.append(self._omitted_warming(j, joint))
@@ -266,11 +267,11 @@ class ExportModel:
         what = f"the change of the friction of {joint.name}"
         if self.warming is None:
             cold_k = joint.reference_temperature_k
-            return f"{what} with its drive's temperature: the file has that at {cold_k:g} K"
+            return f"{what} with its drive's temperature: the file has the friction at {cold_k:g} K"
         constant_s = self.warming.time_constant_s[j]
         return (
-            f"{what} as it warms up (time constant {constant_s:.3g} s): the file has that of a cold"
-            " robot"
+            f"{what} as it warms up (time constant {constant_s:.3g} s): the file contains the"
+            " friction of a cold robot"
         )
 
 

@@ -20,14 +20,16 @@ from identification.export.text import friction_units
 Kind = Literal["identified", "shape", "warming", "consistent", "link"]
 
 _HEAT = (
-    "T in T x' = P - x with P = (fc_heat + fv_heat |v|) |v|, v the speed of the joint (of its"
-    " actuator in a coupled wrist), x = 0 for a cold robot; fcT and fvT multiply x, 1 K per watt"
+    "time constant T in T x' = P - x with P = (fc_heat + fv_heat |v|) |v|; v is the speed of the"
+    " joint (of its actuator in a coupled wrist); x is 0 for a cold robot, with 1 K per watt; fcT"
+    " and fvT multiply x"
 )
+_HEATING = "friction that heats the joint"
 
 
 @dataclass(frozen=True)
 class TableRow:
-    """One value.
+    """One value of the table.
 
     `kind` is one of:
     - "identified": a base parameter,
@@ -142,7 +144,7 @@ def json_table(estimate: Estimate, consistent: ExportModel | None = None) -> str
 
 
 def _warming_rows(estimate: Estimate) -> list[TableRow]:
-    """Return the parameters of the temperatures that `fcT` and `fvT` multiply."""
+    """Return rows for the parameters of the temperatures that are computed from the motion."""
     warming = estimate.warming
     if warming is None:
         return []
@@ -153,8 +155,20 @@ def _warming_rows(estimate: Estimate) -> list[TableRow]:
         sigma_s = float(warming.time_constant_sigma_s[j])
         for name, words, value, unit, sigma in (
             ("T_heat", _HEAT, warming.time_constant_s[j], "s", sigma_s),
-            ("fc_heat", "Coulomb friction that heats", warming.coulomb_nm[j], coulomb, None),
-            ("fv_heat", "viscous friction that heats", warming.viscous_nm_s[j], viscous, None),
+            (
+                "fc_heat",
+                "Coulomb friction that heats the joint",
+                warming.coulomb_nm[j],
+                coulomb,
+                None,
+            ),
+            (
+                "fv_heat",
+                "viscous friction that heats the joint",
+                warming.viscous_nm_s[j],
+                viscous,
+                None,
+            ),
             ("T0_heat", "temperature at x = 0", joint.reference_temperature_k, "K", None),
         ):
             own = f"{name}_{joint.name}"

@@ -31,7 +31,7 @@ def _memory(model: ExportModel) -> tuple[str, ...]:
     numbers = [
         number
         for each in presliding_of_model(model.model)
-        for number in (each.distance, each.share)
+        for number in (each.distance, each.fraction)
         if number is not None
     ]
     own = ", ".join(
@@ -59,7 +59,7 @@ def temperature_lines(model: ExportModel) -> tuple[str, ...]:
         f"robot was cold (x = 0), with {speed}; x is counted as 1 K per watt:",
         "  T x' = P - x,  P = (f_C + f_v |v|) |v|,  temperature_k = T0 + x.",
         "Over a time step dt: x becomes P + exp(-dt / T) (x - P). Joints that are not listed do"
-        " not use it.",
+        " not use temperature_k.",
     ]
     for j in np.flatnonzero(warming.joints):
         joint = model.robot.joints[j]

@@ -194,7 +194,7 @@ def _blocks(recording: Recording, runs: Sequence[ConstantRun]) -> _Blocks:
                 code="RID-FRICTION-RUNS",
             )
         both = there | back
-        # Gravity is linear within a block: the directions are sampled at different positions.
+        # Positions differ between the directions: gravity is assumed linear within a block.
         matrix = np.column_stack(
             [np.ones(both.sum()), np.where(there[both], 1.0, -1.0), position[both] - middle]
         )
@@ -220,7 +220,7 @@ def _curve(
         matrix[rows, row] = 1.0
         matrix[rows, k:] = functions
     even = np.concatenate([b.even for b in blocks])
-    # Gravity is at most the joint's torque limit; this bounds functions that look like a constant.
+    # Gravity is at most the torque limit: this prior bounds functions that resemble a constant.
     largest = robot.joints[joint].limits.torque
     prior = np.hstack([np.zeros((g, k)), np.eye(g)]) / largest
     sigma, freedom = 1.0, max(1, k * (BLOCKS - 1) - g)
@@ -274,7 +274,7 @@ def _gravity_functions(
 def _two_parts(
     recording: Recording, motion: ReversedMotion, robot: RobotDescription
 ) -> tuple[Recording, Recording]:
-    """Split the recording into two periodic ones."""
+    """Return the forward and the backward part of a recording; both are periodic."""
     sample_period_s = _sample_period(recording)
     samples = motion.plan(robot, sample_period_s)
     rest = np.flatnonzero(samples.phase == Phase.HOLD)
@@ -327,7 +327,8 @@ def _binned(
     edges = np.quantile(speed[fast], np.linspace(0.0, 1.0, SPEED_BINS + 1))
     number = np.where(fast, np.digitize(speed, edges[1:-1]), -1)
     in_bin = (number[:, np.newaxis] == np.arange(SPEED_BINS)).astype(np.float64)
-    # Friction is linear in every bin; `unequal` is for the difference of the accelerations.
+    # In every bin, friction is linear in the speed; `unequal` is the inertia torque per parameter
+    # that is due to different accelerations of the two directions.
     columns = [in_bin * np.sign(velocity)[:, np.newaxis], in_bin * velocity[:, np.newaxis], unequal]
     fitted = np.linalg.lstsq(np.hstack(columns)[fast], difference[fast], rcond=None)[0]
     odd = (difference - unequal @ fitted[2 * SPEED_BINS :]) * np.sign(velocity)

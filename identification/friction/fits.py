@@ -134,7 +134,7 @@ def _fit(
     rms_nm = _rms(curve, model, joint, values)
     if vs in model.nonlinear_names:
         columns, values = (*columns, vs), np.append(values, _speed(model, vs))
-    k = parameters + 1  # plus one for the scatter, which is also estimated
+    k = parameters + 1  # the scatter is estimated as one more parameter
     return FrictionFit(
         name=name,
         terms=terms,
@@ -174,7 +174,7 @@ def _parts(model: RobotModel, joint: int, speed: FloatArray) -> FloatArray:
 
 def _white(curve: FrictionCurve, parts: FloatArray) -> FloatArray:
     """Divide the odd and even parts by their standard deviations; `even` may be missing."""
-    # The scatter of a few values can be small by chance.
+    # The scatter of a few values can be small by chance: use at least half the median.
     sigma = np.maximum(curve.odd_sigma, 0.5 * np.median(curve.odd_sigma) + 1e-12)
     odd = parts[0] / sigma
     if curve.even_covariance is None:
@@ -186,7 +186,7 @@ def _white(curve: FrictionCurve, parts: FloatArray) -> FloatArray:
 def _of_joint(
     model: RobotModel, joint: int, speed: FloatArray
 ) -> tuple[FloatArray, tuple[str, ...]]:
-    """Return the functions and names of the joint's own coefficients."""
+    """Return the friction torque per unit of the joint's own coefficients, and their names."""
     term = next(term for term in model.terms if isinstance(term, Friction))
     own = [c for c, column in enumerate(term.columns) if column.joint == joint]
     names = tuple(term.columns[c].parameter_name for c in own)
@@ -227,7 +227,7 @@ def _speed(model: RobotModel, name: str) -> float:
 
 
 def _at_speed(model: RobotModel, name: str, speed: float) -> RobotModel:
-    """Return the model with another value of the Stribeck speed `name`."""
+    """Return the model with `speed` as its Stribeck speed `name`."""
     values = model.nonlinear_values
     values[model.nonlinear_names.index(name)] = speed
     return model.with_nonlinear(values)

@@ -81,13 +81,13 @@ def constant_velocity_motion(
     )
 
 
-def reversed_motion(there: FourierMotion) -> ReversedMotion:
+def reversed_motion(forward: FourierMotion) -> ReversedMotion:
     """Return a periodic motion followed by the same motion backwards in time."""
-    return ReversedMotion.from_attributes(there, kind="reversed", periods=max(2, there.periods))
+    return ReversedMotion.from_attributes(forward, kind="reversed", periods=max(2, forward.periods))
 
 
 def _fastest(stretch: float, joint: Joint) -> float:
-    """Return the speed at which ramps and half a second at speed just fill the range."""
+    """Return the speed at which both ramps and half a second between them just fill the range."""
     per_speed = 1.875 / (ACCELERATION_FRACTION * joint.limits.acceleration)
     return float(
         (np.sqrt(AT_SPEED_S**2 + 4.0 * per_speed * stretch) - AT_SPEED_S) / (2.0 * per_speed)

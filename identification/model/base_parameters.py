@@ -28,7 +28,7 @@ ModelKind = Literal["internal", "external", "combined"]
 """Measured quantities: joint torques, the base wrench, or both (4.1-4.3)."""
 
 _RIGID = re.compile(r"(m|s[xyz]|I[xyz]{2})(\d+|L)")
-# Order in which columns are kept; Iyy, sz and m of a link merge into others (Khalil's choice).
+# Order in which a link's columns are kept; its Iyy, sz and m come last (Khalil's choice).
 _KEEP_ORDER = ("Izz", "Ixx", "Ixy", "Ixz", "Iyz", "sx", "sy", "Iyy", "sz", "m")
 _ROUNDING = 1e-10
 

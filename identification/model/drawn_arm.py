@@ -1,4 +1,4 @@
-"""`drawn_parameters`: parameters of an arm from its `cad` or its size; its range of weights."""
+"""`drawn_parameters`: an arm's parameters from `cad` or its size; the range of its weight."""
 
 from __future__ import annotations
 

@@ -53,7 +53,7 @@ class ModelOptions(Ranged):
         return model if self.nonlinear is None else model.with_nonlinear(self.nonlinear)
 
     def with_nonlinear_of(self, model: RobotModel) -> ModelOptions:
-        """Return options that build a model with the nonlinear parameters of another."""
+        """Return these options with the nonlinear parameters of `model`."""
         return replace(self, nonlinear=tuple(model.nonlinear_values.tolist()) or None)
 
 

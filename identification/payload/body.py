@@ -58,7 +58,7 @@ class PayloadBody:
 
     @classmethod
     def of_reported(cls, values: FloatArray) -> PayloadBody:
-        """Return the body with ten values of `REPORTED`."""
+        """Return the body whose ten reported quantities (`REPORTED`) are `values`."""
         inertia = np.zeros((3, 3))
         for (row, column), value in zip(_ELEMENTS, values[4:], strict=True):
             inertia[row, column] = inertia[column, row] = value
@@ -66,7 +66,7 @@ class PayloadBody:
 
     @classmethod
     def of_parameters(cls, parameters: FloatArray) -> PayloadBody:
-        """Return the body with ten `PARAMETERS` about the flange's origin."""
+        """Return the body of ten parameters (`PARAMETERS`) about the flange's origin."""
         return cls.of_reported(reported(parameters))
 
     @property
@@ -158,12 +158,12 @@ def to_link(pose: FloatArray) -> FloatArray:
 
 
 def _least_rotated_axes(moments: FloatArray, axes: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Order and direct principal axes for the smallest rotation; see `PayloadBody.principal`."""
+    """Return moments and axes with the smallest rotation, as in `PayloadBody.principal`."""
     degenerate = 1e-9 * max(float(moments[2]), 1e-300)
     first, second = moments[1] - moments[0] < degenerate, moments[2] - moments[1] < degenerate
     if first and second:
         return moments, np.eye(3)
-    if first or second:  # only one axis is unique: the others follow from the smallest rotation
+    if first or second:  # two moments are equal: only one axis is unique
         alone = 2 if first else 0
         unique = axes[:, alone]
         place = int(np.argmax(np.abs(unique)))
@@ -178,7 +178,7 @@ def _least_rotated_axes(moments: FloatArray, axes: FloatArray) -> tuple[FloatArr
         chosen = axes[:, order]
         signs = np.where(np.diagonal(chosen) < 0.0, -1.0, 1.0)
         pointed = chosen * signs
-        if np.linalg.det(pointed) < 0.0:  # reverse the axis that increases the rotation least
+        if np.linalg.det(pointed) < 0.0:  # reverse the axis whose reversal adds the least rotation
             weakest = int(np.argmin(np.abs(np.diagonal(pointed))))
             pointed[:, weakest] *= -1.0
         trace = float(np.trace(pointed))
@@ -188,7 +188,7 @@ def _least_rotated_axes(moments: FloatArray, axes: FloatArray) -> tuple[FloatArr
 
 
 def _smallest_rotation(start: FloatArray, end: FloatArray) -> FloatArray:
-    """Return the smallest rotation from one unit vector to another (not its opposite)."""
+    """Return the smallest rotation between two unit vectors that are not opposite."""
     v = np.cross(start, end)
     cross = np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
     return np.asarray(np.eye(3) + cross + cross @ cross / (1.0 + float(start @ end)))

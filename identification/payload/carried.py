@@ -37,8 +37,8 @@ def carry_own(estimate: Estimate) -> Estimate:
     """
     if not contains_payload(estimate):
         raise ConfigError(
-            "it contains no payload, because it was identified without --loaded: give a payload"
-            " file, or none",
+            "the model contains no payload, because it was identified without --loaded: give a"
+            " payload file, or none",
             code="RID-PAYLOAD-UNSTATED",
         )
     return _without_columns(estimate, carries=True)
@@ -61,7 +61,7 @@ def carry(estimate: Estimate, payload: PayloadEstimate) -> Estimate:
     hidden = payload.is_parameter_determined.count(False)
     if hidden:
         raise EstimationError(
-            f"its motion did not determine {hidden} of the payload's ten parameters: identify the"
+            f"the motion did not determine {hidden} of the payload's ten parameters: identify the"
             " payload with a motion that determines all",
             code="RID-MOTION-UNINFORMATIVE",
         )
@@ -80,7 +80,10 @@ def carry(estimate: Estimate, payload: PayloadEstimate) -> Estimate:
 
 
 def _without_columns(estimate: Estimate, *, carries: bool) -> Estimate:
-    """Return an estimate without payload columns; `carries` adds them to the last link."""
+    """Return an estimate without payload parameters.
+
+    With `carries`, the payload's parameters are added to those of the last link.
+    """
     options = replace(estimate.options, payload=False)
     new = options.build(estimate.robot).parameter_names
     names = estimate.model.parameter_names

@@ -230,7 +230,11 @@ class PayloadEquations:
 def condense_cluster(
     matrices: Sequence[FloatArray], sides: Sequence[FloatArray], width: int
 ) -> FloatArray:
-    """Return R of [A Y] of a cluster, from each joint's whitened rows (any, p) and sides (any,)."""
+    """Return R of [A Y] of one cluster, from each joint's whitened equations.
+
+    `matrices` (any, p) are the left-hand sides of the joints' equations, `sides` (any,) the
+    right-hand sides.
+    """
     n = len(matrices)
     parts = []
     for j, (matrix, rhs) in enumerate(zip(matrices, sides, strict=True)):
@@ -242,11 +246,11 @@ def condense_cluster(
 
 
 def robot_prior(layout: Layout, robot: Estimate | None) -> FloatArray:
-    """Return the estimate of the robot without payload as equations of the unknowns, (any, p + 1).
+    """Return an estimate of the robot without payload as equations of the unknowns, (any, p + 1).
 
-    Without an estimate the result has no rows. Its friction is not used. The links' parameters
-    enter with their cluster-robust covariance, so that the payload's intervals include the
-    uncertainty of the model.
+    Without an estimate the result has no rows. The estimate's friction is not used. The links'
+    parameters enter with their cluster-robust covariance, so that the payload's intervals include
+    the uncertainty of the model.
 
     Raises:
         EstimationError: The estimate is of another robot, or its model has other terms.
@@ -278,7 +282,8 @@ def independent_unknowns(whole: FloatArray, unknowns: int, first: int) -> IntArr
 
     Args:
         whole: Shape (any, unknowns + any). Equations.
-        unknowns, first: Number of columns that are unknowns, and index of the first one to test.
+        unknowns, first: Number of columns that are unknowns, and index of the first unknown to
+            test.
     """
     basis = np.zeros((len(whole), 0))
     size = np.linalg.norm(whole[:, :unknowns], axis=0)

@@ -146,8 +146,7 @@ class PayloadEstimate:
     def residual_share(self) -> FloatArray:
         """RMS residual of each joint's torque relative to the torque, shape (n,).
 
-        A joint with little load has little to explain: its torque counts as at least `IDLE_SHARE`
-        of its limit.
+        For a joint with little torque, the torque is replaced by `IDLE_SHARE` of the joint's limit.
         """
         return np.asarray(self.residual_nm / self._work_nm)
 

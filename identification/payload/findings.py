@@ -48,29 +48,31 @@ class PayloadFinding:
 
     @property
     def sentence(self) -> str:
-        """The finding in one sentence."""
+        """The quantity, its interval and the motion to add, in one sentence."""
         if self.value is None or self.sigma is None:
-            said = f"{self.name} is not determined by this motion"
+            text = f"{self.name} is not determined by this motion"
             if not self.motion:
                 return (
-                    f"{said}, nor by any other motion of one or two joints; set it as a known value"
+                    f"{text}, nor by any motion of one or two joints; measure it separately, and"
+                    " state the value with --known"
                 )
-            return f"{said}; {self.motion} would determine it"
+            return f"{text}; {self.motion} would determine it"
         value = f"{self.name} = {plus_minus(self.value, 2.0 * self.sigma, self.unit)}"
-        said = f"{value} is poorly determined"
+        text = f"{value} is poorly determined"
         if not self.motion or self.gain is None:
-            return f"{said}; no motion of one or two joints would determine it much better"
+            return f"{text}; no motion of one or two joints would determine it much better"
         return (
-            f"{said}; {self.motion} for as long again would make its interval {self.gain:.1f} times"
-            " smaller"
+            f"{text}; further runs of the same length, {self.motion}, would make the interval"
+            f" {self.gain:.1f} times smaller"
         )
 
 
 def largest_moment(estimate: PayloadEstimate) -> float:
     """Return the largest moment of inertia about the flange, as reference for intervals [kg m^2].
 
-    A controller needs the inertia about the wrist's axes, so an interval is compared with all of
-    it.
+    A controller needs the inertia about the wrist's axes, which includes that due to the distance
+    from the flange. Therefore intervals of the inertia are compared with the moment about the
+    flange.
     """
     xx, xy, xz, yy, yz, zz = estimate.values[4:]
     moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
@@ -82,8 +84,8 @@ def payload_findings(estimate: PayloadEstimate) -> tuple[PayloadFinding, ...]:
 
     Poorly determined means that 2 sigma are more than 5 % of the mass, 10 mm of the centre of
     gravity, or 20 % of the inertia about the flange. The candidate motions move one joint or two
-    joints at their limits. Each counts as one more pair of runs with the same length and colour of
-    residuals.
+    joints at their limits. Each counts as one more pair of runs of the same length, with residuals
+    of the same spectrum.
     """
     limits = np.concatenate(
         [

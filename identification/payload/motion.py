@@ -217,7 +217,7 @@ class PayloadSearch:
         inverse = (right.T / singular) @ left.T / size[:, np.newaxis]
         noise = NOISE_SHARE * math.sqrt(len(columns) / ROWS)
         spread = float(np.sum((noise * (_WANTED.reshape(-1, PARAMETERS_PER_LINK) @ inverse)) ** 2))
-        # Effect of a wrong torque constant of a single joint: that joint's part of the fit.
+        # A wrong torque constant of a joint scales this joint's part of the solution.
         joints = (
             inverse.reshape(PARAMETERS_PER_LINK, -1, len(limits)),
             rest.reshape(*columns.shape[:2], -1),
@@ -227,7 +227,7 @@ class PayloadSearch:
         return math.log(spread + float(np.sum(gains**2))) + HEAT_WEIGHT * excess
 
     def _excess_torque(self, shares: FloatArray) -> float:
-        """Return the excess of the RMS torque, from columns divided by torque limits."""
+        """Return the squared excess of RMS torques over `LASTING_SHARE` of the torque limits."""
         if self._links is None:
             return 0.0
         lasting = np.sqrt(np.mean((shares @ self._links) ** 2, axis=0))
@@ -304,10 +304,11 @@ def design_payload_motion(
 
 
 def _nominal() -> tuple[FloatArray, FloatArray]:
-    """Return the error combinations of six payloads over their goals, (6, 4, 10), and the payloads.
+    """Return the matrices that scale errors of six nominal payloads, and the payloads.
 
-    The payloads have the shape (6, 10). c = s / m, so that a centre's error is (error of s - c
-    times the error of m) / m.
+    The matrices, (6, 4, 10), give errors of mass and centre of gravity divided by their goals.
+    Because c = s / m, an error of the centre is (error of s - c times the error of m) / m. The
+    payloads are the ten parameters, (6, 10).
     """
     wanted = np.zeros((6, 4, PARAMETERS_PER_LINK))
     bodies = np.zeros((6, PARAMETERS_PER_LINK))

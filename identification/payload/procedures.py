@@ -83,7 +83,7 @@ def identify_payload(
     equations = equations_of(robot, runs, how)
     solution = solve_payload(equations, how.known)
     slopes = solution.gain_slopes
-    if equations.procedure == "apart":  # this procedure does not separate the joints' measurements
+    if equations.procedure == "apart":  # the joints' parts of the torque are not known
         if how.torque_constant_sigma > 0.0:
             raise EstimationError(
                 "the procedure `apart` cannot include the uncertainty of torque constants: use"
@@ -223,7 +223,7 @@ def _options(how: PayloadOptions) -> ModelOptions:
 
 
 def _robot_with_model_joints(robot: RobotDescription, how: PayloadOptions) -> RobotDescription:
-    """Return the robot with the joints of its model, whose friction may have been chosen."""
+    """Return the robot with the joints of its model; their friction terms may differ."""
     if how.robot is None:
         return robot
     differences = robot.differences(how.robot.robot)
@@ -252,7 +252,7 @@ def _subtract_two_robots(
         if not chosen:
             raise EstimationError(
                 f"there is no run {'with' if loaded else 'without'} the payload from which the"
-                " robot could be identified: add one",
+                " robot could be identified: add such a run",
                 code="RID-PAYLOAD-RUNS",
             )
         return runs.part(chosen).estimate(described, options, [False] * len(chosen))

@@ -33,7 +33,7 @@ SEEN: Final = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class PayloadSolution:
-    """Solution of some equations for the ten parameters.
+    """Solution of a payload's equations for its ten parameters.
 
     Attributes:
         unknowns: Shape (p,). All unknowns, the payload's first. Unknowns that depend linearly on
@@ -121,9 +121,9 @@ class _Measured:
 
     @property
     def spread(self) -> FloatArray:
-        """L with L L^T the covariance: cluster-robust sizes, averaged correlations.
+        """L of the covariance L L^T, with cluster-robust sigmas and averaged correlations.
 
-        The correlations are the mean of the cluster-robust and the noise's. The cluster-robust
+        The correlations are the mean of those of both covariances, because the cluster-robust
         covariance comes from few clusters and may not have full rank (Ledoit and Wolf 2004:
         shrinkage towards a target).
         """
@@ -135,7 +135,7 @@ class _Measured:
         return sigma[:, np.newaxis] * np.linalg.cholesky(0.5 * parts[0] + 0.5 * parts[1])
 
     def contradiction(self, quantity: KnownPayloadValue) -> float:
-        """Return the distance of a known quantity from these values, in standard deviations."""
+        """Return the distance of a known quantity from the measured one [standard deviations]."""
         payload, index = self.values[:PARAMETERS_PER_LINK], REPORTED.index(quantity.name)
         slopes = reported_slopes(payload)[index]
         if np.linalg.norm(slopes @ self.subspace.undetermined) > SEEN * np.linalg.norm(slopes):
@@ -161,7 +161,7 @@ def _solve_measured(equations: PayloadEquations, system: _System, intervals: boo
             for factor in equations.factors
         )
         clustered = jackknife(matrix.T @ matrix, clusters).quoted
-        # Prior knowledge of the robot is not a cluster: its covariance is added.
+        # No cluster contains the prior knowledge of the robot: its covariance is added.
         brought = covariance @ matrix[system.measured :].T
         clustered = clustered + brought @ brought.T
     return _Measured(
@@ -182,7 +182,7 @@ def _solve_with_known(
     Fixed quantities are constraints: only payloads with exactly these values are considered.
     """
     ten = PARAMETERS_PER_LINK
-    # theta = seen z + hidden h: only known quantities determine h.
+    # theta = determined z + undetermined h: only known quantities determine h.
     subspace, r = found.subspace, found.subspace.determined.shape[1]
     axes = np.hstack([subspace.determined, subspace.undetermined])
     metric = np.linalg.inv(found.spread)
@@ -265,9 +265,9 @@ def base_values(layout: Layout, unknowns: FloatArray, run: int) -> FloatArray:
 class IdentifiableSubspace:
     """Directions of the ten parameters that the equations determine.
 
-    `seen` (10, rank): coordinates of the determined directions, scaled to columns of equal length.
-    `hidden` (10, 10 - rank): orthonormal directions that are not determined. `condition`: largest
-    over smallest singular value of the determined directions.
+    `determined` (10, rank): the determined directions, in the units of the parameters.
+    `undetermined` (10, 10 - rank): orthonormal directions that are not determined. `condition`:
+    largest over smallest singular value of the scaled equations in the determined directions.
     """
 
     determined: FloatArray
@@ -280,7 +280,8 @@ class _System:
     """All equations A x = y: the measurement, followed by prior knowledge of the robot.
 
     `shares` (rows, n) are each joint's parts of y, zero for prior knowledge. `measured` is the
-    number of measured rows. `kept` are the independent unknowns after the payload's.
+    number of measured rows. `kept` are the indices of the other unknowns that are linearly
+    independent.
     """
 
     matrix: FloatArray
@@ -355,7 +356,7 @@ class _System:
         return self.all_unknowns(np.concatenate([payload, others]))
 
     def all_unknowns(self, values: FloatArray) -> FloatArray:
-        """Return all unknowns, shape (p,); those that depend on others are zero."""
+        """Return all unknowns, shape (p,), from payload's and `kept` ones; the rest is zero."""
         unknowns = np.zeros(self.matrix.shape[1])
         unknowns[:PARAMETERS_PER_LINK] = values[:PARAMETERS_PER_LINK]
         unknowns[self.kept] = values[PARAMETERS_PER_LINK:]

@@ -69,7 +69,7 @@ class PayloadCheck:
 
 
 class Reached(NamedTuple):
-    """A value and its upper limit, in one unit."""
+    """A value and its upper limit, both in `unit`."""
 
     text: str
     value: float
@@ -168,14 +168,15 @@ def check_payload(
         estimate: The payload.
         limits: Limits of the verdict.
         repeats: Estimates from each run separately, if there are several runs.
-        left_on: Mass and standard deviation from `mass_left_on_flange`.
+        left_on: Mass on the flange in the runs without payload, and its standard deviation, from
+            `mass_left_on_flange`.
     """
     rank = PayloadCheck(
         "independent parameters that the motion determines", estimate.rank, "≥", PARAMETERS_PER_LINK
     )
     fit = [
         Reached(
-            f"residual of {joint.name} (RMS, of its torque)",
+            f"residual of {joint.name} (RMS, relative to its torque)",
             100.0 * float(share),
             limits.residual_percent,
             "%",
@@ -192,8 +193,8 @@ def check_payload(
     ]
     agreed = [
         PayloadCheck(
-            f"{known.name} = {known.value:g} {REPORTED_UNITS[REPORTED.index(known.name)]} as known,"
-            " distance from the recordings' result",
+            f"known value {known.name} = {known.value:g}"
+            f" {REPORTED_UNITS[REPORTED.index(known.name)]}: distance from the recordings' result",
             off,
             "≤",
             LARGEST_CONTRADICTION,
@@ -204,17 +205,17 @@ def check_payload(
     ]
     if left_on is not None:
         mass, sigma = left_on
-        said = "mass on the flange in the runs without payload, according to the model"
+        text = "mass on the flange in the runs without payload, according to the model"
         limit = LARGEST_CONTRADICTION * sigma
-        agreed.append(PayloadCheck(said, abs(mass), "≤", limit, "kg", LEFT_ON))
+        agreed.append(PayloadCheck(text, abs(mass), "≤", limit, "kg", LEFT_ON))
     if not rank.passed:
         return (rank, *agreed, *fit)
     two_sigma = 2.0 * estimate.sigma
     heaviest = HeaviestPayload.of(estimate.robot)
     if heaviest is not None:
         share = 100.0 * float(estimate.reported[0] - two_sigma[0]) / heaviest.mass_kg
-        said = f"mass of the payload, relative to {heaviest.source} ({heaviest.mass_kg:.4g} kg)"
-        agreed.append(PayloadCheck(said, share, "≤", 100.0, "%", HEAVY))
+        text = f"mass of the payload, relative to {heaviest.source} ({heaviest.mass_kg:.4g} kg)"
+        agreed.append(PayloadCheck(text, share, "≤", 100.0, "%", HEAVY))
     lines = [
         rank,
         *agreed,
@@ -233,12 +234,12 @@ def check_payload(
             "mm",
         ),
         Reached(
-            "interval of the inertia (2σ, worst, relative to the largest about the flange)",
+            "interval of the inertia (2σ, worst element, relative to the largest about the flange)",
             100.0 * float(two_sigma[4:].max()) / largest_moment(estimate),
             limits.inertia_percent,
             "%",
         ).or_absolute(
-            "interval of the inertia (2σ, worst)",
+            "interval of the inertia (2σ, worst element)",
             float(two_sigma[4:].max()),
             limits.inertia_kg_m2,
             "kg m²",
@@ -254,7 +255,8 @@ def check_payload(
     if repeats is not None:
         lines.append(
             PayloadCheck(
-                f"scatter between {len(repeats.values)} runs over the reported standard deviation",
+                f"scatter between {len(repeats.values)} runs, divided by the reported standard"
+                " deviation",
                 repeats.ratio,
                 "≤",
                 LARGEST_SCATTER,

@@ -72,7 +72,7 @@ def widening(clusters: int) -> float:
 
 
 def covariance_at_least(clustered: FloatArray, other: FloatArray) -> FloatArray:
-    """Return a covariance, (p, p), with its standard deviations at least those of another one."""
+    """Return `clustered` with its standard deviations raised to at least those of `other`."""
     size = np.sqrt(np.maximum(np.diagonal(clustered), 0.0))
     least = np.sqrt(np.maximum(np.diagonal(other), 0.0))
     grown = np.divide(least, size, out=np.ones_like(size), where=size > 0.0)
@@ -83,7 +83,7 @@ def covariance_at_least(clustered: FloatArray, other: FloatArray) -> FloatArray:
 def changes_without_clusters(
     information: FloatArray, clusters: Iterable[Cluster]
 ) -> Iterator[FloatArray]:
-    """Yield the difference of the estimate of all rows from that without each cluster, (p,).
+    """Yield for each cluster: estimate from all rows minus estimate without the cluster, (p,).
 
     Args:
         information: Shape (p, p). A^T W A of all rows, including a prior.

@@ -60,8 +60,8 @@ class Triangle:
     Attributes:
         factor: Shape (at most c + 1, c + 1). R of the QR factorisation of [A y]; the last column
             belongs to y.
-        columns: Shape (c,). The parameters that these rows depend on; their other columns are zero
-            and left out.
+        columns: Shape (c,). Indices of the parameters on which the rows depend; all other columns
+            of A are zero and left out.
         parameters: The number of all parameters, p.
         rows: Number of rows that were added.
     """
@@ -80,8 +80,8 @@ class Triangle:
     def add(self, matrix: FloatArray, rhs: FloatArray, rows: int | None = None) -> Triangle:
         """Return the triangle with a block added: `matrix` (rows, c), `rhs` (rows,).
 
-        `rows` is the number of independent equations of the block; without it, each row counts as
-        one. It is less than the rows if unknown torques were eliminated from them.
+        `rows` is the number of independent equations of the block, by default the number of its
+        rows. It is smaller if unknown torques were eliminated from the block.
         """
         if len(rhs) == 0:
             return self
@@ -190,7 +190,7 @@ def solve(
 
 
 def _check_condition(upper: FloatArray, names: tuple[str, ...]) -> None:
-    """Refuse a triangle, with columns of length one, with nearly dependent parameters."""
+    """Refuse equations with nearly dependent parameters; columns have length one."""
     reciprocal, _ = dtrcon(upper)
     if (
         reciprocal > _NEARLY_SINGULAR

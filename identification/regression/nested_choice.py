@@ -19,9 +19,9 @@ from scipy.special import ndtr, stdtrit
 from config.arrays import BoolArray, FloatArray
 
 DISTINCT_SIGMAS: Final = 3.5
-"""Smallest ratio of a kept value to its standard deviation."""
+"""A value is kept if it is at least this many standard deviations from zero."""
 LEAST_GAIN: Final = 0.003
-"""Smallest gain of held-out error for each additional value: 0.3 %."""
+"""Smallest useful reduction of the held-out error for each additional value: 0.3 %."""
 FEWEST_BLOCKS: Final = 4
 
 
@@ -32,7 +32,7 @@ def deviations(changes: FloatArray) -> FloatArray:
     significance level of a normal distribution.
 
     Args:
-        changes: Shape (blocks, values). Change of each value without each block.
+        changes: Shape (blocks, values). Change of each value when a block is left out.
     """
     count = len(changes)
     widened = stdtrit(max(count - 1, 1), ndtr(DISTINCT_SIGMAS)) / DISTINCT_SIGMAS
@@ -75,7 +75,8 @@ def simplest_model(errors: Sequence[FloatArray], sigmas: float = 1.0, least: flo
 
     Args:
         errors: Mean squared errors of each model's blocks, the simplest model first.
-        sigmas, least: Standard errors, and gain, by which the best model must be better.
+        sigmas, least: A model is distinctly worse if the best model's gain exceeds this number of
+            standard errors and this gain.
     """
     gains = [Gain.between(errors[0], each).mean for each in errors]
     best = errors[int(np.argmax(gains))]

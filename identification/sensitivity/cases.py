@@ -34,7 +34,7 @@ class SensitivityCase:
     Attributes:
         number, words: Number and description of the row.
         assumed: The wrong assumption.
-        motion: Moving axes: 3 to the last, or all.
+        motion: The axes that move: axis 3 to the last axis, or all axes.
         against: Comparison for which the row is meaningful. A wrong torque constant also scales the
             torques of the unloaded robot: a model identified with the same constant is then no
             better than a second run. Errors of links and rotors cancel between two runs.
@@ -57,7 +57,9 @@ class SensitivityRow:
 
 
 def thesis_motion(robot: RobotDescription, axes: Sequence[int]) -> SampledMotion:
-    """Return a motion like those of chapter 5: harmonics 1 and 20 of 30 s, around mid-range.
+    """Return a motion like those of the thesis's chapter 5, around mid-range.
+
+    Each axis moves with harmonics 1 and 20 of a period of 30 s.
 
     Args:
         robot: The robot, for its limits.
@@ -128,17 +130,19 @@ def thesis_cases(axes: int, share: float = SHARE, bias_nm: float = -12.0) -> lis
         SensitivityCase(4, "wrist coupling neglected", Assumptions(coupling=0.0)),
         SensitivityCase(5, "efficiency 90 %", Assumptions(efficiency=0.9)),
         SensitivityCase(5, "efficiency 95 %", Assumptions(efficiency=0.95)),
-        SensitivityCase(6, "25 % of friction in the joints", Assumptions(joint_friction=0.25)),
-        SensitivityCase(7, "known mass, robot links", replace(links, known_mass=1.0)),
+        SensitivityCase(6, "25 % of friction acts in the joints", Assumptions(joint_friction=0.25)),
+        SensitivityCase(7, "known mass, wrong robot links", replace(links, known_mass=1.0)),
         SensitivityCase(
-            7, f"known mass, torque constants 3-{axes}", replace(all_wrong, known_mass=1.0)
+            7, f"known mass, wrong torque constants 3-{axes}", replace(all_wrong, known_mass=1.0)
         ),
         SensitivityCase(7, "known mass 5 % too large", Assumptions(known_mass=1.05)),
         SensitivityCase(8, f"torque bias {bias_nm:g} Nm, axis 3", Assumptions(bias=bias)),
         SensitivityCase(
-            9, "all axes, torque constant 3", Assumptions(gains=gains(3)), "all", DIFFERENCE
+            9, "all axes move, torque constant 3", Assumptions(gains=gains(3)), "all", DIFFERENCE
         ),
-        SensitivityCase(9, f"all axes, torque constants 3-{axes}", all_wrong, "all", DIFFERENCE),
+        SensitivityCase(
+            9, f"all axes move, torque constants 3-{axes}", all_wrong, "all", DIFFERENCE
+        ),
     ]
 
 

@@ -24,7 +24,7 @@ from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.payload.body import PayloadBody, flange_pose, reported, to_link
 
 Comparison = Literal["model", "difference"]
-"""Subtraction of a model of the unloaded robot, or of a second run without the payload."""
+"""Comparison that separates a payload: with a model of the robot, or with an unloaded run."""
 
 MOVING: Final = 1e-9
 RANK: Final = 1e-8
@@ -114,7 +114,7 @@ class SensitivityProblem:
 
     @property
     def coupling(self) -> FloatArray:
-        """C of q = C alpha; the identity without coupling."""
+        """The matrix C of q = C alpha; the unit matrix without a coupled wrist."""
         n = len(self.robot.joints)
         return np.eye(n) if self.robot.coupling is None else np.array(self.robot.coupling)
 
@@ -135,7 +135,7 @@ class SensitivityProblem:
         friction = model.parameter_groups.get("friction", slice(0, 0))
         in_joints = np.zeros_like(motion.q)
         if assumed.joint_friction:
-            # The same coefficients, applied to the joints' speeds and torques.
+            # Friction with the same coefficients that acts at the joints instead of the motors.
             uncoupled = replace(model, coupling=None)
             only = np.zeros_like(values)
             only[friction] = values[friction]
@@ -155,7 +155,7 @@ class SensitivityProblem:
         return Conditions(temperature_k=warm, payload=loaded)
 
     def assumed_model(self, assumed: Assumptions) -> RobotModel:
-        """Return the assumed model."""
+        """Return the robot's model with the assumed wrist coupling."""
         if assumed.coupling == 1.0 or self.robot.coupling is None:
             return self.model
         n = len(self.robot.joints)
@@ -165,7 +165,7 @@ class SensitivityProblem:
 
 @dataclass(frozen=True, eq=False)
 class MotionEstimator:
-    """Least squares of payload and friction on one motion, for many right-hand sides.
+    """Least-squares estimator of payload and friction on one motion, for many torques.
 
     Attributes:
         matrix: Shape (samples n, 10 + any). Weighted columns of the payload, in the flange's frame,
@@ -199,9 +199,9 @@ class MotionEstimator:
         friction = phi[:, :, groups.get("friction", slice(0, 0))]
         columns = np.concatenate([payload, friction], axis=2) * weights[:, np.newaxis]
         matrix = columns.reshape(-1, columns.shape[2])
-        told = np.linalg.norm(matrix, axis=0) > MOVING * np.linalg.norm(matrix)
-        told[:ten] = True
-        matrix = matrix[:, told]
+        is_identifiable = np.linalg.norm(matrix, axis=0) > MOVING * np.linalg.norm(matrix)
+        is_identifiable[:ten] = True
+        matrix = matrix[:, is_identifiable]
         held = 1 if assumed.known_mass is not None else 0
         scaled = matrix[:, held:] / np.linalg.norm(matrix[:, held:], axis=0)
         singular = np.linalg.svd(scaled, compute_uv=False)

@@ -61,7 +61,7 @@ class BaseWrenchValidation:
 
     @property
     def sentence(self) -> str:
-        """The result in one sentence."""
+        """The errors of the base wrench and the plate's delay, in one sentence."""
         errors = ", ".join(
             f"{name} {rms:.3g} ({share:.2g} %)"
             for name, rms, share in zip(WRENCH_NAMES, self.rms, self.relative_percent, strict=True)

@@ -53,7 +53,7 @@ KINDS: Final[dict[ChannelKind, tuple[ChannelValue, ...]]] = {
 """Kinds of channel from the simplest to the richest, with their values."""
 KIND_SIGMAS: Final = 2.0
 LEAST_KIND_GAIN: Final = 0.01
-"""Smallest relative gain of held-out RMS error for a richer kind of channel: 1 %."""
+"""Smallest reduction of the held-out RMS error for which a richer kind is chosen: 1 %."""
 LONGEST_DELAY_S: Final = 0.05
 LONGEST_LAG_S: Final = 0.08
 SHORTEST_LAG_S: Final = 1e-4
@@ -64,13 +64,13 @@ MOST_STEPS: Final = 9
 AFTER_STANDSTILL_S: Final = 0.16
 """Time left out after standstill: at least twice the longest time constant, `LONGEST_LAG_S`."""
 FILTER_SHARE: Final = 0.65
-"""Largest squared error on all moving rows with a filter, relative to the error without it."""
+"""Largest ratio of squared errors with and without a filter for which a joint shows it."""
 RANK: Final = 1e-7
 FLEXIBLE: Final[tuple[Column, ...]] = (
     "coulomb", "viscous", "offset", "cubic", "load",
     ("stribeck", 0.045), ("stribeck", 0.1), ("stribeck", 0.23),
 )  # fmt: skip
-"""Friction columns of the first channel estimate."""
+"""Friction columns of every joint for the first estimate of the channel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,8 +104,8 @@ def choose_channel(
         terms: Friction columns of each joint.
         block_s: Length of a block that is left out [s].
         kinds: Kinds to compare, from the simplest to the richest; the first is "none".
-        before: Result of the previous round. Rows that its filters mix with rows of standstill are
-            left out.
+        before: Channel of the previous round. Rows whose torque its filters mix with that of a
+            standstill are left out.
     """
     known = TorqueChannel.none(equations.joints) if before is None else before
     reaches = [
@@ -151,7 +151,7 @@ def _choose_kind(errors: dict[ChannelKind, FloatArray]) -> ChannelKind:
 
 
 def accepted_channel(fits: Sequence[JointChannel], none: Sequence[JointChannel]) -> TorqueChannel:
-    """Return the channel with those values that are distinct from zero and inside their range.
+    """Return the channel with only those values that are distinct from zero and inside a range.
 
     A filter is a setting of the drives or of the logger. Therefore the channel changes nothing if
     fewer than half of the joints show a filter: then the cause is another effect. A joint shows a

@@ -29,7 +29,7 @@ COMMON_WIDTHS_S: Final = tuple(0.012 * 1.35**k for k in range(11))
 COMMON_SIGMAS: Final = 3.0
 COMMON_GAIN: Final = 0.2
 AWAY: Final = Reach(0.1, 0.2)
-"""Time left out around standstill to distinguish a filter from smooth friction."""
+"""Time around standstill that is left out to distinguish a filter from smooth friction."""
 
 
 def common_filter(
@@ -38,7 +38,7 @@ def common_filter(
     block_s: float,
     known: TorqueChannel,
 ) -> TorqueChannel:
-    """Return a zero-phase filter common to all joints, or the known channel if it is no worse.
+    """Return a zero-phase filter for all joints, or `known` if the filter is not clearly better.
 
     Args:
         equations: The recordings.
@@ -73,7 +73,7 @@ def common_filter(
             best, best_gain = channel, gain
     if best is known:
         return known
-    # Smooth friction looks like a filter only near reversals; a torque filter acts everywhere.
+    # Smooth friction looks like a filter only near reversals, but a true filter acts everywhere.
     away = [errors(channel, AWAY) for channel in (known, best)]
     return best if Gain.between(*away).mean > 0.0 else known
 

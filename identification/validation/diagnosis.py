@@ -48,7 +48,8 @@ class JointDiagnosis:
         white_p: P-value of Ljung and Box's test for white residuals; NaN for too few values.
         suspect: The quantity that the error follows most; empty if no quantity is distinct.
         suspect_share: Fraction of the error's power that the quantity explains.
-        remedy: The term that would model this error, or a note that the model has it.
+        remedy: The term that would model this error, or a note that the model already has this
+            term.
     """
 
     joint: str
@@ -115,13 +116,12 @@ def ljung_box(residual: FloatArray) -> float:
     """Return the p-value of Ljung and Box's test that residuals are white.
 
     Args:
-        residual: Shape (values,). Residuals, sampled so slowly that white ones in their band are
-            independent.
+        residual: Shape (values,). Residuals, sampled so slowly that white noise in their band has
+            independent samples.
 
     Returns:
         The p-value of Ljung and Box's (1978) Q over the first lags, by chi-squared; NaN for fewer
-        than
-        40 values.
+        than 40 values.
     """
     count = len(residual)
     if count < FEWEST_VALUES:

@@ -169,7 +169,7 @@ def _common_thinning(grams: Grams, speed: float) -> tuple[list[Terms], Fit] | No
 def _closest_thinning(
     grams: Grams, chosen: list[Terms], joint: int, speed: float
 ) -> tuple[list[Terms], Fit]:
-    """Return the terms with another speed of one joint's shear thinning, and their solution.
+    """Return the terms with the best speed of one joint's shear thinning, and their solution.
 
     Of the speeds that do not predict the joint distinctly worse than the best, the one closest to
     `speed` is used. Viscous friction counts as an infinite speed.
@@ -188,7 +188,7 @@ def _closest_thinning(
 
 
 def _terms_with_thinning(speed: float) -> Terms:
-    """Return `BESIDE_THINNING` with shear thinning at a speed."""
+    """Return `BESIDE_THINNING` with shear thinning at `speed` instead of viscous friction."""
     return _with_terms(BESIDE_THINNING, (("shear_thinning", speed),))
 
 
@@ -222,7 +222,7 @@ def remove_weak_terms(
 
 
 def _with_terms(own: Terms, extra: Terms) -> Terms:
-    """Return a joint's terms with others; shear thinning takes the place of viscous friction."""
+    """Return a joint's terms with `extra` ones; shear thinning replaces viscous friction."""
     thin: Column = "viscous"
     for term in extra:
         if term_of_column(term) == "shear_thinning":
@@ -234,14 +234,14 @@ def _with_terms(own: Terms, extra: Terms) -> Terms:
 
 
 def _without_term(own: Terms, left: Column) -> Terms:
-    """Return a joint's terms without one; viscous friction takes the place of shear thinning."""
+    """Return a joint's terms without one; viscous friction replaces removed shear thinning."""
     if term_of_column(left) == "shear_thinning":
         return tuple("viscous" if term == left else term for term in own)
     return tuple(term for term in own if term != left)
 
 
 def _count(own: Terms) -> int:
-    """Return the number of a joint's terms, with the speed of shear thinning."""
+    """Return the number of a joint's terms; the speed of shear thinning counts as one more."""
     return len(own) + len(speeds_of(own, "shear_thinning"))
 
 
@@ -255,7 +255,7 @@ def _fit_or_none(grams: Grams, chosen: Sequence[Terms]) -> Fit | None:
 def _candidate_fits(
     grams: Grams, chosen: Sequence[Terms], joint: int
 ) -> Iterator[tuple[Terms, list[Terms], Fit]]:
-    """Yield terms to add to a joint that the data identify, all joints' terms, and their fit."""
+    """Yield each identifiable addition to a joint's terms, with all joints' terms and their fit."""
     have = {term_of_column(term) for term in chosen[joint]}
     for extra in CANDIDATES:
         if have.isdisjoint(map(term_of_column, extra)):
@@ -266,7 +266,7 @@ def _candidate_fits(
 
 
 def _best_addition(grams: Grams, chosen: Sequence[Terms], joint: int, now: Fit) -> Terms:
-    """Return the fewest terms to add to a joint that are not worse than the best; () for none."""
+    """Return the terms to add to a joint, as few as are not worse than the best; () for none."""
     good = []
     for extra, tried, fit in _candidate_fits(grams, chosen, joint):
         found = Gain.between(now.errors[:, joint], fit.errors[:, joint])
@@ -310,7 +310,7 @@ def preferred_terms(trials: Sequence[tuple[Terms, Fit]], now: Fit, joint: int) -
 def _is_braking(fit: Fit, joint: int) -> bool:
     """Return True if Coulomb and viscous or shear-thinning friction oppose the motion.
 
-    Other terms must not replace them.
+    Otherwise other terms would take over their effect.
     """
     return all(
         fit.value(j, column) > 0.0
@@ -331,8 +331,8 @@ def _is_distinct(
     """Return True if a term is distinct from zero, and positive if required.
 
     The limit is lower for a term that clearly reduces the error on held-out data: few blocks, as in
-    half a minute of data, give wide intervals. Shear thinning is distinct if its coefficient is so
-    beside viscous friction.
+    half a minute of data, give wide intervals. Shear thinning is distinct if its coefficient is
+    distinct from zero in a model that also has viscous friction.
     """
     if term_of_column(term) == "shear_thinning":
         beside: list[Terms] = [

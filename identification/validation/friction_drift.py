@@ -47,7 +47,7 @@ class FrictionDrift:
 
     @property
     def sentence(self) -> str:
-        """The finding in one sentence."""
+        """The drift of the joint's friction, in one sentence."""
         way = "fell" if self.share < 0.0 else "rose"
         return (
             f"{self.joint}'s friction {way} by {100.0 * abs(self.share):.2g} % over the run: it was"

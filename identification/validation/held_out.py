@@ -23,7 +23,7 @@ FOLDS: Final = 6
 
 @dataclass(frozen=True, eq=False)
 class _Second:
-    """Equations of one second: those for the fit, and those for its error."""
+    """Equations of one second of motion: `train` for the fit, `judge` for the error."""
 
     train: tuple[Triangle, ...]
     judge: tuple[Triangle, ...]
@@ -70,7 +70,7 @@ def held_out_errors(
 def identified_values(
     richer: Estimate, errors: FloatArray, symbol: str
 ) -> tuple[float | None, ...]:
-    """Return a nonlinear parameter of each joint if the data determine it, otherwise None.
+    """Return a nonlinear parameter of each joint; None if the data do not determine it.
 
     The data determine it if the richer model has it and predicts the joint distinctly better, and
     if its value is distinct from zero and not at a bound.
@@ -94,7 +94,7 @@ def identified_values(
 
 
 def _parts(seconds: Sequence[int], folds: int) -> IntArray:
-    """Return the index of the part of each second, from 0; parts are contiguous, within a run."""
+    """Return for each second the index of its part, from 0; a part is an interval of one run."""
     each = max(1, folds // len(seconds))
     cut = [piece for own in seconds for piece in np.array_split(np.zeros(own), each) if len(piece)]
     if len(cut) < 2:
@@ -140,7 +140,7 @@ def _triangles(
 
 
 def _join(triangles: Sequence[Triangle]) -> Triangle:
-    """Return several triangles of one joint as one."""
+    """Return the triangles of one joint, stacked to one triangle."""
     factor = np.vstack([triangle.factor for triangle in triangles])
     rows = sum(triangle.rows for triangle in triangles)
     first = triangles[0]

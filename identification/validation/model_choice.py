@@ -109,7 +109,7 @@ def choose_model(
         signals: The recordings of the training runs; never those of the validation.
         options: The other terms of the model, and the speed above which a joint counts as moving.
         kinds: Kinds of channel to try, from the simplest to the richest; the first is "none".
-        watch: Function that is called with the progress.
+        watch: Function to call with the progress.
 
     Raises:
         EstimationError: The recordings do not identify Coulomb and viscous friction.
@@ -120,7 +120,7 @@ def choose_model(
     chosen = _channel_and_friction(robot, signals, options, kinds)
     known = [replace(run, channel=chosen.channel) for run in signals]
     tell(2, STEPS, "presliding")
-    with suppress(EstimationError):  # a candidate that cannot be identified is skipped
+    with suppress(EstimationError):  # presliding is left out if it cannot be identified
         presliding = choose_presliding(chosen.robot(robot), known, options)
         chosen = _confirm_stribeck(replace(chosen, presliding=presliding), robot, known, options)
     tell(3, STEPS, "warm-up")
@@ -137,7 +137,8 @@ def _confirm_stribeck(
 ) -> ModelChoice:
     """Return a choice in which joints with presliding keep Stribeck friction only if confirmed.
 
-    The two have similar effects at a reversal, so that Stribeck friction is tested again.
+    Presliding and Stribeck friction have similar effects at a reversal. Therefore Stribeck friction
+    is tested again, together with presliding.
     """
     assert chosen.presliding is not None
     both = [
@@ -181,7 +182,7 @@ def _confirm_thinning(
     parts: Sequence[SmoothedSignals],
     options: EstimationOptions,
 ) -> ModelChoice:
-    """Return a choice in which joints keep shear thinning without Stribeck friction if confirmed.
+    """Return a choice in which joints in `lost` keep shear thinning only if confirmed.
 
     Shear thinning was chosen together with Stribeck friction, and one of the two curves can
     compensate the other. Therefore it is tested again after Stribeck friction was removed.
@@ -198,7 +199,7 @@ def _confirm_thinning(
 
 
 def _with_viscous(chosen: ModelChoice, joints: BoolArray) -> ModelChoice:
-    """Return a choice in which viscous friction takes the place of some joints' shear thinning."""
+    """Return a choice in which viscous friction replaces the shear thinning of some joints."""
     return replace(
         chosen,
         thinning_rad_s=tuple(
@@ -257,7 +258,7 @@ def _grams(equations: CandidateEquations, channel: TorqueChannel, block_s: float
 def _with_gear_load(
     equations: CandidateEquations, grams: Grams, terms: Sequence[Terms]
 ) -> CandidateEquations:
-    """Return equations whose gears transmit the torques from a fit of some terms."""
+    """Return the equations with the gears' load computed from a fit of some terms."""
     fit = grams.fit(terms)
     values = np.zeros(len(equations.base))
     values[grams.rigid] = fit.values[: len(grams.rigid)]

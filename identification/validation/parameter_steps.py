@@ -48,7 +48,7 @@ def additional_parameter_steps(
 
 
 def _blocks(fitted: FittedSignals, slope: FloatArray, seconds: int) -> Iterator[TimeBlock]:
-    """Yield the equations with a column for each joint's own parameter after the others."""
+    """Yield the equations with one more column per joint, for the additional parameters."""
     first, n = 0, slope.shape[1]
     for block in fitted.problem.blocks(fitted.model, fitted.standard):
         extra = np.zeros((len(block.rhs), n, n))

@@ -40,9 +40,9 @@ DISTINCT_SIGMAS: Final = 2.0
 MOST_STEPS: Final = 10
 SETTLED_SIGMAS: Final = 0.01
 LONGEST_SHARE: Final = 0.25
-"""Longest delay, relative to the shortest period in the band."""
+"""Longest accepted delay, relative to the shortest period in the band."""
 NOTHING: Final = 1e-12
-"""Squared error, relative to the noise's variance, below which it counts as zero."""
+"""Smallest squared error that is used, relative to the noise's variance."""
 
 Outputs = tuple[tuple[WhitenedEquations, ...], ...]
 """Whitened equations: one tuple per run, one item per joint."""
@@ -116,7 +116,7 @@ def _left_out_errors(
 ) -> FloatArray:
     """Return each bin's mean squared error in a prediction from all other bins, (bins, n).
 
-    Errors are in standard deviations of the noise. The nonlinear parameters are those of all bins.
+    Errors are in standard deviations of the noise. The nonlinear parameters come from all bins.
     """
     b = len(fitted.base)
     linear = [

@@ -3,8 +3,8 @@
 With presliding, a model can also predict samples at standstill and reversal. Held-out errors
 therefore include these samples. The rules are those of `nested_choice`:
 - A joint gets presliding if its held-out error falls enough.
-- Only a fraction of its friction has presliding, and the rest is rigid (Coulomb), if this again
-  lowers the error enough.
+- The presliding fraction of its friction is below one if this again lowers the error enough; the
+  rest of the friction is then rigid (Coulomb).
 - A distance is rejected if the data do not distinguish it from zero; a fraction, if they do not
   distinguish it from zero and from one. Values at a bound are rejected as well.
 
@@ -116,13 +116,13 @@ def choose_presliding(
 def _resolved_distances(distances: Sequence[float | None], shortest: float) -> list[float | None]:
     """Return the distances that exceed the displacement between two rows at the lowest speed.
 
-    No row lies within a shorter distance: it describes how a joint sticks, not its presliding.
+    A joint moves through a shorter distance within one row, so that no row shows presliding.
     """
     return [own if own is not None and own > shortest else None for own in distances]
 
 
 def _distinct_fractions(partly: FittedSignals, errors: FloatArray) -> list[float | None]:
-    """Return each joint's presliding fraction if the data also distinguish it from one."""
+    """Return each joint's presliding fraction if the data distinguish it from zero and one."""
     estimate = partly.estimate()
     sigma = dict(zip(partly.model.nonlinear_names, estimate.nonlinear_sigma, strict=True))
     return [

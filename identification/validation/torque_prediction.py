@@ -53,7 +53,8 @@ class Validation:
         limits_percent: The largest relative errors allowed.
         channel: Delay and filter that are applied to the predicted torque, those of the estimate's
             own recording.
-        remembering: Joints with presliding: their standstill and reversal are predicted, too.
+        remembering: Joints with presliding, whose torque is also predicted at standstill and
+            reversal.
     """
 
     joint_names: tuple[str, ...]
@@ -212,7 +213,7 @@ def validate_torques(
 
 
 def common_relative_errors(one: Validation, other: Validation) -> FloatArray:
-    """Return the relative errors of two models on the samples that both use, (2, n) [%].
+    """Return the relative errors of two predictions on their common samples, (2, n) [%].
 
     Args:
         one, other: Predictions of one recording.
@@ -231,7 +232,7 @@ def common_relative_errors(one: Validation, other: Validation) -> FloatArray:
 
 
 def _moving_when_torque_acted(moving: BoolArray, signals: SmoothedSignals) -> BoolArray:
-    """Return True for samples in which a joint moves and moved when its torque acted, (samples, n).
+    """Return a mask (samples, n): the joint moves, and moved when the recorded torque acted.
 
     If the recorded torque is delayed, the first samples of a joint that starts to move still
     contain the torque at rest.
@@ -257,8 +258,9 @@ def _predict_filtered(
 ) -> FloatArray:
     """Return the torques of the signals' rows, filtered like the measured ones, (samples, n).
 
-    The source's motion is not low-passed, because a low-passed velocity changes its sign at a wrong
-    time. At standstill it is, because the sign of an unfiltered velocity is noise there.
+    The prediction uses the unfiltered velocity, because a low-passed velocity changes its sign at a
+    wrong time. At standstill it uses the low-passed velocity, because there the sign of the
+    unfiltered velocity is noise.
     """
     source, signals = filtered.source, filtered.signals
     velocity = source.velocity.copy()
@@ -281,7 +283,7 @@ def _predict_filtered(
 
 
 def _friction_known_rows(signals: SmoothedSignals, conditions: Conditions) -> BoolArray:
-    """Return True for samples whose friction depends only on the recorded motion, (samples, n).
+    """Return a mask of samples whose friction depends only on recorded motion, (samples, n).
 
     Unknown friction affects later samples through the low-pass and the channel: for one period of
     the cut-off, and for the duration of the channel's response.

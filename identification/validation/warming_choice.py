@@ -36,9 +36,9 @@ from identification.validation.parameter_steps import additional_parameter_steps
 from identification.validation.robot_terms import with_friction
 
 SHORTEST_S: Final = 20.0
-"""Shortest time constant: motors and gears take minutes to warm up."""
+"""Shortest time constant [s]: motors and gears take minutes to warm up."""
 SHORTEST_RECORDING_S: Final = 60.0
-"""Shortest recording that is used: in shorter ones only the motion changes."""
+"""Shortest recording that is used [s]: in shorter ones temperatures hardly change."""
 STEP: Final = 2.0
 ROUNDS: Final = 3
 EVENTS: Final = 30
@@ -126,7 +126,7 @@ def _search_grid(
     options: EstimationOptions,
     longest_s: float,
 ) -> Warming:
-    """Return the time constants of a grid that fit each joint best."""
+    """Return the warming with each joint's best time constant of a grid."""
     heated = (cold.coulomb_nm > 0.0) | (cold.viscous_nm_s > 0.0)
     count = 1 + math.floor(math.log(longest_s / SHORTEST_S) / math.log(STEP))
     tried_s = SHORTEST_S * STEP ** np.arange(count)

@@ -29,7 +29,7 @@ FACTORS: Final = (2.0, 0.5, 10.0, 0.1)
 TORQUE_FACTORS: Final = (*FACTORS, 1000.0, 0.001)
 CLOCKS: Final = (0.9, 1.1, 2.0, 0.5, 10.0, 0.1, 1000.0, 0.001)
 MOST_SIGN_SETS: Final = 7
-"""Largest number of joints for which reversed torques of every set of joints are tried."""
+"""Largest number of joints of a robot for which all sets of reversed torques are tried."""
 
 
 def common_mistakes(robot: RobotDescription) -> Iterator[Mistake]:
@@ -54,13 +54,14 @@ def common_mistakes(robot: RobotDescription) -> Iterator[Mistake]:
         yield robot_mistake(MistakeKind.CONVENTION, (), other)
     for joints, other in _couplings(robot):
         mistake = robot_mistake(MistakeKind.COUPLING, joints, other)
-        yield mistake  # the motors' positions are right, the joints' positions follow from them
+        # First the recorded positions are those of the motors, then those of the joints.
+        yield mistake
         yield replace(mistake, position=np.linalg.inv(_matrix(other)) @ _matrix(robot))
     yield from torque_units(robot)
 
 
 def _of_wiring(robot: RobotDescription) -> Iterator[Mistake]:
-    """Yield the mistakes in positions and torques, except a wrong unit of all torques."""
+    """Yield mistakes of single or all positions and torques, except wrong torque units."""
     n = len(robot.joints)
     for j in range(n):
         yield from _of_joint(robot, j)
@@ -80,7 +81,7 @@ def _position_units(robot: RobotDescription) -> Iterator[Mistake]:
     units = (
         ("in turns", np.full(n, TURN)),
         ("in mrad", np.full(n, 1e-3)),
-        ("that of its motor, before the gear", 1.0 / gears),
+        ("measured at the motor, before the gear", 1.0 / gears),
     )
     for what, factors in units:
         if np.any(factors != 1.0):
@@ -158,7 +159,7 @@ def reversed_torques(joints: tuple[int, ...], n: int) -> Mistake:
 
 
 def _orders(n: int) -> Iterator[Mistake]:
-    """Yield two joints swapped, three in a cycle, all shifted by one, all in reverse order."""
+    """Yield wrong orders: two joints swapped, three in a cycle, all shifted by one or reversed."""
     for kind in ORDERS:
         for first, second in combinations(range(n), 2):
             order = list(range(n))
@@ -187,7 +188,7 @@ def _conventions(robot: RobotDescription) -> Iterator[RobotDescription]:
 def _couplings(
     robot: RobotDescription,
 ) -> Iterator[tuple[tuple[int, ...], RobotDescription]]:
-    """Yield robots with another coupling: none, reversed, or a new one of neighbours."""
+    """Yield robots with another wrist coupling: none, a changed one, or one of neighbours."""
     n, stated = len(robot.joints), robot.coupling
     if stated is not None:
         matrix = np.array(stated)

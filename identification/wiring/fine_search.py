@@ -101,7 +101,7 @@ def table_mistake(signals: WiredSignals) -> Mistake:
 
 
 def fine_mistakes(robot: RobotDescription) -> Iterator[Mistake]:
-    """Yield wrong lengths and axes of the table, gears, factors, orders and clocks."""
+    """Yield wrong lengths and axes of the kinematic table, wrong gears, factors, orders, clocks."""
     n = len(robot.joints)
     yield from _lengths(robot)
     yield from _axes(robot)
@@ -115,9 +115,10 @@ def fine_mistakes(robot: RobotDescription) -> Iterator[Mistake]:
                 MistakeKind.POSITION_FACTOR, (j,), factor, n=n, position=alone, torque=1.0 / alone
             )
             gear_words = (
-                f"that of another gear: it must be {factor:g} times what is stated, and the"
+                f"computed with another gear ratio: multiply the position by {factor:g} and the"
+                f" torque by {1.0 / factor:g}"
             )
-            yield replace(gear, what=f"{gear_words} torque {1.0 / factor:g} times")
+            yield replace(gear, what=gear_words)
     for j in range(n - 1):
         order = list(range(n))
         order[j], order[j + 1] = j + 1, j
@@ -141,7 +142,7 @@ def _lengths(robot: RobotDescription) -> Iterator[Mistake]:
 
 
 def _axes(robot: RobotDescription) -> Iterator[Mistake]:
-    """Yield reversed signs of one twist, and of two consecutive twists."""
+    """Yield wrong signs of one twist angle (alpha), and of two consecutive ones."""
     twisted = [
         i for i, row in enumerate(robot.kinematics.rows) if abs(math.sin(row.alpha_rad)) > ABOUT
     ]

@@ -58,8 +58,7 @@ class FlexibleFit:
 
         Returns:
             None if there are too few rows, or if most joints stand still: then any axis explains
-                the
-            torques of the others.
+                the other joints' torques.
         """
         use = _rows(signals)
         of_rows = use.sum(axis=1)
@@ -82,7 +81,7 @@ class FlexibleFit:
         return cls._of(equations, rigid_nm, variance, 1)
 
     def fit_other(self, signals: WiredSignals, torque: FloatArray) -> FlexibleFit:
-        """Fit the same rows of other signals, whose torques are `torque` (n, n) times these."""
+        """Fit the same rows of corrected signals, with `torque` (n, n) times the old torques."""
         equations = _Equations(signals, _rows(signals), self.parts)
         variance = np.square(torque) @ self.variance
         return self._of(equations, self.rigid_nm @ torque.T, variance, PASSES_FROM_KNOWN)
@@ -137,7 +136,7 @@ class _Equations:
         return self._torque - self._columns @ values, rigid_nm
 
     def predicted(self, variance: FloatArray) -> FloatArray:
-        """Return the residual (rows, n) of each part in a fit to the others."""
+        """Return the residual (rows, n) in which each part is predicted by a fit to other parts."""
         grams, rhs = self._sums(variance)
         residual = np.zeros_like(self._torque)
         for k, part in enumerate(self.parts):

@@ -59,7 +59,7 @@ class GravitySearch:
         return cls(signals, stated, np.array(products))
 
     def mistakes(self) -> Iterator[Mistake]:
-        """Yield gravity along every other axis, and along the best direction."""
+        """Yield other directions of gravity: along axes of the base, and the best-fitting one."""
         stated = np.array(self.signals.robot.gravity_m_s2)
         size = float(np.linalg.norm(stated))
         for axis in (*np.eye(3), *-np.eye(3)):
@@ -78,7 +78,7 @@ class GravitySearch:
         return robot is not None and bool(np.count_nonzero(robot.gravity_m_s2) > 1)
 
     def is_turned(self, oblique: Mistake, other: Mistake) -> bool:
-        """Return True if another mistake is gravity along an axis, turned about the first joint.
+        """Return True if `oblique` is `other`, gravity along an axis, turned about the first joint.
 
         A wrong zero position of the first joint turns gravity about the axis of this joint.
         Therefore no data can distinguish an oblique base from a base mounted along an axis with a

@@ -31,9 +31,8 @@ def held_out_share(signals: WiredSignals) -> FloatArray:
         signals: Motion and torques.
 
     Returns:
-        Shape (n,). RMS residual over RMS torque; zero if it is hardly more than on the fitted
-        parts,
-        and for joints that stand still.
+        Shape (n,). RMS residual over RMS torque; zero if it is hardly larger than on the fitted
+        parts, and for joints that stand still.
     """
     model = plain_model(signals)
     columns = base_parameters(model).columns(regressor(model, *signals.joints()))
@@ -79,9 +78,9 @@ class _Equations:
 def _parts(signals: WiredSignals) -> list[tuple[IntArray, BoolArray]]:
     """Return for each part the rows that are predicted, and the rows that are left out of the fit.
 
-    A part begins as an interval of time. All other rows with similar positions and velocities are
-    left out of the fit together with it. Otherwise a motion could be predicted from its own
-    repetition.
+    A part is an interval of time. Together with it, all other rows with similar positions and
+    velocities are left out of the fit. Otherwise a part could be predicted from a repetition of its
+    motion.
     """
     moving = signals.moving
     parts = (signals.position[:, moving], signals.velocity[:, moving])

@@ -91,14 +91,14 @@ class Mistake:
 
     @property
     def changed(self) -> tuple[int, ...]:
-        """The joints whose values change, from 0; for an order without unchanged joints."""
+        """The joints whose values the correction changes, from 0."""
         everyone = tuple(range(len(self.offset_rad)))
         if self.kind in ORDERS and len(self.joints) == len(everyone):
             return tuple(i for i, other in enumerate(self.joints) if i != other)
         return self.joints or everyone
 
     def at_joints(self, coupling: FloatArray) -> Mistake:
-        """Return this mistake in the joints' positions instead of the motors'.
+        """Return the same mistake in the positions of the joints instead of the motors.
 
         Args:
             coupling: Shape (n, n). C of q = C alpha.

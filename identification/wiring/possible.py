@@ -53,9 +53,10 @@ def keeps_limits(mistake: Mistake, stated: WiredSignals, undone: WiredSignals) -
 def _limits_kept(
     before: FloatArray, after: FloatArray, least: float, over: FloatArray | None = None
 ) -> bool:
-    """Return True if values relative to limits, (n,), are possible after a mistake is corrected.
+    """Return True if values relative to limits, (n,), are possible after a correction.
 
-    `over` is the factor by which limits were exceeded before, if it is not simply `before`.
+    `before` and `after` are the values before and after the correction; `over` (by default
+    `before`) is above the limit for a joint that exceeded a limit before.
     """
     beyond = before if over is None else over
     too_much = (after > BEYOND) & (after > before * (1.0 + 1e-9))

@@ -22,7 +22,7 @@ from identification.wiring.trial import CondensedEquations, rows_used
 
 AS_GOOD: Final = 0.1
 KNOWN_SIGMAS: Final = 5.0
-"""Smallest ratio of the weight to its standard deviation for which a factor is proposed."""
+"""Smallest ratio of weight to standard deviation for which a torque factor is proposed."""
 COPY_SHARE: Final = 0.15
 COPY_FACTOR: Final = 0.05
 
@@ -60,7 +60,7 @@ def wrong_scale(
     if units:
         return tuple(unit for _, unit in sorted(units, key=lambda each: each[0]))
     if abs(weight.share) < KNOWN_SIGMAS * weight.sigma:
-        return ()  # the factor would be the inverse of noise
+        return ()  # the weight is noise: its inverse is no factor
     factor = 1.0 / weight.share
     every = scale_mistake(MistakeKind.TORQUE_FACTOR, (), factor, n=n, torque=np.full(n, factor))
     return (every,) if keeps_limits(every, signals, every.corrected(signals)) else ()

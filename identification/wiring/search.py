@@ -25,7 +25,7 @@ MOST_MISTAKES: Final = 3
 MOST_ALTERNATIVES: Final = 3
 ANGLE_STEP_RAD: Final = 1e-3
 SCREENED_RAD: Final = 0.1
-"""Largest error of a zero position that was found on a subset of the rows [rad]."""
+"""Largest error of a zero position that was searched on a subset of the rows [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +36,8 @@ class FoundMistake:
         mistake: The best explanation.
         alternatives: Other mistakes that explain the data as well.
         before, after: The fit with the mistake, and with the mistake corrected.
-        weight: Weight of the arm from the torques as stated, if it reveals the mistake and no
-            residual does.
+        weight: Weight of the arm from the torques as stated, if only this weight reveals the
+            mistake.
         held_out_ratio: Squared error of held-out parts with the mistake corrected, relative to that
             as stated, if this ratio reveals the mistake.
     """
@@ -57,7 +57,7 @@ class FoundMistake:
 
 @dataclass(frozen=True, eq=False)
 class _CorrectedMistake:
-    """A corrected mistake: its fit, and its fit to held-out parts."""
+    """A corrected mistake, with the fit and the prediction of held-out parts."""
 
     mistake: Mistake
     after: WiringTrial
@@ -102,7 +102,7 @@ def find_mistakes(signals: WiredSignals, *, fine: bool = True) -> tuple[FoundMis
 def _add_fine_mistake(
     found: tuple[FoundMistake, ...], signals: WiredSignals
 ) -> tuple[FoundMistake, ...]:
-    """Return the mistakes together with those that are visible only on held-out parts.
+    """Return the mistakes, and one more if it is visible only on held-out parts.
 
     If a large residual, an implausible weight or another such mistake remains after the best
     correction, no single mistake explains the data: the kinematic table is wrong. All other
@@ -203,7 +203,7 @@ def _best_common_mistake(
 def _scale_mistake_found(
     signals: WiredSignals, stated: CondensedEquations, gravity: GravitySearch
 ) -> FoundMistake | None:
-    """Return a mistake of all torques together that no residual shows."""
+    """Return a mistake of all torques together that only the arm's weight reveals."""
     wrong = wrong_scale(signals, stated, gravity)
     if not wrong:
         return None
@@ -215,7 +215,7 @@ def _scale_mistake_found(
 
 
 def _refine_zero_positions(signals: WiredSignals, mistakes: list[Mistake]) -> list[Mistake]:
-    """Replace the grid of zero positions of each joint by its best zero position."""
+    """Return the mistakes; the best zero position of each joint replaces the joint's grid."""
     still, model = np.eye(len(signals.robot.joints)), plain_model(signals)
     grids: dict[int, list[Mistake]] = {}
     for mistake in mistakes:
@@ -234,7 +234,7 @@ def _refine_zero_positions(signals: WiredSignals, mistakes: list[Mistake]) -> li
 
 
 def _best_zero(signals: WiredSignals, near: Mistake, within_rad: float) -> Mistake:
-    """Return the zero position of the lowest cost near another."""
+    """Return the wrong zero position that fits best near another one."""
     still, model = np.eye(len(signals.robot.joints)), plain_model(signals)
     (joint,), middle = near.joints, near.factor
 
@@ -247,7 +247,7 @@ def _best_zero(signals: WiredSignals, near: Mistake, within_rad: float) -> Mista
 
 
 def _minimise(cost: Callable[[float], float], low: float, high: float) -> float:
-    """Return the minimum of a cost with a single minimum, by golden section search.
+    """Return the place of the minimum of a cost that has only one, by golden section search.
 
     `scipy.optimize` provides this, but its import takes more memory and time than all trials.
     """
@@ -267,7 +267,7 @@ def _minimise(cost: Callable[[float], float], low: float, high: float) -> float:
 
 
 def _distinct_alternatives(best: Mistake, near: list[Mistake]) -> tuple[Mistake, ...]:
-    """Return alternatives of other kinds or joints; of zero positions only the best angle."""
+    """Return the alternatives that differ in kind or joints, without wrong zero positions."""
     seen, kept = {(best.kind, best.joints, best.what)}, []
     for mistake in near:
         own = (mistake.kind, mistake.joints, mistake.what)

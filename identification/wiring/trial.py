@@ -23,7 +23,7 @@ SLOW_SHARE: Final = 0.05
 FEWEST_ROWS: Final = 20
 RIDGE: Final = 1e-9
 UNSEEN_RISE: Final = 0.01
-"""Increase of the sum of squared residuals from which a wrong weight is visible (2 sigma)."""
+"""Relative rise of the squared residuals from which a wrong weight is visible (2 sigma)."""
 PARTS: Final = 5
 LEAST_GAIN: Final = 0.2
 FAR_BETTER_TIMES: Final = 2.0
@@ -46,7 +46,8 @@ class WiringTrial:
         residual_share: Shape (n,). RMS residual over RMS torque, at least `SMALLEST_SHARE`; NaN for
             a joint that stands still.
         driving: Shape (n,). True for a joint with negative friction power, which is impossible.
-        weight: Upper bound of the arm's weight relative to the known one; NaN if it is unknown.
+        weight: Arm's weight relative to the known one, in `held_out` its upper bound (2 sigma); NaN
+            if it is unknown.
     """
 
     residual_share: FloatArray
@@ -55,16 +56,16 @@ class WiringTrial:
 
     @property
     def good(self) -> bool:
-        """True if every joint's residual is that of a good fit and no friction drives."""
+        """True if every joint's residual is small and no joint's friction has negative power."""
         return not (np.any(self.residual_share > GOOD_SHARE) or np.any(self.driving))
 
     def far_better_than(self, other: WiringTrial, *, few_data: bool = False) -> bool:
-        """Return True if the other fit is impossible, or has twice the residual in a joint.
+        """Return True if the other fit has more impossibilities or twice a joint's residual.
 
-        The fit of all joints together must improve as well. A smaller gain is no evidence: it
-        occurs whenever an additional degree of freedom compensates missing friction. With few data
-        such gains are much larger. Then only joints count whose residual was not already that of a
-        good fit.
+        The fit of all joints together must improve as well. A smaller gain is no evidence, because
+        any additional degree of freedom can compensate friction that is missing in the model. With
+        few data such gains are much larger. Then only joints count whose residual was too large for
+        a good fit before.
         """
         least, floor = (FEW_DATA_GAIN, GOOD_SHARE) if few_data else (LEAST_GAIN, 0.0)
         if not other.cost - self.cost >= least:
@@ -78,7 +79,7 @@ class WiringTrial:
 
         Args:
             other: The fit to compare with, on the same rows.
-            impossible: Number of impossibilities of the other fit on all rows.
+            impossible: The property `impossible` of the other fit on all rows.
         """
         times = other.residual_share / self.residual_share
         possible = self.impossible < max(impossible, other.impossible)
@@ -102,7 +103,7 @@ class WiringTrial:
 
 @dataclass(frozen=True, eq=False)
 class CondensedEquations:
-    """Products of columns: the information of the rows that least squares needs.
+    """Sums of products of columns, from which least squares can be solved without the rows.
 
     Attributes:
         products: Shape (parts, n, p + n, p + n). For each part of the recordings and each joint
@@ -112,7 +113,7 @@ class CondensedEquations:
             [W].
         power: Shape (n, n). For each joint the sum of |speed x torque| with every joint's torque
             [W].
-        drawn_weight: Function for the arm's weight in a fit; None if it is not needed.
+        drawn_weight: Computation of the arm's weight in a fit; None if it is not needed.
     """
 
     products: FloatArray
@@ -127,7 +128,8 @@ class CondensedEquations:
 
         Args:
             signals: Motion, torques and robot.
-            screened_by: The robot's model, if only `trial` without the arm's weight is needed.
+            screened_by: The robot's model, for equations without parts and without the arm's
+                weight, which are enough for `trial`.
         """
         model = screened_by or plain_model(signals)
         phi, use = regressor(model, *signals.joints()), rows_used(signals)
@@ -137,9 +139,7 @@ class CondensedEquations:
         products = np.zeros((len(parts), n, p + n, p + n))
         for j in range(n):
             columns = np.column_stack([phi[:, j], signals.torque_nm])[use[:, j]]
-            own = np.flatnonzero(
-                columns.any(axis=0)
-            )  # preceding links do not affect a joint's torque
+            own = np.flatnonzero(columns.any(axis=0))  # inner links do not affect a joint's torque
             columns = columns[:, own]
             used = [int(np.count_nonzero(use[part, j])) for part in parts]
             ends = np.cumsum([0, *used]).tolist()
@@ -151,7 +151,7 @@ class CondensedEquations:
         return cls(products, use.sum(axis=0).astype(np.float64), brakes, power, drawn_weight)
 
     def trial(self, torque: FloatArray) -> WiringTrial:
-        """Fit the robot to torques, (n, n) times the stated ones; all joints have equal weight."""
+        """Fit the robot to `torque` (n, n) times the stated torques; joints have equal weights."""
         whole = self.products.sum(axis=0)
         values, sizes = self._fit(whole, torque)
         left = self._squared_residuals(whole, values, torque)
@@ -177,7 +177,7 @@ class CondensedEquations:
         return WiringTrial(shares, driving & (shares < EXPLAINED_SHARE), surest)
 
     def weight(self, torque: FloatArray) -> ArmWeight | None:
-        """Return the arm's weight from these torques, (n, n) times the stated ones."""
+        """Return the arm's weight in a fit to `torque` (n, n) times the stated torques."""
         if self.drawn_weight is None or not self.drawn_weight.is_visible:
             return None
         whole = self.products.sum(axis=0)
@@ -195,7 +195,7 @@ class CondensedEquations:
         )
 
     def explains_weight(self, held_out: WiringTrial) -> bool:
-        """Return True if a fit explains the torques of all joints that carry weight."""
+        """Return True if the fit explains the torques of all joints that gravity loads."""
         if self.drawn_weight is None or not self.drawn_weight.is_visible:
             return False
         return bool(
@@ -229,7 +229,7 @@ class CondensedEquations:
         return self._solve(products, sizes, rhs), sizes
 
     def _solve(self, products: FloatArray, sizes: FloatArray, rhs: FloatArray) -> FloatArray:
-        """Return the solution of the normal equations; each joint is weighted by its size."""
+        """Return the solution of the normal equations; weights are one over `sizes`."""
         p = self.brakes.shape[1]
         gram = np.tensordot(_inverse(sizes), products[:, :p, :p], axes=1)
         scale = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
@@ -258,7 +258,7 @@ class CondensedEquations:
 
 
 def _inverse(sizes: FloatArray) -> FloatArray:
-    """Return the weights of the joints: the inverse of their squared torques, zero for none."""
+    """Return the joints' weights: one over their squared torques, 0 for joints without torque."""
     weight = np.zeros(len(sizes))
     np.divide(1.0, sizes, out=weight, where=sizes > 0.0)
     return weight
@@ -267,7 +267,7 @@ def _inverse(sizes: FloatArray) -> FloatArray:
 def friction_power(
     signals: WiredSignals, model: RobotModel, phi: FloatArray, use: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return `Condensed.brakes` and `Condensed.power` of the used rows."""
+    """Return `CondensedEquations.brakes` and `CondensedEquations.power` of the used rows."""
     braking = np.array([name.startswith(BRAKES) for name in model.parameter_names])
     speed = signals.velocity * use
     brakes = np.einsum("rj,rjp->jp", speed, phi) * braking
@@ -275,7 +275,7 @@ def friction_power(
 
 
 def parts_of(rows: int) -> list[slice]:
-    """Return fifths of all rows, one after the other."""
+    """Return the five parts into which all rows are divided, one after the other."""
     ends = np.linspace(0, rows, PARTS + 1).astype(int).tolist()
     return [slice(*pair) for pair in pairwise(ends)]
 
@@ -283,12 +283,14 @@ def parts_of(rows: int) -> list[slice]:
 def rows_used(signals: WiredSignals) -> BoolArray:
     """Return a mask of the usable rows of each joint, (rows, n): those at which it moves."""
     speed = signals.velocity
-    slowest = SLOW_SHARE * np.sqrt(np.mean(np.square(speed), axis=0))  # independent of the unit
+    slowest = SLOW_SHARE * np.sqrt(
+        np.mean(np.square(speed), axis=0)
+    )  # a threshold that does not depend on the unit
     return np.asarray((np.abs(speed) > slowest) & signals.moving)
 
 
 def plain_model(signals: WiredSignals) -> RobotModel:
-    """Return the simple model in which mistakes are tried."""
+    """Return the model with simple friction with which mistakes are searched."""
     options = ModelOptions(friction_terms=("coulomb", "viscous", "offset"))
     return replace(options.build(signals.robot), transmission=Transmission())
 

@@ -17,7 +17,7 @@ from identification.model.drawn_arm import drawn_parameters, plausible_weight
 from identification.wiring.signals import WiredSignals
 
 EVERY: Final = 4
-"""Step between the rows that are used: poses change slowly."""
+"""Distance between the rows that are used [rows]; poses change slowly."""
 
 LEAST_LOAD: Final = 0.05
 
@@ -28,9 +28,9 @@ class ArmWeight:
 
     Attributes:
         share: Ratio over all joints that carry weight; NaN if none does.
-        sigma: Standard deviation: by leaving out one part of the recordings after the other, and
-            by the change of weight that the residual hardly shows.
-        plausible: Smallest and largest ratio of a real arm.
+        sigma: Standard deviation, from leaving out one part of the recordings after the other, and
+            from the change of weight that hardly changes the residual.
+        plausible: Smallest and largest ratio that a real arm can have.
         is_drawn: True if the arm's weight comes from `cad`, False if only from its size.
     """
 
@@ -47,7 +47,7 @@ class ArmWeight:
 
     @property
     def sentence(self) -> str:
-        """The finding in one sentence."""
+        """The arm's weight compared with the known one, in words."""
         drawn = "of `cad` in the robot file" if self.is_drawn else "expected for an arm of its size"
         return (
             f"the torques as stated give the arm {self.share:.2g} ± {2.0 * self.sigma:.2g} times"
@@ -57,7 +57,7 @@ class ArmWeight:
 
 @dataclass(frozen=True, eq=False)
 class DrawnWeight:
-    """Projection of a fit's gravity torque on that of the drawn arm.
+    """Projection of a fit's gravity torque on the gravity torque of the drawn arm.
 
     Attributes:
         columns: Shape (n, p). For each joint the products of its drawn torque with the gravity part
@@ -103,7 +103,7 @@ class DrawnWeight:
         return float(np.sum(self.columns @ values) / np.sum(self.drawn))
 
     def shares(self, values: FloatArray) -> FloatArray:
-        """Return the ratio of each joint, (n,); NaN for joints that carry no weight."""
+        """Return the ratio of gravity torques of each joint, (n,); NaN without gravity load."""
         found = np.full(len(self.drawn), np.nan)
         np.divide(self.columns @ values, self.drawn, out=found, where=self.drawn > 0.0)
         return found

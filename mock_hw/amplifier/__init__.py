@@ -1,4 +1,4 @@
-"""The simulated charge amplifier and its serial line, byte by byte.
+"""The simulated force plate: charge amplifier and serial line, exact to the byte.
 
 Begin with `amplifier.py`.
 """

@@ -1,6 +1,7 @@
-"""`SimulatedAmplifier`: answers and streamed rows of a charge amplifier, from bytes to bytes.
+"""`SimulatedAmplifier`: a charge amplifier that answers commands and streams rows, as bytes.
 
-It uses its profile, its physics and the times that it receives; it has no port, line or clock.
+Its state depends only on its profile, its simulated physics, and the bytes and times that the
+caller passes; it has no port and reads no clock.
 """
 
 from __future__ import annotations
@@ -51,20 +52,20 @@ Charges = Callable[[], NDArray[np.float64]]
 class SimulatedAmplifier:
     """A charge amplifier at the end of a serial line.
 
-    It accepts settings at any time except while it streams rows. During streaming it accepts three
-    commands: the end of the stream, the query of the time and the query of the overload word. It
-    answers both queries by events.
+    While it streams rows, it accepts only three commands: the end of the stream, the query of the
+    time and the query of the overload word. It answers the two queries by events in the stream. At
+    all other times it accepts every command.
 
     Args:
-        profile: Strings and row formats.
-        truth: True physical properties.
+        profile: Words of the commands, and formats of rows and events.
+        truth: True physical properties of the simulated plate.
         seed: Random seed of the noise.
         now_s: Switch-on time [s].
         bits: Resolution of the converter [bit].
         low_pass_order: Order of the low-pass filter.
 
     Attributes:
-        physics: The charge amplifiers, filters and converter.
+        physics: The simulated charge amplifiers, filters and converter.
     """
 
     def __init__(
@@ -118,13 +119,14 @@ class SimulatedAmplifier:
         }
 
     def receive(self, data: bytes, charges: Charges, now_s: float | None = None) -> None:
-        """Process bytes from the line.
+        """Process bytes that were received from the computer.
 
         Args:
             data: The bytes.
-            charges: Returns the present charges of the sensors, (8,) [pC]; called at operate.
-            now_s: Present time, if it is later than the physics' time [s]. Answers are sent then,
-                and the clock is read then.
+            charges: Function that returns the present charges of the sensors, (8,) [pC]; called
+                when the measurement starts.
+            now_s: Present time [s], at which answers are sent and the amplifier's clock is read;
+                None for the time up to which the physics has been advanced.
         """
         now_s = self.physics.time_s if now_s is None else max(now_s, self.physics.time_s)
         self._lines.feed(data.replace(b"\0", b""))
@@ -140,7 +142,7 @@ class SimulatedAmplifier:
         charges_pc: ArrayLike = (),
         edges_s: ArrayLike = (),
     ) -> None:
-        """Advance time as `ChargeAmplifier.convert`, and create rows and events.
+        """Advance time with the arguments of `ChargeAmplifier.convert`; create rows and events.
 
         Args:
             edges_s: Times of edges at the trigger input [s].
@@ -157,12 +159,12 @@ class SimulatedAmplifier:
         self._put_rows(rows, first, len(rows.time_s))
 
     def take(self) -> list[Outgoing]:
-        """Return the bytes to be sent, in order, and clear the list."""
+        """Return the pieces of bytes to send, in order, and clear the list."""
         out, self._out = self._out, []
         return out
 
     def overrun(self, rows: int) -> None:
-        """Note that `rows` rows did not fit the line's buffer; all later rows report this."""
+        """Report, by an event and in all later rows, that the buffer had no room for rows."""
         self._overrun = True
         self._put_event("overrun", rows, self.physics.time_s, self.physics.time_s)
 
@@ -188,7 +190,7 @@ class SimulatedAmplifier:
         return self._commands[request.name](request, charges)
 
     def _while_streaming(self, request: AmplifierCommand, now_s: float) -> AmplifierReply | None:
-        """Answer queries by events; accept no other command than the end of the stream."""
+        """Answer the two queries by events; besides them, accept only the end of the stream."""
         asked = request.value is None
         if asked and request.name == "time":
             self._put_event("mark", self._marks, now_s, now_s)
@@ -284,7 +286,7 @@ class SimulatedAmplifier:
     def _new_events(
         self, rows: AmplifierRows, edges_s: NDArray[np.float64]
     ) -> list[tuple[float, str, int]]:
-        """Return time, event and detail of the events between rows, in order."""
+        """Return time, name and detail of the events between the rows, in order."""
         events: list[tuple[float, str, int]] = []
         if self._trigger:
             for time_s in edges_s.tolist():

@@ -1,7 +1,7 @@
-"""`ChargeAmplifier`: eight charge amplifiers with low-pass, converter and clock, without a line.
+"""`ChargeAmplifier`: physics of eight charge amplifiers with low-pass filter, converter and clock.
 
-The state depends only on the times in the calls, as for the drives. Equal calls with equal seeds
-give equal counts.
+The state depends only on the calls and the times in their arguments. Equal calls with equal seeds
+give equal converter counts.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ ComplexVector = NDArray[np.complex128]
 
 FULL_SCALE_V = 10.0
 LONGEST_STEP_S = 0.010
-"""Longest step with constant input if no loads are given [s]."""
+"""Longest step of the simulation with constant charge, if the caller gives no loads [s]."""
 
 
 @dataclass(frozen=True)
@@ -58,20 +58,21 @@ class AmplifierSettings:
 
     @property
     def volts_per_pc(self) -> Vector:
-        """Output voltage per charge, (8,): full scale at range times sensitivity."""
+        """Output voltage per charge of each channel, (8,) [V/pC]: full scale at `range_n`."""
         gain: Vector = FULL_SCALE_V / (np.array(self.sensitivity_pc_n) * np.array(self.range_n))
         return gain
 
 
 @dataclass(frozen=True, eq=False)
 class AmplifierRows:
-    """Converted rows.
+    """Rows that the converter has produced.
 
     Attributes:
         time_s: Shape (rows,). Times on the cell's clock [s].
         device_s: Shape (rows,). Times on the amplifier's clock [s].
         counts: Shape (rows, 8). Converter counts; full scale is 2 to the power of (bits - 1).
-        overload: Shape (rows,). The latched overload word: bit i for channel i + 1.
+        overload: Shape (rows,). The overload word: bit i stays set after an overload of channel i +
+            1, until it is read.
     """
 
     time_s: Vector
@@ -81,18 +82,18 @@ class AmplifierRows:
 
 
 class ChargeAmplifier:
-    """Eight channels with one clock; they are in Reset after switch-on.
+    """Eight channels with a common clock; after switch-on they are in the state Reset.
 
     Args:
-        truth: Drift, zero jump, noise and clock error.
+        truth: True properties: drift, zero jump, noise and clock error.
         seed: Random seed of the noise.
         now_s: Switch-on time [s].
 
     Attributes:
         settings: Present settings; use `apply` to change them.
         time_s: Time up to which the amplifier has been advanced [s].
-        operating: True if it measures; in Reset its inputs are shorted.
-        overload: The latched overload word.
+        operating: True if the amplifier measures; False in Reset, in which its inputs are shorted.
+        overload: The overload word, whose bits stay set until it is read.
     """
 
     def __init__(self, truth: SimulatedPlate, seed: int, now_s: float = 0.0) -> None:
@@ -112,19 +113,19 @@ class ChargeAmplifier:
         self._overloaded = 0
         self.settings = AmplifierSettings()
         self._set_filter()
-        self.convert(now_s)  # zero duration: compiles the filter before the first answer is due
+        self.convert(now_s)  # no duration: compiles the filter in advance
 
     @property
     def converting(self) -> bool:
-        """True if rows are converted."""
+        """True if the converter produces rows."""
         return self._next_row is not None
 
     def device_s(self, time_s: float) -> float:
-        """Return the time on the amplifier's clock at a time of the cell [s]."""
+        """Return the time on the amplifier's clock for a time on the cell's clock [s]."""
         return self._truth.clock_offset_s + self._rate * (time_s - self._switched_on_s)
 
     def apply(self, settings: AmplifierSettings) -> None:
-        """Apply new settings; the charges at the inputs stay, a new low-pass starts settled."""
+        """Apply new settings; charges remain, and a new low-pass starts in its steady state."""
         rescale = settings.volts_per_pc / self.settings.volts_per_pc
         before, self.settings = self.settings, settings
         filters = (settings.low_pass_hz, settings.low_pass_order)
@@ -138,7 +139,7 @@ class ChargeAmplifier:
             self.start()
 
     def operate(self, charge_pc: ArrayLike) -> None:
-        """Start to measure; the present charges of the sensors, (8,), become zero."""
+        """Start to measure; the present charges of the sensors, (8,) [pC], are the new zero."""
         if self.operating:
             return
         self.operating = True
@@ -152,32 +153,33 @@ class ChargeAmplifier:
         self._overloaded = 0
 
     def take_overload(self) -> int:
-        """Return the latched overload word; channels that are still overloaded stay in it."""
+        """Return the overload word; clear the bits of channels that are no longer overloaded."""
         word, self.overload = self.overload, self._overloaded
         return word
 
     def start(self) -> None:
-        """Start to convert rows at the ticks of the amplifier's clock."""
+        """Start the converter, which produces a row at each tick of the amplifier's clock."""
         self._next_row = math.floor(self.device_s(self.time_s) * self.settings.rate_hz) + 1
 
     def stop(self) -> None:
-        """Stop to convert rows."""
+        """Stop the converter."""
         self._next_row = None
 
     def present_counts(self) -> NDArray[np.int16]:
-        """Return the counts of a single conversion now, (8,), with noise."""
+        """Return the counts of a single conversion at the present time, (8,), with noise."""
         counts: NDArray[np.int16] = self._convert(self._output_v[np.newaxis])[0]
         return counts
 
     def convert(
         self, end_s: float, ends_s: ArrayLike = (), charges_pc: ArrayLike = ()
     ) -> AmplifierRows:
-        """Advance time to `end_s` and return the rows that were converted meanwhile.
+        """Advance time to `end_s`; return the rows that the converter produced until then.
 
         Args:
             end_s: End time [s].
-            ends_s: Shape (m,). End times of intervals with constant charge; each begins at the end
-                of the one before. After the last interval its charge continues.
+            ends_s: Shape (m,). End times of intervals with constant charge; each interval begins at
+                the end of the previous one. The charge of the last interval also applies after its
+                end.
             charges_pc: Shape (m, 8). Charges of the sensors in the intervals [pC].
 
         Raises:
@@ -207,7 +209,7 @@ class ChargeAmplifier:
         return AmplifierRows(row_times, device_s, self._convert(output), overload)
 
     def _input(self, times: Vector, charges: Vector) -> Vector:
-        """Return the voltages of the charge stages in every interval, before limitation, (m, 8)."""
+        """Return the voltages of the charge stages in every interval, not yet limited, (m, 8)."""
         if not self.operating:
             return np.zeros_like(charges)
         starts = np.concatenate([[self.time_s], times[:-1]])
@@ -250,13 +252,13 @@ def _at_limit(volts: Vector) -> NDArray[np.bool_]:
 
 
 def _step_ends(duration_s: float) -> Vector:
-    """Return the ends of steps of at most `LONGEST_STEP_S`, as fractions of a duration."""
+    """Divide a duration into steps of at most `LONGEST_STEP_S`; return their ends as fractions."""
     steps = max(1, math.ceil(duration_s / LONGEST_STEP_S - 1e-9))
     return np.arange(1, steps + 1) / steps
 
 
 class _LowPass(NamedTuple):
-    """Filter of all channels: poles, residues over poles, output weights; state (p, 8)."""
+    """Low-pass of all channels: poles, residues / poles, output weights, and states (poles, 8)."""
 
     poles: ComplexVector
     gains: ComplexVector
@@ -284,18 +286,19 @@ def _run_filter(
     rows: _Rows,
     latched: int,
 ) -> int:
-    """Filter inputs that are constant over intervals, and sample the output at every row's time.
+    """Filter inputs that are constant in each interval; sample the output at the rows' times.
 
     Args:
-        start_s: Scalar. Start of the first interval [s].
+        start_s: Start of the first interval [s].
         ends_s: Shape (m,). Ends of the intervals [s].
-        volts: Shape (m, 8). Inputs before the limits of the charge stage.
-        low_pass: The filter; its state is changed in place.
-        rows: Output; its times lie within the intervals.
-        latched: The overload word at the beginning.
+        volts: Shape (m, 8). Inputs of the intervals [V], not yet limited to full scale.
+        low_pass: The filter; its state is overwritten.
+        rows: The sampling times, within the intervals; outputs and overload words are written into
+            its arrays.
+        latched: The overload word before the first interval.
 
     Returns:
-        The overload word at the end.
+        The overload word after the last interval.
     """
     poles, gains, weights, state = low_pass
     row_times, output, overload = rows

@@ -1,4 +1,4 @@
-"""`FaultInjector`: faults on a simulated serial line, by row number and seed."""
+"""`FaultInjector`: faults on a simulated serial line, triggered by the numbers of rows."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ class Unit(NamedTuple):
 
     Attributes:
         data: The bytes.
-        ready_s: Time from which they can be sent [s].
-        sequence: Number of the row; -1 for other units.
+        ready_s: Earliest time at which the bytes can be sent [s].
+        sequence: Number of the row; -1 for an event or an answer.
     """
 
     data: bytes
@@ -25,11 +25,11 @@ class Unit(NamedTuple):
 
 
 class FaultInjector:
-    """Applies faults to rows that pass the line.
+    """Applies faults to the rows on the line.
 
     Args:
-        faults: The faults with the numbers of their rows.
-        seed: Random seed of changed bytes.
+        faults: The faults, with the numbers of the rows at which they begin.
+        seed: Random seed for the choice of the damaged bytes.
 
     Attributes:
         rows: Number of rows that have passed.
@@ -51,7 +51,7 @@ class FaultInjector:
         self.rows += rows
 
     def apply_faults(self, row: Unit) -> tuple[list[Unit], list[AmplifierFault]]:
-        """Return the units that replace a row, and the lasting faults that begin with it."""
+        """Return the units that replace a row, and the faults with a duration that begin at it."""
         before: list[Unit] = []
         lasting: list[AmplifierFault] = []
         data = row.data

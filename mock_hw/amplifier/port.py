@@ -1,7 +1,7 @@
 """`AmplifierPort`: the amplifier of a simulated force plate, its line and its serial port.
 
-In real time, bytes are handed over at their time of arrival. In lock-step they are handed over at
-once, and their simulated times of arrival are written to a file
+In real time, the port delivers bytes to the computer at their arrival time. In lock-step it
+delivers them immediately, and writes their simulated arrival times into a file
 (`drivers.amplifier.simulated_arrivals`).
 """
 
@@ -28,20 +28,20 @@ from mock_hw.amplifier.serial_line import BITS_PER_BYTE, SerialLine
 from mock_hw.host.pty_port import UNKNOWN_RATE, PtyPort
 
 BUFFER_BYTES = 16384
-"""Size of the amplifier's buffer for a line that is slower than its rows [bytes]."""
+"""Size of the amplifier's send buffer [bytes], which fills if the line is too slow for the rows."""
 
 _BUNCH_S = 0.001
-_NANOSECONDS = 9  # decimals; rounding makes results independent of the order of sums
+_NANOSECONDS = 9  # decimals; rounding removes effects of the order of additions
 _TWICE = 2.0
 
 
 @dataclass(frozen=True)
 class PlateSettings:
-    """Settings of a served plate: description, profile, true properties and faults.
+    """Settings of a simulated plate: description, profile, true properties and faults.
 
     Attributes:
         plate: The plate as described in the cell file.
-        profile: Strings of the plate's amplifier.
+        profile: Commands and formats of the plate's amplifier.
         truth: True properties of the plate.
         path: Path of the port.
         seed: Random seed of noise and jitter.
@@ -59,7 +59,7 @@ class PlateSettings:
 
 
 class AmplifierPort:
-    """Amplifier, line and port of a plate: a `SimulatedDevice` that receives the plate's loads.
+    """Amplifier, line and port of a plate, as one `SimulatedDevice`; the caller applies the loads.
 
     Args:
         settings: Settings of the plate.
@@ -67,8 +67,8 @@ class AmplifierPort:
         now_s: Switch-on time of the amplifier [s].
 
     Attributes:
-        next_s: Time at which `advance` is due, because bytes arrive or the port returns [s];
-            infinity for never.
+        next_s: Time at which `advance` is due [s], because bytes arrive or the port is plugged in
+            again; infinity if nothing is due.
 
     Raises:
         TransportError: The port cannot be created.
@@ -101,27 +101,27 @@ class AmplifierPort:
 
     @property
     def watches(self) -> bool:
-        """True if the amplifier measures and needs the forces on its sensors."""
+        """True if the amplifier measures, so that it needs the loads on its sensors."""
         return self._device.physics.operating
 
     @property
     def works(self) -> bool:
-        """True if the amplifier operates, converts rows, or has bytes to hand over."""
+        """True if the amplifier measures, produces rows, or has bytes to deliver."""
         physics = self._device.physics
         return physics.operating or physics.converting or self.next_s < math.inf
 
     @property
     def passed_bytes(self) -> int:
-        """Number of bytes that a computer has received."""
+        """Number of bytes that the port has delivered to a computer."""
         return self._port.passed_bytes
 
     @property
     def time_s(self) -> float:
-        """Time up to which the loads on the plate are known [s]."""
+        """Time up to which loads have been applied to the plate [s]."""
         return self._device.physics.time_s
 
     def fileno(self) -> int:
-        """Return the descriptor that is readable when a command arrives; -1 while unplugged."""
+        """Return the file descriptor that commands make readable; -1 while unplugged."""
         return self._port.fileno()
 
     def read(self) -> bytes:
@@ -138,8 +138,8 @@ class AmplifierPort:
 
         Args:
             data: Bytes returned by `read`.
-            base_wrench: Shape (6,). Present wrench of the base on the robot.
-            now_s: Present time, if it is later than the amplifier's time [s].
+            base_wrench: Shape (6,). Present wrench of the base on the robot [N, N m].
+            now_s: Present time [s]; None for the time up to which the amplifier has been advanced.
         """
         self._device.receive(data, lambda: self._sensors.charges_pc(base_wrench), now_s)
         self._send()
@@ -158,7 +158,8 @@ class AmplifierPort:
             end_s: End time [s].
             ends_s: Shape (m,). Ends of intervals [s].
             base_wrenches: Shape (m, 6). Wrench of the base on the robot in each interval.
-            edges_s: Shape (edges,). Times of SYNC at the trigger input [s].
+            edges_s: Shape (edges,). Times of the SYNC frames, which cause edges at the trigger
+                input [s].
         """
         ends = np.asarray(ends_s, dtype=np.float64)
         charges = self._sensors.charges_pc(np.reshape(base_wrenches, (-1, 6)))
@@ -167,7 +168,7 @@ class AmplifierPort:
         self.advance(end_s)
 
     def advance(self, until_s: float) -> None:
-        """Hand over bytes that have arrived by `until_s` [s]; plug the port in when due."""
+        """Deliver the bytes that have arrived by `until_s` [s]; plug the port in again when due."""
         if until_s >= self._replug_s:
             self._replug_s = math.inf
             self._port.plug()
@@ -194,7 +195,7 @@ class AmplifierPort:
                 self._send_rows(piece)
 
     def _has_room(self, rows: RowBlock) -> bool:
-        """Return True if the buffer accepts rows; then report rows that were lost before."""
+        """Return True if the buffer has room for rows; in this case report previously lost rows."""
         backlog_s = self._line.free_s - float(rows.ready_s[0])
         if backlog_s * self._baud_rate / BITS_PER_BYTE > BUFFER_BYTES:
             self._lost_rows += len(rows.ready_s)
@@ -226,7 +227,7 @@ class AmplifierPort:
 
     def _send_unit(self, unit: Unit) -> None:
         if self._arrivals is not None and self._device.physics.converting and unit.sequence < 0:
-            # An answer at wall-clock time must not change the arrival times of rows.
+            # An answer depends on wall-clock time, so it must not change the arrival times of rows.
             self._write(unit.data)
             return
         (arrived_s,) = self._line.send([unit.ready_s], [len(unit.data)]).tolist()
@@ -238,7 +239,7 @@ class AmplifierPort:
         self._write(unit.data)
 
     def _hold(self, rows: RowBlock, arrived: NDArray[np.float64]) -> None:
-        """Hold rows until they have arrived; rows of one millisecond are held together."""
+        """Store rows until their arrival time; those within a millisecond form one piece."""
         first = 0
         while first < len(arrived):
             last = int(np.searchsorted(arrived, arrived[first] + _BUNCH_S, side="right"))

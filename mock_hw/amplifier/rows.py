@@ -1,4 +1,4 @@
-"""Encoding of blocks of rows to bytes, fast enough for thousands of rows per second."""
+"""Encoding of blocks of rows as bytes, fast enough for thousands of rows per second."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ _CRC_SEED = 0xFFFF
 
 @dataclass(frozen=True, eq=False)
 class RowBlock:
-    """Rows as bytes on the line, all of equal size.
+    """A block of encoded rows, all with the same number of bytes.
 
     Attributes:
         data: Bytes of all rows.
         size: Bytes per row.
-        ready_s: Shape (rows,). Times from which the rows can be sent [s].
+        ready_s: Shape (rows,). Earliest times at which the rows can be sent [s].
         sequence: Shape (rows,). Numbers of the rows.
     """
 
@@ -36,7 +36,7 @@ class RowBlock:
 
 
 def row_encoder(profile: AmplifierProfile, form: str) -> RowEncoder:
-    """Return a function that encodes sequence numbers, ticks, status words and counts of rows."""
+    """Return a function that encodes rows: sequence numbers, ticks, status words and counts."""
     parts = profile.row_parts(form)
     if any(part.kind in ("hex", "dec") for part in parts):
         return _text_encoder(profile, form)
@@ -85,7 +85,7 @@ def _name(place: int, part: Part) -> str:
 
 
 def _field(place: int, part: Part) -> tuple[str, str, tuple[int, ...]]:
-    """Return the field of one part of a row; the checksum is big-endian."""
+    """Return the NumPy field for one part of a row; the checksum is big-endian."""
     if part.kind == "literal":
         return _name(place, part), "u1", (part.width,)
     order = ">" if part.name == "checksum" else "<"

@@ -1,8 +1,8 @@
-"""A simulated force plate: from the wrench at the robot's base to the charges of eight channels.
+"""Sensors of a simulated force plate: from the base wrench to the charges of eight channels.
 
-The plate is rigid and rests on four equal three-component sensors at (±a, ±b). A force on the plate
-is distributed over the sensors as over four equal springs. Of all distributions that Kistler's
-formulas allow, this is the one of least energy.
+The plate is rigid and rests on four equal three-component sensors at (±a, ±b). A load on the plate
+is distributed over the sensors as over four equal springs. Kistler's formulas allow many
+distributions; this is the one with the least elastic energy.
 """
 
 from __future__ import annotations
@@ -19,24 +19,22 @@ Matrix = NDArray[np.float64]
 
 
 class PlateSensors:
-    """A plate with its sensors; all mappings are linear.
+    """A plate with its sensors; forces and charges are linear functions of the base wrench.
 
     Args:
         plate: Geometry of the plate, and its position in the robot's base frame.
         truth: True sensitivity (pC/N) and crosstalk of the sensors. The `sensitivity` in the cell
-            file is the result of a calibration and is not used here.
+            file is a calibration result and is not used here.
     """
 
     def __init__(self, plate: PlateConfig, truth: SimulatedPlate) -> None:
         crosstalk = np.eye(8) if truth.crosstalk is None else np.array(truth.crosstalk)
-        on_plate = -_to_plate_frame(
-            plate
-        )  # the load on the plate is the opposite of the base's wrench on the robot
+        on_plate = -_to_plate_frame(plate)  # the load on the plate is minus the base wrench
         self._forces = _sensor_matrix(plate.a_m, plate.b_m, plate.az0_m) @ on_plate
         self._charges = np.diag(truth.sensitivity_pc_n) @ crosstalk @ self._forces
 
     def forces_n(self, base_wrench: ArrayLike) -> Matrix:
-        """Return the sensors' forces, (m, 8) [N], in the order of the channels.
+        """Return the sensors' forces for base wrenches, (m, 8) [N], in the order of the channels.
 
         Args:
             base_wrench: Shape (m, 6). Wrench of the base on the robot, about the origin and in the
@@ -50,7 +48,7 @@ class PlateSensors:
 
 
 def _to_plate_frame(plate: PlateConfig) -> Matrix:
-    """Return the matrix (6, 6) that transforms wrenches from base frame to plate frame."""
+    """Return the matrix (6, 6) that transforms wrenches from the base frame to the plate frame."""
     roll, pitch, yaw = plate.rotation_rad
     turned = _rotation(2, yaw) @ _rotation(1, pitch) @ _rotation(0, roll)
     x, y, z = plate.position_m
@@ -70,10 +68,10 @@ def _rotation(axis: int, angle: float) -> Matrix:
 
 
 def _sensor_matrix(a_m: float, b_m: float, az0_m: float) -> Matrix:
-    """Return the matrix (8, 6) from wrenches about the plate's surface centre to sensor forces."""
+    """Return the matrix (8, 6) from a wrench about the centre of the plate's surface to forces."""
     turning = 0.5 / (a_m * a_m + b_m * b_m)
     about_x, about_y = 0.25 / b_m, 0.25 / a_m
-    # In the sensors' plane, which lies at z = -az0: Mx = Mx' - Fy az0, My = My' + Fx az0.
+    # Moments about the sensors' plane z = -az0: Mx = Mx' - Fy az0, My = My' + Fx az0.
     to_sensor_plane = np.eye(6)
     to_sensor_plane[3, 1] = -az0_m
     to_sensor_plane[4, 0] = az0_m

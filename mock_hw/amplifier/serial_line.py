@@ -1,7 +1,7 @@
 """`SerialLine`: transmission times on a serial line, and arrival times at the computer.
 
-A byte takes ten bits. The adapter at the computer's end delivers bytes when it is polled, at its
-own times: bytes arrive in bunches, slightly late, and in order.
+A byte takes ten bit times. The computer polls its serial adapter at irregular times and gets all
+bytes since the last poll. Bytes therefore arrive in groups, slightly late, and in order.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from numpy.typing import ArrayLike, NDArray
 Vector = NDArray[np.float64]
 
 BITS_PER_BYTE = 10
-_SHORTEST_SHARE = 0.2  # shortest time between two polls, relative to the longest
+_SHORTEST_FRACTION = 0.2  # shortest time between two polls, relative to the longest
 
 
 class SerialLine:
-    """One direction of a line.
+    """One direction of a serial line.
 
     Args:
-        baud_rate: Bits per second.
+        baud_rate: Baud rate [bit/s].
         jitter_s: Longest time between two polls of the adapter [s]; 0 for an adapter without delay.
-        seed: Random seed of the polls.
+        seed: Random seed of the times between polls.
 
     Attributes:
-        free_s: Time at which the last byte so far has been sent [s].
+        free_s: Time at which the transmission of the last byte ends [s].
     """
 
     def __init__(self, baud_rate: int, jitter_s: float, seed: int) -> None:
@@ -38,14 +38,14 @@ class SerialLine:
         self.free_s = -math.inf
 
     def send(self, ready_s: ArrayLike, size: ArrayLike) -> Vector:
-        """Send units of bytes one after the other.
+        """Send pieces of bytes one after the other; return their arrival times.
 
         Args:
-            ready_s: Shape (n,). Time from which each unit can be sent [s], not decreasing.
-            size: Shape (n,). Sizes of the units [bytes].
+            ready_s: Shape (n,). Earliest time at which each piece can be sent [s], not decreasing.
+            size: Shape (n,). Sizes of the pieces [bytes].
 
         Returns:
-            Shape (n,). Arrival time of each unit [s].
+            Shape (n,). Arrival time of each piece [s].
         """
         ready = np.asarray(ready_s, dtype=np.float64)
         if not len(ready):
@@ -59,7 +59,7 @@ class SerialLine:
         return self._next_polls(arrived) if self._jitter_s > 0.0 else arrived
 
     def stall(self, until_s: float) -> None:
-        """Let nothing arrive before a time [s]."""
+        """Delay all bytes that follow, so that no byte arrives before `until_s` [s]."""
         self._stalled_s = max(self._stalled_s, until_s)
 
     def _next_polls(self, arrived: Vector) -> Vector:
@@ -68,8 +68,8 @@ class SerialLine:
         if polls[-1] < arrived[0] - self._jitter_s:
             polls.append(arrived[0] - self._jitter_s * self._random.random())
         while polls[-1] < arrived[-1]:
-            share = _SHORTEST_SHARE + (1.0 - _SHORTEST_SHARE) * self._random.random()
-            polls.append(polls[-1] + share * self._jitter_s)
+            fraction = _SHORTEST_FRACTION + (1.0 - _SHORTEST_FRACTION) * self._random.random()
+            polls.append(polls[-1] + fraction * self._jitter_s)
         times = np.array(polls)
         self._poll_s = float(times[-1])
         found: Vector = times[np.searchsorted(times, arrived)]

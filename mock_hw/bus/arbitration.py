@@ -1,4 +1,4 @@
-"""`CanWire`: one CAN segment as a pure function of time: queues, arbitration, transmission."""
+"""`CanWire`: one CAN segment with queues, arbitration and transmission; it reads no clock."""
 
 from __future__ import annotations
 
@@ -15,20 +15,22 @@ from mock_hw.bus.wire_time import (
 )
 
 FOREVER_NS = 2**62
-"""A time that never comes."""
+"""Time in the far future that means never [ns]."""
 
 Source = tuple[int, int]
-"""Sender of a frame: a client of the hub, and the controller (port) of that client."""
+"""Sender of a frame: number of a hub's client, and number of a CAN controller (port) of this
+client."""
 
 
 class WireFrame(NamedTuple):
-    """A frame with its time.
+    """A CAN frame with a time.
 
     Attributes:
-        time_ns: Earliest time of transmission, or time of reception [ns].
-        can_id: Identifier with SocketCAN's flags.
+        time_ns: Of a frame to send: earliest time of transmission. Of a received frame: time of
+            reception [ns].
+        can_id: CAN identifier with the flags of SocketCAN.
         length: Data length code.
-        port: Number of the controller within a sender.
+        port: Number of the CAN controller that sends it; a client can have several controllers.
         data: Data bytes.
     """
 
@@ -40,14 +42,14 @@ class WireFrame(NamedTuple):
 
 
 class Delivery(NamedTuple):
-    """A frame whose transmission has just ended; its `time_ns` is the end."""
+    """A frame whose transmission has ended at its `time_ns`, with its sender."""
 
     source: Source
     frame: WireFrame
 
 
 def candump_line(frame: WireFrame, time_ns: int, channel: str) -> str:
-    """Return a frame as a line of candump's log, with its time [ns] and the bus's name."""
+    """Return a frame as a line in candump's log format; `channel` is the name of the bus."""
     width, identifier = 3, frame.can_id
     if frame.can_id & EXTENDED_FLAG:
         width, identifier = 8, frame.can_id & EXTENDED_MASK
@@ -61,9 +63,10 @@ def candump_line(frame: WireFrame, time_ns: int, channel: str) -> str:
 class CanWire:
     """A bus that transmits one frame at a time, the lowest identifier first.
 
-    Every source has one queue and offers its oldest frame, like a controller behind a driver's
-    first-in first-out queue. When the bus becomes free, it transmits the ready frame that wins the
-    arbitration. Equal identifiers are transmitted in the order of their sources.
+    Every source has a queue and offers the oldest frame in it, like a CAN controller with a
+    first-in first-out queue. When the bus becomes free, it transmits the frame that wins the
+    arbitration among all frames that are ready. Of frames with equal identifiers, the one from the
+    source with the lower number is transmitted first.
 
     Args:
         bitrate: Nominal bit rate [bit/s].
@@ -75,11 +78,12 @@ class CanWire:
         self._free_ns = 0
         self._sending: Delivery | None = None
         self.next_ns = FOREVER_NS
-        """Time at which `step` is due: end of the present frame, or start of the next one [ns]."""
+        """Time at which `step` is due: end of the present frame, or start of the next frame
+        [ns]."""
 
     @property
     def sending(self) -> bool:
-        """True during a transmission; `next_ns` is then its end."""
+        """True during a transmission, which ends at `next_ns`."""
         return self._sending is not None
 
     def queue(self, source: Source, frame: WireFrame, now_ns: int) -> None:
@@ -95,11 +99,11 @@ class CanWire:
             self._look_ahead()
 
     def backlog(self, now_ns: int) -> bool:
-        """Return True if another frame follows without a pause."""
+        """Return True if a transmission is running, or the next one starts without a pause."""
         return self._sending is not None or self.next_ns <= max(now_ns, self._free_ns)
 
     def step(self) -> Delivery | None:
-        """End the present frame and return it, or start the next one, as due at `next_ns`."""
+        """End the present frame and return it, or start the next frame, whichever is due."""
         delivery = self._sending
         if delivery is not None:
             self._sending = None

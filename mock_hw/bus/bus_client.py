@@ -1,4 +1,4 @@
-"""`BusClient`: devices on any CAN bus in real time, with the same methods as a hub's client."""
+"""`BusClient`: connects simulated devices to any CAN bus, with the methods of `HubClient`."""
 
 from __future__ import annotations
 
@@ -12,21 +12,22 @@ from drivers.ports.can_link import CanLink
 from mock_hw.bus.arbitration import FOREVER_NS, WireFrame
 
 DEAD_BUS_S = 0.005
-"""Pause before the next attempt to read a bus that cannot be read [s]."""
+"""Pause after a failed attempt to read the bus [s]."""
 
 
 class BusClient:
-    """A connection to an external bus, on which transmission takes real time.
+    """A connection to an existing bus, such as SocketCAN, in real time.
 
-    Frames are sent at once. A device's earliest time of sending is ignored, because it would delay
-    a frame by some tenths of a millisecond only, less than such a bus itself does.
+    Frames are sent as soon as possible. The earliest transmission time that a device gives to a
+    frame is ignored: it would delay the frame by a few tenths of a millisecond, which is less than
+    the delays of such a bus.
 
     Args:
         link: The open bus.
-        ended: Called at every wait; True ends the client.
+        ended: Called at every wait; if it returns True, the client ends.
 
     Attributes:
-        lockstep: False: there is real time only.
+        lockstep: Always False, because an existing bus runs in real time.
         now_ns: CLOCK_MONOTONIC at the last `wait` [ns].
     """
 
@@ -40,7 +41,7 @@ class BusClient:
         self.now_ns = time.monotonic_ns()
 
     def fileno(self) -> int:
-        """Return the descriptor to wait for."""
+        """Return the file descriptor to wait for."""
         return self._link.fileno()
 
     def post(self, can_id: int, data: bytes, length: int, port: int = 0, time_ns: int = 0) -> None:
@@ -49,16 +50,16 @@ class BusClient:
         self._outbox.append((can_id, data[:length]))
 
     def wait(self, until_ns: int = FOREVER_NS, on_frames: bool = True) -> list[WireFrame]:
-        """Send the outbox, wait until `until_ns` or until frames arrive, and return the frames.
+        """Send the outbox; wait until `until_ns` or until frames arrive; return the frames.
 
         Raises:
-            TransportError: The client must end.
+            TransportError: `ended` returned True: the client must end.
         """
-        del on_frames  # in real time frames always end the wait
+        del on_frames  # in real time, frames always end the wait
         if self._ended():
             raise TransportError("the simulated devices have ended", code="RID-MOCK-ENDED")
         if self._outbox:
-            with contextlib.suppress(TransportError):  # frames are lost if the bus is dead
+            with contextlib.suppress(TransportError):  # a dead bus loses frames
                 self._link.send_frames(self._outbox)
             self._outbox.clear()
         frames: list[WireFrame] = []

@@ -28,7 +28,7 @@ _LONGEST_WAIT_S = 1e9
 
 
 class LockstepClock:
-    """Clock of a lock-step bus; its time advances only while its owner waits."""
+    """Clock of a lock-step bus; time advances only while the program that owns the bus waits."""
 
     def __init__(self, bus: RidSimBus) -> None:
         self._bus = bus
@@ -38,7 +38,7 @@ class LockstepClock:
         return self._bus.now_ns * 1e-9
 
     def sleep_until(self, time_s: float) -> None:
-        """Let simulated time advance to `time_s` [s]; frames are kept meanwhile."""
+        """Let simulated time advance to `time_s` [s]; store the frames that arrive until then."""
         if time_s > self.now_s():
             self._bus.sleep_until_ns(_nanoseconds(time_s))
 
@@ -47,19 +47,19 @@ class RidSimBus(can.BusABC):
     """A connection to a simulated bus: ``can.Bus(interface="rid_sim", channel="ir361")``.
 
     Args:
-        channel: Name of a served cell's bus, or path of its socket.
-        can_filters: Filters as in python-can.
-        participant: True to take part in lock-step time, as the cell's master does: receive
-            timeouts and time stamps are then simulated, and time stands still while the owner
-            works. False for an observer, which never stops time; its waits are in real time.
+        channel: Name of a running simulated bus, or path of its socket.
+        can_filters: Filters, as for every bus of python-can.
+        participant: True to take part in lock-step, as the cell's master does: receive timeouts and
+            time stamps are then in simulated time, which stands still while the program works.
+            False for an observer, which never stops simulated time and waits in real time.
         receive_own_messages: True if `recv` also returns the messages that this bus has sent
             (`is_rx` False), after their transmission.
 
     Attributes:
-        simulated_clock: Clock of the bus in lock-step, otherwise None.
+        simulated_clock: Clock of the bus for a participant in lock-step; None in all other cases.
 
     Raises:
-        can.CanInitializationError: No simulated bus has this channel.
+        can.CanInitializationError: No simulated bus runs on this channel.
     """
 
     time_stamped = True
@@ -73,7 +73,7 @@ class RidSimBus(can.BusABC):
         receive_own_messages: bool = False,
         **kwargs: Any,
     ) -> None:
-        del kwargs  # the hub determines the bit rate and similar settings
+        del kwargs  # bit rate and such: the hub has its own
         try:
             path = socket_path(str(channel))
             role = HubRole.MASTER if participant else HubRole.OBSERVER
@@ -90,11 +90,11 @@ class RidSimBus(can.BusABC):
 
     @property
     def now_ns(self) -> int:
-        """Time of the last wait [ns]; simulated in lock-step."""
+        """Time at the end of the last wait [ns]; simulated time in lock-step."""
         return self._client.now_ns
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:
-        """Send a frame; in lock-step it is transmitted when the caller waits.
+        """Send a frame; in lock-step it is transmitted during the caller's next wait.
 
         Raises:
             can.CanOperationError: The frame is not classic CAN, or the hub has ended.
@@ -144,7 +144,7 @@ class RidSimBus(can.BusABC):
                 return None
 
     def send_frames(self, frames: Sequence[tuple[int, bytes | bytearray]]) -> None:
-        """Send classic data frames, in real time as one packet; the drivers use this method.
+        """Send classic data frames for the drivers, in real time as one packet to the hub.
 
         Raises:
             can.CanOperationError: The hub has ended.
@@ -160,7 +160,7 @@ class RidSimBus(can.BusABC):
             raise can.CanOperationError(str(error)) from error
 
     def receive_frames(self, timeout_s: float) -> Sequence[Arrival] | None:
-        """Return all classic data frames that have arrived; None after `timeout_s` [s] without one.
+        """Return all classic data frames that have arrived; None after `timeout_s` [s] without any.
 
         Raises:
             can.CanOperationError: The hub has ended.
@@ -214,21 +214,21 @@ class RidSimBus(can.BusABC):
             raise can.CanOperationError(str(error)) from error
 
     def shutdown(self) -> None:
-        """Disconnect; frames that were sent are still transmitted."""
+        """Disconnect; frames that were already sent are still transmitted."""
         if not self._is_shutdown:
             super().shutdown()
             self._client.close()
 
     def fileno(self) -> int:
-        """Return the socket's descriptor for python-can's notifier; -1 in lock-step."""
+        """Return the socket's file descriptor for python-can's notifier; -1 in lock-step."""
         return -1 if self._client.lockstep else self._client.fileno()
 
     def _expired(self, until_ns: int) -> bool:
-        """Return True if a lock-step deadline has passed and a wait would change nothing.
+        """Return True if a lock-step deadline has passed, so that no frame can arrive until then.
 
-        Time stands still while its owner works, so nothing can have arrived. A program that polls
-        continuously would stop time for ever; therefore every hundredth empty poll takes a
-        microsecond.
+        Simulated time stands still while the program works, so a program that polls without a
+        timeout would stop time forever. Therefore every hundredth poll without a frame lets a
+        microsecond pass.
         """
         if not self._client.lockstep or until_ns > self.now_ns:
             return False

@@ -1,6 +1,7 @@
-"""`EmbeddedClient`: devices in the process of a lock-step hub, with the methods of a hub's client.
+"""`EmbeddedClient`: connects devices to a lock-step hub in the same process.
 
-Devices and hub exchange frames by calls. The hub's loop runs while the devices wait.
+It has the methods of `HubClient`. Devices and hub exchange frames by function calls, and the hub
+runs while the devices wait.
 """
 
 from __future__ import annotations
@@ -17,19 +18,21 @@ from mock_hw.bus.hub_protocol import PacketKind
 _DATA_BYTES = 8
 _LOOK_S = 0.1
 _UNHEARD_S = 0.001
-"""Longest time without reading clients, if one wait follows another without a pause [s]."""
+"""Longest time for which the hub does not read its other clients while waits follow each other
+without a pause [s]."""
 
 
 class EmbeddedClient(HubMember):
-    """The devices of a lock-step hub's own process.
+    """Connection of devices to a lock-step hub that runs in their process.
 
     Args:
         hub: The hub.
-        urgent: Identifiers whose frames end any wait at once, as for `HubClient`.
-        ended: Called at every wait, and ten times a second during it; True ends the client.
+        urgent: Identifiers whose frames end every wait immediately, as for `HubClient`.
+        ended: Called at every wait, and ten times per second during a wait; if it returns True, the
+            client ends.
 
     Attributes:
-        lockstep: True: there is simulated time only.
+        lockstep: Always True.
         now_ns: The simulated time at the end of the last wait [ns].
     """
 
@@ -47,40 +50,40 @@ class EmbeddedClient(HubMember):
         hub.add_devices(self)
 
     def send(self, kind: PacketKind, flag: int, now_ns: int) -> None:
-        """Keep the frames for `end_wait`."""
+        """Store the frames of the inbox, which `end_wait` returns."""
         del kind, flag
         self._received += self.inbox
         self.now_ns = now_ns
 
     def post(self, can_id: int, data: bytes, length: int, port: int = 0, time_ns: int = 0) -> None:
-        """Put a frame into the outbox, to be transmitted not before `time_ns`."""
+        """Put a frame into the outbox; its transmission starts at `time_ns` or later."""
         self._outbox.append(
             WireFrame(time_ns, can_id, length, port, data.ljust(_DATA_BYTES, b"\0"))
         )
 
     def wait(self, until_ns: int = FOREVER_NS, on_frames: bool = True) -> list[WireFrame]:
-        """Send the outbox and let time advance until `until_ns`, or until frames arrive.
+        """Send the outbox; let time advance to `until_ns`, or until frames arrive.
 
         Returns:
-            Frames on the bus meanwhile, oldest first; data padded to 8 bytes.
+            Frames that were on the bus during the wait, oldest first; data padded to 8 bytes.
 
         Raises:
-            TransportError: The client must end.
+            TransportError: `ended` returned True: the client must end.
         """
         self.begin_wait(until_ns, on_frames)
         self.serve(())
         return self.end_wait()
 
     def begin_wait(self, until_ns: int = FOREVER_NS, on_frames: bool = True) -> None:
-        """Begin a `wait`: from now on the devices do not stop time."""
+        """Begin a `wait`: until its end, the devices do not stop simulated time."""
         outbox, self._outbox = self._outbox, []
         self._hub.begin_wait(self, outbox, until_ns, on_frames=on_frames)
 
     def serve(self, fds: Sequence[int]) -> bool:
-        """Run the hub until the wait is over (True), or one of `fds` is readable (False).
+        """Run the hub; return True when the wait is over, False when one of `fds` is readable.
 
         Raises:
-            TransportError: The client must end.
+            TransportError: `ended` returned True: the client must end.
         """
         hub, now_s = self._hub, time.monotonic()
         if now_s - self._received_s > _UNHEARD_S and self._receive(fds, now_s):
@@ -100,10 +103,10 @@ class EmbeddedClient(HubMember):
         return bool(readable)
 
     def end_wait(self) -> list[WireFrame]:
-        """Return the frames of a wait that is over."""
+        """Return the frames that arrived during a wait that is over."""
         received, self._received = self._received, []
         return received
 
     def close(self) -> None:
-        """Send nothing more; the hub closes with its process."""
+        """Discard the outbox; the hub is closed elsewhere."""
         self._outbox.clear()

@@ -1,7 +1,7 @@
 """`BusFaults`: applies the faults of a script to the frames of a simulated CAN bus.
 
-Faults change frames when they are passed to the bus, before arbitration. Therefore a dropped frame
-takes no time on the bus, and a duplicate does.
+Faults change a frame when its sender passes it to the bus, before arbitration. A dropped frame
+therefore takes no time on the bus, while a duplicate takes its full time.
 """
 
 from __future__ import annotations
@@ -32,13 +32,14 @@ from mock_hw.host.fault_clock import CycleCount, FaultStart
 
 _UNKNOWN_SENDER: Source = (-1, 0)
 _OWN_LANE = 256
-"""Added to a controller's number to get a separate queue: a late frame then delays no others."""
+"""Added to the number of a controller, so that a delayed frame has a queue of its own and does not
+delay the controller's other frames."""
 
 Queued = tuple[Source, WireFrame]
 
 
 def identifiers(kind: FrameKind, nodes: list[int], master: int) -> frozenset[int] | None:
-    """Return the identifiers of a kind of frame; None for all identifiers."""
+    """Return the identifiers of a kind of frame; None if the kind is `any`."""
     if kind == "any":
         return None
     if kind == "sync":
@@ -71,7 +72,7 @@ class _FrameFaultRunner:
         self._held: dict[int, Queued] = {}
 
     def apply(self, queued: Queued) -> list[Queued]:
-        """Return the frames that replace a frame."""
+        """Return the frames that replace a frame because of this fault."""
         _, frame = queued
         if self._ids is not None and frame.can_id not in self._ids:
             return [queued]
@@ -117,7 +118,7 @@ class _FrameFaultRunner:
 
 
 def _spoofed_answer(frame: WireFrame, fault: FrameFault) -> WireFrame:
-    """Return a drive's answer, full or trimmed, with another position and torque."""
+    """Return a drive's answer (full or trimmed) with changed position and torque."""
     answer = struct.Struct("<Hih" if frame.length == 8 else "<ih")
     *status, position, torque = answer.unpack(frame.data[: frame.length])
     position = (position + fault.position_counts + 2**31) % 2**32 - 2**31
@@ -136,8 +137,9 @@ class BusFaults:
         start_ns: Present time of the bus [ns].
 
     Attributes:
-        bus_off: True when the adapter goes bus-off; the caller clears it after its reaction.
-        unplugged: True when the adapter is unplugged; the caller clears it after its reaction.
+        bus_off: Set to True when the adapter goes bus-off; the caller resets it after its reaction.
+        unplugged: Set to True when the adapter is unplugged; the caller resets it after its
+            reaction.
         cut_off_until_ns: Time until which the adapter receives nothing [ns].
         unplugged_until_ns: Time until which the adapter is unplugged [ns].
     """
@@ -173,7 +175,7 @@ class BusFaults:
     def take(
         self, source: Source, frame: WireFrame, now_ns: int, *, from_master: bool
     ) -> list[Queued]:
-        """Return the frames that replace a frame passed to the bus, and additional frames."""
+        """Return the frames that replace a frame, and frames that other faults add now."""
         frame = frame._replace(time_ns=max(frame.time_ns, now_ns))
         self._cycles.observe(frame.can_id, frame.data[: frame.length])
         extra = self._begin(now_ns)
@@ -190,7 +192,7 @@ class BusFaults:
         return extra + queued
 
     def hold_up_ns(self) -> int:
-        """Return the delay of the computer's next wake-up by a fault [ns]."""
+        """Return the time by which a fault delays the computer's next wake-up [ns]."""
         if not self._holds:
             return 0
         hold = self._holds[0]

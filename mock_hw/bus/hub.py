@@ -1,4 +1,4 @@
-"""`CanHub`: the simulated CAN bus between its clients, in lock-step or in real time."""
+"""`CanHub`: simulated CAN bus that connects its clients, in lock-step or in real time."""
 
 from __future__ import annotations
 
@@ -27,42 +27,42 @@ from mock_hw.bus.pace import PaceKeeper
 from mock_hw.bus.wire_time import ERROR_FLAG
 
 AFTER_RUN_NS = 2_000_000_000
-"""Duration of lock-step time at the wall clock's pace after the last master has left [ns]."""
+"""Simulated time that still passes, at the pace of real time, after the last master has left
+[ns]."""
 
 _LONGEST_BURST_NS = 1_000_000
 _LONGEST_AGO_NS = 1_000_000
 _LONGEST_SELECT_S = 3600.0
-_LONGEST_WAIT_NS = 24 * 3600 * 10**9  # a longer wait is a mistake of the client
+_LONGEST_WAIT_NS = 24 * 3600 * 10**9  # a longer wait is an error of the client
 _BUS_OFF = ERROR_FLAG | 0x40
 
 
 class CanHub:
-    """A CAN bus between its clients: a `SimulatedDevice` on the computer's clock.
+    """A CAN bus that connects its clients; it is a `SimulatedDevice` on the computer's clock.
 
-    A client is a member of the hub: another process behind a socket, or in lock-step the devices in
-    this process (`EmbeddedClient`).
+    A client is another process, connected by a socket, or, in lock-step, the hub's own process.
 
-    In real time, a frame is forwarded when its transmission time is over. A device gives each frame
-    a time of sending. The transmission counts from this time if the bus was free then and the time
-    is recent, so that the computing time of a simulated device is not bus time.
+    In real time, a frame is delivered when its transmission time is over. A device gives each frame
+    a time of sending. If it is recent and the bus was free then, the transmission starts at this
+    time, so that the computing time of a device does not delay its frames.
 
-    In lock-step, the hub owns the time. It is a conservative discrete-event simulation: time moves
-    to the next event only while every master and device waits. Order and times therefore depend
-    only on the frames. After the last master has left, time continues at the wall clock's pace for
-    `AFTER_RUN_NS`, so that drives detect the loss of their master. Then it stands still; the next
-    master always joins at this time.
+    In lock-step, the hub controls simulated time, as a conservative discrete-event simulation: time
+    moves to the next event only while every master and device waits. Therefore order and times of
+    events depend only on the frames. After the last master has left, simulated time continues at
+    the pace of real time for `AFTER_RUN_NS`, so that the drives detect this. Then it stands still;
+    the next master always joins at this time.
 
     Args:
         listener: A listening SEQPACKET socket; closed by `close`.
         bitrate: Nominal bit rate [bit/s].
         realtime: True for real time, False for lock-step.
-        pace: Largest number of simulated seconds per second, in lock-step with a master.
+        pace: In lock-step with a master, most simulated seconds per second; None for no limit.
         channel: Name of the bus in the log.
-        log: File for all frames in candump's format; in real time with seconds since 1970.
+        log: File for all frames in candump's format; in real time, times are seconds since 1970.
         faults: Faults of the bus; None for no faults.
 
     Attributes:
-        next_s: Time of the bus's next action of its own, as of the last `advance` [s].
+        next_s: Time of the bus's next action, computed by the last `advance` [s].
     """
 
     def __init__(
@@ -104,10 +104,10 @@ class CanHub:
                 return
 
     def advance(self, until_s: float) -> None:
-        """Do all bus actions that are due until `until_s` [s, CLOCK_MONOTONIC].
+        """Do all actions of the bus that are due by `until_s` [s, CLOCK_MONOTONIC].
 
-        In lock-step, do all actions that are possible before a client must send something, at the
-        pace if one is set.
+        In lock-step, do all actions that are possible until a client must send something, at most
+        at the pace.
         """
         until_ns = round(until_s * 1e9)
         if self._realtime:
@@ -116,14 +116,14 @@ class CanHub:
             self._advance_lockstep(until_ns)
 
     def receive(self, fds: Sequence[int], until_s: float) -> list[int]:
-        """Wait for clients, at most until the bus's next action, and process what they send.
+        """Wait for packets of clients, at most until the bus's next action, and process them.
 
         Args:
-            fds: File descriptors that also end the wait; they go first.
+            fds: File descriptors that end the wait; they are checked before the clients.
             until_s: Latest end of the wait [s, CLOCK_MONOTONIC].
 
         Returns:
-            The readable ones of `fds`; if there are any, no client was read.
+            The members of `fds` that are readable; if there are any, no client was read.
         """
         wait_s = min(max(0.0, min(self.next_s, until_s) - time.monotonic()), _LONGEST_SELECT_S)
         waiting: list[int | socket.socket | SocketMember]
@@ -139,7 +139,7 @@ class CanHub:
         return []
 
     def add_devices(self, member: HubMember) -> None:
-        """Let the devices of this process join; time stands still until their first wait."""
+        """Add the devices of this process; simulated time stands still until their first wait."""
         self._add(member)
         member.role = HubRole.DEVICE
         self._welcome(member)
@@ -147,7 +147,7 @@ class CanHub:
     def begin_wait(
         self, member: HubMember, frames: Iterable[WireFrame], until_ns: int, *, on_frames: bool
     ) -> None:
-        """Queue frames of a member, which then waits for a time or, if wanted, for frames."""
+        """Queue a member's frames; begin its wait until `until_ns` or, optionally, for frames."""
         now_ns = time.monotonic_ns() if self._realtime else self._now_ns
         for frame in frames:
             self._queue(member, frame, now_ns)
@@ -185,7 +185,7 @@ class CanHub:
     # Lock-step
 
     def _advance_lockstep(self, until_ns: int) -> None:
-        """Advance the time while all clients wait."""
+        """Advance simulated time while all masters and devices wait."""
         self.next_s = math.inf
         while self._busy == 0:
             next_ns = self._wire.next_ns
@@ -209,13 +209,13 @@ class CanHub:
         self._send_frames(observers_only=True)
 
     def _is_later(self, pace: PaceKeeper, next_ns: int, until_ns: int) -> bool:
-        """Return True if an event is later than `until_ns`; store its time in `next_s`."""
+        """Return True if the pace delays an event beyond `until_ns`; set `next_s` to its time."""
         if (wall_ns := pace.wall_ns(next_ns, until_ns)) > until_ns:
             self.next_s = wall_ns * 1e-9
         return wall_ns > until_ns
 
     def _handle_event(self) -> None:
-        """Do the due actions: end a frame, wake clients, then start the next frame."""
+        """Do the actions that are due now: end a frame, wake clients, start the next frame."""
         wire, now_ns = self._wire, self._now_ns
         over = False
         if wire.sending and wire.next_ns <= now_ns:
@@ -270,7 +270,7 @@ class CanHub:
                 self._send_inbox(member, PacketKind.FRAMES)
 
     def _send_inbox(self, member: HubMember, kind: PacketKind, flag: int = 0) -> None:
-        """Send a member its frames; drop the frames of a member that does not read."""
+        """Send a member its frames; disconnect a master or device that does not read."""
         try:
             member.send(kind, flag, self._now_ns)
         except BlockingIOError:
@@ -351,7 +351,7 @@ class CanHub:
                     self._drop(each_member)
 
     def _send_to_masters(self, frame: WireFrame) -> None:
-        """Send every master a frame of its own adapter at once."""
+        """Send every master an error frame from its adapter, without transmission on the bus."""
         for member in self._members.values():
             if member.role == HubRole.MASTER:
                 member.inbox.append(frame)

@@ -1,4 +1,4 @@
-"""`HubClient`: a client's connection to the simulated CAN bus, and its time."""
+"""`HubClient`: a client's connection to the hub of a simulated CAN bus."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ from mock_hw.bus.hub_protocol import (
 
 
 class HubClient:
-    """A connection to the hub.
+    """A connection to the hub of a simulated CAN bus.
 
-    In lock-step, the time of a master or device stands still except during `wait`, which lets it
-    advance until the awaited event; frames passed to `post` are sent with the next `wait`.
+    In lock-step, simulated time advances only while all masters and devices are in `wait`. Frames
+    that are passed to `post` are sent at the next `wait`.
 
     Args:
         path: Socket of the hub.
-        role: Role of the client. Observers never stop lock-step time, and wait in real time.
-        urgent: Identifiers whose frames end any wait at once. Other frames end a wait with
-            `on_frames` when the bus becomes idle, so that a burst of frames causes at most one
-            wake-up.
-        timeout_s: Timeout for the hub's welcome [s].
+        role: Role of the client. An observer never stops simulated time, and waits in real time.
+        urgent: Identifiers whose frames end every wait immediately. Other frames end a wait only if
+            `on_frames` is True, and only when the bus becomes idle, so that a burst of frames ends
+            one wait only.
+        timeout_s: Longest wait for the hub's first answer (WELCOME) [s].
         own_frames: True to receive the client's own frames after their transmission, with port
             `OWN_PORT`.
 
@@ -47,7 +47,7 @@ class HubClient:
         now_ns: Present time [ns]: simulated, or CLOCK_MONOTONIC at the last `wait`.
 
     Raises:
-        TransportError: No hub serves the socket.
+        TransportError: No hub listens at the socket.
     """
 
     def __init__(
@@ -93,11 +93,11 @@ class HubClient:
         return self._socket.fileno()
 
     def post(self, can_id: int, data: bytes, length: int, port: int = 0, time_ns: int = 0) -> None:
-        """Put a frame into the outbox, to be transmitted not before `time_ns`."""
+        """Put a frame into the outbox; its transmission starts at `time_ns` or later."""
         self._outbox.append(FRAME.pack(time_ns, can_id, length, port, data))
 
     def send(self, can_id: int, data: bytes, length: int) -> None:
-        """Send one frame to the hub at once, without the outbox; callable from any thread.
+        """Send one frame to the hub immediately, without the outbox; callable from any thread.
 
         Raises:
             TransportError: The hub has ended.
@@ -108,7 +108,7 @@ class HubClient:
             raise self._lost(str(error)) from error
 
     def send_all(self, frames: Iterable[tuple[int, bytes | bytearray]]) -> None:
-        """Send data frames (identifier and data) to the hub at once, in one packet.
+        """Send data frames (identifier and data) to the hub immediately, in one packet.
 
         Raises:
             TransportError: The hub has ended.
@@ -120,10 +120,10 @@ class HubClient:
             raise self._lost(str(error)) from error
 
     def take_all(self, timeout_s: float) -> list[tuple[int, int, int, int, bytes]]:
-        """Return all frames that have arrived, in real time, as plain `WireFrame` fields.
+        """Return all frames that have arrived, in real time, as tuples like `WireFrame`.
 
-        The call waits at most `timeout_s` [s] for the first frame. The hub transmits classic CAN
-        only, so frames are not checked again.
+        The call waits at most `timeout_s` [s] for the first frame. The frames are not checked,
+        because the hub transmits only classic CAN frames.
 
         Raises:
             TransportError: The hub has ended.
@@ -142,7 +142,7 @@ class HubClient:
                     timeout_s = 0.0
                     continue
                 if count == 0:
-                    if frames:  # the next call raises
+                    if frames:  # the next call raises the error
                         return frames
                     raise self._lost("connection closed")
                 frames += FRAME.iter_unpack(buffer[HEADER.size : count])
@@ -150,11 +150,11 @@ class HubClient:
             raise self._lost(str(error)) from error
 
     def wait(self, until_ns: int = FOREVER_NS, on_frames: bool = True) -> list[WireFrame]:
-        """Send the outbox and let time advance until `until_ns`, or until frames arrive.
+        """Send the outbox; wait until `until_ns`, or until frames arrive.
 
         Returns:
-            Frames on the bus meanwhile, oldest first; data padded to 8 bytes. In real time frames
-            always end the wait.
+            Frames that were on the bus during the wait, oldest first; data padded to 8 bytes. In
+            real time, every frame ends the wait.
 
         Raises:
             TransportError: The hub has ended.
@@ -165,14 +165,14 @@ class HubClient:
         return self.end_wait()
 
     def begin_wait(self, until_ns: int = FOREVER_NS, on_frames: bool = True) -> None:
-        """Do the first half of a lock-step `wait`: from now on this client does not stop time."""
+        """Do the first half of a lock-step `wait`: this client no longer stops simulated time."""
         self._number = (self._number + 1) & 0xFFFFFFFF
         self._transmit(pack(PacketKind.IDLE, on_frames, self._number, until_ns))
 
     def end_wait(self) -> list[WireFrame]:
-        """Do the second half of a lock-step `wait`: return at its end.
+        """Do the second half of a lock-step `wait`: return the frames when the wait is over.
 
-        Answers to earlier, interrupted waits are ignored.
+        The ends of earlier waits that were interrupted are ignored.
         """
         frames: list[WireFrame] = []
         while True:
@@ -184,7 +184,7 @@ class HubClient:
                 return frames
 
     def close(self) -> None:
-        """Send the outbox if the hub still exists, and disconnect."""
+        """Send the outbox, if the hub still exists; then disconnect."""
         with contextlib.suppress(TransportError):
             self._flush()
         self._socket.close()
@@ -200,7 +200,7 @@ class HubClient:
                 frames += unpack_frames(self._receive(), errors=True)
                 timeout_s = 0.0
         except TransportError:
-            if not frames:  # otherwise the next call raises
+            if not frames:  # else the next call raises the error
                 raise
         except ValueError as error:
             raise self._lost("this connection is closed") from error

@@ -1,4 +1,4 @@
-"""`HubMember`, `SocketMember`: a client as the hub knows it."""
+"""`HubMember`, `SocketMember`: the hub's data about one client."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ _BUFFER_BYTES = 1 << 20
 
 
 class HubMember(ABC):
-    """What a client waits for, and the frames that it has not received yet.
+    """The hub's data about one client: its wait, and the frames for it that are not sent yet.
 
     Attributes:
-        key: Number of the member, in the order of joining.
-        role: Role of the client; None before it has introduced itself.
-        urgent: Identifiers whose frames end any wait at once.
+        key: Number of the client, in the order in which clients connect.
+        role: Role of the client; None until the client has sent HELLO.
+        urgent: Identifiers whose frames end every wait immediately.
         own_frames: True if the client receives its own frames after their transmission.
         idle: True while the client waits.
         due_ns: Time at which the wait ends [ns].
         on_frames: True if frames end the wait.
-        inbox: Frames since the last `send`.
+        inbox: Frames for the client since the last `send`.
     """
 
     def __init__(self) -> None:
@@ -46,14 +46,14 @@ class HubMember(ABC):
 
     @abstractmethod
     def send(self, kind: PacketKind, flag: int, now_ns: int) -> None:
-        """Send the frames of the inbox; the hub then empties the inbox.
+        """Send the frames of the inbox to the client; the hub then empties the inbox.
 
         Args:
             kind, flag: As for `hub_protocol.pack`.
             now_ns: The present time [ns].
 
         Raises:
-            OSError: The client has gone or does not read.
+            OSError: The client has disconnected, or does not read.
         """
 
     @abstractmethod
@@ -62,10 +62,10 @@ class HubMember(ABC):
 
 
 class SocketMember(HubMember):
-    """A client in another process, behind a SEQPACKET socket.
+    """A client in another process, connected by a SEQPACKET socket.
 
     Attributes:
-        number: Number of the client's last IDLE.
+        number: Number of the client's last IDLE packet.
     """
 
     def __init__(self, connection: socket.socket) -> None:
@@ -80,7 +80,7 @@ class SocketMember(HubMember):
         return self._socket.fileno()
 
     def receive(self) -> bytes:
-        """Return the next packet; empty if the client has closed the connection.
+        """Return the client's next packet; empty if the client has closed the connection.
 
         Raises:
             OSError: There is no packet, or the connection is broken.
@@ -88,7 +88,7 @@ class SocketMember(HubMember):
         return self._socket.recv(PACKET_BYTES)
 
     def send(self, kind: PacketKind, flag: int, now_ns: int) -> None:
-        """Send the frames in as many packets as they need; the last one has the kind."""
+        """Send the frames in as many packets as necessary; only the last packet is of `kind`."""
         packed = [FRAME.pack(*frame) for frame in self.inbox]
         while len(packed) > FRAMES_PER_PACKET:
             some, packed = packed[:FRAMES_PER_PACKET], packed[FRAMES_PER_PACKET:]

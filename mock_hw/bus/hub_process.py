@@ -1,4 +1,4 @@
-"""The hub with its socket, and as a process: its signals, and its end after its parent process."""
+"""The hub's listening socket, and the hub as a process, with its signals and its end."""
 
 from __future__ import annotations
 
@@ -26,7 +26,8 @@ from mock_hw.host.device_process import (
 from mock_hw.host.runtime_directory import folder_in_use
 
 LINGER_NS = 3_000_000_000
-"""Time that the hub continues after the end of its parent process, so that drives can stop [ns]."""
+"""Time for which the hub continues after the end of its parent process, so that the drives can
+detect this and stop [ns]."""
 
 
 @dataclass(frozen=True)
@@ -39,8 +40,8 @@ class HubSettings:
         realtime: True for real time, False for lock-step.
         channel: Name of the bus in the log.
         log: File for all frames; None for no file.
-        private_folder: True if the socket's folder belongs to this bus alone and is removed at the
-            end.
+        private_folder: True if the socket's folder contains only this bus; the folder is then
+            removed at the end.
         faults: Faults of the bus.
         nodes: Node ids of the drives, by joint.
         master: Node id of the computer.
@@ -60,9 +61,10 @@ class HubSettings:
 
 
 def serve_hub(settings: HubSettings, ready: Connection) -> None:
-    """Serve a bus until SIGTERM, or until some seconds after the end of the parent process.
+    """Run a hub until SIGTERM, or until some seconds after the end of the parent process.
 
-    The function sends None through `ready` when clients can connect, or the text of an error.
+    When clients can connect, the function sends None through `ready`; after an error, it sends the
+    error's text.
     """
     leave_signals_to_parent()
     stop_fd = catch_terminate()
@@ -83,7 +85,7 @@ def serve_hub(settings: HubSettings, ready: Connection) -> None:
 
 @contextlib.contextmanager
 def open_hub(settings: HubSettings) -> Iterator[CanHub]:
-    """Listen at the hub's path and yield the hub; close both at the end.
+    """Listen at the hub's path and yield the hub; close socket and hub at the end.
 
     Raises:
         TransportError: The path cannot be used.
@@ -127,10 +129,10 @@ def _run(hub: CanHub, stop_fd: int) -> None:
 
 @contextlib.contextmanager
 def listening_socket(path: Path) -> Iterator[socket.socket]:
-    """Open a SEQPACKET socket that listens at `path`; remove the path at the end.
+    """Yield a SEQPACKET socket that listens at `path`; close it and remove the path at the end.
 
     Raises:
-        TransportError: Another process serves the path, or the socket cannot be created.
+        TransportError: Another process listens at the path, or the socket cannot be created.
     """
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     try:
@@ -160,7 +162,7 @@ def listening_socket(path: Path) -> Iterator[socket.socket]:
 
 
 def _remove_stale(path: Path) -> None:
-    """Remove the socket of a killed hub; refuse a socket that answers."""
+    """Remove the socket file of a killed hub; raise an error if a hub still listens at it."""
     if not path.is_socket():
         return
     with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as probe:

@@ -1,17 +1,18 @@
 """Protocol between the CAN hub and its clients.
 
-A packet is a header and any number of frames. It is one message of a local SEQPACKET socket, so it
-arrives completely or not at all.
+A packet consists of a header and any number of frames. It is one message on a local SEQPACKET
+socket, so it arrives completely or not at all. A line of the table is: sender, kind of packet,
+content.
 
-    client  HELLO    role; identifiers that wake the client at once
-    hub     WELCOME  lock-step or real time, and the present time
-    client  SEND     frames to be sent now
-    client  IDLE     as SEND; the client then waits until `time_ns` (or, if requested, for a frame)
+    client  HELLO    the client's role, and its urgent identifiers
+    hub     WELCOME  answer to HELLO: lock-step or real time, and the present time
+    client  SEND     frames to transmit
+    client  IDLE     frames to transmit; the client then waits until `time_ns` or for frames
     hub     FRAMES   frames that were on the bus
-    hub     WAKE     as FRAMES, as the answer to the IDLE of the same number; time is `time_ns`
+    hub     WAKE     end of the wait of the IDLE with the same number: frames, and the present time
 
-In lock-step the hub advances time only while every master and device is idle. In real time clients
-send only `SEND`.
+In lock-step the hub advances time only while every master and device waits. In real time clients
+send no IDLE.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ FRAME = struct.Struct("<qIBB2x8s")
 
 FRAMES_PER_PACKET = 1024
 OWN_PORT = 255
-"""Port of a frame that its sender receives back."""
+"""Value of `port` in the copy of a frame that its own sender receives."""
 
 PACKET_BYTES = HEADER.size + FRAMES_PER_PACKET * FRAME.size
 
@@ -52,7 +53,7 @@ class PacketKind(IntEnum):
 
 
 class HubRole(IntEnum):
-    """Role of a client: masters and devices stop lock-step time during work, observers never."""
+    """Role of a client: all except observers stop simulated time while they work."""
 
     MASTER = 1
     DEVICE = 2
@@ -60,29 +61,29 @@ class HubRole(IntEnum):
 
 
 def protocol_violation(problem: str) -> ProtocolError:
-    """Return the error for a packet that violates the hub's protocol."""
+    """Return the error for a packet that does not follow the hub's protocol."""
     return ProtocolError(f"CAN hub: {problem}", code="RID-MOCK-PROTOCOL")
 
 
 def pack(kind: PacketKind, flag: int = 0, number: int = 0, time_ns: int = 0) -> bytes:
-    """Return a header.
+    """Return the header of a packet.
 
     Args:
         kind: Kind of the packet.
-        flag: HELLO: the role. WELCOME: 1 in lock-step. IDLE: 1 if frames wake the client.
-        number: Number of an IDLE, and of the WAKE that answers it. HELLO: 1 to receive own frames.
-        time_ns: WELCOME, WAKE: the present time. IDLE: time until which the client waits.
+        flag: HELLO: role of the client. WELCOME: 1 in lock-step. IDLE: 1 if frames end the wait.
+        number: IDLE and WAKE: number of the wait. HELLO: 1 if the client receives its own frames.
+        time_ns: WELCOME and WAKE: the present time. IDLE: time until which the client waits [ns].
     """
     return HEADER.pack(kind, flag, number, time_ns)
 
 
 def pack_identifiers(identifiers: Iterable[int]) -> bytes:
-    """Return the body of a HELLO: standard identifiers, two bytes each."""
+    """Return the body of a HELLO packet: standard identifiers, two bytes each."""
     return b"".join(identifier.to_bytes(2, "little") for identifier in identifiers)
 
 
 def unpack_identifiers(body: bytes | memoryview) -> frozenset[int]:
-    """Return the identifiers in the body of a HELLO."""
+    """Return the identifiers in the body of a HELLO packet."""
     return frozenset(
         int.from_bytes(body[start : start + 2], "little") for start in range(0, len(body), 2)
     )
@@ -104,7 +105,7 @@ def unpack_frames(packet: bytes | memoryview, *, errors: bool = False) -> list[W
     """Return the frames of a packet; their data are padded to 8 bytes.
 
     Args:
-        errors: True to accept error frames, which the hub sends to clients for their adapter.
+        errors: True to accept error frames, by which the hub reports errors of a client's adapter.
 
     Raises:
         ProtocolError: The packet ends within a frame, or a frame is not classic CAN.

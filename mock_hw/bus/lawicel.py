@@ -1,9 +1,9 @@
 """`LawicelAdapter`: the adapter's side of LAWICEL's ASCII protocol ("slcan").
 
-The commands are those of LAWICEL's CANUSB manual: S and s set the bit rate, O and L open, C closes,
-t T r R transmit, F V N are queries, Z switches time stamps, M and m set filters. Each command ends
-with CR. The answer is CR, or BELL if the command is refused. Frames from the bus have the same
-format as transmit commands.
+The commands are those of LAWICEL's CANUSB manual: S and s set the bit rate; O and L open the
+channel, C closes it; t, T, r and R transmit a frame; F, V and N are queries; Z switches time stamps
+on or off; M and m set filters. Each command ends with CR. The adapter answers with CR, or with BELL
+if it refuses the command. Frames from the bus have the format of the transmit commands.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ BIT_RATES = (10_000, 20_000, 50_000, 100_000, 125_000, 250_000, 500_000, 800_000
 VERSION, SERIAL_NUMBER = b"V1013\r", b"NA123\r"
 OVERRUN = 0x08
 
-_LONGEST_COMMAND = 27  # Tiiiiiiiildd..., without its CR
+_LONGEST_COMMAND = 27  # Tiiiiiiiildd..., without CR
 _TRANSMIT = re.compile(
     rb"(?:t([0-7][0-9A-F]{2})|T([01][0-9A-F]{7}))([0-8])((?:[0-9A-F]{2}){0,8})"
     rb"|(?:r([0-7][0-9A-F]{2})|R([01][0-9A-F]{7}))([0-8])",
@@ -29,7 +29,7 @@ _SETTINGS = re.compile(rb"s[0-9A-F]{4}|[Mm][0-9A-F]{8}", re.IGNORECASE)
 
 
 class AdapterFrame(NamedTuple):
-    """A frame on the adapter's bus; `can_id` contains SocketCAN's flags."""
+    """A frame on the adapter's bus; `can_id` contains the flags of SocketCAN."""
 
     can_id: int
     length: int
@@ -37,16 +37,17 @@ class AdapterFrame(NamedTuple):
 
 
 class LawicelAdapter:
-    """An adapter on a bus with a fixed bit rate.
+    """A simulated adapter on a bus with a fixed bit rate.
 
     Args:
         bit_rate: Bit rate of the bus [bit/s]. If the adapter is opened with another bit rate, it
             receives and sends nothing.
-        now_ms: Returns the time for time stamps of received frames [ms].
+        now_ms: Function that returns the time for the time stamps of received frames [ms].
 
     Attributes:
         open: True if the channel is open.
-        overrun: True if bytes for the computer were lost; the command F returns and clears it.
+        overrun: True if bytes for the computer were lost; the command F reports and clears this
+            flag.
     """
 
     def __init__(self, bit_rate: int, now_ms: Callable[[], int]) -> None:
@@ -70,7 +71,7 @@ class LawicelAdapter:
         return bytes(answers), frames
 
     def encode(self, frame: AdapterFrame) -> bytes:
-        """Return a bus frame as bytes for the computer; empty if the channel is closed."""
+        """Return the bytes of a bus frame for the computer; empty if the channel is closed."""
         if not (self.open and self._rate == self._bus_rate):
             return b""
         letter, number = "t", f"{frame.can_id & STANDARD_MASK:03X}"
@@ -99,7 +100,7 @@ class LawicelAdapter:
         return OK if not self.open and self._set_up(command) else REFUSED
 
     def _set_up(self, command: bytes) -> bool:
-        """Execute a command for a closed channel; return True if the command is one of these."""
+        """Execute a command that requires a closed channel; return True if it was valid."""
         if command in (b"O", b"L"):
             if self._rate is None:
                 return False
@@ -112,7 +113,7 @@ class LawicelAdapter:
         elif not _SETTINGS.fullmatch(command):
             return False
         elif command[:1] == b"s":
-            self._rate = self._bus_rate  # sets registers of a chip, which is not simulated
+            self._rate = self._bus_rate  # its bit-timing registers are not simulated
         return True
 
     def _transmit(self, command: bytes, frames: list[AdapterFrame]) -> bytes:

@@ -19,19 +19,19 @@ from mock_hw.bus.lawicel import AdapterFrame, LawicelAdapter
 from mock_hw.bus.wire_time import REMOTE_FLAG, STANDARD_MASK
 
 _READ_BYTES = 4096
-_MEMORY_BYTES = 3072  # the terminal's 4 kB are never filled: only they can be discarded
+_MEMORY_BYTES = 3072  # below the terminal's 4 kB; more could not be discarded
 
 
 class LawicelPort:
-    """The bus for the devices behind the adapter; see `drivers.ports.can_ports.FramePort`.
+    """CAN bus of the simulated devices behind the adapter; a `drivers.ports.can_ports.FramePort`.
 
-    The process also holds the computer's end of the port open, so that computers can connect and
-    disconnect. Bytes that a computer has not read are discarded when the channel is opened or
-    closed.
+    This process keeps the computer's end of the pseudo-terminal open too, so that programs can
+    connect and disconnect. Bytes that a program has not read are discarded when it opens or closes
+    the channel.
 
     Args:
-        path: Path at which the computer opens the adapter; a link to the pseudo-terminal is created
-            there.
+        path: Path at which programs open the adapter; a symbolic link to the pseudo-terminal is
+            created there.
         bit_rate: Bit rate of the bus [bit/s].
 
     Raises:
@@ -55,18 +55,18 @@ class LawicelPort:
                 raise
         except OSError as error:
             raise TransportError(
-                f"{path}: cannot make an slcan adapter here ({error})", code="RID-SOCKET-PATH"
+                f"{path}: cannot create an slcan adapter here ({error})", code="RID-SOCKET-PATH"
             ) from None
         os.set_blocking(self._fd, False)
         self._poll = select.poll()
         self._poll.register(self._fd, select.POLLIN)
 
     def fileno(self) -> int:
-        """Return the descriptor to wait for."""
+        """Return the file descriptor to wait for."""
         return self._fd
 
     def send_frames(self, frames: Sequence[tuple[int, bytes | bytearray]]) -> None:
-        """Put frames of devices on the bus; a computer that reads too late loses them."""
+        """Send frames of the devices to the computer; they are lost if it reads too slowly."""
         encode = self._adapter.encode
         self._write(
             b"".join(
@@ -75,7 +75,7 @@ class LawicelPort:
         )
 
     def receive_frames(self, timeout_s: float) -> Sequence[Arrival] | None:
-        """Return the computer's frames; None if no byte arrives within `timeout_s` [s]."""
+        """Return the frames that the computer sends; None if no byte arrives in `timeout_s` [s]."""
         if not self._poll.poll(max(timeout_s, 0.0) * 1000.0):
             return None
         was_open = self._adapter.open
@@ -96,7 +96,7 @@ class LawicelPort:
         os.close(self._fd)
 
     def _write(self, data: bytes) -> None:
-        """Write lines; if the adapter's memory is full, lose all of them."""
+        """Write lines to the computer; lose them if the adapter's memory is full."""
         if not data:
             return
         if len(data) + _unread_bytes(self._other) > _MEMORY_BYTES:
@@ -106,9 +106,10 @@ class LawicelPort:
 
 
 def _unread_bytes(descriptor: int) -> int:
-    """Return the number of bytes that a terminal's reader has not read.
+    """Return the number of bytes that the program at the terminal has not read.
 
-    Linux's own slcan driver reads every byte at once, and its line discipline has no such request.
+    It is 0 if Linux's slcan driver is the reader: it reads all bytes immediately, and its line
+    discipline does not support this request.
     """
     try:
         count = fcntl.ioctl(descriptor, termios.FIONREAD, bytes(4))

@@ -1,4 +1,4 @@
-"""`PaceKeeper`: conversion of simulated time to wall-clock time at a given pace."""
+"""`PaceKeeper`: conversion of simulated time to wall-clock time, with a limited pace."""
 
 from __future__ import annotations
 
@@ -8,13 +8,14 @@ CATCHES_UP_NS: Final = 50_000_000
 
 
 class PaceKeeper:
-    """Converts simulated time to wall-clock time, at a number of simulated seconds per second.
+    """Converts simulated time to the wall-clock time at which it may be reached.
 
-    A delay of up to `CATCHES_UP_NS` is caught up, so that the pace is kept on average. After a
-    longer delay, time continues from there at the normal pace.
+    After a delay of up to `CATCHES_UP_NS`, simulated time runs faster until it has caught up, so
+    that the average pace is kept. A longer delay is not caught up: time continues at the normal
+    pace.
 
     Args:
-        rate: Simulated seconds per second; None for no limit.
+        rate: Pace: simulated seconds per second; None for no limit.
     """
 
     def __init__(self, rate: float | None) -> None:
@@ -22,11 +23,11 @@ class PaceKeeper:
         self._wall_ns = self._simulated_ns = 0
 
     def begin(self, wall_ns: int, simulated_ns: int) -> None:
-        """Set the simulated time [ns] that corresponds to a time on CLOCK_MONOTONIC [ns]."""
+        """Start at a simulated time [ns] that corresponds to a time on CLOCK_MONOTONIC [ns]."""
         self._wall_ns, self._simulated_ns = wall_ns, simulated_ns
 
     def wall_ns(self, simulated_ns: int, now_ns: int) -> int:
-        """Return the wall-clock time of a simulated time [ns].
+        """Return the time on CLOCK_MONOTONIC that corresponds to a simulated time [ns].
 
         Args:
             now_ns: Present time on CLOCK_MONOTONIC [ns].

@@ -1,4 +1,4 @@
-"""Buses other than `rid_sim` on which simulated devices are served: their names and locks."""
+"""Names and locks of buses on which a process runs simulated devices."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ ONE_PROCESS = "virtual"
 
 
 def served_name(cell: CellConfig) -> str:
-    """Return the name of the files next to a served cell: that of its channel, or of the cell."""
+    """Return the name of a simulated cell's files: its channel on `rid_sim`, else its own name."""
     if cell.can.interface == SIMULATED:
         return cell.can.channel
     return cell.name
 
 
 def adapter_path(channel: str) -> Path:
-    """Return the path of an slcan adapter: a path unchanged, a plain name in the runtime folder.
+    """Return an adapter's path: `channel` itself, or for a name, a path in the runtime folder.
 
     Raises:
         TransportError: The runtime folder cannot be used.
@@ -36,7 +36,7 @@ def adapter_path(channel: str) -> Path:
 
 
 def with_served_channel(can: CanBusConfig) -> CanBusConfig:
-    """Return the bus with the channel at which it is served."""
+    """Return the bus with the channel at which programs open it."""
     if can.interface != "slcan":
         return can
     return can.model_copy(update={"channel": str(adapter_path(can.channel))})
@@ -44,10 +44,10 @@ def with_served_channel(can: CanBusConfig) -> CanBusConfig:
 
 @contextlib.contextmanager
 def hold_served_bus(can: CanBusConfig) -> Iterator[None]:
-    """Lock a bus for this process, which serves devices on it.
+    """Lock a bus for this process, which runs simulated devices on it.
 
     Raises:
-        TransportError: Another process serves devices on the bus.
+        TransportError: Another process runs simulated devices on the bus.
     """
     with contextlib.ExitStack() as stack:
         path = _lock_path(can)
@@ -67,7 +67,7 @@ def hold_served_bus(can: CanBusConfig) -> Iterator[None]:
 
 
 def is_bus_served(can: CanBusConfig) -> bool:
-    """Return True if a process of this user serves simulated devices on a bus."""
+    """Return True if a process of this user runs simulated devices on a bus."""
     return file_holder(_lock_path(can)) is not None
 
 

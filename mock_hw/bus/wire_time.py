@@ -1,8 +1,8 @@
-"""Transmission time of classic CAN frames, including the stuff bits of their contents.
+"""Transmission time of classic CAN frames, including their stuff bits.
 
-From the start bit to the CRC, a complementary bit is inserted after every five equal bits (ISO
-11898-1, 10.5); the rest has a fixed form. Tables for whole bytes make the exact count fast enough
-for every frame.
+From the start bit to the CRC, a complementary bit (stuff bit) is inserted after every five equal
+bits (ISO 11898-1, 10.5); the rest of a frame has a fixed form. Tables for whole bytes make the
+exact count fast enough to be done for every frame.
 """
 
 from __future__ import annotations
@@ -16,15 +16,16 @@ STANDARD_MASK = 0x7FF
 EXTENDED_MASK = 0x1FFF_FFFF
 
 INTERMISSION_BITS = 3
-"""Bits between the end of a frame, at which receivers have it, and the start of the next one."""
+"""Number of bits from the end of a frame, at which it is received, to the start of the next
+frame."""
 
-_FIXED_FORM_BITS = 10 + INTERMISSION_BITS  # CRC delimiter, acknowledge, its delimiter, end of frame
+_FIXED_FORM_BITS = 10 + INTERMISSION_BITS  # from the CRC delimiter on
 _CRC_POLYNOMIAL = 0x4599
-_STATES = 10  # value of the last bit, and its number of repetitions (1 to 5)
+_STATES = 10  # last bit (0 or 1) times its run length (1 to 5)
 
 
 def _feed(state: int, bits: int, count: int) -> tuple[int, int]:
-    """Return the number of stuff bits in `count` bits sent from `state`, and the state after."""
+    """Return the number of stuff bits for `count` bits after `state`, and the new state."""
     last, run = divmod(state, 5)
     run += 1
     stuffed = 0
@@ -52,7 +53,7 @@ _CRC_OF_BYTE = tuple(_crc(0, byte, 8) for byte in range(256))
 
 @lru_cache(maxsize=4096)
 def _header(can_id: int, length: int) -> tuple[int, int, int, int]:
-    """Return bits, stuff bits, stuffing state and CRC after the data length code."""
+    """Return number of bits, stuff bits, stuffing state and CRC up to the data length code."""
     remote = bool(can_id & REMOTE_FLAG)
     if can_id & EXTENDED_FLAG:
         identifier = can_id & EXTENDED_MASK
@@ -62,16 +63,16 @@ def _header(can_id: int, length: int) -> tuple[int, int, int, int]:
     else:
         bits = (can_id & STANDARD_MASK) << 7 | remote << 6 | length
         count = 19
-    # The dominant start bit is the leading zero; no bit was sent before it.
+    # The first zero of `bits` is the dominant start bit: it is state 0, before all other bits.
     stuffed, state = _feed(0, bits, count - 1)
     return count, stuffed, state, _crc(0, bits, count)
 
 
 def wire_bits(can_id: int, data: bytes, length: int | None = None) -> int:
-    """Return the number of bit times of a frame, including the intermission after it.
+    """Return the length of a frame in bit times, including the intermission after it.
 
     Args:
-        can_id: Identifier with SocketCAN's flags (`EXTENDED_FLAG`, `REMOTE_FLAG`).
+        can_id: CAN identifier with the flags of SocketCAN (`EXTENDED_FLAG`, `REMOTE_FLAG`).
         data: 0 to 8 bytes; empty in a remote frame.
         length: Data length code of a remote frame; None for the length of `data`.
     """
@@ -89,11 +90,11 @@ def wire_bits(can_id: int, data: bytes, length: int | None = None) -> int:
 
 @lru_cache(maxsize=4096)
 def arbitration_key(can_id: int) -> int:
-    """Return a number that is smaller for frames with higher priority.
+    """Return a number for comparing priorities: the lower number wins the arbitration.
 
-    It contains the bits of the arbitration field in the order of transmission. A data frame has
-    priority over a remote frame with the same identifier, and a standard frame over extended frames
-    that begin with the same bits.
+    The number consists of the bits of the arbitration field in the order of transmission. A data
+    frame has priority over a remote frame with the same identifier, and a standard frame over
+    extended frames that begin with the same bits.
     """
     remote = 1 if can_id & REMOTE_FLAG else 0
     if can_id & EXTENDED_FLAG:

@@ -1,4 +1,5 @@
 """A simulated CiA 402 drive: objects, states, ramps, timeouts, faults.
 
-The drive is a function of frames and time; it has no bus and no clock. Begin with `drive.py`.
+The caller passes frames and times to the drive; it has no bus and reads no clock. Begin with
+`drive.py`.
 """

@@ -1,6 +1,6 @@
-"""`DrivenAxis`: commands of a drive to its motor, and measurements of the axis in its objects.
+"""`DrivenAxis`: commands of a drive to its motor; measured values of the axis in its objects.
 
-Drive and axis are connected only by an `AxisPort` and a `MotorCommand`.
+A drive reads its axis only through an `AxisPort`, and drives it only by `MotorCommand`s.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _INT32_MAX = 2**31 - 1
 
 
 class AxisPort(Protocol):
-    """Measurements of a drive's axis, in the drive's units."""
+    """Interface for the measured values of a drive's axis, in the drive's units."""
 
     @abstractmethod
     def position_counts(self) -> int:
@@ -39,13 +39,13 @@ class AxisPort(Protocol):
 
 
 class MotorCommand(NamedTuple):
-    """Command of a drive to its motor over an interval; without power the brake is closed.
+    """Command of a drive to its motor for an interval of time.
 
     Attributes:
         velocity_start: Velocity at the beginning [increments/s].
-        velocity_end: Velocity at the end [increments/s]; linear in between.
-        powered: True if the velocity loop runs.
-        torque_limit: Torque limit [rated torques].
+        velocity_end: Velocity at the end [increments/s]; it changes linearly during the interval.
+        powered: True if the velocity loop runs; if False, the brake is closed.
+        torque_limit: Torque limit, as a multiple of the rated torque.
     """
 
     velocity_start: float
@@ -57,13 +57,13 @@ class MotorCommand(NamedTuple):
 class FollowingError:
     """Following error: integral of the velocity demand minus the encoder position.
 
-    A velocity loop with an integral part keeps this difference small, because its integrator
-    contains it. Therefore a stalled, slipping or runaway axis shows in it quickly.
+    A velocity loop with integral action keeps this difference small. A stalled, slipping or runaway
+    axis therefore causes a large following error quickly.
 
     Attributes:
-        counts: Demand minus actual position, 60F4h [increments].
-        due_s: Time at which the error will have been outside the window for too long [s]; infinity
-            while it is inside.
+        counts: Integrated demand minus actual position, 60F4h [increments].
+        due_s: Time at which the error will have been outside the window (6065h) for too long
+            (6066h) [s]; infinity while it is inside.
     """
 
     def __init__(self, objects: ObjectDictionary, clock: DriveClock) -> None:
@@ -81,7 +81,7 @@ class FollowingError:
         self._outside_s = self.due_s = math.inf
 
     def follow(self, moved_counts: float, position_counts: int, now_s: float) -> None:
-        """Update the error with the demand's change and the position at `now_s` [s]."""
+        """Update the error after a move of the demand and a new position of the axis."""
         self._demand += moved_counts
         self.counts = self._demand - position_counts
         window = self._objects[od.FOLLOWING_ERROR_WINDOW]
@@ -95,13 +95,13 @@ class FollowingError:
 
 
 class DrivenAxis:
-    """The part of a drive that is connected to motor and encoder.
+    """The part of a simulated drive that is connected to the motor and the encoder.
 
     Args:
         objects: The drive's object dictionary.
         power: The drive's power stage, which computes the velocity demand.
-        port: The axis.
-        identity: The motor, and the units of the objects.
+        port: Measured values of the axis.
+        identity: Properties of the motor, and units of the objects.
         now_s: Switch-on time of the drive [s].
         clock: The drive's clock.
 
@@ -136,7 +136,7 @@ class DrivenAxis:
         self.following = FollowingError(objects, clock)
 
     def command(self, start_s: float, end_s: float) -> MotorCommand:
-        """Return the motor's command between two times [s] without events in between."""
+        """Return the motor's command for a time interval [s] without events."""
         power = self._power
         return MotorCommand(
             power.velocity_at(start_s) * self._counts_per_unit,
@@ -146,7 +146,7 @@ class DrivenAxis:
         )
 
     def observe(self, now_s: float) -> None:
-        """Update the following error with the position at `now_s` [s], after the axis has moved."""
+        """Update the following error after the axis has moved until `now_s` [s]."""
         power = self._power
         if power.powered:
             velocity = 0.5 * (power.velocity_at(self._moved_s) + power.velocity_at(now_s))
@@ -157,7 +157,7 @@ class DrivenAxis:
         self._moved_s = now_s
 
     def refresh(self) -> None:
-        """Write the present state of power stage and axis into the objects."""
+        """Write the present state of the power stage and the axis into the objects."""
         objects, port = self._objects, self._port
         objects[od.STATUSWORD] = self._power.statusword() | self._status_bits
         objects[od.MODE_DISPLAY] = objects[od.MODE]
@@ -170,7 +170,7 @@ class DrivenAxis:
 
 
 def _wrap(counts: int) -> int:
-    """Return a count as a 32-bit counter shows it."""
+    """Return a count wrapped to the range of signed 32-bit numbers."""
     (wrapped,) = struct.unpack("<i", struct.pack("<I", counts & 0xFFFF_FFFF))
     return int(wrapped)
 

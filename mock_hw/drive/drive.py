@@ -1,7 +1,7 @@
 """`SimulatedDrive`: a CiA 402 servo drive on a CANopen bus, as a function of frames and time.
 
 The drive has no bus, no clock and no robot. The caller passes frames and times in, and collects the
-frames that the drive sends. The measurements of the axis come through an `AxisPort`.
+frames that the drive sends. It reads the measured values of its axis through an `AxisPort`.
 """
 
 from __future__ import annotations
@@ -43,29 +43,30 @@ SYNC_ANSWER_S = 100e-6
 SDO_ANSWER_S = 300e-6
 
 _TARGETS = frozenset((od.TARGET_VELOCITY, *od.TARGET_OF.values()))
-_SYNC_PATIENCE = 1.5  # periods of 1006h without SYNC, as in CANopenNode
+_SYNC_PATIENCE = 1.5  # in periods (1006h), as in CANopenNode
 
 
 class SimulatedDrive:
-    """A servo drive.
+    """A simulated servo drive, which is a `SimulatedDevice`.
 
-    It is a `SimulatedDevice`. The caller calls `advance` at `next_s`, `receive` for every frame,
-    and `axis.observe` after every motion of the axis, all in the order of time. It sends the frames
+    The caller calls `advance` at `next_s`, `receive` for every frame on the bus, and `axis.observe`
+    after every motion of the axis, in the order of their times. The caller also sends the frames
     that `take_frames` returns.
 
     Args:
         identity: Address and fixed properties of the drive.
-        port: The drive's axis.
+        port: Measured values of the drive's axis.
         now_s: Switch-on time [s].
 
     Attributes:
         objects: Object dictionary.
         power: Power stage: the CiA 402 state machine.
-        axis: Commands to the motor, and measurements of the axis.
+        axis: Commands to the motor, and measured values of the axis.
         nmt: NMT state.
-        clock: Clock for all times of the drive.
-        beats: True if the drive sends its heartbeat; a fault may stop it.
-        watches: True if the drive reacts to the loss of its master.
+        clock: Clock by which the drive measures all its times.
+        beats: True if the drive sends its heartbeat; a simulated fault sets it to False.
+        watches: True if the drive reacts to the loss of its master; a simulated fault sets it to
+            False.
         ignores_quick_stop: True if a fault makes the drive ignore RPDOs that command a quick stop.
     """
 
@@ -98,7 +99,7 @@ class SimulatedDrive:
 
     @property
     def next_s(self) -> float:
-        """Time of the drive's next action of its own [s]."""
+        """Time of the drive's next action, if no frame arrives [s]."""
         due_s = min(
             self._boot_s,
             self._beat_s,
@@ -112,7 +113,7 @@ class SimulatedDrive:
         return due_s
 
     def advance(self, until_s: float) -> None:
-        """Do all actions that are due until `until_s` [s], and send PDOs of changed objects."""
+        """Do all actions that are due by `until_s` [s]; send PDOs whose objects changed."""
         self._do_due_actions(until_s)
         self._now_s = until_s
         self._send_changes()
@@ -154,18 +155,18 @@ class SimulatedDrive:
 
     @property
     def acts_on_arrival(self) -> bool:
-        """True if a PDO acts on arrival, so that frames cannot wait until the next SYNC."""
+        """True if an RPDO acts on arrival, so that its frames must not wait for the next SYNC."""
         return self._pdos.acts_on_arrival
 
     def only_stores(self, cob_id: int) -> bool:
-        """Return True if `receive` only stores this frame, independent of the axis's state."""
+        """Return True if `receive` only stores such a frame, independent of the axis's state."""
         pdo = self._pdos.received.get(cob_id)
         if pdo is not None:
             return pdo.synchronous
         return cob_id not in (NMT_COB_ID, SYNC_COB_ID, self._sdo_cob_id, self._guard_cob_id)
 
     def receive(self, frame: Frame, now_s: float) -> None:
-        """Process a frame that was on the bus at `now_s` [s]."""
+        """Process a frame whose transmission ended at `now_s` [s]."""
         if self.nmt is NmtState.INITIALISING:
             return
         self._now_s = now_s
@@ -191,7 +192,7 @@ class SimulatedDrive:
         self._send_changes()
 
     def take_frames(self) -> list[tuple[float, Frame]]:
-        """Return the frames to be sent, with the earliest time of each [s], and clear the list."""
+        """Return and clear the frames to send, each with its earliest transmission time [s]."""
         frames, self._outbox = self._outbox, []
         return frames
 
@@ -218,7 +219,7 @@ class SimulatedDrive:
                 self.power.abort_connection(self._now_s)
 
     def _reset(self, *, communication_only: bool) -> None:
-        """Reset the drive, or only its communication, which keeps a fault."""
+        """Reset the drive, or only its communication, by which a fault remains."""
         faulty = self.power.state in (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE)
         kept = communication_only and faulty
         self.power.switch_off(PowerState.FAULT if kept else PowerState.NOT_READY_TO_SWITCH_ON)
@@ -244,19 +245,19 @@ class SimulatedDrive:
     # ---- effects of faults -------------------------------------------------------------------
 
     def lose_supply(self, now_s: float) -> None:
-        """Lose supply and bus connection until `restore_supply`."""
+        """Simulate the loss of the supply: the drive is off until `restore_supply`."""
         self._now_s = now_s
         self.nmt = NmtState.INITIALISING
         self._reset(communication_only=False)
         self._boot_s = math.inf
 
     def restore_supply(self, now_s: float) -> None:
-        """Restore the supply, which boots the drive."""
+        """Restore the supply, so that the drive boots."""
         self._now_s = now_s
         self._boot_s = now_s + self.clock.true_duration_s(BOOT_S)
 
     def fail(self, code: int, now_s: float) -> None:
-        """Detect an internal fault, and react according to 605Eh."""
+        """Simulate an internal fault; the drive reacts according to 605Eh."""
         self._now_s = now_s
         self._fault(code)
 
@@ -277,7 +278,7 @@ class SimulatedDrive:
         self.power.fault(self._now_s)
 
     def _lose_master(self, code: int) -> None:
-        """React according to 6007h, and leave Operational if 1029h requires it."""
+        """React to a lost master by 6007h; leave NMT Operational if 1029h requires it."""
         if not self.watches:
             return
         self._send_emergency(self._errors.enter(code))

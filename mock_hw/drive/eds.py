@@ -1,4 +1,4 @@
-"""Electronic data sheet (EDS) of a simulated drive, for other tools and for the preflight."""
+"""Electronic data sheet (EDS) of a simulated drive, for the preflight and for other programs."""
 
 from __future__ import annotations
 
@@ -41,15 +41,15 @@ _BIT_RATES_KBIT_S = (10, 20, 50, 125, 250, 500, 800, 1000)
 
 
 def drive_eds(identity: SimulatedIdentity, file_name: str, created: datetime) -> str:
-    """Return the EDS of a simulated drive (CiA 306-1), with all its visible objects.
+    """Return the EDS of a simulated drive (CiA 306-1), with all objects that are not hidden.
 
-    Identifiers are relative to the node id, so that drives that differ only in it have equal EDS.
-    Rated torque, encoder and gear are those of the drive.
+    CAN identifiers are relative to the node id, so that drives that differ only in their node id
+    have the same EDS. Rated torque, encoder and gear are those of the drive.
 
     Args:
         identity: The drive.
-        file_name: Name of the file, which the EDS contains.
-        created: Creation time.
+        file_name: File name to write into the EDS.
+        created: Creation time to write into the EDS.
     """
     by_index = attrgetter("index")
     seen = [entry for entry in drive_entries(identity) if not entry.hidden]
@@ -145,7 +145,7 @@ def _variable_keys(entry: ObjectEntry, node_id: int) -> dict[str, object]:
 
 
 def _access(entry: ObjectEntry) -> Access:
-    """Return the access type, which also states the PDOs that may contain the object."""
+    """Return the access type in the EDS; `rww` means writable, also by an RPDO."""
     return "rww" if entry.access == "rw" and entry.mapping == "r" else entry.access
 
 

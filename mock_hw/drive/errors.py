@@ -29,7 +29,7 @@ class ErrorLog:
         self._active: set[int] = set()
 
     def enter(self, code: int) -> Emergency | None:
-        """Add an error and return its message; None if the error is already active."""
+        """Add an error; return its emergency message, or None if the error is already active."""
         if code in self._active:
             return None
         self._active.add(code)
@@ -43,7 +43,7 @@ class ErrorLog:
         return Emergency(code, self._register())
 
     def leave(self, code: int) -> Emergency | None:
-        """Remove an error; return the message if no error is active any more."""
+        """Remove an error; return the message `no error` if it was the last active error."""
         if code not in self._active:
             return None
         self._active.discard(code)
@@ -51,7 +51,7 @@ class ErrorLog:
         return None if self._active else Emergency(0, register)
 
     def reset(self) -> Emergency | None:
-        """Remove all errors, as a fault reset does; return the message if there were any."""
+        """Remove all errors, as a fault reset does; return `no error` if any was active."""
         any_active = bool(self._active)
         self._active.clear()
         self._objects[ERROR_CODE] = 0
@@ -59,7 +59,7 @@ class ErrorLog:
         return Emergency(0, register) if any_active else None
 
     def restore(self) -> None:
-        """Write the active errors again after a reset of the objects."""
+        """Write the active errors into the error register again, after a reset of the objects."""
         self._register()
 
     def clear_history(self) -> None:

@@ -1,7 +1,7 @@
-"""`DriveFaults`: executes the faults of a script on simulated drives, by frames and time.
+"""`DriveFaults`: starts and ends the faults of a script on simulated drives.
 
-The faults of the script's part `program` start by the same clock, so this module also announces
-their starts.
+Faults in the script's part `program` affect other processes, but their start times are times of the
+cell too. Therefore this module also announces when they start.
 """
 
 from __future__ import annotations
@@ -17,26 +17,26 @@ from mock_hw.host.fault_clock import CycleCount, FaultStart
 
 
 class _Due(NamedTuple):
-    """An action that is due at a time [s]."""
+    """An action at a time [s]."""
 
     time_s: float
     act: Callable[[float], None]
 
 
 class DriveFaults:
-    """Executes the `drives` part of a fault script, and announces the starts of its `program` part.
+    """Executes the `drives` part of a fault script, and announces when faults in `program` start.
 
     Args:
         script: The faults.
         joint_names: Names of the joints.
         drives: Drives in the order of the joints.
         now_s: Present time [s].
-        announce: Called with the number of a fault of the program when it starts.
+        announce: Called with the number of a fault in the part `program` when it starts.
 
     Attributes:
-        reversed: For each axis: True if it turns in the wrong direction.
-        blocked: For each axis: True if its brake stays closed.
-        stuck: For each axis: True if its encoder does not change.
+        reversed: For each axis, True while a fault makes it move in the wrong direction.
+        blocked: For each axis, True while a fault keeps its brake closed.
+        stuck: For each axis, True while a fault keeps its encoder value constant.
     """
 
     def __init__(
@@ -66,13 +66,13 @@ class DriveFaults:
         return min((*begins, *(due.time_s for due in self._due)), default=math.inf)
 
     def observe(self, frame: Frame, now_s: float) -> None:
-        """Process a frame before the drives do; faults of its cycle begin now."""
+        """Process a frame before the drives do; start the faults that begin in its cycle."""
         self._cycles.observe(frame.cob_id, frame.data)
         if self._coming or self._program:
             self.advance(now_s)
 
     def advance(self, until_s: float) -> None:
-        """Start and end all faults that are due by `until_s` [s]."""
+        """Start and end all faults whose time has come by `until_s` [s]."""
         now_s = until_s
         for due in [due for due in self._due if due.time_s <= now_s]:
             self._due.remove(due)

@@ -1,4 +1,4 @@
-"""`MasterWatch`: detection of a silent master by a simulated drive (CiA 301, 7.2.8.3)."""
+"""`MasterWatch`: detects in a simulated drive that its master is silent (CiA 301, 7.2.8.3)."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from mock_hw.drive.power_stage import DriveClock
 
 
 class MasterWatch:
-    """Heartbeat consumer (1016h) and life guarding (100Ch, 100Dh).
+    """Heartbeat consumer (1016h) and life guarding (100Ch, 100Dh) of a simulated drive.
 
     Args:
         objects: The drive's objects.
         clock: The drive's clock.
-        identity: Address of the drive; its profile states whether it has life guarding.
+        identity: Node id of the drive, and its profile, which states if it has life guarding.
     """
 
     def __init__(
@@ -34,25 +34,25 @@ class MasterWatch:
 
     @property
     def next_s(self) -> float:
-        """Earliest time at which a watched node will have been silent for too long [s]."""
+        """Earliest time at which a timeout of a monitored node ends [s]."""
         return min(self._silent_s.values(), default=math.inf)
 
     def forget(self) -> None:
-        """Reset all monitoring, as after a reset of the communication."""
+        """End all monitoring, as at a reset of the communication."""
         self._watched.clear()
         self._silent_s.clear()
         self._toggle = False
 
     def read_entries(self) -> None:
-        """Read the present entries of 1016h."""
+        """Read the entries of 1016h; all monitoring starts again."""
         entries = [self._objects[od.HEARTBEAT_CONSUMER, n] for n in range(1, od.CONSUMERS + 1)]
         self._watched = dict(filter(None, map(parse_consumer_entry, entries)))
         self._silent_s.clear()
 
     def receive_heartbeat(self, node_id: int, now_s: float) -> bool:
-        """Process a heartbeat and return True if its node is watched.
+        """Process a heartbeat; return True if 1016h contains its node.
 
-        The first heartbeat of a node starts its watch.
+        The first heartbeat of a node starts its monitoring.
         """
         timeout_s = self._watched.get(node_id)
         if timeout_s is None:
@@ -61,9 +61,9 @@ class MasterWatch:
         return True
 
     def answer(self, nmt: NmtState, now_s: float) -> Frame | None:
-        """Return the answer to a guarding request; the first request starts life guarding.
+        """Return the answer to a request of life guarding; the first request starts the monitoring.
 
-        A drive that sends its heartbeat does not answer.
+        A drive that sends a heartbeat does not answer.
         """
         if not self._guarded or self._objects[od.HEARTBEAT_PRODUCER]:
             return None
@@ -75,9 +75,9 @@ class MasterWatch:
         return frame
 
     def count_silent(self, now_s: float) -> int:
-        """Return the number of nodes that were silent for too long.
+        """Return the number of monitored nodes whose timeout has ended.
 
-        Their next message starts the watch again.
+        The next message of such a node starts its monitoring again.
         """
         over = [node for node, due_s in self._silent_s.items() if now_s >= due_s]
         for node in over:

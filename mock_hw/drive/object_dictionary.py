@@ -1,4 +1,4 @@
-"""`ObjectDictionary`: values of a simulated device's objects, with the checks of CiA 301."""
+"""`ObjectDictionary`: objects of a simulated device with their values, and checks of writes."""
 
 from __future__ import annotations
 
@@ -17,18 +17,20 @@ COMMUNICATION_AREA = range(0x1000, 0x2000)
 
 @dataclass(frozen=True, slots=True)
 class ObjectEntry:
-    """One object: address, type, access and allowed values.
+    """Description of one object: address, type, access and allowed values.
 
     Attributes:
         index: Index of the object.
         subindex: Sub-index of the object.
         name: Name of the object.
-        code: Type, as a letter of `struct` (``B b H h I i``), or ``s`` for a text.
-        default: Value after a reset.
+        code: Type of the value, as a letter of `struct` (``B b H h I i``), or ``s`` for a text.
+        default: Value after a reset, until other values are stored.
         access: ``"ro"`` or ``"rw"``.
-        mapping: PDOs that may contain the object: ``"r"`` receive, ``"t"`` transmit, ``"rt"`` both.
+        mapping: PDOs that can contain the object: ``"r"`` RPDOs, ``"t"`` TPDOs, ``"rt"`` both
+            kinds, ``""`` none.
         allowed: Values that may be written; None for all values of the type.
-        hidden: True if only the device itself can use the object; for others it does not exist.
+        hidden: True if only the device itself uses the object; SDO clients get the answer that it
+            does not exist.
     """
 
     index: int
@@ -67,12 +69,13 @@ class ObjectEntry:
 
 @dataclass(frozen=True, slots=True)
 class Mirror:
-    """An object that copies the values written to another one.
+    """A rule by which an object gets every value that is written to another object.
 
     Attributes:
-        key: The object that is set.
-        of: The object whose values are copied.
-        conditions: Objects with the values that they must have; otherwise nothing is copied.
+        key: The object that gets the values.
+        of: The object to which the values are written.
+        conditions: Objects with required values; a value is copied only while all these objects
+            have them.
     """
 
     key: Key
@@ -81,14 +84,14 @@ class Mirror:
 
 
 class ObjectDictionary:
-    """Values by index and sub-index; numbers are integers, texts are bytes.
+    """Values of all objects of a device; numbers are integers, texts are bytes.
 
     The device itself reads and writes with ``objects[index, subindex]``, without checks; `read` and
     `decode` serve SDO requests.
 
     Args:
         entries: The existing objects.
-        mirrors: Objects that copy the values of others.
+        mirrors: Rules by which objects get the values of other objects.
     """
 
     def __init__(self, entries: Iterable[ObjectEntry], mirrors: Iterable[Mirror] = ()) -> None:
@@ -136,11 +139,11 @@ class ObjectDictionary:
         return value if isinstance(value, bytes) else struct.pack(f"<{entry.code}", value)
 
     def decode(self, index: int, subindex: int, data: bytes) -> int:
-        """Return the number of an SDO download, without writing it.
+        """Check the data of an SDO download; return them as a number, without writing it.
 
         Raises:
-            SdoAbort: There is no such object, it is read-only, or its length or value is not
-                allowed.
+            SdoAbort: There is no such object, the object is read-only, or the length or the value
+                is not allowed.
         """
         entry = self.entry(index, subindex)
         if entry.access == "ro":
@@ -155,12 +158,12 @@ class ObjectDictionary:
         return int(value)
 
     def store(self) -> None:
-        """Store the present values of the writable objects as their values after a reset."""
+        """Store the present values of all writable objects; a reset restores the stored values."""
         writable = {key for key, entry in self._entries.items() if entry.access == "rw"}
         self._stored |= {key: self._values[key] for key in writable}
 
     def reset(self, *, communication_only: bool) -> None:
-        """Restore the stored values of the communication area, or of every object."""
+        """Restore the stored values of all objects, or only of those in the communication area."""
         for key, entry in self._entries.items():
             if entry.index in COMMUNICATION_AREA or not communication_only:
                 self._values[key] = self._stored[key]

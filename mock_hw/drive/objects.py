@@ -75,21 +75,21 @@ ON_REQUEST = 253
 _PDO_TYPES = frozenset((*range(241), 254, 255))
 _CIA402 = ServoProfile()
 _NM_PER_A = 0.1
-_LARGEST = 3.0  # times the rated torque
+_LARGEST = 3.0  # torque limit, times the rated torque
 _CIA402_AREA = 0x6000
 _CODES = {8: "B", 16: "H", 32: "I"}
 
 
 @dataclass(frozen=True)
 class SimulatedIdentity:
-    """Fixed properties of one simulated drive: address, motor, encoder, gear and drive family.
+    """Fixed properties of one simulated drive: address, motor, encoder, gear and profile.
 
     Attributes:
         node_id: CANopen node id.
         encoder_increments: Encoder increments per motor revolution (608Fh).
         gear: Motor revolutions per joint revolution (6091h).
         rated_torque_mnm: Rated torque of the motor [mN m].
-        profile: Objects and units of the drive family.
+        profile: Profile of the drive's family, with its objects and units.
         referenced: True if the drive has been homed.
     """
 
@@ -119,9 +119,10 @@ class SimulatedIdentity:
     def of_axis(
         cls, cell: CellConfig, axis: DriveAxis, joint: Joint, simulated: SimulatedAxis
     ) -> SimulatedIdentity:
-        """Return the drive for a cell's axis, a robot's joint and a plant's motor.
+        """Return the properties of the drive for a cell's axis, its joint and its simulated motor.
 
-        A prismatic joint's ratio (rad/m) cannot be stored in 6091h, which then contains 1:1.
+        The gear ratio of a prismatic joint (rad/m) cannot be stored in 6091h, which then contains
+        1:1.
         """
         gear = Fraction(1)
         if joint.type == "revolute":
@@ -137,15 +138,15 @@ class SimulatedIdentity:
 
     @property
     def referenced_bits(self) -> int:
-        """Value of the object in the profile's `referenced`; 0 without such an object."""
+        """Bits with which the drive reports whether it is referenced; 0 if it has no such bits."""
         bits = self.profile.referenced
         if bits is None:
             return 0
-        return bits.wanted if self.referenced else ~bits.wanted & bits.mask
+        return bits.referenced_value if self.referenced else ~bits.referenced_value & bits.mask
 
     @property
     def motor(self) -> MotorRatings:
-        """All ratings of the motor that the drive knows."""
+        """Ratings of the motor that are stored in the drive."""
         torque = 1e-3 * self.rated_torque_mnm
         current = self.profile.rated_current_a
         constant = self.profile.torque_constant_nm_per_a
@@ -154,14 +155,14 @@ class SimulatedIdentity:
 
     @property
     def units(self) -> AxisUnits:
-        """Units of the drive, at the motor."""
+        """Conversion of the drive's units, at the motor (without gear)."""
         return AxisUnits.of_motor(self.motor, self.profile, 1.0)
 
 
 def drive_entries(identity: SimulatedIdentity) -> Iterator[ObjectEntry]:
-    """Yield every object of a simulated drive; objects that its family does not have are `hidden`.
+    """Yield all objects of a simulated drive; those that its family does not have are `hidden`.
 
-    The hidden objects exist because the drive itself uses them.
+    Hidden objects are needed because the simulation of the drive uses them.
     """
     profile = identity.profile
     entries = {entry.key: entry for entry in _all_entries(identity)}
@@ -187,9 +188,9 @@ def _all_entries(identity: SimulatedIdentity) -> Iterator[ObjectEntry]:
 
 
 def _with_fixed_pdo(entry: ObjectEntry, fixed: dict[str, FixedPdo], node_id: int) -> ObjectEntry:
-    """Return an object of a PDO record for a drive with fixed PDOs.
+    """Return an object of a PDO's records, changed for a drive with fixed PDOs.
 
-    Transmission types can be written; mappings and identifiers cannot.
+    The transmission type of a fixed PDO can be written, its mapping and identifier cannot.
     """
     receives = entry.index & 0xFC00 == RPDO_COMMUNICATION
     number = (entry.index & 0xFF) + 1
@@ -213,7 +214,7 @@ def _with_fixed_pdo(entry: ObjectEntry, fixed: dict[str, FixedPdo], node_id: int
 
 
 def _channel_entries(profile: ServoProfile) -> Iterator[ObjectEntry]:
-    """Yield the manufacturer's objects that exist only within fixed PDOs."""
+    """Yield the manufacturer-specific objects that are mapped into fixed PDOs."""
     known = {extra.object for extra in profile.settings}
     for pdo in profile.pdos:
         for listed in pdo.objects:
@@ -229,10 +230,11 @@ def _channel_entries(profile: ServoProfile) -> Iterator[ObjectEntry]:
 
 
 def mirrors(profile: ServoProfile) -> Iterator[Mirror]:
-    """Yield the dependencies between the manufacturer's objects and those of CiA 402.
+    """Yield the rules that connect objects of fixed PDOs with objects of CiA 402.
 
-    A set-point is applied only while its PDO contains the required command. A measured value is
-    copied only while the settings have their required values.
+    A set-point is applied only while the constant objects in its PDO have the values of the
+    profile. A measured value is copied only while the profile's `settings` have their required
+    values.
     """
     settings = tuple((object_address(each.object), each.value) for each in profile.settings)
     standard = {"target": TARGET_VELOCITY, "position": POSITION, "torque": TORQUE}
@@ -249,7 +251,7 @@ def mirrors(profile: ServoProfile) -> Iterator[Mirror]:
 
 
 def _manufacturer_entries(identity: SimulatedIdentity) -> Iterator[ObjectEntry]:
-    """Yield the family's own objects: torque or current, limit, settings."""
+    """Yield the objects that depend on the drive's family: torque or current, limit, settings."""
     profile, motor = identity.profile, identity.motor
     torque, limit = profile.torque, profile.torque_limit
     if torque.object != object_name(*TORQUE) and not profile.pdos:
@@ -272,7 +274,8 @@ def _manufacturer_entries(identity: SimulatedIdentity) -> Iterator[ObjectEntry]:
     for extra in profile.settings:
         code = _CODES[extra.bits].lower() if extra.value < 0 else _CODES[extra.bits]
         value = 0 if extra.written else extra.value
-        yield ObjectEntry(*object_address(extra.object), "by its family", code, value, "rw")
+        address = object_address(extra.object)
+        yield ObjectEntry(*address, "setting of the drive family", code, value, "rw")
     bits = profile.referenced
     if bits is not None and bits.object != object_name(*STATUSWORD):
         held = identity.referenced_bits
@@ -285,7 +288,7 @@ def _communication_entries(identity: SimulatedIdentity) -> Iterator[ObjectEntry]
     yield ObjectEntry(*ERROR_REGISTER, "error register", "B", 0, mapping="t")
     yield ObjectEntry(ERROR_HISTORY, 0, "number of errors", "B", 0, "rw", allowed=frozenset((0,)))
     for number in range(1, ERROR_HISTORY_LENGTH + 1):
-        yield ObjectEntry(ERROR_HISTORY, number, "an error, newest first", "I", 0)
+        yield ObjectEntry(ERROR_HISTORY, number, "error, newest first", "I", 0)
     yield ObjectEntry(0x1005, 0, "SYNC identifier", "I", SYNC_COB_ID)
     yield ObjectEntry(*SYNC_PERIOD_US, "SYNC period [us]", "I", 0, "rw")
     yield ObjectEntry(0x1008, 0, "device name", "s", b"rid-daq simulated servo drive")
@@ -293,9 +296,9 @@ def _communication_entries(identity: SimulatedIdentity) -> Iterator[ObjectEntry]
     if identity.profile.watch == "life_guarding":
         yield ObjectEntry(*GUARD_TIME, "guard time [ms]", "H", 0, "rw")
         yield ObjectEntry(*LIFE_TIME_FACTOR, "life time factor", "B", 0, "rw")
-    yield ObjectEntry(0x1010, 0, "ways to store", "B", 1)
+    yield ObjectEntry(0x1010, 0, "number of storage commands", "B", 1)
     yield ObjectEntry(
-        *STORE, "store all", "I", STORES_ON_COMMAND, "rw", "", frozenset((STORE_WORD,))
+        *STORE, "store all parameters", "I", STORES_ON_COMMAND, "rw", "", frozenset((STORE_WORD,))
     )
     yield ObjectEntry(0x1014, 0, "EMCY identifier", "I", emcy_cob_id(node_id))
     yield ObjectEntry(HEARTBEAT_CONSUMER, 0, "number of consumers", "B", CONSUMERS)
@@ -308,11 +311,12 @@ def _communication_entries(identity: SimulatedIdentity) -> Iterator[ObjectEntry]
     yield ObjectEntry(0x1018, 3, "revision", "I", 0x0001_0000)
     yield ObjectEntry(0x1018, 4, "serial number", "I", node_id)
     yield ObjectEntry(0x1029, 0, "error behaviour", "B", 1)
-    yield ObjectEntry(*COMMUNICATION_ERROR, "on a communication error", "B", 0, "rw", "", range(3))
+    name = "reaction to a communication error"
+    yield ObjectEntry(*COMMUNICATION_ERROR, name, "B", 0, "rw", "", range(3))
 
 
 def _pdo_entries(node_id: int, number: int) -> Iterator[ObjectEntry]:
-    """Yield one receive and one transmit PDO; those with number 1 are enabled after a reset."""
+    """Yield the objects of one RPDO and one TPDO; after a reset, only number 1 is valid."""
     off = 0 if number == 1 else INVALID
     communication, mapping = RPDO_COMMUNICATION + number - 1, RPDO_MAPPING + number - 1
     yield ObjectEntry(communication, 0, "RPDO", "B", 5)
@@ -355,7 +359,8 @@ def _profile_entries(identity: SimulatedIdentity) -> Iterator[ObjectEntry]:
     yield ObjectEntry(*MODE, "mode", "b", 0, "rw", "r", frozenset((0, mode)))
     yield ObjectEntry(*MODE_DISPLAY, "mode display", "b", 0, mapping="t")
     yield ObjectEntry(*POSITION, "position", "i", 0, mapping="t")
-    yield ObjectEntry(*FOLLOWING_ERROR_WINDOW, "window", "I", FOLLOWING_ERROR_OFF, "rw")
+    window = "following-error window"
+    yield ObjectEntry(*FOLLOWING_ERROR_WINDOW, window, "I", FOLLOWING_ERROR_OFF, "rw")
     yield ObjectEntry(*FOLLOWING_ERROR_TIME_MS, "following-error time [ms]", "H", 0, "rw")
     yield ObjectEntry(*VELOCITY, "velocity", "i", 0, mapping="t")
     yield ObjectEntry(*TORQUE_LIMIT, "torque limit [0.1 %]", "H", 3000, "rw", "r")
@@ -379,7 +384,7 @@ def _profile_entries(identity: SimulatedIdentity) -> Iterator[ObjectEntry]:
         *INTERPOLATION_PERIOD, "interpolation period", "B", 1, "rw", "", range(1, 256)
     )
     yield ObjectEntry(
-        *INTERPOLATION_INDEX, "its power of ten [s]", "b", -3, "rw", "", range(-4, -1)
+        *INTERPOLATION_INDEX, "power of ten of the period [s]", "b", -3, "rw", "", range(-4, -1)
     )
     yield ObjectEntry(*FOLLOWING_ERROR, "following error", "i", 0, mapping="t")
     yield ObjectEntry(*TARGET_VELOCITY, "target velocity", "i", 0, "rw", "rt")

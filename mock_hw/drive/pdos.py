@@ -1,4 +1,4 @@
-"""PDOs of a simulated drive, configured by its dictionary (CiA 301, 7.5.2.33 to 7.5.2.38)."""
+"""PDOs of a simulated drive, as configured in its objects (CiA 301, 7.5.2.33 to 7.5.2.38)."""
 
 from __future__ import annotations
 
@@ -27,17 +27,18 @@ _FAMILY_MASK = 0xFE00
 
 
 class DrivePdo:
-    """One enabled PDO: its identifier, transmission type and mapped objects.
+    """One valid PDO: its identifier, transmission type and mapped objects.
 
     Attributes:
         receives: True for an RPDO.
-        cob_id: Identifier of its frame.
-        synchronous: True if SYNC triggers the PDO.
+        cob_id: CAN identifier of the PDO.
+        synchronous: True if SYNC triggers the transmission, or the effect, of the PDO.
         keys: Mapped objects.
-        layout: Layout of their bytes.
-        kept: Values of a synchronous RPDO that wait for SYNC.
-        deadline_s: For an RPDO: time at which the next frame is overdue, from the first frame on.
-            For a TPDO: time at which it is sent because of its event timer or a change [s].
+        layout: Layout of the mapped objects in the data bytes.
+        kept: Received values of a synchronous RPDO, which take effect at the next SYNC.
+        deadline_s: For an RPDO: time at which the next frame is overdue [s]; infinity before the
+            first frame. For a TPDO: time at which it is sent because of its event timer or a change
+            [s].
     """
 
     def __init__(
@@ -72,43 +73,43 @@ class DrivePdo:
             self.deadline_s = now_s
 
     def pack(self, objects: ObjectDictionary) -> bytes:
-        """Return the bytes of a TPDO with the present values of the dictionary."""
+        """Return the data bytes of a TPDO with the present values of its objects."""
         return self.layout.pack(*[objects[key] for key in self.keys])
 
     def due_at_sync(self, data: bytes) -> bool:
-        """Count a SYNC and return True if a synchronous TPDO is sent with it."""
+        """Count a SYNC; return True if this synchronous TPDO is sent at it."""
         if self._type == 0:
             return data != self.last_data
         self._syncs += 1
         return self._syncs % self._type == 0
 
     def frame(self, data: bytes, now_s: float) -> Frame:
-        """Return the frame of a TPDO, and note it as sent."""
+        """Return the frame of a TPDO, which then counts as sent."""
         self.last_data, self._last_s = data, now_s
         if not self.synchronous:
             self.arm(now_s)
         return Frame(self.cob_id, data)
 
     def arm(self, now_s: float) -> None:
-        """Start the event timer, if there is one."""
+        """Start the event timer, if its time is not 0."""
         self.deadline_s = (
             now_s + self._clock.true_duration_s(self._event_s) if self._event_s else math.inf
         )
 
     def allowed_s(self, now_s: float) -> float:
-        """Return the earliest time at which the inhibit time allows a TPDO [s]."""
+        """Return the earliest time at which the inhibit time allows the next TPDO [s]."""
         return max(now_s, self._last_s + self._clock.true_duration_s(self._inhibit_s))
 
 
 class PdoTable:
-    """The enabled PDOs.
+    """The valid PDOs of a simulated drive.
 
     Attributes:
         received: RPDOs by identifier.
         transmitted: TPDOs by number.
         event_driven: TPDOs that do not wait for SYNC.
-        timed: All PDOs with a `deadline_s`.
-        acts_on_arrival: True if an RPDO does not wait for SYNC.
+        timed: All PDOs whose `deadline_s` is used.
+        acts_on_arrival: True if an RPDO takes effect on arrival, without waiting for SYNC.
     """
 
     def __init__(self, objects: ObjectDictionary, clock: DriveClock) -> None:
@@ -121,7 +122,7 @@ class PdoTable:
         self.acts_on_arrival = False
 
     def rebuild(self, *, in_use: bool, now_s: float) -> None:
-        """Read the PDOs from the dictionary; `in_use` is False outside NMT Operational."""
+        """Read the PDOs from the objects; `in_use` is True only in NMT Operational."""
         objects, clock = self._objects, self._clock
         self.received = {}
         self.transmitted = []
@@ -130,9 +131,7 @@ class PdoTable:
                 pdo = DrivePdo(objects, clock, RPDO_COMMUNICATION, number, now_s)
                 self.received[pdo.cob_id] = pdo
             communication = TPDO_COMMUNICATION + number - 1
-            requested = (
-                objects[communication, 2] == ON_REQUEST
-            )  # by a remote frame, which no client sends
+            requested = objects[communication, 2] == ON_REQUEST  # sent only on a remote frame
             if is_valid(objects[communication, 1]) and not requested:
                 pdo = DrivePdo(objects, clock, TPDO_COMMUNICATION, number, now_s)
                 self.transmitted.append(pdo)
@@ -143,8 +142,8 @@ class PdoTable:
     def check_write(self, index: int, subindex: int, value: int) -> None:
         """Refuse writes to PDO records that CiA 301 does not allow; ignore other objects.
 
-        A PDO's identifier and mapping can be changed only while the PDO is disabled. Single mapping
-        entries can be changed only while the number of mapped objects is 0.
+        A PDO's identifier and mapping can be changed only while the PDO is not valid. Single
+        mapping entries can be changed only while the number of mapped objects is 0.
 
         Raises:
             SdoAbort: The write is not allowed now, or the object cannot be mapped into the PDO.

@@ -39,25 +39,25 @@ _WITHOUT_MOTOR_POWER = (PowerState.NOT_READY_TO_SWITCH_ON, PowerState.FAULT)
 
 
 class DriveClock:
-    """Clock of a drive, which may have a wrong rate.
+    """Clock of a drive, which can run too fast or too slow.
 
-    If the rate changes, a timer that runs already keeps the old rate.
+    If the rate changes, timers that are already running keep the old rate.
 
     Attributes:
-        rate: Seconds on the drive's clock per second.
+        rate: Seconds on the drive's clock per true second.
     """
 
     def __init__(self) -> None:
         self.rate = 1.0
 
     def true_duration_s(self, duration_s: float) -> float:
-        """Return the true duration of a duration on the drive's clock [s]."""
+        """Convert a duration on the drive's clock to the true duration [s]."""
         return duration_s / self.rate
 
 
 @dataclass(frozen=True, slots=True)
 class Ramp:
-    """A velocity that changes linearly between two times [s] and is constant before and after."""
+    """A velocity that is constant, except for a linear change between two times [s]."""
 
     start_s: float
     end_s: float
@@ -70,24 +70,24 @@ class Ramp:
             return self.end
         if time_s <= self.start_s:
             return self.start
-        share = (time_s - self.start_s) / (self.end_s - self.start_s)
-        return self.start + share * (self.end - self.start)
+        fraction = (time_s - self.start_s) / (self.end_s - self.start_s)
+        return self.start + fraction * (self.end - self.start)
 
 
 class PowerStage:
-    """Commands to a drive's motor, as a function of controlwords, set-points and time.
+    """Power stage: computes the motor's velocity command from controlwords, set-points and time.
 
-    Velocities are in units of 60FFh. Without power the holding brake is closed.
+    Velocities are in units of 60FFh. While the power is off, the holding brake is closed.
 
     Args:
         objects: The drive's objects; option codes and decelerations are read at the time of their
             use.
-        clock: Clock of the ramps; None for an exact clock.
-        acceleration_unit: Units of 60FFh per second in one unit of 6083h to 6085h.
+        clock: Clock by which the durations of ramps are measured; None for an exact clock.
+        acceleration_unit: Value of one unit of 6083h to 6085h, in units of 60FFh per second.
 
     Attributes:
         state: CiA 402 state.
-        supplied: True if there is motor power; without it no command enables the drive.
+        supplied: True if the motor supply is on; while it is off, no command enables the drive.
         next_s: End of the present stopping ramp, at which `advance` is due [s]; infinity without a
             ramp.
     """
@@ -105,7 +105,7 @@ class PowerStage:
         self.supplied = True
         self.next_s = math.inf
         self._after_ramp: PowerState | None = None
-        self._followed: int | None = None  # the last position command
+        self._followed: int | None = None  # last position set-point
         self._ramp = Ramp(0.0, 0.0, 0.0, 0.0)
         self._controlword = 0
 
@@ -120,7 +120,7 @@ class PowerStage:
         return self.state is PowerState.OPERATION_ENABLED and self._after_ramp is None
 
     def statusword(self) -> int:
-        """Return 6041h without its mode-specific warnings."""
+        """Return 6041h; of its warning and mode-specific bits, only bit 12 can be set."""
         follows = FOLLOWS_COMMAND if self.following else 0
         voltage = VOLTAGE_ENABLED if self.supplied else 0
         return self.state | voltage | _REMOTE | follows
@@ -130,13 +130,13 @@ class PowerStage:
         return self._ramp.at(time_s)
 
     def set_target(self, velocity: float, now_s: float, over_s: float) -> None:
-        """Change the velocity command within `over_s`, if the drive accepts set-points."""
+        """Change the velocity command linearly within `over_s`, if the drive accepts set-points."""
         if self.following:
             end_s = now_s + self._clock.true_duration_s(over_s)
             self._ramp = Ramp(now_s, end_s, self._ramp.at(now_s), velocity)
 
     def take_target(self, now_s: float) -> None:
-        """Apply the target object as the mode requires: in the interpolation time, or on a ramp."""
+        """Apply the set-point, by its mode: within the interpolation period, or on a ramp."""
         objects, mode = self._objects, self._objects[MODE]
         target = objects[TARGET_OF.get(mode, TARGET_VELOCITY)]
         period_s = objects[INTERPOLATION_PERIOD] * 10.0 ** objects[INTERPOLATION_INDEX]
@@ -152,11 +152,11 @@ class PowerStage:
             self.set_target(target, now_s, self._ramp_s(change, PROFILE_ACCELERATION))
 
     def _ramp_s(self, change: float, acceleration: Key) -> float:
-        """Return the duration of a velocity change with the acceleration in an object [s]."""
+        """Return the duration of a velocity change; `acceleration` is the object to use [s]."""
         return abs(change) / (max(1, self._objects[acceleration]) * self._acceleration_unit)
 
     def boot(self) -> None:
-        """Enter the state in which commands are accepted (T1); a fault remains."""
+        """Enter Switch On Disabled, which accepts commands (T1); a drive in Fault stays there."""
         if self.state is not PowerState.FAULT:
             self.state = PowerState.SWITCH_ON_DISABLED
         self._controlword = 0
@@ -170,7 +170,7 @@ class PowerStage:
         self._ramp = Ramp(0.0, 0.0, 0.0, 0.0)
 
     def supply(self, supplied: bool) -> None:
-        """Remove the motor power, as an emergency stop does, or restore it."""
+        """Switch the motor supply off, as an emergency stop does, or on."""
         if not supplied and self.state not in _WITHOUT_MOTOR_POWER:
             self.switch_off()
         self.supplied = supplied
@@ -228,7 +228,7 @@ class PowerStage:
             self.quick_stop(now_s)
 
     def advance(self, until_s: float) -> None:
-        """Finish the stopping ramp if its end has come."""
+        """Enter the state after the stopping ramp, if the ramp has ended by `until_s` [s]."""
         if self._after_ramp is not None and until_s >= self.next_s:
             self.switch_off(self._after_ramp)
 
@@ -250,7 +250,7 @@ class PowerStage:
                 self._stop(PROFILE_DECELERATION, now_s, wanted)
 
     def _leave_quick_stop(self, wanted: PowerState) -> None:
-        """Leave the quick stop; T16 needs a drive that holds the axis after the stop."""
+        """Leave the quick stop; T16 needs a 605Ah by which the drive holds the stopped axis."""
         if wanted is PowerState.SWITCH_ON_DISABLED:
             self.switch_off()
         elif wanted is PowerState.OPERATION_ENABLED and self._after_ramp is None:

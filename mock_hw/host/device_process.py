@@ -1,8 +1,9 @@
 """`DeviceProcess`: simulated hardware in a separate process, started and ended by the program.
 
-Signals that a terminal, a shell or `timeout` sends to all processes of a program reach only the
-program itself. The program then stops its robot first; real hardware would not vanish with the
-operator's terminal either.
+A terminal, a shell or `timeout` sends signals to all processes of a program. They must not end the
+simulated hardware, because real hardware does not vanish either when the operator's terminal is
+closed. So only the program gets these signals; it stops its robot and then ends the simulated
+hardware.
 """
 
 from __future__ import annotations
@@ -20,19 +21,19 @@ from config.errors import TransportError
 from config.process.termination import SUSPENSION, signals_blocked
 
 SCHEDULER_PRIORITY = 10
-"""Lower than the priority of the cyclic task."""
+"""Real-time priority of simulated hardware; it is lower than that of the cyclic task."""
 
-_START_TIMEOUT_S = 120.0  # the plant's kernels may need compilation
+_START_TIMEOUT_S = 120.0  # includes the compilation of the plant's kernels
 _END_TIMEOUT_S = 5.0
 _PR_SET_TIMERSLACK = 29
 
 
 class DeviceProcess:
-    """A started process with a pipe to it.
+    """A running process, with a pipe for messages.
 
     Args:
         serve: Main function of the process. Its last argument is the process's end of the pipe,
-            through which it reports that it serves, or the text of an error.
+            through which it reports that it is ready, or the text of an error.
         arguments: The other arguments of `serve`.
 
     Attributes:
@@ -53,7 +54,7 @@ class DeviceProcess:
             theirs.close()
 
     def end(self) -> None:
-        """Terminate the process, kill it if it does not end, and close the pipe."""
+        """Terminate the process; kill it if it does not end; close the pipe."""
         process = self._process
         if process.pid is not None:
             process.terminate()
@@ -66,10 +67,10 @@ class DeviceProcess:
 
 
 def wait_until_ready(what: str, pipe: Connection) -> int | None:
-    """Wait for the report that a process serves, and return its port or None.
+    """Wait until a process reports that it is ready; return the port in its report, or None.
 
     Raises:
-        TransportError: The report is the text of an error, or there is no report.
+        TransportError: The process reports an error, or does not report in time.
     """
     try:
         word: str | int | None = pipe.recv() if pipe.poll(_START_TIMEOUT_S) else "no answer"
@@ -81,12 +82,12 @@ def wait_until_ready(what: str, pipe: Connection) -> int | None:
 
 
 def leave_signals_to_parent() -> None:
-    """Ensure that only the parent process ends this process, after it has stopped the robot.
+    """Ensure that only the parent process can end this process, which it does by SIGTERM.
 
-    A process group of its own keeps away the signals to all processes of a program: Ctrl-C, Ctrl-Z,
-    a closed terminal, the SIGTERM of `timeout`. Interrupts and hang-ups to this process itself are
-    ignored, and so are the signals by which a terminal stops background processes. From here on,
-    SIGTERM ends the process.
+    The process gets a process group of its own, so that it does not receive signals to all
+    processes of the program: Ctrl-C, Ctrl-Z, a closed terminal, the SIGTERM of `timeout`. It
+    ignores interrupts and hang-ups that are sent to it directly, and signals by which a terminal
+    suspends background processes. After this call, SIGTERM is no longer blocked.
     """
     os.setpgid(0, 0)
     for number in (signal.SIGINT, signal.SIGHUP, *SUSPENSION):
@@ -105,8 +106,8 @@ def catch_terminate() -> int:
 def request_exact_timing(realtime: bool) -> None:
     """Request exact timers and, in real time, a real-time scheduling priority.
 
-    A real bus and real drives do not wait for a loaded computer. If the system refuses the
-    priority, the simulation is less punctual; the times of its answers show this.
+    Real hardware is punctual even if the computer is busy. If the operating system refuses the
+    priority, the simulation is less punctual, which is visible in the times of its answers.
     """
     ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
     if realtime:

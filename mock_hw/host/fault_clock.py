@@ -10,13 +10,13 @@ from drivers.servo.cia402 import ControlWord
 
 
 class CycleCount:
-    """Counts SYNC frames from the first command to enable operation until power is switched off.
+    """Counts SYNC frames from the first Enable Operation until the power is switched off.
 
     Args:
-        node_ids: The drives.
+        node_ids: Node ids of the drives.
 
     Attributes:
-        cycle: Number of the cycle; 0 before the first such SYNC.
+        cycle: Number of the present cycle; 0 before the first counted SYNC.
     """
 
     def __init__(self, node_ids: Iterable[int]) -> None:
@@ -43,11 +43,11 @@ class CycleCount:
 
 
 class FaultStart:
-    """Start condition of one fault, which starts at most once.
+    """Start condition of one fault; each fault starts only once.
 
     Args:
-        fault: The fault with its time or cycle.
-        start_s: Bus time from which `at_s` counts [s].
+        fault: The fault, with the time or the cycle at which it starts.
+        start_s: Time on the bus that corresponds to `at_s` = 0 in the fault script [s].
     """
 
     def __init__(self, fault: TimedFault, start_s: float) -> None:
@@ -56,7 +56,7 @@ class FaultStart:
         self.begun = False
 
     def starts_now(self, cycle: int, now_s: float) -> bool:
-        """Return True once, when the fault's time or cycle has come."""
+        """Return True, once, when the fault's time or cycle is reached."""
         if self.begun:
             return False
         if self.at_s is not None:

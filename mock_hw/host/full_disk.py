@@ -1,4 +1,4 @@
-"""`FullDisk`: fills a small file system completely, and empties it again."""
+"""`FullDisk`: fills a small file system for a test, and frees the space again."""
 
 from __future__ import annotations
 
@@ -12,11 +12,12 @@ from config.errors import ConfigError, system_errors
 from mock_hw.host.runtime_directory import runtime_directory
 
 LARGEST_BYTES = 4 << 30
-"""Largest file system that is filled; a larger one is not made for such a test."""
+"""Size of the largest file system that is filled [bytes]; a larger one is probably not meant for
+such a test."""
 
 
 def refuse_shared_disk(folder: Path) -> None:
-    """Refuse a folder whose file system may be needed by other programs.
+    """Raise an error if other programs may need the file system of a folder.
 
     Args:
         folder: Folder of the recordings; it may not exist yet.
@@ -41,16 +42,16 @@ def refuse_shared_disk(folder: Path) -> None:
 
 
 class FullDisk:
-    """Fills all free space of a file system by a file without a name, until `release`.
+    """Fills all free space of a file system with an unlinked file, until `release`.
 
-    The system frees the space when this process ends, even if it is killed.
+    The operating system frees the space when this process ends, even if it is killed.
 
     Args:
         folder: A folder on the file system.
         leave_bytes: Number of bytes that stay free.
 
     Raises:
-        ConfigError: The file system must not be filled (`refuse_shared_disk`), or it cannot be
+        ConfigError: The file system must not be filled (`refuse_shared_disk`), or cannot be
             written.
     """
 
@@ -68,7 +69,7 @@ class FullDisk:
             ) from error
 
     def release(self) -> None:
-        """Free the space again."""
+        """Free the space."""
         os.close(self._descriptor)
 
     def _fill(self, leave_bytes: int) -> None:
@@ -86,9 +87,7 @@ class FullDisk:
                 except OSError as error:
                     if error.errno != errno.ENOSPC:
                         raise
-                    take //= (
-                        2  # part of the free space is not available, or another program took it
-                    )
+                    take //= 2  # less space is available than reported
                     if take < disk.f_frsize:
                         return
             size += take

@@ -1,7 +1,7 @@
 """`ProgramFaults`: faults that the operating system causes in the program during its work.
 
-All faults come from outside the program, by means of the operating system: signals, a limit on a
-process's file size, a full file system. The program's code contains nothing for them.
+The faults use means of the operating system: signals, a limit on the file size of a process, a full
+file system. The program itself contains no code for these faults.
 """
 
 from __future__ import annotations
@@ -32,17 +32,19 @@ _NAMES = {"recorder": ProcessName.RECORDER, "task": ProcessName.TASK}
 class ProgramFaults:
     """Executes the `program` part of a fault script on this process and on its child processes.
 
-    The context manager starts a thread that waits for messages of the drives, which measure the
-    cell's time. A fault of a process that does not exist yet, or of a recording that has not begun,
-    waits for it. At the end, no process stays frozen and no disk stays full.
+    The context manager starts a thread that waits for messages from the drives' process, which
+    knows the cell's time. If the process or the recording that a fault affects does not exist yet,
+    the fault is delayed until it does. At the end, suspended processes continue and filled disks
+    are freed.
 
     Args:
         faults: The faults.
-        pipe: Delivers the number of a fault when it begins; receives an answer when the fault has
-            taken effect.
+        pipe: Pipe from which the number of a fault comes when it begins, and to which an answer is
+            sent when it has taken effect.
 
     Raises:
-        ConfigError: On leaving: a disk must not be filled, or the system refused an operation.
+        ConfigError: On leaving: a disk must not be filled, or the operating system refused an
+            operation.
     """
 
     def __init__(self, faults: Sequence[ProgramFault], pipe: Connection) -> None:
@@ -62,7 +64,7 @@ class ProgramFaults:
         return self
 
     def __exit__(self, _kind: object, error: BaseException | None, *_: object) -> None:
-        """End the thread, and undo lasting faults."""
+        """End the thread, and undo faults that last."""
         self._ending.send(None)
         self._thread.join()
         self._ending.close()
@@ -71,7 +73,7 @@ class ProgramFaults:
             raise self._problem
 
     def _serve(self) -> None:
-        # The main thread must receive the program's signals, so that they wake it.
+        # Block signals in this thread: the main thread must receive them, so that they wake it.
         signal.pthread_sigmask(signal.SIG_BLOCK, _TERMINATION)
         listening = [self._ended, self._pipe]
         try:
@@ -96,7 +98,7 @@ class ProgramFaults:
         return min([*waits_s, _LOOK_S] if self._waiting else waits_s, default=None)
 
     def _handle_message(self) -> bool:
-        """Execute the fault that begins now, and answer; return False after the last message."""
+        """Receive a message, execute its fault, and answer; return False after the last one."""
         try:
             word = self._pipe.recv()
             if not isinstance(word, int):
@@ -117,7 +119,7 @@ class ProgramFaults:
             due[1]()
 
     def _try_to_execute(self, fault: ProgramFault) -> bool:
-        """Execute a fault; return False if it must wait."""
+        """Execute a fault; return False if it must wait for a process or a recording."""
         try:
             return self._execute(fault)
         except RidDaqError as problem:
@@ -148,7 +150,7 @@ class ProgramFaults:
         return False
 
     def _freeze(self, pid: int, duration_s: float) -> None:
-        descriptor = os.pidfd_open(pid)  # a process number could be reused
+        descriptor = os.pidfd_open(pid)  # unlike a process number, it is never reused
         self._frozen.append(descriptor)
         signal.pidfd_send_signal(descriptor, signal.SIGSTOP)
         self._due.append((time.monotonic() + duration_s, partial(self._thaw, descriptor)))
@@ -156,7 +158,7 @@ class ProgramFaults:
     def _thaw(self, descriptor: int) -> None:
         if descriptor in self._frozen:
             self._frozen.remove(descriptor)
-            with contextlib.suppress(ProcessLookupError):  # the process was killed meanwhile
+            with contextlib.suppress(ProcessLookupError):  # the process was killed
                 signal.pidfd_send_signal(descriptor, signal.SIGCONT)
             os.close(descriptor)
 
@@ -179,9 +181,9 @@ class ProgramFaults:
 
 
 def _children(name: ProcessName) -> Iterator[int]:
-    """Yield the living child processes with a name."""
+    """Yield the process numbers of the running child processes with a name."""
     for pid in filter(str.isdigit, os.listdir("/proc")):
-        with contextlib.suppress(OSError):  # the process ended meanwhile
+        with contextlib.suppress(OSError):  # the process has ended
             before, _, after = Path("/proc", pid, "stat").read_text().rpartition(")")
             state, parent = after.split()[:2]
             if before.partition("(")[2] == name and int(parent) == os.getpid() and state != "Z":
@@ -189,7 +191,7 @@ def _children(name: ProcessName) -> Iterator[int]:
 
 
 def _journal(pid: int) -> Path | None:
-    """Return the recording that a process writes, if it is not empty."""
+    """Return the recording that a process writes; None if it does not exist or is empty."""
     with contextlib.suppress(OSError):
         for number in os.listdir(f"/proc/{pid}/fd"):
             path = Path(os.readlink(f"/proc/{pid}/fd/{number}"))

@@ -1,4 +1,4 @@
-"""`PtyPort`: the device's end of a serial port: a pseudo-terminal at a fixed path."""
+"""`PtyPort`: a serial port of a simulated device: a pseudo-terminal at a fixed path."""
 
 from __future__ import annotations
 
@@ -12,10 +12,12 @@ from config.errors import TransportError
 
 _READ_BYTES = 4096
 _PATIENCE_S = 5.0
-"""Time without reading after which a reader's bytes are dropped [s]."""
+"""Longest wait for a reader that does not read, if simulated time waits for it [s]; then bytes are
+lost."""
 
 UNKNOWN_RATE = -1
-"""Value for a baud rate without a constant in `termios`, which a computer can also set."""
+"""Value of `baud_rate` if it is not one of the standard rates in `termios`, or if the port is
+unplugged."""
 
 _RATES = {
     getattr(termios, name): int(name[1:])
@@ -25,18 +27,19 @@ _RATES = {
 
 
 class PtyPort:
-    """A pseudo-terminal with a symbolic link at `path`; it is plugged in when it is created.
+    """A pseudo-terminal with a symbolic link at `path`; the constructor plugs it in.
 
-    Bytes are lost if no program has the port open, as on a real line, or if the reader is too slow.
+    Bytes are lost if no program has the port open, as on a real line, or if the program reads too
+    slowly.
 
     Args:
-        path: Path at which computers open the port.
-        patient: True to wait for a slow reader, with simulated time, which waits too. False to drop
-            bytes that do not fit.
+        path: Path at which programs open the port.
+        patient: True to wait for a slow reader; simulated time waits too. False to discard bytes
+            that do not fit.
 
     Attributes:
-        passed_bytes: Number of bytes that were handed over.
-        lost_bytes: Number of bytes that a reader did not fetch in time.
+        passed_bytes: Number of bytes that were delivered.
+        lost_bytes: Number of bytes that were lost because the program did not read them in time.
 
     Raises:
         TransportError: The path already exists, or no pseudo-terminal is available.
@@ -65,7 +68,7 @@ class PtyPort:
 
     @property
     def baud_rate(self) -> int:
-        """Baud rate that the computer has set."""
+        """Baud rate that the program has set."""
         if self._fd < 0:
             return UNKNOWN_RATE
         return _RATES.get(termios.tcgetattr(self._fd)[5], UNKNOWN_RATE)
@@ -77,15 +80,15 @@ class PtyPort:
         try:
             self._fd, other = os.openpty()
             try:
-                tty.setraw(other)  # prevent echoes until a computer has set its own mode
+                tty.setraw(other)  # no echoes before a program sets its mode
                 self._path.symlink_to(os.ttyname(other))
             finally:
-                os.close(other)  # from now on, a hang-up means that no program has the port open
+                os.close(other)  # a hang-up then shows that no program has the port open
             os.set_blocking(self._fd, False)
         except OSError as error:
             self._close()
             raise TransportError(
-                f"{self._path}: cannot make a serial port here ({error})",
+                f"{self._path}: cannot create a serial port here ({error})",
                 code="RID-SOCKET-PATH",
             ) from None
 
@@ -101,7 +104,7 @@ class PtyPort:
             return b""
         try:
             return os.read(self._fd, _READ_BYTES)
-        except OSError:  # no bytes, or no program at the other end
+        except OSError:  # no bytes, or no program has the port open
             return b""
 
     def write(self, data: bytes) -> None:

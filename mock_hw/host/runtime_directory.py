@@ -1,4 +1,4 @@
-"""Folders of simulated buses and ports, and the paths that belong to a channel's name."""
+"""Folders and paths of the sockets, ports and files of simulated cells."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ _IN_USE = "in-use"
 
 
 def runtime_directory() -> Path:
-    """Return this user's folder for simulated buses; create it if necessary, closed to other users.
+    """Return the user's folder for simulated buses; create it without access for other users.
 
     The folder is ``$XDG_RUNTIME_DIR/rid-daq``, or ``/tmp/rid-daq-<user id>`` if the variable is not
     set.
 
     Raises:
-        TransportError: The folder belongs to another user or is open to others, so that a bus in it
-            could be theirs.
+        TransportError: The folder belongs to another user, or other users can write to it, so that
+            a bus in it could be another user's.
     """
     base = os.environ.get("XDG_RUNTIME_DIR")
     if base and Path(base).is_dir():
@@ -46,12 +46,12 @@ def runtime_directory() -> Path:
 
 @contextlib.contextmanager
 def private_folder(name: str) -> Iterator[Path]:
-    """Yield a new folder for one bus, and remove it at the end.
+    """Yield a new private folder for one bus; remove it at the end.
 
-    First, folders are removed that were left behind because all their processes were killed.
+    Before that, old private folders are removed whose processes were all killed.
 
     Raises:
-        TransportError: As `runtime_directory`, or the folder cannot be created.
+        TransportError: As for `runtime_directory`, or the folder cannot be created.
     """
     runtime = runtime_directory()
     with contextlib.ExitStack() as stack:
@@ -65,7 +65,7 @@ def private_folder(name: str) -> Iterator[Path]:
                 stack.enter_context(folder_in_use(folder))
         except OSError as error:
             raise TransportError(
-                f"{runtime}: cannot create a folder for the bus there ({error})",
+                f"{runtime}: cannot create a folder for the bus in this folder ({error})",
                 code="RID-SOCKET-PATH",
             ) from None
         yield folder
@@ -73,9 +73,9 @@ def private_folder(name: str) -> Iterator[Path]:
 
 @contextlib.contextmanager
 def folder_in_use(folder: Path) -> Iterator[None]:
-    """Mark a private folder as used, so that it is not removed.
+    """Mark a private folder as used, so that no other process removes it.
 
-    Every process that serves in the folder uses this context.
+    Every process with a socket or a port in the folder uses this context.
 
     Raises:
         OSError: The folder no longer exists.
@@ -90,7 +90,7 @@ def folder_in_use(folder: Path) -> Iterator[None]:
 
 @contextlib.contextmanager
 def _exclusive_lock(runtime: Path) -> Iterator[None]:
-    """Lock the creation and removal of private folders."""
+    """Lock the runtime folder while private folders are created or removed in it."""
     descriptor = os.open(runtime, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX)
@@ -101,8 +101,8 @@ def _exclusive_lock(runtime: Path) -> Iterator[None]:
 
 def _remove_unused(folder: Path) -> None:
     """Remove a private folder that no process uses."""
-    with contextlib.suppress(OSError):  # a file, or in use, or already removed
-        folder.rmdir()  # empty folder of a process that was killed early
+    with contextlib.suppress(OSError):  # not a folder, not empty, or already removed
+        folder.rmdir()  # of a process that was killed before it used the folder
     with contextlib.suppress(OSError):
         descriptor = os.open(folder / _IN_USE, os.O_RDONLY | os.O_CLOEXEC | os.O_NOFOLLOW)
         try:
@@ -113,7 +113,7 @@ def _remove_unused(folder: Path) -> None:
 
 
 def socket_path(channel: str) -> Path:
-    """Return the socket of a channel: a path unchanged, a plain name in `runtime_directory`.
+    """Return a channel's socket: `channel` if it is a path; for a name, one in the runtime folder.
 
     Raises:
         TransportError: The path is too long for a socket.
@@ -129,19 +129,19 @@ def socket_path(channel: str) -> Path:
 
 
 def plate_path(channel: str) -> Path:
-    """Return the path of the plate's serial port next to a channel.
+    """Return the path of the plate amplifier's serial port for a channel.
 
     Raises:
-        TransportError: As `socket_path`.
+        TransportError: As for `socket_path`.
     """
     return socket_path(channel).with_suffix(".plate")
 
 
 def registers_path(channel: str) -> Path:
-    """Return the path of the serial line of the drives' registers next to a channel."""
+    """Return the path of the serial port of the drives' registers for a channel."""
     return socket_path(channel).with_suffix(".drives")
 
 
 def axes_path(channel: str) -> Path:
-    """Return the path of the file with the true state of the axes next to a channel."""
+    """Return the path of the file with the true state of the axes for a channel."""
     return socket_path(channel).with_suffix(".axes")

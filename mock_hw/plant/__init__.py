@@ -1,5 +1,5 @@
-"""The simulated robot, computed by Pinocchio, with effects that the estimators' models do not have.
+"""The simulated robot, computed by Pinocchio, with effects that the estimators do not model.
 
-This package is independent of `dynamics`, so that no mistake is in both and cancels. Begin with
-`plant.py`.
+This package does not use `dynamics`, so that a mistake in one package cannot be hidden by the same
+mistake in the other. Begin with `plant.py`.
 """

@@ -1,4 +1,4 @@
-"""Tables for the kernel of the servo loops: the parameters of a plant's axes, and its spring."""
+"""Tables with the parameters of a plant's axes and spring, for the kernel of the servo loops."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def axis_rows(robot: RobotDescription, plant: PlantConfig) -> Vector:
 
 
 def spring_entries(robot: RobotDescription, plant: PlantConfig) -> Vector:
-    """Return the kernel's spring: its column (-1 for no spring), k, free length, l and r.
+    """Return the kernel's spring: column (-1: no spring), stiffness k, free length, l, r.
 
     Raises:
         ConfigError: The spring's data are incomplete, or the spring cannot be simulated.

@@ -1,8 +1,9 @@
-"""The simulated robot: its motion under the drives' commands, and the drives' measurements.
+"""The simulated robot: its motion by the drives' commands, and the values that drives measure.
 
-Pinocchio computes mass matrix and bias at the predicted middle of every outer step; the kernel in
-`mock_hw.plant.servo_loops` computes the inner steps. Both are of second order, so that the samples
-satisfy the equations of motion with errors far below the torque noise.
+The integration has outer and inner steps. For each outer step, Pinocchio computes mass matrix and
+bias at the predicted state in its middle; the kernel in `mock_hw.plant.servo_loops` computes the
+inner steps. Both methods are of second order, so that the samples satisfy the equations of motion
+with errors far below the torque noise.
 """
 
 from __future__ import annotations
@@ -36,13 +37,12 @@ class Plant:
     Positions are in rad or m and torques in N m or N, at the link side, in the order of the robot's
     joints. Commands, encoders, torques, friction and brakes refer to the motors. With a coupled
     wrist or an elastic gear, the motors' coordinates differ from those of the joints; `position`
-    and `velocity` are those of the joints. Equal seeds and equal calls give equal numbers, bit for
-    bit.
+    and `velocity` are those of the joints. Equal seeds and equal calls give identical results.
 
     Args:
-        robot: Description of the robot, which all programs know.
-        plant: True parameters. Use ``plant.without_unmodelled()`` for a robot that satisfies the
-            estimators' models.
+        robot: Description of the robot, as in the robot file.
+        plant: True parameters. Use ``plant.without_unmodelled()`` for a robot without unmodelled
+            effects.
         torque_filter: Anti-alias filter between the motor's torque and its measurement; None for no
             filter.
         seed: Random seed of the torque noise.
@@ -107,22 +107,22 @@ class Plant:
 
     @property
     def position(self) -> Vector:
-        """True joint positions, (n,), a copy."""
+        """Copy of the true joint positions, (n,) [rad or m]."""
         return self._to_joints(self._state[rows.POSITION])
 
     @property
     def velocity(self) -> Vector:
-        """True joint velocities, (n,), a copy."""
+        """Copy of the true joint velocities, (n,) [rad/s or m/s]."""
         return self._to_joints(self._state[rows.VELOCITY])
 
     @property
     def actuator_velocity(self) -> Vector:
-        """The motors' true velocities at the link side, (n,), a copy."""
+        """Copy of the motors' true velocities, link side, (n,) [rad/s or m/s]."""
         return np.array(self._motors[rows.VELOCITY])
 
     @property
     def torque(self) -> Vector:
-        """True motor torques at the link side, (n,), a copy."""
+        """Copy of the true motor torques, link side, (n,) [N m or N]."""
         return np.array(self._motors[rows.TORQUE])
 
     @property
@@ -132,12 +132,12 @@ class Plant:
 
     @property
     def temperature_k(self) -> Vector:
-        """The motors' temperatures, (n,), a copy [K]."""
+        """Copy of the motors' temperatures, (n,) [K]."""
         return self._heat.temperature_k.copy()
 
     @property
     def attached(self) -> str | None:
-        """The payload on the flange; None if the flange is empty."""
+        """Name of the payload on the flange; None if the flange is empty."""
         return self._truth.attached
 
     def attach(self, payload: str | None) -> None:
@@ -160,13 +160,12 @@ class Plant:
             self._watched = [] if watched else None
 
     def take_base_wrenches(self) -> tuple[Vector, Vector]:
-        """Return the recorded base wrench since the last call.
+        """Return the base wrench that was recorded since the last call.
 
         Returns:
-            `end_s`, shape (m,). Plant times at which intervals end [s]; each interval begins at the
-            end of the one before.
-            `wrench`, shape (m, 6). Mean of the base wrench over each interval; it includes jumps of
-            the velocity.
+            `end_s`, shape (m,). End times of intervals, since the start of the plant [s]; each
+            interval begins at the end of the previous one. `wrench`, shape (m, 6). Mean of the base
+            wrench over each interval, including the impulses by velocity jumps.
         """
         taken = self._watched or []
         if taken:
@@ -189,8 +188,9 @@ class Plant:
             duration_s: Duration [s]; not negative.
             velocity_start: Shape (n,). The motors' velocity commands at the beginning, at the link
                 side [rad/s or m/s].
-            velocity_end: Shape (n,). The same at the end; the commands are linear in between.
-            powered: Shape (n,). True if the drive's velocity loop runs; without it the motor has no
+            velocity_end: Shape (n,). The commands at the end; they change linearly during the
+                interval.
+            powered: Shape (n,). True if the drive's velocity loop runs; if False, the motor has no
                 torque.
             braked: Shape (n,). True if the holding brake is closed.
             torque_limit: Shape (n,). The drives' torque limits at the link side [N m or N]; used if
@@ -247,17 +247,17 @@ class Plant:
         self._random.standard_normal(out=self._noise)
 
     def position_counts(self) -> NDArray[np.int64]:
-        """Return the encoder positions, (n,); they are 0 at joint position zero."""
+        """Return the encoder positions [increments], (n,); they are 0 at joint position zero."""
         counts: NDArray[np.int64] = np.floor(
             self._motors[rows.POSITION] * self._counts_per_position
         ).astype(np.int64)
         return counts
 
     def measured_torque(self) -> Vector:
-        """Return the motors' torques as measured, (n,): filtered, with noise.
+        """Return the motors' measured torques, (n,): filtered, with noise.
 
-        The drives measure current and use the torque constant at the reference temperature. The
-        noise changes when time passes, not with every call.
+        The drives measure current and use the torque constant at the reference temperature.
+        Repeated calls at the same time return the same noise.
         """
         torque: Vector = self._motors[rows.TORQUE]
         if len(self._poles):
@@ -267,13 +267,13 @@ class Plant:
         return torque + self._noise_nm * self._noise
 
     def torque_permille(self) -> NDArray[np.int16]:
-        """Return measured torques as drives report them (6077h), (n,) [0.1 % of rated torque]."""
+        """Return the measured torques in the unit of 6077h, (n,) [0.1 % of rated torque]."""
         permille = np.rint(self.measured_torque() / self._torque_per_permille)
         clipped: NDArray[np.int16] = np.clip(permille, -_INT16_MAX, _INT16_MAX).astype(np.int16)
         return clipped
 
     def _apply_temperatures(self, command: Vector) -> None:
-        """Scale friction and torque constants for the motors' temperatures."""
+        """Scale friction and torque constants by the effects of the motors' temperatures."""
         friction, constant = self._heat.friction_factor, self._heat.torque_constant_factor
         for row in (rows.COULOMB, rows.VISCOUS, rows.STRIBECK, rows.LOAD_FRICTION):
             np.multiply(self._cold_axes[row], friction, out=self._axes[row])
@@ -281,14 +281,14 @@ class Plant:
         command[rows.TORQUE_LIMIT] *= constant
 
     def _to_joints(self, of_columns: Vector) -> Vector:
-        """Convert positions or velocities of motors and gear outputs to the joints' (5.18)."""
+        """Convert positions or velocities of motors and gear outputs to those of joints (5.18)."""
         of_outputs: Vector = of_columns[self._outputs]
         if not self._coupled:
             return of_outputs
         return np.asarray(self._joint_of @ of_outputs)
 
     def _renew_rigid_bodies(self, ahead_s: float) -> None:
-        """Compute mass matrix and bias at the state that is predicted `ahead_s` from now."""
+        """Compute mass matrix and bias at the state predicted for a time `ahead_s` from now."""
         state = self._state
         acceleration = state[rows.ACCELERATION]
         velocity = state[rows.VELOCITY] + ahead_s * acceleration
@@ -304,7 +304,7 @@ class Plant:
         )
 
     def _gains(self, step_s: float) -> NDArray[np.complex128]:
-        """Return the filter's exact discretisation for inputs that are linear over a step."""
+        """Return the filter's exact discretisation for inputs that change linearly in a step."""
         gains = self._filter_gains.get(step_s)
         if gains is None:
             gains = discretise(self._poles, self._residues, step_s)

@@ -1,17 +1,20 @@
 """The simulated robot's rigid bodies in Pinocchio: links, and every rotor as a separate body.
 
-A rotor turns in the full model of 2n coordinates about its axis on the link that carries it. Its
-gear couples it to its actuator, q_full = G alpha with G = [C; diag(mu)] constant. C converts the
-actuators' angles to the joints' (5.18); it is 1 without a coupled wrist. The reduced equations are
-Gᵀ M G and Gᵀ b. They contain the rotors' coupling (theory: section 3) and the wrist's (5.19)
-without explicit formulas. A plain armature is a rotor without a carrier: it turns in the world
-frame.
+The full model has 2n coordinates: n joints and n rotors. A rotor is a body that turns about its
+axis on the link that carries it. The gears couple the coordinates to those of the n actuators:
+q_full = G alpha, with the constant matrix G = [C; diag(mu)]. C converts actuator positions to joint
+positions (5.18) and is the identity if the robot has no coupled wrist; mu are the gear ratios. With
+the full model's mass matrix M and bias b, the reduced equations have the mass matrix Gᵀ M G and the
+bias Gᵀ b. They contain the coupling of rotors and links (theory: section 3) and that of the wrist
+(5.19) without explicit formulas. A joint with `armature` has a rotor that no link carries: it turns
+in the world frame.
 
-With an elastic gear (`joint_stiffness_nm_rad`), the motor and the gear's output are two
-coordinates. The motor keeps its axis' column of G, which then moves the rotor alone. The output has
-a column after those of all axes, and moves the links.
+If a gear is elastic (`joint_stiffness_nm_rad`), the motor and the gear's output are two separate
+coordinates. The motor has the column of its axis in G, by which it then moves only its rotor. The
+gear's output has an additional column after those of all axes, and moves the links.
 
-The base wrench is the generalised force of a free joint under the base that does not move.
+For the base wrench, the base is on a free joint that does not move; the wrench is the generalised
+force of this joint.
 """
 
 from __future__ import annotations
@@ -35,26 +38,25 @@ Indices = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class GearedModel:
-    """A Pinocchio model of links and rotors, with the transmission from the actuators.
+    """Pinocchio model of links and rotors, with the matrix G that couples them to the actuators.
 
     Attributes:
         model: Pinocchio model with one coordinate per joint and one per rotor, m in total.
-        gearing: Shape (m, n + f). G: the coordinates' velocities are G times the velocities of the
-            n motors and of the f outputs of elastic gears. Without elastic gears and coupling, the
-            motors' velocities are the joints'.
+        gearing: Shape (m, n + f). Matrix G: the velocities of the model's coordinates are G times
+            the velocities of the n motors and of the f outputs of elastic gears.
     """
 
     model: Any
     gearing: Vector
 
     def entries(self) -> tuple[Indices, Indices, Vector]:
-        """Return coordinate, actuator and value of every nonzero entry of G."""
+        """Return row (coordinate), column (actuator) and value of every nonzero entry of G."""
         coordinate, actuator = np.nonzero(self.gearing)
         return coordinate, actuator, self.gearing[coordinate, actuator]
 
 
 def output_columns(plant: PlantConfig) -> Indices:
-    """Return the column of G of every gear output, (n,); a rigid gear has its motor's column."""
+    """Return each gear output's column in G, (n,); for a rigid gear, it is the motor's column."""
     columns = np.arange(len(plant.axes))
     giving = [extra.joint_stiffness_nm_rad is not None for extra in plant.extras]
     columns[giving] = len(columns) + np.arange(sum(giving))
@@ -64,12 +66,12 @@ def output_columns(plant: PlantConfig) -> Indices:
 def build_rigid_bodies(
     robot: RobotDescription, plant: PlantConfig, *, floating: bool = False
 ) -> GearedModel:
-    """Build the model of a robot with the plant's inertias and, if given, its true kinematics.
+    """Return the model of a robot with the plant's inertias and, if stated, its true kinematics.
 
-    A payload that is attached in the plant is a rigid part of the last link.
+    A payload that is mounted in the plant is a rigid part of the last link.
 
     Args:
-        floating: True to put the base on a free joint; see `BaseWrench`.
+        floating: True to put the base on a free joint, for `BaseWrench`.
 
     Raises:
         ConfigError: Plant and robot do not fit each other.
@@ -90,7 +92,7 @@ def build_rigid_bodies(
     joint_of = np.zeros((count, width))
     joint_of[:, outputs] = np.eye(count) if robot.coupling is None else np.array(robot.coupling)
     gearing: list[Vector] = []
-    # Pinocchio needs subtrees in contiguous order: a link, its rotors, then the next link.
+    # Pinocchio requires this order: a link, its rotors, then the next link.
     for number in range(count + 1):
         if number > 0:
             joint, row = robot.joints[number - 1], kinematics.modified_rows()[number - 1]
@@ -115,11 +117,11 @@ def build_rigid_bodies(
 
 
 class BaseWrench:
-    """Wrench of the base on a robot, for any motion of its actuators.
+    """Computes the wrench of the base on a robot from the motion of its actuators.
 
-    By Newton and Euler it is the rate of change of the whole robot's momentum, with the spin of
-    every rotor, minus the weight. Forces between the robot's bodies (motor torques, friction,
-    springs) do not contribute.
+    By the laws of Newton and Euler, it is the rate of change of the momentum of the whole robot,
+    including its rotors, minus the gravity wrench. Forces between the robot's bodies, such as motor
+    torques, friction and springs, have no effect.
 
     Args:
         robot: As for `build_rigid_bodies`.
@@ -134,7 +136,7 @@ class BaseWrench:
         self._position: Vector = np.array(pin.neutral(self._model))
         self._velocity: Vector = np.zeros(self._model.nv)
         self._acceleration: Vector = np.zeros(self._model.nv)
-        # The first entries of each belong to the free joint, which does not move.
+        # The first entries of each vector belong to the free joint, which does not move.
         count = len(self._gearing)
         self._own = tuple(
             full[-count:] for full in (self._position, self._velocity, self._acceleration)
@@ -144,8 +146,8 @@ class BaseWrench:
         """Return the wrench (6,): force [N], then moment [N m] about the origin of frame 0.
 
         Args:
-            motion: Shape (3, n + f). Positions, velocities and accelerations in the coordinates to
-                which G applies.
+            motion: Shape (3, n + f). Positions, velocities and accelerations of the n motors and f
+                gear outputs.
         """
         for own, full in zip(self._own, motion @ self._gearing.T, strict=True):
             own[:] = full
@@ -155,12 +157,12 @@ class BaseWrench:
         return np.array(forces[:6])
 
     def over_step(self, before: Vector, after: Vector, step_s: float) -> Vector:
-        """Return the wrench (6,) at the middle of a step, with the step's mean acceleration.
+        """Return the wrench (6,) in the middle of a step, with the mean acceleration of the step.
 
         Args:
-            before: Shape (2, n + f). Positions and velocities at the start, in the coordinates to
-                which G applies.
-            after: Shape (2, n + f). The same at the end.
+            before: Shape (2, n + f). Positions and velocities of the n motors and f gear outputs at
+                the start.
+            after: Shape (2, n + f). Positions and velocities at the end.
             step_s: Duration of the step [s].
         """
         motion = np.array([*(0.5 * (before + after)), (after[1] - before[1]) / step_s])
@@ -168,7 +170,7 @@ class BaseWrench:
 
 
 def _add_rotor(model: Any, carrier: int, axis: Vector3, inertia_kg_m2: float, name: str) -> None:
-    """Add a body that has only a polar inertia and turns about an axis of the carrier's frame."""
+    """Add a body that has only a polar inertia, and turns about an axis fixed to its carrier."""
     spin = np.array(axis)
     identity = pin.SE3.Identity()
     number = model.addJoint(carrier, pin.JointModelRevoluteUnaligned(spin), identity, name)
@@ -206,7 +208,7 @@ def _check(robot: RobotDescription, plant: PlantConfig) -> None:
 
 
 def _joint_placement(row: KinematicRow) -> Any:
-    """Return a joint's placement: Rot_x(alpha) Trans_x(a) Rot_y(beta) Rot_z(theta) Trans_z(d)."""
+    """Return Rot_x(alpha) Trans_x(a) Rot_y(beta) Rot_z(theta) Trans_z(d) of a joint."""
     turn = (
         pin.utils.rotate("x", row.alpha_rad)
         @ pin.utils.rotate("y", row.beta_rad)

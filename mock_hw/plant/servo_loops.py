@@ -1,21 +1,24 @@
-"""The servo loops and friction of all axes in steps of a fraction of a millisecond, as one kernel.
+"""Kernel that simulates servo loops, friction and motion of all axes in steps below 1 ms.
 
-The coordinate of an axis is that of its motor, at the gear's output: the joint coordinate, except
-for coupled wrists. The kernel contains the velocity PI loop with a first-order current loop,
-Coulomb friction with sticking, viscous friction, gravity spring, brakes, cogging, tachometer
-ripple, and the anti-alias filter of the torque measurement. The rigid bodies' mass matrix and bias
-are constants here; the caller updates them. Outputs of elastic gears are separate coordinates after
-those of all axes, with the gear's spring, damper and play between output and motor.
+The coordinate of an axis is that of its motor, divided by the gear ratio. It is equal to the joint
+coordinate, except in coupled wrists and with elastic gears. The kernel contains the velocity PI
+loop with a first-order current loop, Coulomb friction with sticking, viscous friction, gravity
+spring, brakes, cogging, tachometer ripple, and the anti-alias filter of the torque measurement.
+Mass matrix and bias of the rigid bodies are constant during a call; the caller updates them between
+calls. The outputs of elastic gears are separate coordinates after those of all axes. Between motor
+and output there are the spring, the damper and the play of the gear.
 
-A step is an implicit midpoint step for everything except Coulomb friction, which is the set [-f_C,
-f_C]: v⁺ minimises ½ v⁺ᵀAv⁺ - rᵀv⁺ + h f_Cᵀ|v⁺|, which has a unique solution for any step. An axis
-that sticks has v⁺ = 0 exactly.
+A step is an implicit midpoint step for all effects except Coulomb friction, which is set-valued: at
+rest it can have any value in [-f_C, f_C]. The velocity v⁺ after a step h therefore minimises ½
+v⁺ᵀAv⁺ - rᵀv⁺ + h f_Cᵀ|v⁺|, which has a unique solution for any step. An axis that sticks has
+exactly v⁺ = 0.
 
-Friction with presliding is not such a set but the elasto-plastic bristle of Dupont, Hayward,
-Armstrong and Altpeter (IEEE Transactions on Automatic Control 47(5), 2002). Its force is sigma_0 z
-+ sigma_1 dz/dt with dz/dt = v (1 - alpha z sign(v) / z_ss). While the bristle is stretched further,
-alpha rises from 0 at 0.7 z_ss to 1 at z_ss; alpha is 0 while the bristle relaxes. Coulomb, Stribeck
-and load friction are sigma_0 z_ss. The friction of the brake is still a set.
+Friction with presliding is not set-valued. It is the elasto-plastic bristle model of Dupont,
+Hayward, Armstrong and Altpeter (IEEE Transactions on Automatic Control 47(5), 2002): the force is
+sigma_0 z + sigma_1 dz/dt, and the stretch z of the bristle follows dz/dt = v (1 - alpha z sign(v) /
+z_ss). While the stretch grows, alpha rises from 0 at 0.7 z_ss to 1 at z_ss; while it decreases,
+alpha is 0. Coulomb, Stribeck and load-dependent friction together are sigma_0 z_ss. The friction of
+the brake is always set-valued.
 """
 
 from __future__ import annotations
@@ -32,16 +35,16 @@ from config.arrays import IntArray
 Array = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-# Rows of `state`, one column an axis.
+# Rows of `state`; there is one column per axis.
 POSITION = 0
 VELOCITY = 1
 ACCELERATION = 2
 INTEGRAL = 3  # integral of the velocity error [rad]
 TORQUE = 4  # motor torque, link side
-BRISTLE = 5  # z, stretch of the presliding bristle [rad]
+BRISTLE = 5  # z, stretch of the bristle [rad]
 STATE_ROWS = 6
 
-# Rows of `axes`: parameters of an axis.
+# Rows of `axes`: parameters; there is one column per axis.
 COULOMB = 0
 VISCOUS = 1
 GAIN = 2
@@ -52,18 +55,18 @@ STRIBECK = 6
 STRIBECK_VELOCITY = 7
 LOAD_FRICTION = 8
 COGGING = 9
-COGGING_WAVES = 10  # periods per joint turn
+COGGING_WAVES = 10  # periods per joint revolution
 RIPPLE = 11
 RIPPLE_WAVES = 12
 FRICTION_DRIFT = 13  # [1/s]
-BRISTLE_STIFFNESS = 14  # sigma_0, 0 for friction without presliding
-OUTPUT = 15  # column of the gear's output; the motor's column if the gear is rigid
+BRISTLE_STIFFNESS = 14  # sigma_0; 0: no presliding
+OUTPUT = 15  # column of the gear's output; of the motor if the gear is rigid
 GEAR_STIFFNESS = 16
 GEAR_DAMPING = 17
-PLAY = 18  # from one flank to the other
+PLAY = 18  # from one tooth flank to the other
 AXES_ROWS = 19
 
-# Rows of `command`: command of an axis for one call.
+# Rows of `command`: commands for one call; there is one column per axis.
 COMMAND_START = 0
 COMMAND_SLOPE = 1
 POWERED = 2
@@ -71,13 +74,13 @@ BRAKED = 3
 TORQUE_LIMIT = 4
 COMMAND_ROWS = 5
 
-# Entries of `spring`: joint (-1: none), stiffness k, free length, lever arms l and r.
+# Entries of `spring`: column (-1: no spring), stiffness k, free length, lever arms l and r.
 
 _SWEEPS = 60
-_ELASTIC_SHARE = 0.7
-"""Fraction of z_ss below which a bristle is fully elastic."""
+_ELASTIC_FRACTION = 0.7
+"""Stretch, as a fraction of z_ss, below which a bristle is purely elastic."""
 _BRISTLE_DAMPING_S = 0.0002
-"""sigma_1 / sigma_0; it damps oscillations of a bristle that holds an axis."""
+"""Ratio sigma_1 / sigma_0 [s]; it damps oscillations of an axis that a bristle holds at rest."""
 _NEGLIGIBLE_TORQUE = 1e-12
 
 
@@ -91,9 +94,10 @@ def reduce_to_actuators(
     mass: Array,
     bias: Array,
 ) -> None:
-    """Write Gᵀ M G (n, n) into `mass` and Gᵀ b (n,) into `bias`; M and b are the full model's.
+    """Compute the reduced equations: Gᵀ M G into `mass`, (n, n), and Gᵀ b into `bias`, (n,).
 
-    `coordinate`, `actuator` and `value` are the nonzero entries of G.
+    `full_mass` is M, `full_bias` is b; `coordinate`, `actuator` and `value` are row, column and
+    value of the nonzero entries of G.
     """
     mass[:] = 0.0
     bias[:] = 0.0
@@ -108,7 +112,7 @@ def reduce_to_actuators(
 
 @njit(cache=True)
 def spring_torque(spring: Array, position: float) -> float:
-    """Torque that holds the joint against the gravity spring (3.36) [N m]."""
+    """Return the torque that holds the joint against the gravity spring (3.36) [N m]."""
     stiffness, free_length, l_m, r_m = spring[1], spring[2], spring[3], spring[4]
     squared = l_m * l_m + r_m * r_m - 2.0 * l_m * r_m * math.cos(position)
     length = math.sqrt(squared)
@@ -116,10 +120,11 @@ def spring_torque(spring: Array, position: float) -> float:
 
 
 class Inertia(NamedTuple):
-    """Rigid-body dynamics in the actuators' coordinates.
+    """Dynamics of the rigid bodies, in the coordinates of motors and gear outputs.
 
     Attributes:
-        mass: Shape (m, m). Mass matrix of the n motors, then of the outputs of elastic gears.
+        mass: Shape (m, m). Mass matrix; the coordinates are the n motors, then the outputs of
+            elastic gears.
         bias: Shape (m,). Coriolis, centrifugal and gravity torques.
     """
 
@@ -131,9 +136,10 @@ class Actuators(NamedTuple):
     """Parameters and commands of the axes.
 
     Attributes:
-        axes: Shape (AXES_ROWS, n). Parameters; the rows are named above.
-        command: Shape (COMMAND_ROWS, n). Commands; the rows are named above.
-        spring: Shape (5,). The gravity spring.
+        axes: Shape (AXES_ROWS, n). Parameters of the axes; constants such as `COULOMB` name the
+            rows.
+        command: Shape (COMMAND_ROWS, n). Commands; constants such as `POWERED` name the rows.
+        spring: Shape (5,). The gravity spring, as `spring_torque` uses it.
     """
 
     axes: Array
@@ -145,9 +151,9 @@ class TorqueFilter(NamedTuple):
     """The anti-alias filter of the torque measurement.
 
     Attributes:
-        gains: Shape (3, poles). Per pole: exp(p h), and the weights of the torque at the beginning
-            and the end of a step.
-        state: Shape (poles, n). Changed in place.
+        gains: Shape (3, poles). For each pole p: exp(p h) for a step h, and the weights of the
+            torque at the beginning and at the end of the step.
+        state: Shape (poles, n). State of the filter; overwritten.
     """
 
     gains: ComplexArray
@@ -165,7 +171,7 @@ def advance_servo_loops(
     state: Array,
     torque_filter: TorqueFilter,
 ) -> None:
-    """Advance all axes by `steps` steps of `step_s`, in place.
+    """Advance the state of all axes by `steps` steps of `step_s`, in place.
 
     Args:
         steps: Number of steps.
@@ -174,8 +180,8 @@ def advance_servo_loops(
         since_command_s: Time since the start of the present command [s].
         inertia: Rigid-body dynamics, constant for all steps.
         actuators: Parameters and commands of the axes.
-        state: Shape (STATE_ROWS, m). The rows are named above; outputs of elastic gears have only
-            the rows of motion.
+        state: Shape (STATE_ROWS, m). Constants such as `POSITION` name the rows; of the outputs of
+            elastic gears, only position, velocity and acceleration are used.
         torque_filter: Filter of the measured torques.
     """
     mass, bias = inertia
@@ -201,7 +207,7 @@ def advance_servo_loops(
             wanted = command[COMMAND_START, i] + command[COMMAND_SLOPE, i] * middle_s
             ripple[i] = 1.0 + axes[RIPPLE, i] * math.cos(axes[RIPPLE_WAVES, i] * position)
 
-            # Velocity PI loop, limited at the torque limit, then the current loop's exact lag.
+            # Velocity PI loop with the torque limit, then the exact response of the current loop.
             before[i] = state[TORQUE, i]
             target = 0.0
             saturated[i] = 0.0
@@ -284,7 +290,7 @@ def advance_servo_loops(
             if command[POWERED, i] > 0.0:
                 wanted = command[COMMAND_START, i] + command[COMMAND_SLOPE, i] * middle_s
                 error = wanted - mean_velocity * ripple[i]
-                if saturated[i] * error <= 0.0:  # an integrator at its limit only winds down
+                if saturated[i] * error <= 0.0:  # anti-windup
                     state[INTEGRAL, i] += step_s * error
             else:
                 state[INTEGRAL, i] = 0.0
@@ -298,34 +304,35 @@ def advance_servo_loops(
 
 @njit(cache=True)
 def bristle_yield(velocity: float, stretch: float, limit: float, step_s: float) -> float:
-    """Return the yield rate of a bristle, in dz/dt = v - rate z [1/s].
+    """Return the yield rate of a bristle: `rate` in dz/dt = v - rate z [1/s].
 
     Args:
-        velocity: v now.
-        stretch: z now.
+        velocity: Present velocity v.
+        stretch: Present stretch z.
         limit: z_ss, the largest stretch.
-        step_s: Duration of a step [s]. A bristle beyond a decreased limit returns to it within some
-            steps.
+        step_s: Duration of a step [s]. If the limit falls below the present stretch, the stretch
+            returns to the limit within some steps.
     """
     if velocity * stretch <= 0.0:
         return 0.0
     if limit <= 0.0:
         return 1.0 / step_s
-    share = abs(stretch) / limit
-    if share <= _ELASTIC_SHARE:
+    relative = abs(stretch) / limit
+    if relative <= _ELASTIC_FRACTION:
         return 0.0
     alpha = 1.0
-    if share < 1.0:
-        middle = 0.5 * (1.0 + _ELASTIC_SHARE)
-        alpha = 0.5 + 0.5 * math.sin(math.pi * (share - middle) / (1.0 - _ELASTIC_SHARE))
+    if relative < 1.0:
+        middle = 0.5 * (1.0 + _ELASTIC_FRACTION)
+        alpha = 0.5 + 0.5 * math.sin(math.pi * (relative - middle) / (1.0 - _ELASTIC_FRACTION))
     return alpha * abs(velocity) / limit
 
 
 @njit(cache=True)
 def bristle_force(stiffness: float, rate: float, step_s: float) -> tuple[float, float]:
-    """Return the factors of z before a step and of the mean v in a bristle's mean force.
+    """Return the factors of z and of v in a bristle's mean force during a step.
 
-    With dz/dt = v - rate z at the step's middle, z⁺ = (z (1 - h rate/2) + h v) / (1 + h rate/2).
+    z is the stretch before the step h, v the mean velocity. With dz/dt = v - rate z in the middle
+    of the step, the stretch afterwards is z⁺ = (z (1 - h rate/2) + h v) / (1 + h rate/2).
     """
     gone = 1.0 + 0.5 * step_s * rate
     damping = _BRISTLE_DAMPING_S * stiffness
@@ -334,7 +341,7 @@ def bristle_force(stiffness: float, rate: float, step_s: float) -> tuple[float, 
 
 @njit(cache=True)
 def join_gears(axes: Array, state: Array, step_s: float, system: Array, momentum: Array) -> None:
-    """Add springs, dampers and play of elastic gears to both sides of the equations, in place."""
+    """Add the springs, dampers and play of elastic gears to `system` and `momentum`, in place."""
     for i in range(axes.shape[1]):
         out = int(axes[OUTPUT, i])
         if out == i:
@@ -360,7 +367,7 @@ def join_gears(axes: Array, state: Array, step_s: float, system: Array, momentum
 
 @njit(cache=True)
 def solve_with_friction(system: Array, momentum: Array, held: Array, solved: Array) -> None:
-    """Minimise ½ vᵀAv - rᵀv + fᵀ|v| by coordinate descent from the guess in `solved`, in place."""
+    """Minimise ½ vᵀAv - rᵀv + fᵀ|v| by coordinate descent; `solved` is guess and result v."""
     count = len(solved)
     for _ in range(_SWEEPS):
         change = 0.0

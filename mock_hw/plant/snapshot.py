@@ -1,8 +1,8 @@
 """`AxisSnapshot`: true state of the simulated axes, readable from any process.
 
-The drives' process writes it into a small file after every step; tests and the program's own checks
-read it. None of these data are on the bus: a real robot has no such file. One word has the opposite
-direction: the number of the payload that a user has mounted on the flange.
+The drives' process writes the state into a small file after every step of the simulation; tests and
+checks read it. These data are not on the bus, and a real robot has no such file. In the opposite
+direction, readers write one number into the file: that of the payload to mount on the flange.
 """
 
 from __future__ import annotations
@@ -19,20 +19,21 @@ from numpy.typing import ArrayLike, NDArray
 
 from config.errors import TransportError
 
-# Eight-byte words: sequence number (odd during a write), axes, time, payload; stored atomically.
+# Header of 8-byte words, each written atomically: sequence number (odd during a write), number of
+# axes, time, payload.
 _SEQUENCE, _AXES, _TIME, _PAYLOAD = 0, 1, 2, 3
 _HEADER_WORDS = 4
 _ROWS = 5
 _PATIENCE_S = 2.0
-"""Longest wait for a writer that is suspended during a write; then it counts as dead [s]."""
+"""Longest wait for the end of a write [s]; after it, the writing process counts as ended."""
 
 
 @dataclass(frozen=True)
 class AxisSnapshot:
-    """True state of a simulated robot at one time.
+    """True state of a simulated robot at a time.
 
     Attributes:
-        time_s: Time of the simulated bus: simulated, or CLOCK_MONOTONIC [s].
+        time_s: Time on the bus [s]: simulated time in lock-step, else CLOCK_MONOTONIC.
         position: Joint positions, (n,) [rad or m].
         velocity: Joint velocities, (n,) [rad/s or m/s].
         torque: Motor torques at the link side, (n,) [N m or N].
@@ -49,7 +50,7 @@ class AxisSnapshot:
 
 
 class SnapshotWriter:
-    """Writes snapshots into a file; the constructor creates the file with zeros."""
+    """Writes snapshots into a file; the constructor creates the file, filled with zeros."""
 
     def __init__(self, path: Path, axes: int) -> None:
         size = 8 * (_HEADER_WORDS + _ROWS * axes)
@@ -65,7 +66,7 @@ class SnapshotWriter:
 
     @property
     def payload(self) -> int:
-        """Number of the requested payload (`SnapshotReader.request_payload`)."""
+        """Number of the payload that was requested by `SnapshotReader.request_payload`."""
         return int(self._words[_PAYLOAD])
 
     @payload.setter
@@ -81,7 +82,7 @@ class SnapshotWriter:
         enabled: ArrayLike,
         temperature_k: ArrayLike,
     ) -> None:
-        """Write one snapshot; readers never see an incomplete one."""
+        """Write a snapshot; readers never get an incomplete one."""
         self._words[_SEQUENCE] = self._sequence + 1
         self._time[0] = time_s
         self._rows[0] = position
@@ -94,7 +95,7 @@ class SnapshotWriter:
 
 
 class SnapshotReader:
-    """Reads the snapshots of another process.
+    """Reads snapshots that another process writes.
 
     Raises:
         TransportError: The file does not exist.
@@ -114,7 +115,7 @@ class SnapshotReader:
         """Return the latest snapshot.
 
         Raises:
-            TransportError: The writer died during a write.
+            TransportError: The writing process ended during a write.
         """
         give_up_s = time.monotonic() + _PATIENCE_S
         while time.monotonic() < give_up_s:
@@ -129,12 +130,13 @@ class SnapshotReader:
                 )
             os.sched_yield()
         raise TransportError(
-            "the snapshot of the simulated axes is incomplete, because its writer died",
+            "the snapshot of the simulated axes is incomplete: the simulation ended while it"
+            " wrote the snapshot; start the simulated cell again",
             code="RID-MOCK-ENDED",
         )
 
     def request_payload(self, number: int) -> None:
-        """Request that the writer's process mounts a payload by number; 0 for none."""
+        """Request that the simulation mounts a payload by its number; 0 for an empty flange."""
         start = 8 * _PAYLOAD
         self._memory[start : start + 8] = number.to_bytes(8, sys.byteorder)
 

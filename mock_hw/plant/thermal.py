@@ -1,8 +1,8 @@
 """`MotorTemperatures`: temperatures of the simulated motors, and their effects.
 
 A motor is one thermal body: copper losses and a fraction of the friction heat warm it, and the
-ambient cools it. Warm grease reduces friction. Warm magnets give less torque per ampere, which no
-drive knows: a drive reports the current times the torque constant of the nameplate.
+surroundings cool it. Warm grease reduces friction. Warm magnets give less torque per ampere. Drives
+do not know this: a drive reports the current times the torque constant on the nameplate.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ LEAST_FRICTION = 0.2
 
 
 class MotorTemperatures:
-    """The motors of one robot, base to flange; a motor without `thermal` keeps its temperature.
+    """Temperatures of a robot's motors; a motor without `thermal` in the plant keeps its own.
 
     Attributes:
-        temperature_k: Shape (n,). Temperatures of the motors [K].
-        any: True if at least one motor warms up.
+        temperature_k: Shape (n,). Temperatures of the motors, from base to flange [K].
+        any: True if the temperature of at least one motor changes.
     """
 
     def __init__(self, robot: RobotDescription, plant: PlantConfig) -> None:
@@ -37,7 +37,7 @@ class MotorTemperatures:
         self._ambient_k = np.array([model.ambient_k for model in used])
         self._time_constant_s = np.array([model.time_constant_s for model in used])
         self._rise_k_per_w = np.array([model.rise_k_per_w for model in used])
-        self._friction_share = np.array([model.friction_share for model in used])
+        self._friction_fraction = np.array([model.friction_share for model in used])
         self._friction_per_k = np.array([model.friction_per_k for model in used])
         self._constant_per_k = np.array([model.torque_constant_per_k for model in used])
         self._reference_k = np.array([joint.reference_temperature_k for joint in robot.joints])
@@ -54,12 +54,12 @@ class MotorTemperatures:
 
     @property
     def friction_factor(self) -> Vector:
-        """Present friction relative to friction at the reference temperature, (n,)."""
+        """Present friction divided by the friction at the reference temperature, (n,)."""
         return self._factor(self._friction_per_k, LEAST_FRICTION)
 
     @property
     def torque_constant_factor(self) -> Vector:
-        """Present torque constant relative to that at the reference temperature, (n,)."""
+        """Present torque constant divided by that at the reference temperature, (n,)."""
         return self._factor(self._constant_per_k, LEAST_FRICTION)
 
     def advance(self, duration_s: float, torque: Vector, velocity: Vector) -> None:
@@ -67,15 +67,15 @@ class MotorTemperatures:
 
         Args:
             duration_s: Duration [s].
-            torque: Shape (n,). Torques [N m, link side].
-            velocity: Shape (n,). Velocities [rad/s].
+            torque: Shape (n,). Motor torques, link side [N m].
+            velocity: Shape (n,). Motor velocities, link side [rad/s].
         """
         speed = np.abs(velocity)
         friction_w = self.friction_factor * (self._coulomb_nm + self._viscous_nm_s * speed) * speed
-        heat_w = self._loss_w_per_nm2 * torque * torque + self._friction_share * friction_w
+        heat_w = self._loss_w_per_nm2 * torque * torque + self._friction_fraction * friction_w
         settled_k = self._ambient_k + self._rise_k_per_w * heat_w
-        share = -np.expm1(-duration_s / self._time_constant_s)
-        self.temperature_k += share * (settled_k - self.temperature_k)
+        change = -np.expm1(-duration_s / self._time_constant_s)
+        self.temperature_k += change * (settled_k - self.temperature_k)
 
     def _factor(self, per_k: Vector, least: float) -> Vector:
         factor = 1.0 + per_k * (self.temperature_k - self._reference_k)

@@ -1,7 +1,7 @@
-"""Butterworth low-pass filters as partial fractions, with an exact discretisation for any step.
+"""Butterworth low-pass filters as partial fractions, discretised exactly for any step.
 
-The anti-alias filter of a simulated torque measurement and the low-pass of a simulated charge
-amplifier (`mock_hw.amplifier.analog`) use them.
+They are used for the anti-alias filter of the simulated torque measurement and for the low-pass of
+the simulated charge amplifier (`mock_hw.amplifier.analog`).
 """
 
 from __future__ import annotations
@@ -16,10 +16,10 @@ ComplexVector = NDArray[np.complex128]
 
 
 def butterworth_poles(order: int, cutoff_hz: float) -> tuple[ComplexVector, ComplexVector, Vector]:
-    """Return a filter's poles, residues and output weights, (p,).
+    """Return poles, residues and output weights of a Butterworth filter, (p,) each.
 
-    Each complex pair is represented by one pole with weight 2; the output is the real part of the
-    sum.
+    Of each complex pair of poles, only one is returned, with weight 2. The filter's output is the
+    real part of the weighted sum.
     """
     angles = np.pi * (2 * np.arange(order) + order + 1) / (2 * order)
     unit: ComplexVector = np.exp(1j * angles)
@@ -34,7 +34,7 @@ def butterworth_poles(order: int, cutoff_hz: float) -> tuple[ComplexVector, Comp
 def filter_poles(
     torque_filter: ButterworthFilter | None,
 ) -> tuple[ComplexVector, ComplexVector, Vector]:
-    """Return the filter's poles, residues and output weights, (p,); empty without a filter."""
+    """Return poles, residues and output weights of a filter, (p,) each; empty for None."""
     if torque_filter is None:
         none = np.zeros(0, dtype=np.complex128)
         return none, none, np.zeros(0)
@@ -44,7 +44,7 @@ def filter_poles(
 def discretise(
     poles: ComplexVector, residues: ComplexVector, step_s: float
 ) -> NDArray[np.complex128]:
-    """Return exp(p h), and the weights of the torque at a step's beginning and end, (3, p)."""
+    """Return exp(pole * step), and the weights of the input at a step's start and end, (3, p)."""
     growth = np.expm1(poles * step_s)
     level = growth / poles
     ramp = (growth - poles * step_s) / (poles * poles * step_s)

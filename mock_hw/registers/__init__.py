@@ -1,4 +1,4 @@
 """The Modbus registers of simulated drives.
 
-They contain parameters and temperatures; they move nothing. Begin with `registers.py`.
+They contain parameters and temperatures, and cannot move a drive. Begin with `registers.py`.
 """

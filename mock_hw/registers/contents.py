@@ -1,4 +1,4 @@
-"""`DriveRegisters`: contents of the simulated drives' registers: nameplates and temperatures."""
+"""`DriveRegisters`: values in the simulated drives' registers: nameplate data and temperatures."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from mock_hw.registers.server import RegisterSettings
 
 
 class DriveRegisters:
-    """Contents of the registers of a simulated cell's drives.
+    """Values in the registers of a simulated cell's drives.
 
-    A drive knows the torque constant on its motor's nameplate, which is for the reference
+    A drive stores the torque constant on its motor's nameplate, which is valid at the reference
     temperature.
 
     Args:
         cell: The cell.
         robot: Description of the robot.
         plant: True parameters of the robot.
-        settings: Register profile, and the unit number of each drive.
+        settings: Settings with the register profile, and the unit number of each drive.
         snapshots: Source of the motors' temperatures.
     """
 

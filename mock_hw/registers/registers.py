@@ -1,7 +1,8 @@
-"""`SimulatedRegisters`: the Modbus part of simulated drives, as functions of bytes.
+"""`SimulatedRegisters`: Modbus protocol of simulated drives: requests as bytes, answers as bytes.
 
-It was written from the specifications alone (Modbus application protocol 1.1b3; Modbus over serial
-line 1.02; Modbus messaging on TCP/IP 1.0b), so that it and the driver's library check each other.
+It was written from the specifications only (Modbus application protocol 1.1b3; Modbus over serial
+line 1.02; Modbus messaging on TCP/IP 1.0b), without pymodbus, which the driver uses. Tests of the
+driver with it therefore check both implementations.
 """
 
 from __future__ import annotations
@@ -21,14 +22,15 @@ Registers = Callable[[int], Mapping[int, int] | None]
 
 
 class SimulatedRegisters:
-    """Answers requests to the drives of a rack; the registers are read-only.
+    """Answers Modbus requests to the simulated drives; their registers are read-only.
 
     Args:
-        registers: Returns a unit's registers by address; None if there is no such unit.
-        faults: Faults by the number of the request.
+        registers: Function that returns a unit's registers by address; None if there is no such
+            unit.
+        faults: Faults, with the numbers of the requests at which they occur.
 
     Attributes:
-        requests: Number of complete requests.
+        requests: Number of complete requests so far.
         held: Late answers, which are sent before the answer to the next request.
     """
 
@@ -39,7 +41,7 @@ class SimulatedRegisters:
         self.held: list[bytes] = []
 
     def take_tcp(self, buffer: bytearray) -> list[bytes]:
-        """Remove the complete frames from a connection's buffer and return the answers.
+        """Remove the complete frames from the buffer of a TCP connection; return the answers.
 
         Raises:
             ValueError: The bytes are not Modbus; the connection must be closed.
@@ -61,9 +63,9 @@ class SimulatedRegisters:
         return answers
 
     def take_rtu(self, buffer: bytearray) -> list[bytes]:
-        """Remove the complete frames from a line's buffer and return the answers.
+        """Remove the complete frames from the buffer of a serial line; return the answers.
 
-        Bytes that begin no frame with a correct checksum are dropped one by one.
+        A byte at which no frame with a correct checksum begins is discarded.
         """
         answers: list[bytes] = []
         while len(buffer) >= 4:
@@ -86,12 +88,12 @@ class SimulatedRegisters:
     def _respond(
         self, unit: int, request: bytes, frame: Callable[[bytes, int], bytes], *, gateway: bool
     ) -> list[bytes]:
-        """Return the frames that answer a request: one, or none."""
+        """Return the frames that answer a request; before them, a delayed earlier answer."""
         fault = self._faults.get(self.requests, self._faults.get(None))
         kind = None if fault is None else fault.kind
         self.requests += 1
         holds = self._registers(unit)
-        if holds is None:  # no answer on a serial line, an exception from a gateway
+        if holds is None:  # only a gateway answers, with an exception
             if not gateway:
                 return []
             return [frame(bytes((request[0] | 0x80, GATEWAY_NO_ANSWER)), unit)]
@@ -113,7 +115,7 @@ class SimulatedRegisters:
 
 
 def answer_request(request: bytes, registers: Mapping[int, int]) -> bytes:
-    """Return the answer to a request's function and data (Modbus 6.3, 6.4, 6.6, 6.12)."""
+    """Return the answer to a request (function code and data; Modbus 6.3, 6.4, 6.6, 6.12)."""
     function = request[0]
     if function in (READ_HOLDING, READ_INPUT):
         if len(request) != 5:
@@ -132,7 +134,7 @@ def answer_request(request: bytes, registers: Mapping[int, int]) -> bytes:
 
 
 def crc16(data: bytes) -> int:
-    """Return the checksum of a serial frame; 0 for a frame with its checksum (6.2.2)."""
+    """Return the CRC of bytes on a serial line; it is 0 for a frame with a correct CRC (6.2.2)."""
     crc = 0xFFFF
     for byte in data:
         crc ^= byte
@@ -142,7 +144,7 @@ def crc16(data: bytes) -> int:
 
 
 def _request_bytes(buffer: bytearray) -> int | None:
-    """Return the length of a request at the start of a buffer; None if none starts there."""
+    """Return the length of the request at the start of a buffer; None if it is no request."""
     function = buffer[1]
     if function in (READ_HOLDING, READ_INPUT, WRITE_ONE):
         return 8

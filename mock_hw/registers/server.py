@@ -1,8 +1,8 @@
-"""`RegisterService`: serves the simulated drives' registers over TCP or on a serial port.
+"""`RegisterService`: Modbus server of the simulated drives' registers, over TCP or serial line.
 
-It runs in a thread of the drives' process and reads the robot's state from the axes' snapshot,
-which is always complete. In lock-step, the robot stands still during a request if the client lets
-simulated time wait for it.
+It runs in a thread of the drives' process, and reads the robot's state from the snapshot of the
+axes. In lock-step, the client can stop simulated time during a request; the robot then does not
+move.
 """
 
 from __future__ import annotations
@@ -26,19 +26,20 @@ from config.simulation.faults import RegisterFault
 from mock_hw.host.pty_port import PtyPort
 from mock_hw.registers.registers import SimulatedRegisters
 
-BITS_PER_BYTE = 11  # start, eight data, parity or a second stop bit, stop
+BITS_PER_BYTE = 11  # 1 start, 8 data, 1 parity or second stop, 1 stop
 MOST_CONNECTIONS = 8
 _READ_BYTES = 4096
 
 
 @dataclass(frozen=True)
 class ServerCertificates:
-    """Files of a TLS server.
+    """Certificate files of a TLS server.
 
     Attributes:
         certificate: Certificate of the server.
         key: Key of the certificate.
-        client_ca: Certificate authority of the clients; if given, clients must show a certificate.
+        client_ca: Certificate authority of the clients; if given, every client needs a certificate
+            from it.
     """
 
     certificate: Path
@@ -53,8 +54,8 @@ class RegisterSettings:
     Attributes:
         monitor: Monitor as in the cell file.
         profile: Register profile of the drives.
-        path: Path of the serial port to be created.
-        certificates: Files of a TLS server.
+        path: Path at which the serial port is created, for a serial line.
+        certificates: Certificate files, if the server uses TLS.
         faults: Faults of the registers.
     """
 
@@ -66,18 +67,18 @@ class RegisterSettings:
 
 
 class RegisterService:
-    """Serves until it is closed: a context manager and a `SimulatedDevice` on the computer's clock.
+    """Modbus server: a context manager, and a `SimulatedDevice` on the computer's clock.
 
     Args:
         registers: Registers of the drives.
-        settings: Address and profile.
-        realtime: True if bytes on a serial line take their transmission time.
+        settings: Settings with address, profile and certificates.
+        realtime: True if the transmission of bytes on a serial line takes time.
 
     Attributes:
         port: TCP port; 0 on a serial line.
 
     Raises:
-        TransportError: The address cannot be served.
+        TransportError: The server cannot use the address.
     """
 
     def __init__(
@@ -114,11 +115,11 @@ class RegisterService:
 
     @property
     def next_s(self) -> float:
-        """Time at which the next answer has passed the serial line [s, CLOCK_MONOTONIC]."""
+        """Time at which the transmission of the next answer ends [s, CLOCK_MONOTONIC]."""
         return self._due[0][0] if self._due else math.inf
 
     def advance(self, until_s: float) -> None:
-        """Hand over the answers that have been transmitted by `until_s` [s]."""
+        """Deliver the answers whose transmission has ended by `until_s` [s]."""
         while self._due and self._due[0][0] <= until_s:
             data = self._due.popleft()[1]
             if self._line is not None:
@@ -132,7 +133,7 @@ class RegisterService:
                 self._line.write(data)
 
     def close(self) -> None:
-        """End the service and remove the port."""
+        """End the service; remove its port."""
         self._stopped.set()
         with contextlib.suppress(OSError):
             os.write(self._stopper, b"x")
@@ -192,7 +193,7 @@ class RegisterService:
         try:
             if self._tls is not None:
                 connection = self._tls.wrap_socket(connection, server_side=True)
-        except OSError:  # not TLS, or no certificate
+        except OSError:  # no TLS, or no valid certificate
             connection.close()
             return
         self._buffers[connection] = bytearray()
@@ -213,7 +214,7 @@ class RegisterService:
             connection.close()
 
     def _serve_line(self, line: PtyPort) -> None:
-        """Wait for bytes; skip a line without a listener, which would always be ready."""
+        """Wait for bytes on the line; only pause if no program has the port open."""
         if not line.has_listener:
             self._line_buffer.clear()
             self._due.clear()

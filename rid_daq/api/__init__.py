@@ -8,8 +8,8 @@
     print(validate(model, read_recording("ptp.csv", map="ur10e_31", rows="700-4200")))
 
 The names in `__all__` are public. Their version is `API_VERSION`, by the rules of semantic
-versioning: a name, a parameter or an attribute is removed, or changes its meaning, only with a new
-first number. Everything else in rid-daq may change at any time.
+versioning: a name, a parameter or an attribute is removed or changes its meaning only in a new
+major version. Everything else in rid-daq may change at any time.
 
 - Arrays of a motion have the shape (samples, joints), joints from base to flange. Names end in
   their unit; positions are in rad (m for a prismatic joint), their derivatives per second.

@@ -28,16 +28,17 @@ from rid_daq.terminal.job_events import AnyEvent, ProgressEvent
 class Cell:
     """A cell of a service (`rid-daq serve`), leased during the `with` block.
 
-    >>> with Cell("ir361") as cell: ...     cell.run("check") ...     recording =
-    cell.record(design("ir361"))
+    >>> with Cell("ir361") as cell:
+    ...     cell.run("check")
+    ...     recording = cell.record(design("ir361"))
 
     The service checks every motion, supervises it, and stops it if this program ends. The service
     is not a safety function: the cell's own emergency stop must be within reach.
 
     Attributes:
         name: The cell's name in the service.
-        service: `local` for the only service of this user on this computer, the path of its socket,
-            or https://HOST:PORT.
+        service: `local` for the only service of this user on this computer; or the path of a
+            service's socket; or https://HOST:PORT.
         token: Token for a service at an address; by default the environment variable RID_DAQ_TOKEN.
     """
 
@@ -93,11 +94,12 @@ class Cell:
             progress: Called with the step, the amount done and the total.
 
         Returns:
-            The JSON document of the result, as `--json` of the command; it contains a failed
-            verdict.
+            The result as a JSON document, as the command prints it with `--json`. A failed verdict
+            is a part of the document and raises no error.
 
         Raises:
-            RidDaqError: An error of the command; or the service refuses or cannot be reached.
+            RidDaqError: The job ended with an error, or the service refuses it or cannot be
+                reached.
         """
         return self._run_job(kind, request, cleared, progress).document or {}
 
@@ -118,7 +120,7 @@ class Cell:
             motion: The motion.
             label: Label of the run.
             cleared: As for `run`.
-            options: Further fields of the request `record`.
+            options: Further fields of the request `record`, as in docs/reference/openapi.json.
             progress: Called with the step, the amount done and the total.
 
         Raises:
@@ -128,14 +130,14 @@ class Cell:
             name = f"motion-{uuid.uuid4().hex[:12]}.yaml"
             motion.save(Path(folder) / name)
             self._client.put_file(Path(folder) / name, name)
-        asked = {**(options or {}), "motion": name, **({"label": label} if label else {})}
-        return self.recording(self._run_job("record", asked, cleared, progress).job.run or "")
+        request = {**(options or {}), "motion": name, **({"label": label} if label else {})}
+        return self.recording(self._run_job("record", request, cleared, progress).job.run or "")
 
     def recording(self, run: str) -> Recording:
         """Return the recording of a run of the service.
 
         Args:
-            run: Its id or label, or `latest`.
+            run: Id or label of the run, or `latest`.
 
         Raises:
             RidDaqError: The run does not exist, or has no recording.

@@ -32,9 +32,9 @@ class Feedforward:
 
     Attributes:
         motion: The motion.
-        velocity: Shape (samples, joints). Velocity feedforward; the position loop adds its own
-            velocities [rad/s or m/s].
-        shown: The blocks of the result.
+        velocity: Shape (samples, joints). Velocity feedforward, which is added to the output of the
+            drives' position loops [rad/s or m/s].
+        shown: Texts and tables about the feedforward, which `print` shows.
         content: The bytes of the feedforward file.
     """
 
@@ -75,19 +75,20 @@ def compensate(
 ) -> Feedforward:
     """Compute the velocity feedforward with which the drives produce the torques of a motion.
 
-    With it as input, the velocity loops give the torques tau = Y(q, v, a) beta of the motion
-    (docs/theory.md 13.2).
+    With this feedforward, the drives' velocity loops produce the torques tau = Y(q, v, a) beta of
+    the motion (docs/theory.md 13.2).
 
     Args:
         motion: The motion, planned for the cell that performs it.
         model: The identified robot.
         loops: File of velocity loops that `rid-daq loop` wrote.
-        reference: Run folder of a periodic motion, which tunes scale and delay of each joint.
+        reference: Run folder of a periodic motion. Scale and delay of each joint's feedforward are
+            tuned to this run.
         temperature: Temperature of the joints, if the friction of the model depends on it; see
             `Model.at_temperature`.
 
     Raises:
-        ConfigError: Files do not belong together.
+        ConfigError: Motion, model, loops and reference run are of different robots or cells.
         LimitError: The motion exceeds the torque limits.
     """
     with tempfile.TemporaryDirectory(prefix="rid-daq-") as name:

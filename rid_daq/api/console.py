@@ -24,7 +24,7 @@ class SilentConsole(Console):
 
     @property
     def can_ask(self) -> bool:
-        """False: no one is asked."""
+        """False: this console asks no questions."""
         return False
 
     @contextmanager
@@ -40,19 +40,19 @@ class _Step:
     callback: ProgressCallback
 
     def update(self, done: float, line: str) -> None:
-        """Report that `done` of the total is done."""
+        """Report the amount done to the callback."""
         self.callback(f"{self.title}: {line}", done, self.total)
 
 
 @dataclass(frozen=True)
 class TextConsole(Console):
-    """A console that keeps its lines."""
+    """A console that keeps its lines in `lines` and prints nothing."""
 
     lines: list[str] = field(default_factory=list)
 
     @property
     def is_terminal(self) -> bool:
-        """False: tables have their full width."""
+        """False: tables are not narrowed to the width of a terminal."""
         return False
 
     def say(self, text: str = "") -> None:
@@ -61,7 +61,7 @@ class TextConsole(Console):
 
 
 def text_of(blocks: Iterable[AnyBlock]) -> str:
-    """Return blocks as the command line writes them into a file."""
+    """Return blocks as the text that the command line writes into a file."""
     console = TextConsole()
     print_blocks(blocks, console)
     return "\n".join(console.lines)

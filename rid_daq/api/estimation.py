@@ -35,11 +35,11 @@ def identify(
     phase shift and used in the time domain. Intervals are cluster-robust, so that they cover
     model error as well as noise.
 
-    Check `Model.problems` before you use the model: it names joints that the model does not
-    explain, and mistakes of wiring, units and files.
+    Check `Model.problems` before you use the model: it names joints whose torque the model does not
+    explain, and mistakes in wiring, units and files.
 
     Args:
-        recordings: One or more, all periodic or all not.
+        recordings: One or more recordings; either all are periodic, or all are not.
         robot: The robot; by default that of the recordings.
         choose: Choose the friction terms of each joint by cross-validation.
         friction: Friction terms of every joint, such as coulomb, viscous, offset, stribeck; by
@@ -50,8 +50,8 @@ def identify(
         progress: Called with the step, the amount done, and the total.
 
     Raises:
-        ConfigError: The recordings are of different robots or kinds (RID-ROBOT-OTHER,
-            RID-RUN-KINDS-MIXED), or an option is invalid (RID-REQUEST-INVALID).
+        ConfigError: The recordings are of different robots (RID-ROBOT-OTHER), only some recordings
+            are periodic (RID-RUN-KINDS-MIXED), or an option is invalid (RID-REQUEST-INVALID).
         DataQualityError, EstimationError: The recordings do not determine the parameters.
     """
     recordings = [recordings] if isinstance(recordings, Recording) else list(recordings)
@@ -86,7 +86,7 @@ def validate(
         model: The model.
         recording: A recording of the same robot that was not used for the identification.
         limits_percent: Largest RMS error relative to the RMS torque, one value or one per joint
-            [%]; by default 30 in addition to the noise.
+            [%]; by default 30, combined with the noise (root of the sum of squares).
         options: Further fields of the request `validate`, such as {"band_hz": 15.0}.
 
     Raises:
@@ -111,7 +111,7 @@ def validate(
 
 
 def _with_friction(how: object, terms: Sequence[str]) -> dict[str, object]:
-    """Return the field `how` of a request with other friction terms."""
+    """Return the request field `how` with these friction terms."""
     how = dict(how) if isinstance(how, Mapping) else {}
     options = dict(how.get("options", {}))
     model = {**dict(options.get("model", {})), "friction_terms": tuple(terms)}

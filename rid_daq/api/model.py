@@ -50,8 +50,8 @@ class Parameter:
         name: Name of the first standard parameter of the combination.
         expression: The combination of standard parameters.
         unit: Unit of the value.
-        value, sigma: Estimate and standard deviation; the latter includes model error.
-        is_shown: False if the recordings do not determine it; the interval is then meaningless.
+        value, sigma: The estimate, and its standard deviation, which includes model error.
+        is_shown: False if the recordings do not determine the value: its interval is meaningless.
     """
 
     name: str
@@ -74,14 +74,13 @@ class Model:
     beta are the base parameters: the combinations of inertia, friction, springs and rotors that
     torques determine. Torques are those of the actuators at the link side; without a coupled wrist
     they are the torques of the joints. Arrays have the shape (samples, joints), or (joints,) for
-    one sample; the result then has one dimension less. Friction with hysteresis depends on the
-    order of samples.
+    one sample. Friction with hysteresis depends on the order of samples.
 
     `print` shows the parameters, the fit of each joint, and the findings.
 
     Attributes:
         estimate: The identified parameters, as the operations use them.
-        section: The same numbers as in reports and JSON documents, and the findings.
+        section: The numbers that reports and JSON documents contain, and the findings.
     """
 
     estimate: Estimate
@@ -105,7 +104,7 @@ class Model:
             overwrite: Replace an existing model file.
 
         Raises:
-            ConfigError: The file exists already (RID-OUTPUT-EXISTS), or is of another kind.
+            ConfigError: The file exists already (RID-OUTPUT-EXISTS) or is not a model.
             RecordingError: The file cannot be written.
         """
         refuse_output(Path(path), overwrite, made_file.MODEL)
@@ -144,7 +143,7 @@ class Model:
     def problems(self) -> tuple[str, ...]:
         """Reasons not to use the model, one sentence each; empty for a good model.
 
-        Joints whose torque it does not explain, and mistakes of wiring, units or files.
+        They name joints with unexplained torque, and mistakes in wiring, units or files.
         """
         verdict, mistakes = fit_verdict(self.section), self.section.mistakes or ()
         bad = () if verdict.passed else (verdict.text,)
@@ -152,7 +151,7 @@ class Model:
 
     @property
     def findings(self) -> tuple[str, ...]:
-        """Findings: weakly determined parameters, consistency, terms that would improve the fit."""
+        """Findings: weak parameters, physical consistency, terms that would improve the fit."""
         return self.section.findings or ()
 
     def inverse_dynamics(
@@ -204,10 +203,10 @@ class Model:
         return found.reshape(*np.shape(position), len(self.values))
 
     def mass_matrix(self, position: npt.ArrayLike) -> FloatArray:
-        """Return M of tau = M(q) a + ..., rotors included, from a unit acceleration of each joint.
+        """Return the mass matrix M of tau = M(q) a + ..., rotors included.
 
         Weakly determined parameters can make the mass matrix indefinite. `to_pinocchio` uses the
-        closest physically consistent parameters, with which it is positive definite.
+        closest physically consistent parameters, with which the mass matrix is positive definite.
 
         Args:
             position: Shape (samples, joints) or (joints,). Positions [rad or m].
@@ -262,9 +261,9 @@ class Model:
         """Return the model at a temperature, if its friction depends on temperature.
 
         Args:
-            temperature: Temperature of the joints [°C], one value or a text, such as "40,35,30"; or
-                `cold`, or `warm` (as a motion heats them) for a model without thermometers.
-            velocity: Shape (samples, joints). The motion, for `warm` [rad/s or m/s].
+            temperature: Temperature of the joints [°C], such as 40 or "40,35,30"; or, for a model
+                with computed warming, `cold` or `warm` (as the motion heats the joints).
+            velocity: Shape (samples, joints). Velocities of the motion, for `warm` [rad/s or m/s].
 
         Raises:
             ConfigError: The friction does not depend on temperature (RID-OPTION-NO-EFFECT), or the
@@ -278,11 +277,12 @@ class Model:
         """Return the model of the robot with a payload, whose torques and intervals include it.
 
         Args:
-            payload: An identified payload, `model` (the payload in the model), or `none`.
+            payload: An identified payload, `model` (the model's own payload), or `none` (no
+                payload).
 
         Raises:
-            ConfigError, EstimationError: The model contains no payload; or the payload is of
-                another robot, failed its verdict, or is not fully determined.
+            ConfigError, EstimationError: `payload` is `model`, but the model contains no payload;
+                or the payload is of another robot, failed its verdict, or is not fully determined.
         """
         if not isinstance(payload, str):
             found = carry_judged(self.estimate, payload.result, Path("the payload"))
@@ -301,12 +301,12 @@ class Model:
         What a URDF cannot express is listed at its top.
 
         Args:
-            despite_misfit: Accept a model that does not explain its data, or that no physically
-                consistent parameters explain.
+            despite_misfit: Accept a model that does not explain its data, and data that no
+                physically consistent parameters explain.
 
         Raises:
             EstimationError: The model does not explain its own data (RID-MODEL-MISFIT), or no
-                physically consistent parameters do (RID-MODEL-INCONSISTENT).
+                physically consistent parameters explain the data (RID-MODEL-INCONSISTENT).
         """
         return urdf(self._exported(Format.URDF, despite_misfit))
 
@@ -321,7 +321,7 @@ class Model:
         """
         names: dict[str, Any] = {}
         source = pinocchio_model(self._exported(Format.PINOCCHIO, despite_misfit))
-        exec(compile(source, "pinocchio_model.py", "exec"), names)  # written by `export` as well
+        exec(compile(source, "pinocchio_model.py", "exec"), names)  # `export` writes this source
         return names["build_model"]()
 
     def to_mujoco(self, *, despite_misfit: bool = False) -> Any:
@@ -377,7 +377,7 @@ class Model:
         return exported_parameters(request, self.estimate)[0]
 
     def _require_stated_payload(self) -> None:
-        """Refuse a model with a payload unless the caller stated if the robot carries it."""
+        """Refuse a model that contains a payload, because nothing states what the robot carries."""
         if contains_payload(self.estimate):
             raise EstimationError(
                 "the model contains a payload: use model.with_payload('model') for the robot with"
@@ -386,14 +386,14 @@ class Model:
             )
 
     def _motion(self, *arrays: npt.ArrayLike) -> list[FloatArray]:
-        """Return arrays as tables of one row per sample."""
+        """Return arrays with one row per sample; a single sample becomes one row."""
         n, found = len(self.robot.joint_names), []
         for each in arrays:
             table = np.asarray(each, dtype=np.float64)
             if table.shape != np.shape(arrays[0]) or table.shape[-1:] != (n,) or table.ndim > 2:
                 raise EstimationError(
-                    f"array of shape {table.shape}: give (samples, {n}) or ({n},), all alike, for"
-                    f" the joints {', '.join(self.robot.joint_names)}",
+                    f"array of shape {table.shape}: give (samples, {n}) or ({n},), the same shape"
+                    f" for all arrays; the joints are {', '.join(self.robot.joint_names)}",
                     code="RID-API-ARGUMENT",
                 )
             found.append(np.atleast_2d(table))

@@ -41,14 +41,14 @@ MADE = "made.yaml"
 class Motion:
     """A motion, planned within every limit of a robot, one row per cycle.
 
-    `print` shows the search of the motion; `plot` draws it. `save` writes a motion file for
-    `rid-daq record`.
+    `print` shows the result of the search for the motion; `plot` draws the motion. `save` writes a
+    motion file for `rid-daq record`.
 
     Attributes:
         description: Content of the motion file.
         samples: The rows, one per cycle.
         cell: The robot or cell for which the motion is planned.
-        shown: Blocks about the search of the motion.
+        shown: Texts and tables about the search for the motion; empty without a search.
     """
 
     description: AnyMotion
@@ -62,7 +62,8 @@ class Motion:
 
         Args:
             path: The file.
-            cell: A robot, or a cell for its cycle time and limits: a bundled name or a cell file.
+            cell: A robot; or a cell, by its bundled name or its file, whose cycle time and limits
+                apply.
 
         Raises:
             ConfigError: The file is not a motion file, or the motion exceeds a limit.
@@ -87,7 +88,7 @@ class Motion:
             speed_fraction: Fraction of the velocity and acceleration limits that the curve uses.
 
         Raises:
-            ConfigError: The curve exceeds a limit, or has other joints than the robot.
+            ConfigError: The curve exceeds a limit, or a pose does not have one value per joint.
         """
         rows = np.asarray(points, dtype=np.float64)
         if rows.ndim != 2:
@@ -138,18 +139,19 @@ class Motion:
 
         Args:
             path: The file.
-            overwrite: Replace a motion file of rid-daq that is there.
+            overwrite: Replace an existing motion file of rid-daq.
 
         Raises:
-            ConfigError: There is a file already (RID-OUTPUT-EXISTS).
+            ConfigError: The file exists already (RID-OUTPUT-EXISTS).
             RecordingError: The file cannot be written.
         """
         refuse_output(Path(path), overwrite, made_file.MOTION)
-        comment = f"By rid-daq, verified within its limits. {self.description.describe()}"
+        origin = "Motion by rid-daq, verified within the limits of the robot."
+        comment = f"{origin} {self.description.describe()}"
         write_whole(Path(path), to_yaml(self.description, comment).encode())
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield the search of the motion or its description, and its curves over time."""
+        """Yield the result of the search, or a description of the motion, and curves over time."""
         if not self.shown:
             yield Text(text=f"{self.description.describe()} {self.duration_s:.1f} s in all.")
         yield from self.shown
@@ -179,11 +181,12 @@ def design(
     with the best motion so far.
 
     Args:
-        cell: A robot, or a cell for its cycle time, workspace and plate: a bundled name or a file.
+        cell: A robot; or a cell, by its bundled name or its file, whose cycle time, workspace and
+            plate apply.
         kind: excitation; constant-velocity or reversed, for friction alone; multisine, for velocity
             loops.
         period_s: Period of an excitation [s].
-        periods: Periods to record.
+        periods: Number of periods to record.
         model: An identified model, for the torque limits.
         options: Further fields of the request `design` (docs/reference/openapi.json), such as
             {"excitation": {"starts": 4, "seed": 1}}.
@@ -222,10 +225,11 @@ def retime(
     margin: float = 0.0,
     options: Mapping[str, object] | None = None,
 ) -> Motion:
-    """Drive the path of a motion as fast as the limits of speed, acceleration and torque allow.
+    """Return the motion with the fastest timing that its speed and torque limits allow.
 
-    Time-optimal timing along the path under tau = Y(q, v, a) beta within each torque limit, with
-    the uncertainty of the model as margin (docs/theory.md 13.6).
+    The path is unchanged, and nothing moves. The timing is time-optimal within the limits of speed,
+    acceleration and torque: the torques tau = Y(q, v, a) beta, plus a margin for the uncertainty of
+    the model, stay within the torque limits (docs/theory.md 13.6).
 
     Args:
         motion: A motion along a path, such as `Motion.through`.

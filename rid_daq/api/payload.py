@@ -84,7 +84,7 @@ class Payload:
 
     @property
     def inertia_kg_m2(self) -> FloatArray:
-        """Shape (3, 3). Inertia about the centre of gravity, of the closest possible body."""
+        """Shape (3, 3). Inertia about the centre of gravity, physically consistent [kg m²]."""
         return self.result.estimate.body.inertia_kg_m2
 
     @property
@@ -140,10 +140,11 @@ def identify_payload(
     known: Mapping[str, tuple[float, float]] | None = None,
     options: Mapping[str, object] | None = None,
 ) -> Payload:
-    """Identify a payload from recordings with it, and without it or with a model of the robot.
+    """Identify a payload from recordings with it, and from recordings or a model without it.
 
-    Robot and payload are estimated at once, with friction free in every recording; the payload is
-    ten more columns of tau = Y(q, v, a) beta (docs/theory.md 11).
+    Without a model, robot and payload are estimated at once: the payload adds ten columns to Y in
+    tau = Y(q, v, a) beta (docs/theory.md 11). With a model, its torques are subtracted. Friction is
+    estimated separately for every recording.
 
     Args:
         loaded: Recordings with the payload.

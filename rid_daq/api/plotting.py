@@ -41,6 +41,7 @@ def plot(result: Shown) -> Figure:
         raise ConfigError(
             f"{type(result).__name__}: this result has no plot", code="RID-API-ARGUMENT"
         )
-    from rid_daq.report_page.drawings.plot import matplotlib_figure  # imports two plot libraries
+    # Imported late, because this module imports two plot libraries.
+    from rid_daq.report_page.drawings.plot import matplotlib_figure
 
     return matplotlib_figure(found)

@@ -74,11 +74,11 @@ class Recording:
             robot: The robot that moved.
             velocity: Shape (samples, joints). Measured velocities [rad/s or m/s]. They are
                 compared with the positions, so that a wrong unit or clock is found.
-            period_s: Period of a periodic motion of whole periods [s].
+            period_s: Period [s], if the motion is periodic; the arrays then contain whole periods.
             name: Name of the recording in messages.
 
         Raises:
-            ConfigError: A shape does not fit (RID-API-ARGUMENT).
+            ConfigError: An array has a wrong shape (RID-API-ARGUMENT).
             DataQualityError: Too many rows are damaged, or the values are impossible for a robot.
         """
         n = len(robot.joint_names)
@@ -141,7 +141,7 @@ class Recording:
 
     @classmethod
     def from_run(cls, folder: RunFolder, files: TemporaryFolder | None = None) -> Self:
-        """Return the recording in a run folder; `files` is deleted with the recording."""
+        """Return the recording in a run folder; the recording later deletes the folder `files`."""
         run = RunData.load(folder)
         return cls(run, tuple(all_defects([run])), files)
 
@@ -207,14 +207,14 @@ class Recording:
 def read_recording(
     source: str | Path,
     *further: str | Path,
-    map: str | Path = "",  # named as on the command line; the builtin is not used here
+    map: str | Path = "",  # named as the option --map; this function does not use the builtin
     rows: str = "",
     robot: Robot | None = None,
 ) -> Recording:
     """Read a recording: CSV files, a ROS 2 bag, an MCAP file, or a run folder of rid-daq.
 
-    Damaged rows are left out, wrong clocks rebuilt, and units and signs tested, as `rid-daq import`
-    does; `Recording.notes` lists the findings. The source is not changed.
+    As in `rid-daq import`, damaged rows are left out, wrong time stamps are corrected, and units
+    and signs are tested; `Recording.notes` lists the findings. The source is not changed.
 
     Args:
         source: A file, or a run folder.
@@ -225,7 +225,7 @@ def read_recording(
         robot: The robot; by default the one that the map names.
 
     Raises:
-        ConfigError: A file or the map cannot be read, or they do not fit.
+        ConfigError: A file or the map cannot be read, or the map does not describe the file.
         DataQualityError: Too many rows are damaged, or the values are impossible for a robot.
         RecordingError: The run folder is damaged.
     """

@@ -52,8 +52,8 @@ class Robot:
             tip: The link at the tool point; by default the last moving link.
 
         Raises:
-            ConfigError: The file is not the URDF of a serial robot, or several arms require `tip`
-                (RID-URDF-ARM).
+            ConfigError: The file is not the URDF of a serial robot, or it has several arms and
+                `tip` does not choose one (RID-URDF-ARM).
         """
         request = InitRequest.of(
             {"folder": Path(), "urdf": Path(path), "base": base, "tip": tip}, shown="from_urdf"

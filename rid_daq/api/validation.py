@@ -19,7 +19,7 @@ from rid_daq.report.sections.curves import TorqueCurves
 class Validation:
     """Error of the torques that a model predicts for a recording not used to identify it.
 
-    Errors count samples of moving joints only; at standstill, friction is stiction. `print` shows
+    Only samples of moving joints count, because friction at standstill is stiction. `print` shows
     the errors joint by joint, their likely causes, and the verdict.
 
     Attributes:

@@ -101,7 +101,7 @@ class Table(ConfigModel):
         return self
 
     def cells(self) -> Iterator[tuple[str, ...]]:
-        """Yield the rows as texts; an interval determines the digits of its value."""
+        """Yield the rows as texts; the digits of a value follow from its interval."""
         for row in self.rows:
             yield tuple(map(_shown, row, self.columns))
 
@@ -110,17 +110,17 @@ class Table(ConfigModel):
         return self.model_copy(update={"rows": tuple(self.cells())})
 
     def full_values(self) -> Iterator[tuple[str, ...]]:
-        """Yield the rows with all digits of their numbers; empty for texts and integers."""
+        """Yield the rows with all digits of the numbers; texts and integers become empty."""
         for row in self.rows:
             yield tuple(map(_full, row))
 
 
 @dataclass(frozen=True)
 class Cells(Generic[Shown]):
-    """Column of a table: head as in `Column`, and a function for its cells.
+    """Column of a table: title, unit and digits as in `Column`, and a function for the cells.
 
     Attributes:
-        of: Returns the cell of an item.
+        of: Function that returns the column's cell for an item.
     """
 
     title: str

@@ -33,10 +33,11 @@ def number(value: float | int | None, digits: int = 4) -> str:
 
 
 def format_measured(value: float | None, reach: float | None) -> tuple[str, str]:
-    """Return a value and its interval; the interval has two digits, the value the same last digit.
+    """Return a value and its interval as texts, both rounded to the same decimal place.
 
     Args:
-        value, reach: The value, and the half width of its interval.
+        value, reach: The value, and the half width of its interval, which gets two significant
+            digits.
 
     Returns:
         For example 9.61 and 0.12, or 1230 and 340; without an interval the value as in `number`.

@@ -26,7 +26,7 @@ class Axis:
     """Axis of a panel.
 
     Attributes:
-        label, unit: Quantity and unit; 1 for a ratio.
+        label, unit: Quantity, and its unit; the unit of a ratio is 1.
         log: True for a logarithmic scale.
         least, most: Ends of the axis; None for the range of the data.
     """
@@ -50,15 +50,15 @@ class Line:
     Attributes:
         label: Name in the legend and at the pointer.
         x, y: One value per point; y is None in a gap.
-        stroke: Colour; a joint's number for that joint's colour and dash.
+        stroke: Name of a colour; or the number of a joint, for the colour and dash of that joint.
         dash: Dash of the line; None for solid, or for the joint's dash.
         width: Width [px].
         points: True for unconnected points.
         marker: Shape of the points.
         reach: Half width of an interval: a band around a line, error bars of points.
-        reach_x: Half width of an interval of x, of points.
+        reach_x: Half width of an interval of x; for points only.
         is_area: True for a closed, filled outline.
-        is_named: True if the legend contains it.
+        is_named: True if the legend contains the label.
     """
 
     label: str
@@ -122,7 +122,7 @@ class Panel(ConfigModel):
         bars: Bars side by side, each named on the x axis.
         height_px: Height [px]; the height of a panel of spans follows from its rows.
         is_to_scale: True for the same scale on both axes.
-        zooms_with_previous: True if it shares the x axis of the previous panel.
+        zooms_with_previous: True if this panel and the previous one are zoomed together in x.
         title: Subject, such as a joint; empty if there is only one subject. On paper, a panel with
             a title begins a new drawing, unless panels are side by side.
     """
@@ -140,7 +140,7 @@ class Panel(ConfigModel):
     title: str = ""
 
     def hides_x_of(self, previous: Panel) -> bool:
-        """Return True if this panel and the one above need only one x axis."""
+        """Return True if this panel and the panel above can share one x axis."""
         return self.zooms_with_previous and not self.title and self.x.text == previous.x.text
 
     @property

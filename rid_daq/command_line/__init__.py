@@ -1,1 +1,1 @@
-"""Command line of the program; the commands are built from the requests of operations."""
+"""Command line of the program; the commands are built from the operations' request classes."""

@@ -22,7 +22,7 @@ _LOGIN: Final = "login shell"
 
 
 def completion_script(shell: str) -> str:
-    """Return the script with which a shell completes the words of this program.
+    """Return the script with which a shell completes commands and options of this program.
 
     Args:
         shell: One of `SHELLS`.
@@ -80,8 +80,8 @@ def _shell_of_option(text: str) -> str:
     shell = Path(os.environ.get("SHELL", "")).name if text == _LOGIN else text
     if shell not in SHELLS:
         raise ConfigError(
-            f"{shell or 'no login shell (SHELL is not set)'}: completion is not supported for it;"
-            f" give one of {', '.join(SHELLS)}",
+            f"{shell or 'no login shell (SHELL is not set)'}: completion is not supported; name one"
+            f" of the shells {', '.join(SHELLS)}",
             code="RID-OPTION-NAME",
         )
     return shell

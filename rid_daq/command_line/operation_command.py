@@ -168,7 +168,7 @@ def _click_parameter(key: str, shown: ShownField) -> click.Parameter:
 
 
 def _further_options(key: str, shown: ShownField) -> list[click.Option]:
-    """Return the options of a tuple's numbers after the first one."""
+    """Return one option for each number of a tuple, except for the first number."""
     return [
         click.Option(
             [f"--{each.flag}", f"{key}{_PARTS}{place}"],
@@ -180,17 +180,17 @@ def _further_options(key: str, shown: ShownField) -> list[click.Option]:
 
 
 def _value_with_further(key: str, shown: ShownField, given: Mapping[str, Any]) -> Any:
-    """Return the value of a field; a tuple includes the numbers from its further options."""
+    """Return the value of a field; the further options give the other numbers of a tuple."""
     value, further = given[key], shown.option.further
-    others = [given[f"{key}{_PARTS}{place}"] for place in range(len(further))]
-    if value is None and any(each is not None for each in others):
+    numbers = [given[f"{key}{_PARTS}{place}"] for place in range(len(further))]
+    if value is None and any(each is not None for each in numbers):
         raise ConfigError(
             f"--{further[0].flag}: has no effect without {shown.flag}; leave it out", code=INVALID
         )
     if value is None or not further:
         return value
-    pairs = zip(others, further, strict=True)
-    return (value, *(each.default if other is None else other for other, each in pairs))
+    pairs = zip(numbers, further, strict=True)
+    return (value, *(each.default if number is None else number for number, each in pairs))
 
 
 def _wrap_command(command: str, columns: int) -> list[str]:

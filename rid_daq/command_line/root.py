@@ -119,7 +119,7 @@ class InnerGroup(LazyGroup):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Return the command for some words; the default command if the first word names none."""
+        """Return the command that the first of `args` names, or else the default command."""
         if self._default and args and args[0] not in self.commands:
             args = [self._default, *args]
         return super().resolve_command(ctx, args)
@@ -132,7 +132,8 @@ def command_words() -> list[tuple[str, ...]]:
 
 
 def _import_command(words: str) -> click.Command:
-    with signals_deferred():  # pydantic would replace the exception of a signal by another one
+    # pydantic would raise another exception instead of the exception of a signal handler
+    with signals_deferred():
         from rid_daq.command_line.operation_command import OperationCommand
 
         return OperationCommand(operation(words))

@@ -1,4 +1,4 @@
-"""`AxisMotion`: motion of one axis in its axis test, from the recording."""
+"""`AxisMotion`: motion of one axis in its axis test, computed from the recording."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ class AxisMotion:
     Attributes:
         unit: "°" or "mm".
         commanded: Displacement of the set-point, in the unit.
-        measured: Displacement by the drive's position, in the unit.
+        measured: Displacement that the drive has measured, in the unit.
         counts: Change of the drive's position in increments.
-        command_share: Integral of the commanded velocity, divided by the measured displacement; 1
-            if both have the same unit.
+        command_ratio: Integral of the commanded velocity, divided by the measured displacement; 1
+            if the velocity unit in the cell file is correct.
         increments_per_rev: Encoder increments per motor revolution, from the drive's counts and the
             robot file's gear ratio; None if joint and motor positions differ (coupled wrist, linear
             axis) or nothing moved.
@@ -36,7 +36,7 @@ class AxisMotion:
     commanded: float
     measured: float
     counts: int
-    command_share: float
+    command_ratio: float
     increments_per_rev: float | None
 
     def signed_text(self, amount: float) -> str:
@@ -72,14 +72,14 @@ class AxisMotion:
             commanded=per * float(target[last] - target[max(0, first - 1)]),
             measured=per * moved,
             counts=round(increments),
-            command_share=driven / moved if moved else math.inf,
+            command_ratio=driven / moved if moved else math.inf,
             increments_per_rev=abs(increments / revs)
             if revs and robot.coupling is None and joint.type == "revolute"
             else None,
         )
 
 
-def travelled_share(line: HoldLine, rows: NDArray[Any], number: int) -> float:
+def travelled_fraction(line: HoldLine, rows: NDArray[Any], number: int) -> float:
     """Return the fraction of a path that the set-points of an axis have travelled."""
     target = rows["target_position"][:, number]
     return float((target[-1] - target[0]) / (line.goal[number] - line.start[number]))

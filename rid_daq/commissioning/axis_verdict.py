@@ -1,6 +1,7 @@
-"""Verdict of the axis test: compare command, drive and person.
+"""Verdict of the axis test: compare the commanded, the measured and the observed motion.
 
-It names the line of the file to change.
+The drive measures the motion, and a person observes it. The verdict names the line of the cell file
+or robot file to change.
 """
 
 from __future__ import annotations
@@ -15,10 +16,12 @@ from config.robot.robot import RobotDescription
 from rid_daq.commissioning.axis_motion import AxisMotion
 
 AGREEMENT_FACTOR: Final = 1.5
-"""Largest factor between two values that count as equal: errors of the eye, stick-slip."""
+"""Largest ratio of two displacements that count as equal: a person estimates one by eye, and the
+joint may stick and slip.
+"""
 
 LARGEST_DEVIATION: Final = 0.3
-"""Largest relative deviation of the drive's displacement from the set-point's."""
+"""Largest accepted deviation of the measured from the commanded displacement, as a fraction."""
 
 
 @dataclass(frozen=True)
@@ -37,11 +40,11 @@ class ObservedMotion:
 
 @dataclass(frozen=True)
 class AxisVerdict:
-    """Verdict on an axis: agreement with the files.
+    """Verdict on an axis: the mistakes in the cell file and the robot file that its motion shows.
 
     Attributes:
-        motion: Motion of the axis by its drive.
-        seen: Motion that a person saw.
+        motion: Commanded motion, and the motion that the drive has measured.
+        observed: Motion that a person saw.
         problems: Mistakes, one sentence each with the line to change; empty if the axis passed.
     """
 
@@ -71,93 +74,96 @@ class AxisVerdict:
 
 
 def check_axis_motion(
-    motion: AxisMotion, seen: ObservedMotion, cell: CellConfig, robot: RobotDescription
+    motion: AxisMotion, observed: ObservedMotion, cell: CellConfig, robot: RobotDescription
 ) -> AxisVerdict:
-    """Compare the motion by the drive with the motion seen, and find the mistakes.
+    """Compare commanded, measured and observed motion, and find the wrong entries of the files.
 
     Note:
-        Two ratios distinguish three wrong numbers: the commanded velocity over the drive's
-            position, and the seen motion over the drive's position. A wrong velocity unit changes
-            only the first ratio. A wrong gear ratio changes only the second one. A wrong encoder
-            resolution changes both by the same factor (only the second one if velocities are in
-            increments).
+        Three numbers in the files can be wrong: velocity unit, gear ratio, encoder resolution. Two
+            ratios show which one: R1, the integral of the commanded velocity over the measured
+            displacement, and R2, the observed over the measured displacement. A wrong velocity
+            unit changes only R1. A wrong gear ratio changes only R2. A wrong encoder resolution
+            changes R1 and R2 by the same factor (only R2 if velocities are in increments).
     """
-    problems = _wrong_joint(motion, seen, cell)
+    problems = _wrong_joint(motion, observed, cell)
     if not problems:
-        problems = [*_wrong_direction(motion, seen, cell)]
-        problems += _wrong_scale(motion, seen, cell, robot)
-    return AxisVerdict(motion, seen, tuple(problems))
+        problems = [*_wrong_direction(motion, observed, cell)]
+        problems += _wrong_scale(motion, observed, cell, robot)
+    return AxisVerdict(motion, observed, tuple(problems))
 
 
-def _agree(share: float) -> bool:
-    return 1.0 / AGREEMENT_FACTOR <= share <= AGREEMENT_FACTOR
+def _agree(ratio: float) -> bool:
+    return 1.0 / AGREEMENT_FACTOR <= ratio <= AGREEMENT_FACTOR
 
 
 def _axis_of(motion: AxisMotion, cell: CellConfig) -> DriveAxis:
     return next(each for each in cell.axes if each.joint == motion.joint)
 
 
-def _wrong_joint(motion: AxisMotion, seen: ObservedMotion, cell: CellConfig) -> list[str]:
-    """Return a problem if nothing moved, or another joint."""
+def _wrong_joint(motion: AxisMotion, observed: ObservedMotion, cell: CellConfig) -> list[str]:
+    """Return a problem if no joint moved, or if another joint moved."""
     axis = _axis_of(motion, cell)
-    if not seen.joint or seen.amount == 0.0:
+    if not observed.joint or observed.amount == 0.0:
         return [
-            f"its drive counted {motion.counts:+d} increments, but nothing moved: check that node"
-            f" {axis.node_id} is the drive of this axis, and check its coupling and its gear."
+            f"the drive counted {motion.counts:+d} increments, but nothing moved: check that node"
+            f" {axis.node_id} is the drive of this axis, and check coupling and gear of the axis."
         ]
-    if seen.joint != motion.joint:
-        other = next(each for each in cell.axes if each.joint == seen.joint)
+    if observed.joint != motion.joint:
+        other = next(each for each in cell.axes if each.joint == observed.joint)
         return [
-            f"{seen.joint} moved instead. Change in the cell file: axes, {seen.joint}: node_id:"
-            f" {axis.node_id} (is {other.node_id}); then find the drive that moves"
-            f" {motion.joint}."
+            f"another joint moved: {observed.joint}. Change in the cell file: axes,"
+            f" {observed.joint}: node_id: {axis.node_id} (is {other.node_id}); then find the drive"
+            f" that moves {motion.joint}."
         ]
     return []
 
 
-def _wrong_direction(motion: AxisMotion, seen: ObservedMotion, cell: CellConfig) -> list[str]:
-    if seen.amount * motion.commanded > 0.0:
+def _wrong_direction(motion: AxisMotion, observed: ObservedMotion, cell: CellConfig) -> list[str]:
+    if observed.amount * motion.commanded > 0.0:
         return []
     direction = _axis_of(motion, cell).direction
     return [
-        f"it moves in the opposite direction. Change in the cell file: axes, {motion.joint}:"
+        f"the joint moves in the opposite direction. Change in the cell file: axes, {motion.joint}:"
         f" direction: {-direction} (is {direction})."
     ]
 
 
 def _wrong_scale(
-    motion: AxisMotion, seen: ObservedMotion, cell: CellConfig, robot: RobotDescription
+    motion: AxisMotion, observed: ObservedMotion, cell: CellConfig, robot: RobotDescription
 ) -> list[str]:
-    """Return the number in the files that explains the ratios of command, drive and seen motion."""
+    """Return the problem if commanded, measured and observed displacement differ in size.
+
+    The problem names the number in the files that explains the difference.
+    """
     axis = _axis_of(motion, cell)
     servo = cell.servo_of(axis)
     where = f"Change in the cell file: axes, {motion.joint}, servo:"
     if motion.measured == 0.0:
         return [
-            "its drive counted no increments although the joint moved: check the encoder and 6064h."
+            "the drive counted no increments although the joint moved: check the encoder and 6064h."
         ]
-    command = abs(motion.command_share)
-    seen_share = abs(seen.amount / motion.measured)
-    if not _agree(command) and _agree(seen_share):
+    command = abs(motion.command_ratio)
+    seen_ratio = abs(observed.amount / motion.measured)
+    if not _agree(command) and _agree(seen_ratio):
         units = servo.velocity_units * command
         return [
-            f"its drive moves {1.0 / command:.2g} times as fast as commanded. {where}"
+            f"the drive moves {1.0 / command:.2g} times as fast as commanded. {where}"
             f" velocity_units: {units:.4g} (is {servo.velocity_units:g} {servo.velocity_unit}),"
             " or velocity_unit."
         ]
-    if not _agree(command) and not _agree(seen_share / command):
+    if not _agree(command) and not _agree(seen_ratio / command):
         return [
-            f"commanded {motion.signed_text(motion.commanded)}, measured by its drive"
-            f" {motion.signed_text(motion.measured)}, seen {motion.size_text(seen.amount)}; the"
+            f"commanded {motion.signed_text(motion.commanded)}, measured by the drive"
+            f" {motion.signed_text(motion.measured)}, seen {motion.size_text(observed.amount)}; the"
             f" drive moves {1.0 / command:.2g} times as fast as commanded: check"
             " encoder_increments, velocity_unit and velocity_units of the axis's servo (cell"
             " file)."
         ]
-    if not _agree(seen_share):
-        return [_wrong_encoder_or_gear(motion, seen_share, servo, robot, where)]
+    if not _agree(seen_ratio):
+        return [_wrong_encoder_or_gear(motion, seen_ratio, servo, robot, where)]
     if abs(motion.measured - motion.commanded) > LARGEST_DEVIATION * abs(motion.commanded):
         return [
-            f"commanded {motion.signed_text(motion.commanded)}, measured by its drive"
+            f"commanded {motion.signed_text(motion.commanded)}, measured by the drive"
             f" {motion.signed_text(motion.measured)}: check the drive's velocity loop, its brake"
             " and position_gain_per_s."
         ]
@@ -165,29 +171,29 @@ def _wrong_scale(
 
 
 def _wrong_encoder_or_gear(
-    motion: AxisMotion, seen_share: float, servo: ServoProfile, robot: RobotDescription, where: str
+    motion: AxisMotion, seen_ratio: float, servo: ServoProfile, robot: RobotDescription, where: str
 ) -> str:
-    """Return the number to change if the seen motion differs from the drive's measurement.
+    """Return the problem if only the observed displacement differs: wrong encoder or gear ratio.
 
     The gear ratio is named only if the drive itself states its encoder resolution (608Fh).
     """
-    seen_size = motion.size_text(seen_share * motion.measured)
-    found = f"measured by its drive {motion.size_text(motion.measured)}, seen {seen_size}."
+    seen_size = motion.size_text(seen_ratio * motion.measured)
+    found = f"measured by the drive {motion.size_text(motion.measured)}, seen {seen_size}."
     if servo.encoder_increments is not None:
         return (
-            f"{found} {where} encoder_increments: {servo.encoder_increments / seen_share:.4g} (is"
+            f"{found} {where} encoder_increments: {servo.encoder_increments / seen_ratio:.4g} (is"
             f" {servo.encoder_increments:g}); see the encoder's data sheet. If it states"
             f" {servo.encoder_increments:g}, check the gear."
         )
     joint = robot.joints[robot.joint_names.index(motion.joint)]
-    if not _agree(abs(motion.command_share)):
+    if not _agree(abs(motion.command_ratio)):
         return (
-            f"{found} The encoder resolution in the drive (608Fh) is {seen_share:.3g} times the"
+            f"{found} The encoder resolution in the drive (608Fh) is {seen_ratio:.3g} times the"
             " true one: correct it with the manufacturer's tool."
         )
     return (
         f"{found} Change in the robot file: joints, {motion.joint}: gear_ratio:"
-        f" {joint.gear_ratio / seen_share:.4g} (is {joint.gear_ratio:g}), or correct the encoder"
+        f" {joint.gear_ratio / seen_ratio:.4g} (is {joint.gear_ratio:g}), or correct the encoder"
         " resolution in the drive (608Fh)."
     )
 
@@ -197,11 +203,12 @@ def parse_amount(text: str, motion: AxisMotion, tool_mm: float) -> float:
 
     Args:
         text: A number in the unit of the motion; or the displacement of the tool point, as "24mm".
-        motion: Motion of the axis by its drive.
+        motion: Commanded motion, and the motion that the drive has measured.
         tool_mm: Displacement of the tool point by the commanded motion [mm].
 
     Raises:
-        ConfigError: The text is no such number.
+        ConfigError: The text is not such a number; or it is a displacement of the tool point, but
+            the tool point is on the axis.
     """
     words = text.strip().lower().replace(",", ".")
     of_tool = words.endswith("mm") and motion.unit == "°"

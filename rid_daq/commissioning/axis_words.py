@@ -50,9 +50,9 @@ def tool_displacement(
     robot: RobotDescription, pose: FloatArray, number: int, amount: float
 ) -> FloatArray:
     """Return the displacement of the tool point if a joint moves by `amount`, (3,) [m]."""
-    there = pose.copy()
-    there[number] += amount
-    ends = forward(Chain.from_description(robot), np.stack([pose, there]))
+    moved = pose.copy()
+    moved[number] += amount
+    ends = forward(Chain.from_description(robot), np.stack([pose, moved]))
     return np.asarray(ends[1] - ends[0])
 
 

@@ -29,9 +29,9 @@ class HeldRun:
         label: Name of the run.
         sentence: Sentence on the motion, for the report.
         role: Purpose of the run.
-        plan: Function that returns the path for a held key.
-        tapped: Function that gets every key; the run ends if it returns True.
-        ready: Function that gets the pose in which the robot rests and waits for a key.
+        plan: Function that returns the path on which a held key moves the robot.
+        tapped: Function that is called with every pressed key; the run ends if it returns True.
+        ready: Function that is called with the pose whenever the robot rests and waits for a key.
         once: True if the run ends after the first press.
         until: Shape (joints,). Pose that ends the run when the robot rests there [rad or m].
         unattended: Key that counts as held all the time, for a simulated cell without a person.
@@ -48,12 +48,12 @@ class HeldRun:
     unattended: str = ""
 
 
-def record_held(session: RunSession, context: Context, asked: HeldRun) -> RecordedRun:
+def record_held(session: RunSession, context: Context, definition: HeldRun) -> RecordedRun:
     """Record a run that moves only while a key is held.
 
     Raises:
-        PreflightError: There is no keyboard, or as `RunSession.recording`.
-        RidDaqError: As `RunSession.recording`.
+        PreflightError: There is no keyboard, or `RunSession.recording` raises this error.
+        RidDaqError: Any other error of `RunSession.recording`.
     """
     robot = session.loaded.robot
     dead_man = DeadMan.create()
@@ -61,31 +61,40 @@ def record_held(session: RunSession, context: Context, asked: HeldRun) -> Record
         robot,
         session.cell.cycle_time_s,
         dead_man,
-        once=asked.once,
-        unattended=bool(asked.unattended),
+        once=definition.once,
+        unattended=bool(definition.unattended),
     )
 
     def drive(record: Record) -> RecordOutcome:
         with (
-            _open_keys(context, asked, dead_man) as keys,
-            DeadManThread(dead_man, len(robot.joints), keys, asked.plan, asked.until, asked.ready),
+            _open_keys(context, definition, dead_man) as keys,
+            DeadManThread(
+                dead_man,
+                len(robot.joints),
+                keys,
+                definition.plan,
+                definition.until,
+                definition.ready,
+            ),
         ):
             return record(motion)
 
-    # without the force plate, because its amplifier may still be in reset
+    # the run is recorded without the force plate, whose amplifier may still be in reset
     bare = replace(session, cell=session.cell.model_copy(update={"plate": None}))
-    request = RunRequest(asked.label, asked.sentence, None, drive, role=asked.role, held=True)
+    request = RunRequest(
+        definition.label, definition.sentence, None, drive, role=definition.role, held=True
+    )
     return bare.record(request)
 
 
 @contextlib.contextmanager
-def _open_keys(context: Context, asked: HeldRun, dead_man: DeadMan) -> Iterator[KeySource]:
-    if asked.unattended:
-        yield AlwaysHeldKey(asked.unattended)
+def _open_keys(context: Context, definition: HeldRun, dead_man: DeadMan) -> Iterator[KeySource]:
+    if definition.unattended:
+        yield AlwaysHeldKey(definition.unattended)
         return
 
     def tapped(key: str) -> None:
-        if asked.tapped(key):
+        if definition.tapped(key):
             dead_man.finish()
 
     with context.keys(tapped) as keys:

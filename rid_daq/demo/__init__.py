@@ -1,4 +1,5 @@
 """Demo: the complete workflow on the bundled cell, compared with the simulation's true values.
 
-It uses the jobs; only its command uses this package. Begin with `demo.py`.
+The demo calls the modules of the operations; only the command `demo` uses this package. Begin with
+`demo.py`.
 """

@@ -30,8 +30,8 @@ from rid_daq.terminal.choices import DEMO_PERIOD_S
 from rid_daq.terminal.context import Context
 
 FLOOR_RATIO_LIMIT = 1.3
-INSIDE_SHARE_LIMIT = 0.9
-# Factors by which the mean and the maximum distance from the path must decrease.
+INSIDE_FRACTION_LIMIT = 0.9
+# Factors by which compensation must reduce the mean and the maximum distance from the path.
 PATH_LIMITS = (("circle", (10.0, 6.0)), ("path not used for tuning", (6.0, 4.0)))
 
 
@@ -147,7 +147,7 @@ def _verdict(
             "true parameters inside their 95 % intervals, without unmodelled effects",
             100.0 * off.inside / off.of,
             "≥",
-            100.0 * INSIDE_SHARE_LIMIT,
+            100.0 * INSIDE_FRACTION_LIMIT,
             "%",
         ),
         *([] if tracking is None else _path_checks(tracking)),

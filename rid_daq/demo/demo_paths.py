@@ -53,7 +53,7 @@ class PathRecorder(Protocol):
 
 @dataclass(frozen=True)
 class PathMotions:
-    """Motions of the chapter: multisines, the thesis's circle, and a path not used for tuning."""
+    """Motions of the chapter: multisines, a circle for tuning, and a path not used for tuning."""
 
     multisine: MultisineMotion
     circle: CircleMotion
@@ -147,8 +147,8 @@ def run_path_chapter(
 ) -> PathChapter:
     """Run the chapter on the identified robot; return its result sections.
 
-    The velocity loops are identified from a multisine, torque scale and delay from the circle
-    without compensation. The other path is used for neither.
+    The velocity loops are identified from a multisine. Torque scale and delay are tuned with the
+    circle without compensation. The second path serves only to check the compensation.
 
     Raises:
         RidDaqError: A step failed; the message names it.

@@ -47,7 +47,8 @@ from rid_daq.terminal.console import Progress
 DEMO_CELL = "ir361"
 
 Show = Callable[[float, str], None]
-"""Function that is called with the completed seconds of motion, and a word for the present step."""
+"""Function that shows the progress: completed seconds of motion, and a word for the present step.
+"""
 
 
 @dataclass(frozen=True)
@@ -112,9 +113,8 @@ def run_story(
         amplifier_profile=loaded.amplifier_profile,
     )
     with SimulatedCell(simulation) as simulated, hold_cell(simulated.cell):
-        bare = simulated.cell.model_copy(
-            update={"plate": None}
-        )  # only the joints are identified here
+        # without the force plate: only joint torques are used here
+        bare = simulated.cell.model_copy(update={"plate": None})
         record = _Recorder(RunSession(loaded, bare, runs, console), console)
         excited = record("excitation", motions.excitation)
         validated = record("validation", motions.validation)
@@ -173,7 +173,7 @@ def run_story(
 
 
 class _ProgressConsole:
-    """Console that shows the progress of all motions together, in seconds of motion."""
+    """Console that adds up the progress of all motions, in seconds of motion."""
 
     def __init__(self, show: Show) -> None:
         self._show = show
@@ -240,8 +240,8 @@ class _Recorder:
 class _FreshCellRecorder:
     """Records each motion on a newly started simulated cell with its force plate.
 
-    Between two runs of one cell, its time follows the wall clock for a while. The row at which the
-    plate begins would then differ between executions.
+    Between two runs of the same simulated cell, simulated time follows the wall clock for a while.
+    The first row with data of the plate would therefore differ between two executions of the demo.
     """
 
     loaded: LoadedCell
@@ -256,7 +256,7 @@ class _FreshCellRecorder:
         planned: MotionSamples | None = None,
         files: Mapping[str, bytes] | None = None,
     ) -> RecordedRun:
-        """Record one motion, as `_Recorder`."""
+        """Record one motion; arguments and errors are those of `_Recorder`."""
         with SimulatedCell(self.simulation) as simulated, hold_cell(simulated.cell):
             session = RunSession(self.loaded, simulated.cell, self.runs, self.console)
             return _Recorder(session, self.console)(role, motion, planned, files)

@@ -34,16 +34,16 @@ from rid_daq.runs.followed_motion import path_error_of_run
 
 MODEL: Final = "model_with_base.json"
 MECHANICS: Final = 3.0
-"""Acceleration limits of the arm's mechanics, relative to the limits in the robot file. The latter
-are valid in every pose.
+"""Acceleration limits of the arm's mechanics, as a multiple of the limits in the robot file, which
+the drives can reach in every pose.
 """
 RATE: Final = 40.0
-"""Limit of the torque rate, in torque limits per second: what the velocity loops can follow."""
+"""Limit of the torque rate [torque limits per second]: the velocity loops can follow this rate."""
 CONFIDENCE: Final = 0.95
 PERIODS: Final = 3
 MARGIN: Final = 0.05
-"""Margin of torques and base reaction, as a fraction, for deviations of the robot from its
-set-points.
+"""Margin below the limits of torques and base reaction, as a fraction of these limits. It is needed
+because the robot deviates from its set-points.
 """
 BASE: Final = (350.0, 350.0, np.inf, 500.0, 420.0, 120.0)
 """Limit of the base reaction without the weight [N, N m]; the fastest timing would exceed it."""
@@ -87,7 +87,7 @@ class TimingMotions:
         )
 
     def duration_s(self, robot: RobotDescription, cycle_time_s: float) -> float:
-        """Return the maximum duration of the chapter [s]; timing makes no path slower."""
+        """Return an upper limit of the duration of the chapter [s]; timing makes no path slower."""
         times = ((self.excitation, 1), (self.pick_and_place, 2))
         return sum(count * motion.plan(robot, cycle_time_s).duration_s for motion, count in times)
 
@@ -113,13 +113,13 @@ def run_timing_chapter(
     by: Precompensation,
     root: RunFolder,
 ) -> TimingChapter:
-    """Time a path with a model of joint torques and base reaction; execute it before and after.
+    """Retime a path with a model of joint torques and base reaction; record it before and after.
 
     Args:
         record: Records a motion on the cell with `motions.robot` and its force plate.
         motions: Motions of the chapter.
         robot: Robot of the unchanged robot file.
-        by: Pre-compensation of both paths.
+        by: Pre-compensation of the path, before and after it is timed.
         root: Folder for the model.
 
     Raises:

@@ -22,7 +22,7 @@ from rid_daq.terminal.context import Context
 from rid_daq.terminal.exit_codes import ExitCode
 
 _END_PATIENCE_S = 30.0
-# One thread per process: two processes use two cores, and sums keep their order.
+# One thread per process: two processes use two cores, and floating-point sums are reproducible.
 _ONE_THREAD: dict[str, str] = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 
 
@@ -76,7 +76,7 @@ def run_stories(
 
 
 def _receive(line: Connection) -> Any:
-    """Return a message of a workflow: its progress or its result.
+    """Return the next message of a workflow: its progress or its result.
 
     Raises:
         RidDaqError: The error that ended the workflow.
@@ -85,7 +85,8 @@ def _receive(line: Connection) -> Any:
         message = line.recv()
     except EOFError:
         raise DriverError(
-            "a simulation of the demo died; start the demo again", code="RID-SYSTEM-PROCESS-DIED"
+            "a process of the demo ended unexpectedly; start the demo again",
+            code="RID-SYSTEM-PROCESS-DIED",
         ) from None
     if isinstance(message, RidDaqError):
         raise message
@@ -120,7 +121,7 @@ def _leave(_signal: int, _frame: object) -> NoReturn:
 
 
 def _end(process: SpawnProcess, failed: object, *_: object) -> None:
-    """End the process of a workflow; if it still runs, it stops its robot first."""
+    """End the process of a workflow; a process that still runs stops its robot first."""
     if failed is not None and process.is_alive():
         process.terminate()
     process.join(_END_PATIENCE_S)

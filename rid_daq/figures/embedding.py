@@ -1,7 +1,7 @@
 """Embedding of a figure in a page: its JSON, its CSV, and the scripts that show it.
 
 A page loads `bokeh_script()` as an ordinary script and imports `showFigure` from the module
-`figure_script()`. Both come from the page's own server; nothing is loaded from the internet.
+`figure_script()`. The page's own server provides both scripts; nothing is loaded from the internet.
 BokehJS needs this Content-Security-Policy (tested in Chromium):
 
     script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:; connect-src 'self'
@@ -90,11 +90,11 @@ def as_item(figure: UIElement, dark: bool) -> dict[str, object]:
 
 
 def renumber_models(value: Any, known: dict[str, str]) -> Any:
-    """Return an item whose models are numbered from 1, so that equal figures have equal bytes.
+    """Return a Bokeh item with ids counted from 1, so that equal figures have equal bytes.
 
     Args:
         value: The item, or a value in it.
-        known: New numbers by old numbers, in the order of first occurrence.
+        known: New ids by old ids, in the order of first occurrence; extended by this function.
     """
     if isinstance(value, dict):
         return {

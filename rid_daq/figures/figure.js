@@ -82,7 +82,7 @@ async function reason(answer) {
     const parsed = JSON.parse(text);
     message = parsed.message ?? parsed.detail ?? text;
   } catch {
-    // The response is plain text.
+    // The response is not JSON: show its text.
   }
   return typeof message === "string" && message ? message : `the server answered ${answer.status}.`;
 }

@@ -55,7 +55,7 @@ def csv_source(name: str, columns: Mapping[str, Any]) -> ColumnDataSource:
 
 
 def source_outside_csv(columns: Mapping[str, Any]) -> ColumnDataSource:
-    """Return a data source that the CSV leaves out, such as an ellipse."""
+    """Return a data source that is not written to the figure's CSV, such as an ellipse."""
     return ColumnDataSource(data={key: _column(row) for key, row in columns.items()})
 
 
@@ -67,7 +67,7 @@ def _column(values: Any) -> Any:
 
 
 def plot_text(text: str) -> str:
-    """Return a text for Bokeh: invisible characters visible, nothing read as a formula."""
+    """Return a text for Bokeh with visible control characters and without formulas."""
     return make_printable(text).replace("$$", "$ $").replace("\\(", "\\ (").replace("\\[", "\\ [")
 
 
@@ -117,7 +117,7 @@ def panel(
         ],
         **{key: value for key, value in ranges.items() if value is not None},
     )
-    plot.toolbar.active_drag = zoom  # the default "auto" would pan
+    plot.toolbar.active_drag = zoom  # by default, a drag would pan the plot
     return plot
 
 
@@ -159,7 +159,7 @@ def add_hover(
         plot: The plot.
         renderer: The curve or points to which the values belong.
         rows: Column names by the labels that are shown.
-        along_x: True if the pointer only needs the same x value as the point.
+        along_x: True if the values are shown wherever the pointer has the x value of the point.
         digits: Significant digits of numbers.
     """
     assert isinstance(renderer.data_source, ColumnDataSource)

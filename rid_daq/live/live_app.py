@@ -33,9 +33,9 @@ _NO_TOKEN = (
 def live_app(access: Access, feed: Feed, stop: Callable[[], None]) -> ASGIApp:
     """Return the application behind its guard.
 
-    Page and events need the token, or the session secret of a page that was opened with it. A stop
-    needs this only from other computers: an unnecessary stop costs a recording, but a
-    missing stop can damage the robot.
+    A request for the page or its events must contain the token, or the session secret of a page
+    that was opened with the token. A stop request from this computer needs neither: an unnecessary
+    stop costs a recording, but a missing stop can damage the robot.
 
     Args:
         access: Address and secrets of the page.
@@ -64,7 +64,7 @@ def live_app(access: Access, feed: Feed, stop: Callable[[], None]) -> ASGIApp:
     async def events(request: Request) -> Response:
         if not _is_admitted(request):
             return _not_admitted()
-        if request.method != "GET":  # Starlette lets HEAD through
+        if request.method != "GET":  # Starlette also routes HEAD requests to this function
             return Response(status_code=HTTPStatus.NOT_FOUND)
         return StreamingResponse(_lines(feed), media_type="text/event-stream")
 

@@ -27,7 +27,7 @@ BACKLOG = 128
 
 @dataclass(frozen=True)
 class LivePage:
-    """A listening page; it shows a motion if its observer is added to that motion."""
+    """Live page with a listening socket; it shows each motion that is recorded with `observer`."""
 
     access: Access
     listener: socket.socket

@@ -116,7 +116,7 @@ class MotionPicture:
         }
 
     def _left_s(self, row: int, now_s: float) -> float | None:
-        """Return the remaining time [s]; simulated time may run faster than real time."""
+        """Return the remaining real time [s], from the pace so far: a simulation may run faster."""
         if self._began is None or not self._motion.rows:
             return None
         began_s, first = self._began

@@ -1,26 +1,26 @@
 // STOP: the first script of a page, without imports. It works even if no other script loads.
-// Its script element names the cell ("*" for all), the address of the request, and the WebSocket.
+// Its script element names the cell ("*" for all), the address of the stop request, and the WebSocket.
 "use strict";
 (() => {
-  window.endStop?.(); // ends the script of the previous page, which this page replaces; this page repeats its press
-  const AGAIN_MS = 250; // time between two attempts
-  const REFUSED_MS = 1000; // time between two attempts after a refusal
-  const LATE_MS = 2000; // time after which the page shows that there is no answer
-  const TWICE_MS = 1000; // one press causes several events; two presses of Escape within this time are one stop
+  window.endStop?.(); // ends stop.js of the page that this page replaces; this page repeats its open stop request
+  const AGAIN_MS = 250; // time between two attempts to send the stop request
+  const REFUSED_MS = 1000; // time between two attempts if the service refuses the stop request
+  const LATE_MS = 2000; // time after which the page shows that the stop request has no answer
+  const TWICE_MS = 1000; // within this time, all events of a press count once, and two presses of Escape request a stop
   const SHOWN_MS = 8000;
   const SILENT_MS = 1500; // a WebSocket without a heartbeat for this time is replaced
-  const STOOD_MS = 800; // a longer time between two checks means that this page was suspended
+  const STOOD_MS = 800; // a longer time between two calls of watch() means that this page was suspended
   const CONNECT_MS = [100, 250, 500, 1000, 2000, 5000];
   const MOST_LINES = 4;
-  const MOST_REQUESTS = 2; // a browser has six connections for requests
+  const MOST_REQUESTS = 2; // a browser opens at most six connections to a server
   const REQUEST_MS = 5000;
   const KEPT_MS = 60000;
   const KEY = "rid-daq stop";
   const here = document.currentScript.dataset;
 
-  let asked = null; // the unacknowledged press
+  let asked = null; // the press of STOP that is not acknowledged yet
   let number = Math.floor(Math.random() * 1e9);
-  let answer = null; // the acknowledgement while it is displayed
+  let answer = null; // class and text of the acknowledgement; null once it is no longer displayed
   const lines = new Set();
   const requests = new Set();
 
@@ -40,7 +40,7 @@
     words.className = text && `banner ${kind}`;
   }
 
-  // ---- a press is repeated until it is acknowledged
+  // ---- the stop request of a press is repeated until it is acknowledged
   function stop() {
     begin({ number: ++number, cell: here.cell, request: here.request, at: Date.now() });
   }
@@ -80,13 +80,13 @@
     for (const line of lines) if (line !== newest) drop(line);
   }
 
-  // A press survives its page: the next page of this tab repeats it.
+  // Store a press of STOP in this tab: if the user leaves the page, the next page repeats the request.
   function keep(press) {
     try {
       if (press) sessionStorage.setItem(KEY, JSON.stringify(press));
       else sessionStorage.removeItem(KEY);
     } catch {
-      // the browser has no session storage: the press ends with its page
+      // the browser has no session storage: the next page cannot repeat the stop request
     }
   }
 
@@ -170,15 +170,15 @@
     const at = performance.now();
     const stood = at - watchedAt;
     watchedAt = at;
-    if (newest && stood > STOOD_MS) newest.heardAt = at; // this page was suspended: received heartbeats are still unread
+    if (newest && stood > STOOD_MS) newest.heardAt = at; // after a suspension, received heartbeats are still unread
     if (!newest || at - newest.heardAt < SILENT_MS) return;
     const silent = newest;
     later();
-    // an open WebSocket may still deliver the stop or its answer; a connecting one delays the next one
+    // keep an open WebSocket: it may still deliver the stop or its answer; a connecting one would delay the next
     if (!asked || silent.readyState !== WebSocket.OPEN) drop(silent);
   }
 
-  // ---- keys and pointers: pressing stops, not releasing
+  // ---- keys and pointers: the press of the button requests the stop, not its release
   let pressedAt = -Infinity;
   let escapedAt = -Infinity;
 
@@ -234,7 +234,7 @@
     newest = null;
     for (const line of lines) {
       if (line.readyState === WebSocket.OPEN) line.close();
-      else line.addEventListener("open", () => line.close()); // closing earlier causes a browser warning
+      else line.addEventListener("open", () => line.close()); // closing it before it is open causes a warning
     }
   };
   const unanswered = kept();

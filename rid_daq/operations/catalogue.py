@@ -28,7 +28,7 @@ class Entry(NamedTuple):
     """An operation in the program's help.
 
     Attributes:
-        room: Folder of its module, below `rid_daq/operations`.
+        room: Folder of the operation's module, below `rid_daq/operations`.
         section: Section of the help; empty for an operation of a group.
         summary: One line for the help.
         is_job: True if a service also performs the operation, as a job.
@@ -47,7 +47,7 @@ class Group(NamedTuple):
         section: Section of the help.
         summary: One line for the help.
         help: Help of the first word alone.
-        default: Second word that applies if the user types none.
+        default: Second word that is assumed if the user types none.
         metavar: Placeholder of the argument that follows if the second word is omitted.
     """
 
@@ -191,9 +191,10 @@ CATALOGUE: Final = {
         "make a token for a program or device that uses a service of this computer",
     ),
 }
-"""All operations by name: the words of the command. `identifier` returns the module's name.
+"""All operations by name. A name consists of the words of the command.
 
-If a name is a keyword of Python, such as `import`, the module's name ends in `_`.
+`identifier` returns the name of the operation's module. If that is a keyword of Python, such as
+`import`, the module's name ends in `_`.
 """
 
 
@@ -203,7 +204,7 @@ def identifier(name: str) -> str:
 
 
 OF_KINDS: Final = {identifier(name): name for name, entry in CATALOGUE.items() if entry.is_job}
-"""Names of operations by kind of job."""
+"""Names of the operations that are jobs, by kind of job."""
 
 
 @functools.cache

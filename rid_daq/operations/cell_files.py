@@ -28,13 +28,13 @@ def read_motion_for(path: Path, loaded: LoadedCell) -> AnyMotion:
 
 
 def read_motion_and_bytes(path: Path, loaded: LoadedCell) -> tuple[AnyMotion, bytes]:
-    """Return the motion of a file and the file's bytes; as `read_motion_for`."""
+    """Return the motion of a file and the file's bytes; checks are those of `read_motion_for`."""
     motion, text = read_motion(path)
     if motion.robot != loaded.robot.name:
         raise ConfigError(
-            f"{path}: robot: the motion is for {motion.robot!r}, but cell {loaded.config.name}"
-            f" has {loaded.robot.name!r}; design a motion for this robot with `rid-daq design`,"
-            " or change the name if the robots are the same",
+            f"{path}: robot: the motion is for {motion.robot!r}, but cell {loaded.config.name} has"
+            f" {loaded.robot.name!r}; design a motion for this robot with `rid-daq design`, or"
+            " change the name in the motion file if the robots are the same",
             code="RID-ROBOT-OTHER",
         )
     return motion, text
@@ -52,7 +52,7 @@ def read_estimate_for(path: Path, robot: RobotDescription) -> Estimate:
 
 
 def read_estimate_and_bytes(path: Path, robot: RobotDescription) -> tuple[Estimate, bytes]:
-    """Return the model of a file, and the file's bytes; as `read_estimate_for`."""
+    """Return the model of a file and the file's bytes; checks are those of `read_estimate_for`."""
     data = read_content(path, estimate_file.LARGEST_FILE_BYTES)
     estimate = estimate_file.estimate_content(data, path)
     refuse_other_robot(path, estimate.robot, robot)
@@ -75,8 +75,8 @@ def refuse_other_robot(path: Path, found: RobotDescription, robot: RobotDescript
     if differences:
         raise ConfigError(
             f"{path}: is of robot {found.name!r}, which differs from this {robot.name!r} in"
-            f" {', '.join(differences)}. Identify it on this robot, or correct the robot's file (of"
-            " an import: the map's `robot`)",
+            f" {', '.join(differences)}. Identify it on this robot, or correct the robot's file"
+            " (for an import: `robot` in the map)",
             code="RID-ROBOT-OTHER",
         )
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from rid_daq.blocks.block import AnyBlock
 
 NUMERICS_BYTES: Final = 750 << 20
-"""Address space that numerical libraries reserve; about half is used."""
+"""Address space that numerical libraries reserve [bytes]; about half of this space is used."""
 
 
 class OperationResult(Protocol):

@@ -14,7 +14,7 @@ def perform(operation: Operation, request: Request, console: Console) -> None:
         console: Console that shows the result; a worker's console writes events instead.
 
     Raises:
-        RidDaqError: The failure of the result, if it has one.
+        RidDaqError: The failure of the result, if the result has a failure.
         SystemExit: Exit code of the result, if it is not 0.
     """
     operation.load()

@@ -23,8 +23,8 @@ class LoadedModel:
 
     Attributes:
         estimate: Robot and payload as one model; a payload is part of the last link.
-        statement: The request's words on the payload; empty if it states nothing.
-        content: Bytes of the payload file; empty without one.
+        statement: The payload as the request states it; empty if the request states none.
+        content: Bytes of the payload file; empty if no file was given.
     """
 
     estimate: Estimate
@@ -33,7 +33,7 @@ class LoadedModel:
 
     @property
     def origin(self) -> str:
-        """The payload as a text for files that were made with it; a file by its SHA-256."""
+        """Name of the payload for output files: the SHA-256 of its file, or `statement`."""
         return sha256_of(self.content) if self.content else self.statement
 
 
@@ -81,15 +81,15 @@ def state_payload(
 
 
 def payload_words(payload: str | None) -> str:
-    """Return the end of a phrase that says which payload a model contains; empty if none is stated.
+    """Return a phrase on a model's payload, such as " without payload"; empty if none is stated.
 
     Args:
         payload: The request's statement, as in `state_payload`.
     """
     if payload is None:
         return ""
-    own = {NO_PAYLOAD: " without payload", PAYLOAD_OF_MODEL: " with its payload"}
-    return own.get(payload, f" with the payload {payload}")
+    phrases = {NO_PAYLOAD: " without payload", PAYLOAD_OF_MODEL: " with its payload"}
+    return phrases.get(payload, f" with the payload {payload}")
 
 
 def carry_judged(estimate: Estimate, judged: PayloadResult, path: Path) -> Estimate:
@@ -101,7 +101,7 @@ def carry_judged(estimate: Estimate, judged: PayloadResult, path: Path) -> Estim
         path: Name of the payload, for messages.
 
     Raises:
-        ConfigError, EstimationError: As `state_payload`.
+        ConfigError, EstimationError: As raised by `state_payload`.
     """
     refuse_failed(path, judged, "no torque can be computed with it")
     refuse_other_robot(path, judged.estimate.robot, estimate.robot)
@@ -115,7 +115,7 @@ def payload_file(runs: Path, reference: str) -> Path:
     """Return a payload file by its path, or the payload file of a session or run.
 
     Raises:
-        ConfigError, RecordingError: As `find_file_or_run`.
+        ConfigError, RecordingError: As raised by `find_file_or_run`.
     """
     found = find_file_or_run(runs, reference, having=(PAYLOAD,))
     return found if isinstance(found, Path) else found.file(PAYLOAD)

@@ -1,9 +1,10 @@
 """Record of a cell's axis test: signed, and valid until the cell file or robot file changes.
 
-The record is in the state folder of this user account, which no service serves, so no request can
-change it. Each axis is signed with a secret of this account on this computer, together with the
-cell, the hashes of its files, the person and the time. A record that was copied, edited or made by
-another account is therefore invalid.
+The record is in the state folder of this user account. Clients of a service have no access to this
+folder, so no request can change the record. The entry of each axis has a signature, made with a
+secret of this account on this computer. The signature covers the cell, the hashes of its files, the
+person and the time. A record that was copied, edited or made by another account is therefore
+invalid.
 """
 
 from __future__ import annotations
@@ -28,14 +29,14 @@ from rid_daq.preflight.bus_check import CheckLine, Verdict
 
 LARGEST_FILE_BYTES: Final = 1 << 20
 AXIS_TEST: Final = "axis test (direction, encoder, gear) since cell and robot file changed"
-"""Text `what` of the preflight's line on the axis test."""
+"""Name of the preflight's line on the axis test."""
 
 _WHAT: Final = "an axis test of `rid-daq axes`"
 _SECRET: Final = "axis-test.key"
 
 
 class AxisTestRule(Enum):
-    """Requirement of a motion on a real cell concerning the axis test."""
+    """Rule for a motion on a real cell: is a passed axis test required?"""
 
     REQUIRED = "required"
     WAIVED = "waived"
@@ -43,7 +44,7 @@ class AxisTestRule(Enum):
 
 
 class SignedAxis(ConfigModel):
-    """Axis that has passed: person, time, run and signature."""
+    """Axis that has passed its test: person, time, run and signature."""
 
     joint: str
     who: str
@@ -53,7 +54,7 @@ class SignedAxis(ConfigModel):
 
 
 class AxisTest(ConfigModel):
-    """Axes that have passed with a cell file and a robot file, identified by their SHA-256."""
+    """Axes of a cell that have passed the axis test, and the SHA-256 of the files used in it."""
 
     cell: str
     cell_sha256: str
@@ -61,7 +62,7 @@ class AxisTest(ConfigModel):
     axes: tuple[SignedAxis, ...] = ()
 
     def signature_of(self, axis: SignedAxis) -> str:
-        """Return the signature of an axis of this test by this account on this computer."""
+        """Return the signature that this account on this computer gives to an axis of this test."""
         bound = {"cell": self.cell, "cell_sha256": self.cell_sha256}
         bound |= {"robot_sha256": self.robot_sha256, "computer": _computer_id()}
         text = json.dumps(axis.model_dump(exclude={"signature"}) | bound, sort_keys=True)
@@ -183,7 +184,7 @@ def _valid_axes(loaded: LoadedCell) -> tuple[SignedAxis, ...]:
 
 
 def _test_without_axes(loaded: LoadedCell) -> AxisTest:
-    """Return a test of a cell's files without any axis."""
+    """Return an empty axis test with the hashes of a cell's present files."""
     cell, robot = (
         hashlib.sha256(loaded.files[f"{kind}.yaml"]).hexdigest() for kind in ("cell", "robot")
     )
@@ -191,7 +192,7 @@ def _test_without_axes(loaded: LoadedCell) -> AxisTest:
 
 
 def _computer_id() -> str:
-    """Return an id of this computer, because several can share the account's folder."""
+    """Return an id of this computer, because several computers can share the account's folder."""
     try:
         return Path("/etc/machine-id").read_text(encoding="ascii").strip()
     except (OSError, ValueError):

@@ -15,16 +15,21 @@ from drivers.canopen.frames import tpdo_cob_id
 from drivers.cell import Cell
 from drivers.ports.can_interface import CanInterface, read_interface, transmit_queue_frames
 from drivers.servo.bring_up import bus_load
-from drivers.servo.watchdog_test import WatchTrial, acts_within_s, switches_power, try_watches
+from drivers.servo.watchdog_test import (
+    WatchdogResult,
+    reaction_limit_s,
+    run_watchdog_test,
+    switches_power,
+)
 
 LONGEST_QUEUE = 128
 SPARE_FRAMES = 2
 _DRIVE = (
-    "this drive did not stop without this computer: it must not be moved. See its manual on"
-    " 1016h, or 100Ch and 100Dh, and 6007h, or list its node id in"
+    "this drive did not stop when this computer sent no heartbeat: do not move it. See its manual"
+    " on 1016h (or 100Ch and 100Dh) and 6007h, or list its node id in"
     " drive_safety.allow_drive_without_watchdog"
 )
-NOT_TESTED = "reaction without this computer"
+NOT_TESTED = "reaction if this computer fails"
 _COMPUTER = (
     "this computer did not detect that the drive's heartbeat was missing: check 1017h in"
     " the drive, or 100Ch"
@@ -56,8 +61,9 @@ def bus_lines(cell: CellConfig) -> list[CheckLine]:
     """Return the lines of a SocketCAN interface; an empty list for other buses.
 
     Frames in the transmit queue cannot be withdrawn: after a pulled cable is plugged in again, they
-    would be sent at an unexpected time. A queue that is shorter than one cycle drops frames. A
-    controller that leaves bus-off by itself would also send such frames.
+    would be sent at an unexpected time. The queue must therefore be short; but a queue that cannot
+    hold the frames of one cycle drops some. A controller that leaves bus-off by itself would also
+    send old frames.
     """
     if cell.can.interface != "socketcan":
         return []
@@ -122,9 +128,10 @@ def interface_lines(cell: CellConfig, interface: CanInterface | None) -> list[Ch
 
 
 def sender_lines(opened: Cell, cycles: int) -> list[CheckLine]:
-    """Return lines on other senders: with the identifier of a drive, or with an unknown one.
+    """Return lines on other senders, with the identifier of a drive or an unknown identifier.
 
-    Up to one unknown frame per cycle is only reported; more frames load the bus and are red.
+    Up to one frame per cycle with an unknown identifier is only reported; more frames load the bus
+    and are red.
     """
     axes, limit = opened.axes, opened.config.supervision.second_answers_limit
     counts = zip(
@@ -175,16 +182,16 @@ def load_line(cell: CellConfig) -> CheckLine:
 def watchdog_lines(opened: Cell, *, cleared: bool) -> list[CheckLine]:
     """Let the watchdogs of both sides expire once, with the drives at rest.
 
-    If this needs power and no person has confirmed that the cell is clear, nothing is tried; a line
-    `NOT_TESTED` says so.
+    If the test must switch drives on and no person has confirmed that the cell is clear, nothing is
+    tested; the line `NOT_TESTED` reports this.
 
     Raises:
-        DriverError, PreflightError: As of `drivers.servo.watchdog_test.try_watches`.
+        DriverError, PreflightError: The errors of `drivers.servo.watchdog_test.run_watchdog_test`.
     """
     if switches_power(opened.axes, opened.config) and not cleared:
         return [
             CheckLine(
-                where=", ".join(opened.axes.left_to_trial or opened.axes.joint_names),
+                where=", ".join(opened.axes.undefined_reactions or opened.axes.joint_names),
                 what=NOT_TESTED,
                 required="tested with power, at rest",
                 found="not tested: no person has confirmed that the cell is clear",
@@ -194,22 +201,22 @@ def watchdog_lines(opened: Cell, *, cleared: bool) -> list[CheckLine]:
                 of_drive=True,
             )
         ]
-    trials = try_watches(opened.axes, opened.clock, opened.config)
+    trials = run_watchdog_test(opened.axes, opened.clock, opened.config)
     safety = opened.config.drive_safety
     cycle_s = opened.config.cycle_time_s
     allowed = safety.allow_drive_without_watchdog
     lines = []
     for trial in trials:
         excused = trial.node_id in allowed
-        lines.append(_drive_watchdog_line(trial, acts_within_s(opened.config), excused=excused))
+        lines.append(_drive_watchdog_line(trial, reaction_limit_s(opened.config), excused=excused))
         limit_s = 1e-3 * safety.drive_heartbeat_timeout_ms + cycle_s
-        good = trial.noticed_s <= limit_s
+        good = trial.detected_s <= limit_s
         lines.append(
             CheckLine(
                 where=f"{trial.joint}, node {trial.node_id}",
                 what="drive heartbeat loss detected after",
                 required=f"≤ {1e3 * limit_s:.0f} ms",
-                found=_time_text(trial.noticed_s),
+                found=_time_text(trial.detected_s),
                 verdict="ok" if good else "red",
                 next_action="" if good else _COMPUTER,
                 of_drive=True,
@@ -218,14 +225,14 @@ def watchdog_lines(opened: Cell, *, cleared: bool) -> list[CheckLine]:
     return lines
 
 
-def _drive_watchdog_line(trial: WatchTrial, limit_s: float, *, excused: bool) -> CheckLine:
-    good = trial.acted_s <= limit_s
+def _drive_watchdog_line(trial: WatchdogResult, limit_s: float, *, excused: bool) -> CheckLine:
+    good = trial.reacted_s <= limit_s
     how = f", {trial.how}" if good else ""
     return CheckLine(
         where=f"{trial.joint}, node {trial.node_id}",
-        what="reaction without this computer after" + (", powered" if trial.powered else ""),
+        what="reaction time if this computer fails" + (", powered" if trial.powered else ""),
         required=f"≤ {1e3 * limit_s:.0f} ms",
-        found=_time_text(trial.acted_s) + how,
+        found=_time_text(trial.reacted_s) + how,
         verdict="ok" if good else ("allowed" if excused else "red"),
         next_action="" if good or excused else _DRIVE,
         of_drive=True,

@@ -20,8 +20,8 @@ def show_devices(context: Context, lines: Sequence[CheckLine]) -> None:
     """
     for where, own in _by_place(lines).items():
         context.say(f"{_WORDS[_worst_verdict(own)]:<8}{where}: {_summary(own)}")
-        told = [line for line in own if line.verdict in ("red", "allowed")]
-        for line in sorted(told, key=lambda each: each.verdict != "red"):
+        problems = [line for line in own if line.verdict in ("red", "allowed")]
+        for line in sorted(problems, key=lambda each: each.verdict != "red"):
             context.say(
                 f"  {_WORDS[line.verdict]:<8}{line.what}: {line.found}, required {line.required}"
             )

@@ -49,8 +49,8 @@ def _disk_speed_line(runs: Path, folder: Path) -> CheckLine:
     """Write some megabytes, wait until they are on the disk, and return the line on the speed."""
     required = f"≥ {SLOWEST_BYTES_S / 1e6:.0f} MB/s, ≤ {LONGEST_WRITE_S:g} s"
     action = (
-        "choose a faster disk with --runs: its writing must never block longer than the"
-        " buffer lasts"
+        "choose a folder on a faster disk with --runs: a write must not take longer than the"
+        " recorder's buffer lasts"
     )
     try:
         taken_s = write_seconds(folder, WRITE_BYTES)
@@ -70,7 +70,7 @@ def _disk_speed_line(runs: Path, folder: Path) -> CheckLine:
 
 
 def write_seconds(folder: Path, size: int) -> float:
-    """Return the time to write so many bytes to the disk of a folder [s].
+    """Return the time to write `size` bytes to the disk of a folder [s].
 
     Raises:
         RecordingError: The bytes cannot be written.

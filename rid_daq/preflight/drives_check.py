@@ -33,9 +33,10 @@ def check_drives(
     *,
     cleared: bool,
 ) -> tuple[list[CheckLine], list[float]]:
-    """Bring every drive up, read it back, count its answers, and let the watchdogs expire.
+    """Bring every drive up, read its settings back, count its answers, test the watchdogs.
 
-    Only the last step switches drives on, if it needs power and the cell is confirmed clear.
+    The watchdog test switches drives on if it needs power and the cell is confirmed clear. No other
+    step switches drives on.
 
     Args:
         write_log: Log of the writes to the drives; None to keep none.
@@ -121,7 +122,7 @@ def _answer_lines(opened: Cell, seconds: float) -> list[CheckLine]:
         sync_s = axes.exchange()
         exchanges_s.append(clock.now_s() - sync_s)
         axes.send_heartbeat(clock.now_s())
-        axes.quick_stop()  # the drives watch for set-points; quick stop moves nothing
+        axes.quick_stop()  # the drives need a command in each cycle; this command moves nothing
         missing = [
             count + (not received)
             for count, received in zip(missing, axes.answers.received.tolist(), strict=True)
@@ -165,8 +166,8 @@ def _answer_lines(opened: Cell, seconds: float) -> list[CheckLine]:
             )
         )
     if faults:
-        told = "; ".join(
+        found = "; ".join(
             text if times == 1 else f"{text} ({times} times)" for text, times in faults.items()
         )
-        lines.append(CheckLine("drives", "faults", "none", told, "red", "see the drive's manual"))
+        lines.append(CheckLine("drives", "faults", "none", found, "red", "see the drive's manual"))
     return lines

@@ -48,7 +48,7 @@ def eds_lines(loaded: LoadedCell) -> list[CheckLine]:
 
 
 def _remedy(eds: ElectronicDataSheet, cell: CellConfig, axis: DriveAxis) -> str:
-    """Return the remedy for a data sheet: the missing keys of the axis, if they are enough."""
+    """Return the remedy for a red data sheet: keys to add to the axis, or another EDS."""
     names = bundled_names("servos")
     profiles = {name: load_bundled_or_path(name, "servos", ServoProfile) for name in names}
     fit = fit_eds(eds, cell, axis, profiles)
@@ -62,8 +62,8 @@ def refuse_unfit_eds(loaded: LoadedCell) -> None:
     """Refuse a cell if a data sheet shows that its drive cannot be used.
 
     Raises:
-        PreflightError: A drive cannot be used; the text names the first objects and the number of
-            others.
+        PreflightError: A drive cannot be used; the text names the first deviating objects and the
+            number of further ones.
     """
     problems = [
         f"{_axis_place(axis)}: {_eds_place(eds, finding)}: {finding.object_name} {finding.name} is"
@@ -94,7 +94,7 @@ def _axis_place(axis: DriveAxis) -> str:
 
 
 def _unreadable_values(eds: ElectronicDataSheet) -> str:
-    """Return a phrase on unreadable values of objects that are not used."""
+    """Return a phrase with the lines of unreadable values in a data sheet; empty without any."""
     lines = ", ".join(str(fault.line) for fault in eds.faults[:MOST_LISTED])
     more = ", ..." if len(eds.faults) > MOST_LISTED else ""
     return f"; values that cannot be read in lines {lines}{more}" if lines else ""

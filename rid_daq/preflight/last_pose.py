@@ -25,14 +25,14 @@ from rid_daq.preflight.bus_check import CheckLine
 
 LARGEST_FILE_BYTES: Final = 1 << 16
 LAST_POSE: Final = "pose since the last run"
-"""Text `what` of the preflight's line on the last pose."""
+"""Name of the preflight's line on the last pose."""
 
 CHECK: Final = "the last check"
 _WHAT: Final = "the last pose of a cell"
 
 
 class PoseRule(Enum):
-    """Treatment of the last pose in a preflight."""
+    """Rule of a preflight for the last pose: compare it, accept any change, or leave it out."""
 
     COMPARED = "compared"
     ACCEPTED = "accepted"
@@ -52,7 +52,7 @@ class LastPose(ConfigModel):
 def known_pose(loaded: LoadedCell, *, binding: bool) -> KnownPose | None:
     """Return the last known pose of a cell's robot.
 
-    None without one, or if the joints have changed.
+    None if no pose is stored, or if the joints have changed.
 
     Raises:
         RecordingError: The file of the pose cannot be read.
@@ -99,7 +99,7 @@ def pose_lines(loaded: LoadedCell, position: Sequence[float], rule: PoseRule) ->
     Args:
         loaded: The cell.
         position: Present positions of the joints [rad or m].
-        rule: Treatment of the last pose.
+        rule: Whether the last pose is compared, replaced by the present one, or left out.
 
     Raises:
         RecordingError: The file of the pose cannot be read or written.

@@ -21,7 +21,10 @@ CONSTANT_TOLERANCE = 0.01
 def monitor_lines(
     cell: CellConfig, robot: RobotDescription, profile: DriveProfile | None
 ) -> list[CheckLine]:
-    """Ask every drive once; return an empty list if the cell has no monitor."""
+    """Return lines on the drive monitor, from one reading of every drive.
+
+    The list is empty if the cell has no monitor.
+    """
     monitor = cell.monitor
     if monitor is None or profile is None:
         return []
@@ -84,14 +87,17 @@ def _temperature_lines(
 def _torque_constant_lines(
     cell: CellConfig, robot: RobotDescription, motors: Sequence[MotorData]
 ) -> list[CheckLine]:
-    """Compare the drives' torque constants with those of the robot file, as used to identify it."""
+    """Compare the torque constants of the drives with those of the robot file.
+
+    Identification uses the constants of the robot file.
+    """
     lines = []
     for axis, joint, motor in zip(cell.axes, robot.joints, motors, strict=bool(motors)):
-        said = motor.torque_constant_nm_per_a
+        of_motor = motor.torque_constant_nm_per_a
         wanted = joint.torque_constant_nm_per_a
-        if math.isnan(said):
+        if math.isnan(of_motor):
             continue
-        found = said * abs(joint.gear_ratio)
+        found = of_motor * abs(joint.gear_ratio)
         good = wanted is None or abs(found / wanted - 1.0) <= CONSTANT_TOLERANCE
         lines.append(
             CheckLine(

@@ -23,14 +23,14 @@ _ZERO = "measure the offsets with `rid-daq plate zero`"
 
 
 class PlateCheck:
-    """Checks a cell's force plate, in two steps before and after the check of the drives.
+    """Checks a cell's force plate: one step before the check of the drives, one step after it.
 
     Args:
-        cell: The cell, reachable.
+        cell: The cell with ports that this program can open.
         profile: Protocol of its amplifier; None without a plate.
 
     Attributes:
-        lines: Lines so far.
+        lines: Lines of the preflight so far.
     """
 
     def __init__(self, cell: CellConfig, profile: AmplifierProfile | None) -> None:
@@ -40,12 +40,10 @@ class PlateCheck:
         self.lines: list[CheckLine] = []
 
     def before(self) -> list[CheckLine]:
-        """Identify the amplifier, set it and read it back, and check for overloads.
+        """Identify the amplifier, write its settings, read them back, and check for overloads.
 
-        Nothing is zeroed.
-
-        A simulated amplifier of this session is set to operate, because no other program can do
-        that.
+        The forces are not zeroed. A simulated amplifier of this session is switched to operate,
+        because no other program can do that.
 
         Raises:
             DriverError: The amplifier cannot be reached, or does not accept a setting.
@@ -158,7 +156,7 @@ def _amplifier_state(ready: PlateReadiness) -> str:
 
 
 def _is_in_zero_pose(zero: PlateZero, position: Sequence[float] | None) -> bool:
-    """Return True if the robot has the pose of the plate's zero, or if a pose is unknown."""
+    """Return False if the robot is known to be in another pose than at the zeroing of the plate."""
     if not zero.pose or position is None or len(position) != len(zero.pose):
         return True
     return bool(np.allclose(position, zero.pose, rtol=0.0, atol=POSE_RAD))

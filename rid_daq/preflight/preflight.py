@@ -63,8 +63,9 @@ def preflight(
         cleared: True if a person has confirmed that the cell is clear; only then can the watchdog
             test switch drives on.
         write_log: Log of the writes to the drives; None to keep none.
-        tell: Function that gets the other lines of some devices as soon as they are complete.
-        pose: Treatment of the last pose.
+        tell: Function that is called with the lines of some devices as soon as they are complete,
+            but not with `before`.
+        pose: Whether the last pose is compared, replaced by the present one, or left out.
     """
     eds_files = eds_lines(loaded)
     computer = [*bus_lines(reachable), *time_lines()]
@@ -92,10 +93,7 @@ def preflight(
 
 
 def _try_step(step: Callable[[], object]) -> RidDaqError | None:
-    """Perform a step of the plate's check.
-
-    Return its error, so that the drives are still checked.
-    """
+    """Perform a step of the plate's check; return its error: the drives must still be checked."""
     try:
         step()
     except DriverError as error:

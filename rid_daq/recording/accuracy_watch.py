@@ -40,7 +40,7 @@ class AccuracyWatch:
         states: Last state of each goal.
         periods: Number of periods at the last comparison with the goals.
         running: Last running estimate.
-        trouble: Reason if an estimate was not possible.
+        trouble: Reason why the last estimate was not possible; empty if none failed.
 
     Raises:
         ConfigError: A goal is invalid, or the motion is not periodic.
@@ -104,11 +104,11 @@ class AccuracyWatch:
         return self.running_sentence()
 
     def running_sentence(self) -> str:
-        """Return the residual of single periods as a phrase; empty before it is known."""
+        """Return a phrase with the residual of each joint; empty before an estimate exists."""
         if self.running is None:
             return ""
-        shares = ", ".join(f"{share:.1f}" for share in self.running.relative_percent)
-        return f"residual of {self._followed} single periods {shares} % of the torque (RMS)"
+        percent = ", ".join(f"{value:.1f}" for value in self.running.relative_percent)
+        return f"residual of {self._followed} single periods {percent} % of the torque (RMS)"
 
     def sentences(self) -> list[str]:
         """Return a sentence on each goal."""

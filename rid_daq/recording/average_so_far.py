@@ -33,7 +33,7 @@ class AverageSoFar:
         stream, _ = monitored(rows, new.folder)
         self._cutter.add(with_temperature_compensation(rows, stream, self._robot))
         if (new.folder / MONITOR).exists():
-            # The next temperature reading changes the temperatures of rows since the last one.
+            # temperatures are interpolated: rows after the last reading wait for the next reading
             known_s = -math.inf if stream is None else stream.known_until_s
             self._unsettled = [rows.part(rows.time_s > known_s)]
         return average_table(self._cutter.table())

@@ -106,7 +106,7 @@ class RecordedRun:
 
     @property
     def stop_sentence(self) -> str:
-        """Stop reason, place in the motion, and remedy; empty for a complete run."""
+        """Stop reason, position in the motion, and remedy; empty for a complete run."""
         stop = self.outcome.stop
         if stop is None:
             return ""
@@ -122,7 +122,11 @@ class RecordedRun:
         return loop_sentence(self.outcome.statistics)
 
     def as_step(self) -> RecordedRun:
-        """Return the run for a sequence: a stop that came after its motion stops the sequence."""
+        """Return this run as a step of a sequence of motions.
+
+        A stop request that arrived after the end of this motion then counts as its stop, so that
+        the sequence ends.
+        """
         late = self.outcome.late_stop
         return self if late is None else replace(self, outcome=replace(self.outcome, stop=late))
 
@@ -202,8 +206,8 @@ def prefix_errors_with_outcome(outcome: RecordOutcome, epilogue: str = "") -> It
     """Prefix storage errors with the motion's outcome.
 
     Raises:
-        RecordingError: The storage error; its text begins with the motion's outcome and an
-            epilogue.
+        RecordingError: The storage error; its text begins with the motion's outcome and
+            `epilogue`.
     """
     try:
         yield

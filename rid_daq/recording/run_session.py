@@ -53,10 +53,14 @@ if TYPE_CHECKING:
     from mock_hw.cell import SimulatedCell
 
 FRAMES: Final = "frames.blf"
-STOP_TAIL_S: Final = 10.0  # from a second before the stop until the robot is at rest
+STOP_TAIL_S: Final = 10.0
+"""Length of the end of a stopped recording that the report draws [s].
+
+It is long enough to include the last second before the stop and the deceleration to rest.
+"""
 
 Record = Callable[[MotionSamples | SetPointSource], RecordOutcome]
-"""Function that performs planned rows, or a source of set-points, and records them."""
+"""Function that executes planned rows, or the points of a set-point source, and records them."""
 
 
 class Watch(Protocol):
@@ -72,7 +76,7 @@ class Watch(Protocol):
 
     @abstractmethod
     def sentences(self) -> Sequence[str]:
-        """Return sentences on the final state, for the report."""
+        """Return sentences for the report on the final state of the observed quantities."""
 
 
 @dataclass(frozen=True)
@@ -83,13 +87,13 @@ class RunRequest:
         label: Label of the run.
         sentence: Sentence on the motion.
         samples: Planned rows; None if the points come from another source.
-        drive: Function that makes the set-points while the run folder is open, and passes them to
-            the `Record` function that it gets; the planned rows are driven if None.
+        drive: Function that is called with a `Record` function and must call it with the
+            set-points. None to record `samples`.
         role: Purpose of the motion, shown on the terminal and in the report.
         files: Content by name of files for the folder, in addition to the cell's files.
         watch: Observer of the periods, which can end the motion.
         frames: True to record all frames on the bus too.
-        epilogue: Sentence that is added to a storage error if this run is only one step of a job.
+        epilogue: Sentence that a storage error contains if this run is only one step of a job.
         held: True if the robot moves only while a person holds a key.
     """
 
@@ -117,7 +121,7 @@ class RunSession:
         simulated: Simulated devices of this program; their payload is noted in the run.
         page: Live page that also shows the motions; None without one.
         axis_test: Result of the axis test of a real cell; empty for a simulated one.
-        service: Heartbeat of the service that ordered the session; None without a service.
+        service: Heartbeat of the service that started the session; None without a service.
     """
 
     loaded: LoadedCell
@@ -133,7 +137,7 @@ class RunSession:
         """Record a motion, evaluate it and write its report, also if the motion was stopped.
 
         Raises:
-            RidDaqError: As `recording`.
+            RidDaqError: Any error of `recording`.
         """
         with self.recording(request) as run:
             return run
@@ -194,7 +198,11 @@ class RunSession:
         return known_pose(self.loaded, binding=not (self.cell.simulated or request.held))
 
     def _store_pose(self, folder: RunFolder, outcome: RecordOutcome) -> None:
-        """Store the robot's pose, unless a held key moved a robot whose pose was in doubt."""
+        """Store the robot's pose after a motion.
+
+        It is not stored for a real robot whose pose differed from the last known one: a held key
+        may move such a robot, but the difference must be reported again.
+        """
         if self.simulated is not None or outcome.pose is None:
             return
         if self.cell.simulated or not outcome.displaced:
@@ -292,7 +300,7 @@ def require_runs_folder(runs: Path) -> None:
     """Refuse a path in which no run folder can be made.
 
     Raises:
-        RecordingError: The path exists and is no folder.
+        RecordingError: The path exists and is not a folder.
     """
     if runs.exists() and not runs.is_dir():
         raise RecordingError(
@@ -304,7 +312,7 @@ def require_runs_folder(runs: Path) -> None:
 
 @dataclass(frozen=True)
 class Clearance:
-    """Information, before a motion, on the clearance of the cell.
+    """Data for the question before a motion if the cell is clear.
 
     Attributes:
         cleared: True if a person has just confirmed that the cell is clear.
@@ -336,14 +344,15 @@ def open_session(
         runs: Folder of the run folders.
         context: Output for the person; asks if a real cell is clear, after all other checks have
             passed.
-        clearance: Information on the clearance; None if the steps of the session ask.
+        clearance: Data for the question if the cell is clear; None if each step of the session asks
+            this question itself.
         simulation: Options of a simulated cell that this program starts.
         faults: Fault script of such a cell.
         live: Options of the live page.
 
     Raises:
-    RidDaqError: As `require_runs_folder`, `require_axis_test`, `require_cleared`, `live_page`
-        and `hold_reachable_cell`.
+        RidDaqError: Any error of `require_runs_folder`, `require_axis_test`, `require_cleared`,
+            `live_page` and `hold_reachable_cell`.
     """
     require_runs_folder(runs)
     tested = require_axis_test(loaded, axis_test)

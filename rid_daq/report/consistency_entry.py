@@ -14,8 +14,8 @@ class ViolationEntry(Section):
     """A parameter that is never negative for a real robot, but whose estimate is below zero.
 
     Attributes:
-        name, expression: Name of the parameter, and the combination of standard parameters that it
-            is.
+        name, expression: Name of the parameter, and its expression: the combination of standard
+            parameters.
         sigmas: Distance of the estimate below zero [standard deviations].
         p_value: Probability of such an estimate if the true value is zero, corrected for the number
             of tested parameters (Holm).
@@ -32,12 +32,12 @@ class ConsistencyEntry(Section):
 
     Attributes:
         consistent: False if the data refute every consistent robot at p = 0.05.
-        p_value: Probability value of both statistics together: the largest single violation and the
+        p_value: p-value of the two statistics together: the largest single violation, and the
             distance.
-        single_p_value: Probability value of the largest single violation.
-        distance_p_value, distance: Probability value of the squared distance from the nearest
-            consistent robot, and that distance in decorrelated standard deviations. None if a
-            single violation already refutes consistency.
+        single_p_value: p-value of the largest single violation.
+        distance_p_value, distance: p-value of the squared distance from the nearest consistent
+            robot, and the distance itself in decorrelated standard deviations. None if a single
+            violation already refutes consistency.
         tested: Number of parameters that cannot be negative.
         largest: The largest single violation; None if no tested estimate is below zero.
         violations: All tested estimates below zero, the largest violation first.

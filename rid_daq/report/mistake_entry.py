@@ -50,13 +50,13 @@ class Explanation(Section):
 
 
 class MistakeEntry(Explanation):
-    """The best explanation of a misfit, and other explanations that fit the data as well.
+    """The best explanation of a misfit, and other explanations that fit the data equally well.
 
     Attributes:
-        times_better: Factor by which the correction reduces the residual, on the joint on which it
-            reduces it most.
+        times_better: Factor by which the correction reduces the residual of the joint that improves
+            most.
         sentence: The finding in words.
-        alternatives: Other mistakes that explain the data as well.
+        alternatives: Other mistakes that explain the data equally well.
     """
 
     times_better: float
@@ -65,7 +65,7 @@ class MistakeEntry(Explanation):
 
 
 class ArmWeightEntry(Section):
-    """Gravity torque of the fitted model relative to that of the described arm.
+    """Gravity torque of the fitted model relative to that of the arm in the robot file.
 
     Attributes:
         share: The ratio of the two torques.

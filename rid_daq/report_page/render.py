@@ -31,8 +31,8 @@ def render_report(result: Result, before: Result | None = None) -> str:
 
     Args:
         result: The result to show; sections that it does not contain are left out.
-        before: The result in the run's file. Sections that are equal in both were read from the
-            file.
+        before: The result in the run's file; None without a file. Sections of `result` that are
+            equal in `before` were read from that file.
 
     Raises:
         RecordingError: A section contains numbers that cannot be shown.
@@ -82,7 +82,7 @@ def render_certificate(certificate: Certificate) -> str:
 
 
 def load_templates() -> None:
-    """Compile the templates of all pages; a page compiles those that it lacks."""
+    """Compile the templates of all pages in advance; otherwise the first page compiles them."""
     for name in _environment().list_templates(extensions=["html"]):
         _environment().get_template(name)
 
@@ -127,7 +127,7 @@ def _plot_svg(plot: Plot, name: str) -> Markup:
 
 
 def _visible(value: object) -> object:
-    """Return the value of a template's expression with invisible characters made visible."""
+    """Return the value of a template's expression with visible control characters."""
     return make_printable(value) if type(value) is str else value
 
 

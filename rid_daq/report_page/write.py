@@ -22,7 +22,8 @@ def write_result(folder: RunFolder, result: Result) -> Path:
     Raises:
         RecordingError: A file cannot be written, or a section cannot be shown.
     """
-    from rid_daq.report_page.render import render_report  # imported late: it takes half a second
+    # Imported late, because this import takes half a second.
+    from rid_daq.report_page.render import render_report
 
     path = folder.file(RESULT)
     before = read_result(folder) if path.exists() else None

@@ -26,7 +26,7 @@ class FurtherNumber(NamedTuple):
 
 @dataclass(frozen=True)
 class Option:
-    """Presentation of a field; type and description are those of the field itself.
+    """Presentation of a request's field; the field itself has its type and its description.
 
     Attributes:
         group: Section of the help and of a form.
@@ -117,7 +117,7 @@ CarriedPayload = Annotated[_StatedPayload, Option(metavar="PAYLOAD", file="input
 CarriedPayloadOfModel = Annotated[
     _StatedPayload, Option(metavar="PAYLOAD", file="input", needs="model")
 ]
-"""The same field of a request whose model is optional."""
+"""As `CarriedPayload`, for a request whose model is optional; without a model it has no effect."""
 
 Unfinished = Annotated[
     bool,

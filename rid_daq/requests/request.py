@@ -65,7 +65,7 @@ class Request(BaseModel):
             shown: Prefix of messages.
 
         Raises:
-            ConfigError: As `of`.
+            ConfigError: The same errors as in `of`.
         """
         try:
             return cls.model_validate_json(json.dumps(values), strict=True)
@@ -97,7 +97,7 @@ class ShownField:
     Attributes:
         path: Names that lead to the field; several names if the field is in a group of options.
         info: Declaration of the field.
-        type: Type of the field, without `None` and annotations.
+        type: Type of the field, without its annotations and without `None`.
     """
 
     path: tuple[str, ...]
@@ -152,7 +152,7 @@ def shown_fields(request: type[BaseModel], path: tuple[str, ...] = ()) -> Iterat
 
 
 def plain_type(annotation: Any) -> Any:
-    """Return a type without annotations and `None`."""
+    """Return a type without its annotations and without `None`."""
     origin, arguments = typing.get_origin(annotation), typing.get_args(annotation)
     if origin is Annotated:
         return plain_type(arguments[0])
@@ -166,7 +166,7 @@ def refuse_unused(request: Request, names: Iterable[str], because: str) -> None:
 
     Args:
         names: Fields without effect.
-        because: Reason, as `with SOMETHING` or `without SOMETHING`.
+        because: Reason for the message: `with SOMETHING` or `without SOMETHING`.
 
     Raises:
         ConfigError: Such a field was set (RID-OPTION-NO-EFFECT).
@@ -180,7 +180,7 @@ def refuse_unused(request: Request, names: Iterable[str], because: str) -> None:
 
 
 def choices_of(type_: Any) -> tuple[str, ...]:
-    """Return the texts that a type allows; an empty tuple if it is no choice."""
+    """Return the texts that a type allows; an empty tuple if the type is not a choice of texts."""
     if isinstance(type_, type) and issubclass(type_, StrEnum):
         return tuple(map(str, type_))
     is_literal = typing.get_origin(type_) is typing.Literal
@@ -190,7 +190,7 @@ def choices_of(type_: Any) -> tuple[str, ...]:
 def _first_problem(
     request: type[Request], error: ValidationError, shown: str, *, flags: bool
 ) -> ConfigError:
-    """Return the most important problem as an error: first a number out of range."""
+    """Return one of the problems as an error: a number out of its range, or else the first one."""
     found = error.errors(include_url=False)
     first = next(filter(_is_out_of_range, found), found[0])
     context = first.get("ctx", {})

@@ -1,5 +1,5 @@
-"""Runs as operations read them: `RunData.load`, and the data that a motion's run adds.
+"""Runs as operations read them: the recording (`RunData.load`) and its motion (`MotionRun`).
 
-Every reader of a run uses this room, so that the run's files are compared with its manifest. Begin
-with `run_data.py`.
+Every operation reads runs through this package, which compares a run's files with its manifest.
+Begin with `run_data.py`.
 """

@@ -1,4 +1,4 @@
-"""Payload on a simulated robot's flange: stored in the run folder, compared with estimates later.
+"""Payload on a simulated robot's flange: stored in the run folder, later compared with estimates.
 
 An estimate never uses it. A real robot has no such true value.
 """
@@ -26,7 +26,7 @@ FACT = "simulated_flange"
 def write_flange_state(
     folder: RunFolder, loaded: LoadedCell, payload: str | None
 ) -> dict[str, JsonValue]:
-    """Write a simulated run's plant file with the payload on its flange (`attached`).
+    """Write a simulated run's plant file; its key `attached` names the payload on the flange.
 
     Returns:
         Facts for the run's manifest.
@@ -48,8 +48,8 @@ def true_payload(
 ) -> tuple[str, FloatArray] | None:
     """Return name and true values (`REPORTED`, (10,)) of the payload in some simulated runs.
 
-    None if it is unknown: for a real robot, a cell that another program simulated, or runs with
-    different payloads.
+    None if the payload is unknown: the robot is real, another program simulated the cell, or the
+    runs have different payloads.
     """
     if not all(FACT in folder.manifest().facts for folder in folders):
         return None
@@ -69,19 +69,19 @@ def true_payload(
 def truth_sentence(name: str, truth: FloatArray, estimate: PayloadEstimate) -> str:
     """Return a sentence on the error of an estimate of a simulated payload."""
     off = estimate.reported - truth
-    seen = np.array(estimate.is_determined)
-    inside = int(np.count_nonzero(np.abs(off[seen]) <= 2.0 * estimate.sigma[seen]))
+    known = np.array(estimate.is_determined)
+    inside = int(np.count_nonzero(np.abs(off[known]) <= 2.0 * estimate.sigma[known]))
     centre = ", ".join(f"{1e3 * value:+.2f}" for value in off[1:4])
     return (
         f"Simulated: {name} was on the flange. The estimate is off by {1e3 * off[0]:+.0f} g and"
-        f" ({centre}) mm; {inside} of {np.count_nonzero(seen)} values are within their intervals."
+        f" ({centre}) mm; {inside} of {np.count_nonzero(known)} values are within their intervals."
     )
 
 
 def compare_with_truth(
     data: Sequence[RunData], loaded: Sequence[bool], payload: PayloadResult
 ) -> list[str]:
-    """Return the comparison of an estimate with the true payload as findings, if it is known."""
+    """Return a sentence that compares an estimate with the true payload, if that is known."""
     folders = [run.folder for run, carried in zip(data, loaded, strict=True) if carried]
     found = true_payload(folders, payload.estimate)
     return [] if found is None else [truth_sentence(*found, payload.estimate)]

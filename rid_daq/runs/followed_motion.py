@@ -33,7 +33,8 @@ def compare_with_motion(
         after: The run, usually with compensation.
         before: A run of the same motion to compare with; None without one.
         robot: Robot with the stiffness of its gears.
-        estimate: Model of the torques that the gears transmit; the measured motor torques if None.
+        estimate: Model from which the transmitted torques of the gears are computed; None to use
+            the measured motor torques instead.
 
     Raises:
         DataQualityError: A run has no commanded positions.
@@ -77,7 +78,7 @@ def path_error_of_run(data: RunData) -> TrackingError:
 def deflection_of_run(
     data: RunData, robot: RobotDescription, estimate: Estimate | None = None
 ) -> Deflection | None:
-    """Return the estimated bending of the gears in a run's main part; None if unknown."""
+    """Return the estimated deflection of the gears in a run's main part; None if unknown."""
     recording, main = data.recording, _main_rows(data)
     if estimate is None:
         return deflection(robot, recording.position[main], recording.torque_nm[main])
@@ -85,7 +86,7 @@ def deflection_of_run(
 
 
 def _main_rows(data: RunData) -> BoolArray:
-    """Return the rows of the motion itself that contain a value of every drive."""
+    """Return a mask of the rows of the motion's main part with a valid answer of every drive."""
     recording = data.recording
     return np.asarray((recording.phase == Phase.MAIN) & recording.valid)
 

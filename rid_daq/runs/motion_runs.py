@@ -1,4 +1,4 @@
-"""Runs of a motion: planned samples, feedforward, and recording."""
+"""`MotionRun`: run of a motion, with its planned samples, its feedforward and its recording."""
 
 from __future__ import annotations
 
@@ -22,8 +22,8 @@ class MotionRun:
 
     Attributes:
         data: The recording and the robot.
-        cell: The cell as used.
-        motion: The motion file as used.
+        cell: The cell as it was in the run.
+        motion: The motion file as it was in the run.
         file: Feedforward file of the run; None without one.
         streamed: True if the compensation was computed online, so that no file contains it.
     """
@@ -56,7 +56,11 @@ class MotionRun:
 
     @property
     def use(self) -> str:
-        """Use of this motion's own runs for its feedforward: plain, tuned, refined n times, ..."""
+        """Phrase: was the feedforward computed from runs of this same motion?
+
+        "tuned on it", "refined N times", or "never used" if its runs were not used; "plain" without
+        a feedforward; "streamed" if the compensation was computed online.
+        """
         if self.streamed:
             return "streamed"
         if self.file is None:
@@ -71,7 +75,7 @@ class MotionRun:
 
 
 def read_motion_run(folder: RunFolder, *, unfinished: bool = False) -> MotionRun:
-    """Read a run with its motion; `unfinished` as in `RunData.load`.
+    """Read a run with its motion; `unfinished` is passed to `RunData.load`.
 
     Raises:
         ConfigError, DataQualityError, RecordingError: The run has no motion, or cannot be read.

@@ -1,7 +1,7 @@
-"""`Origins`: source files of a run's copies, and the line in which they contain a key.
+"""Source files of the cell, robot and map of a run, and the lines with keys in these files.
 
-A run stores copies of cell, robot and map. To change a key, a person changes the source file of the
-copy. The source file is found by its path and compared by its SHA-256.
+A run stores copies of the files. To change a key, a person changes the source file, not the copy.
+The run stores path and SHA-256 of each source file, to find it and to detect changes.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ class _Document(ConfigModel):
 
 @dataclass(frozen=True)
 class FileLine:
-    """Line of a file with a key, or at which the key must be added.
+    """Line of a file that contains a key, or at which the key must be added.
 
     Attributes:
         line: Line number from 1; if the key is missing, the first line of its parent.
@@ -132,8 +132,8 @@ def key_lines(
 
     Args:
         folder: The run.
-        places: Name of the run's copy, and the path of keys and indices: `cell.yaml
-            axes.1.direction`.
+        places: For each key, the name of the run's copy and the path to the key in it, such as
+            `cell.yaml axes.1.direction`; a number is an index in a list.
         joint_names: Joints of the robot; a map of messages refers to joints by name.
 
     Raises:
@@ -188,7 +188,10 @@ def _absolute_path(shown: str) -> str:
 def _source_lines(
     folder: RunFolder, name: str, origin: Origin | None
 ) -> tuple[YamlTree, list[str], str]:
-    """Return the file to change, its lines if they can be shown, and a note on the file."""
+    """Return content, lines and a note of the file to change, or of the run's copy.
+
+    There are no lines if the file has changed since the run: they would not match the key.
+    """
     kept, copy = folder.read(name), str(folder.file(name))
     if origin is None:
         return _parse_lines(kept, copy, "the run's copy")

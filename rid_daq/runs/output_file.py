@@ -75,16 +75,14 @@ def require_writable(output: Path) -> None:
 
 
 def _refuse_part_of_run(output: Path) -> None:
-    """Refuse the files of a run, except files in its manifest that are results."""
+    """Refuse to overwrite a file of a run, except results that its manifest lists."""
     path = output.resolve()
     folder = next((each for each in path.parents if (each / MANIFEST).is_file()), None)
     if folder is None:
         return
+    # imported late: these modules import all readers of runs
     from rid_daq.report.result_file import REPORT, RESULT
-    from rid_daq.runs.run_data import (  # imported late: they import all readers of runs
-        READ,
-        SESSION,
-    )
+    from rid_daq.runs.run_data import READ, SESSION
 
     parts = (*READ, SESSION, RESULT, REPORT, MANIFEST)
     name = path.relative_to(folder).as_posix()
@@ -93,7 +91,7 @@ def _refuse_part_of_run(output: Path) -> None:
         run_id, files = manifest.run_id, set(manifest.files)
     except RecordingError:
         if not RUN_ID.fullmatch(folder.name):
-            return  # the manifest is another program's
+            return  # another program has written this manifest
         run_id, files = folder.name, set()
     if name in parts or (name in files and not name.endswith(_RESULTS)):
         raise ConfigError(

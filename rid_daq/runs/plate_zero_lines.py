@@ -105,7 +105,10 @@ def _mapping_value(node: yaml.Node | None, name: str) -> yaml.Node | None:
 
 
 def _last_line(node: yaml.Node) -> int:
-    """Return the line of a node's last word; the end mark of a block is further down."""
+    """Return the number of the line with a node's last word.
+
+    The end mark of a block in YAML can be in a later line.
+    """
     if isinstance(node, yaml.MappingNode) and not node.flow_style and node.value:
         return _last_line(node.value[-1][1])
     if isinstance(node, yaml.SequenceNode) and not node.flow_style and node.value:

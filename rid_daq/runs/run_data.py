@@ -71,13 +71,13 @@ class RunData:
     Attributes:
         folder: Run folder.
         robot: The robot as used in the run.
-        tally: Statistics and periods of the recording, of bounded size in memory.
+        tally: Statistics and periods of the recording; their size in memory is bounded.
         import_report: Report of the import, for an imported run.
         damage: Defects of the recording, one sentence each.
         held: The whole recording in memory, if it was imported or has a force plate; otherwise
             None.
         monitor: Temperatures and other data of the drive monitor.
-        recorded_clock: Repeated rows of a run that rid-daq recorded.
+        recorded_clock: Report on repeated rows, for a run that rid-daq recorded.
     """
 
     folder: RunFolder
@@ -172,12 +172,12 @@ class RunData:
 
     @cached_property
     def recording(self) -> Recording:
-        """The whole recording, for callers that cannot use parts; it is read once more."""
+        """The whole recording, for callers that cannot use `parts`; the file is read again."""
         return concatenate_recordings(self.parts()) if self.held is None else self.held
 
     @cached_property
     def cell(self) -> CellConfig | None:
-        """The cell as used; None for an imported recording.
+        """The cell as it was in the run; None for an imported recording.
 
         Raises:
             ConfigError: The cell file is damaged.
@@ -196,7 +196,7 @@ class RunData:
 
 
 def _require_readable(folder: RunFolder, unfinished: bool) -> None:
-    """Refuse a run that is still open, and an unfinished run unless requested."""
+    """Refuse a run that is still open, and an unfinished run unless `unfinished` is True."""
     if not folder.file(RECORDING).exists():
         words = (
             f"{folder.path}: the folder contains no {RECORDING}, because no row was recorded"
@@ -250,7 +250,7 @@ def _owner_phrase(folder: RunFolder, name: str) -> str:
 
 
 def _require_run(folder: RunFolder, name: str, run_id: str) -> None:
-    """Refuse a recording whose header names another run."""
+    """Refuse a recording that names another run in its header."""
     if run_id != folder.run_id:
         raise RecordingError(
             f"{folder.file(name)}: belongs to {f'run {run_id}' if run_id else 'no run'}, not to"

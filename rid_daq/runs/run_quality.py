@@ -39,21 +39,21 @@ class RunQuality:
 
     def sentences(self) -> list[str]:
         """Return sentences on lost answers and left-out periods."""
-        said = []
+        sentences = []
         if any(self.lost):
             lost = zip(self.lost, self.joint_names, strict=True)
             counts = ", ".join(f"{count} of {name}" for count, name in lost if count)
-            said.append(f"Lost answers in {self.rows} rows of the motion: {counts}.")
+            sentences.append(f"Lost answers in {self.rows} rows of the motion: {counts}.")
         if self.average is not None:
             if self.average.missing_samples:
-                said.append(
+                sentences.append(
                     f"{self.average.missing_samples} single rows are left out of the mean period."
                 )
-            said += [
+            sentences += [
                 f"Period {period.number} is left out: {period.reason}."
                 for period in self.average.rejected
             ]
-        return said
+        return sentences
 
     def to_dict(self) -> dict[str, JsonValue]:
         """Return the JSON document."""

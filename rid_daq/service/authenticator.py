@@ -1,4 +1,4 @@
-"""`Authenticator`: identifies the senders of requests by the secrets in the requests.
+"""`Authenticator`: identifies the sender of a request by the secret in the request.
 
 No sender is trusted because of its address. With TLS, the certificate proves to a browser that it
 talks to this service, and a cookie is safe. Without TLS, the service neither sets nor accepts
@@ -179,9 +179,9 @@ class Authenticator:
 
     def _unused_name(self, browser: str) -> str:
         """Return a name that no other token has: leases and the log of actions show it."""
-        taken = {token.name for token in self.tokens.all()}
+        used_names = {token.name for token in self.tokens.all()}
         return next(
-            name for n in itertools.count(1) if (name := f"{browser}, number {n}") not in taken
+            name for n in itertools.count(1) if (name := f"{browser}, number {n}") not in used_names
         )
 
     def secret_of(self, headers: Mapping[str, str]) -> str | None:

@@ -139,8 +139,7 @@ class ServiceClient:
         """Send a request and return the JSON document of the answer.
 
         Raises:
-            RidDaqError: The service refused the request; the class is the one that its answer
-                names.
+            RidDaqError: The service refused the request; its answer names the class of this error.
             ServiceError: The service cannot be reached, or has not answered for a minute.
         """
         headers = {} if lease is None else {LEASE_HEADER: lease}
@@ -169,7 +168,8 @@ class ServiceClient:
         """Stop the motion in a cell.
 
         Raises:
-            ServiceError: As in `ask`, but after 10 s without an answer.
+            ServiceError: The service refused the stop, cannot be reached, or has not answered for
+                10 s.
         """
         path = _api_path(f"/cells/{quote(cell)}/stop")
         request = self._http.build_request("POST", path, timeout=_timeout(_STOP_PATIENCE_S))
@@ -294,9 +294,9 @@ class ServiceClient:
         ended: EndEvent | None = None
         while True:
             job = self.job(job.id)
-            for told in self.ask("GET", f"/jobs/{job.id}/events?after={known}"):
+            for document in self.ask("GET", f"/jobs/{job.id}/events?after={known}"):
                 known += 1
-                event = EVENT.validate_python(told)
+                event = EVENT.validate_python(document)
                 if isinstance(event, ResultEvent):
                     document = event.document
                 if isinstance(event, EndEvent):
@@ -323,7 +323,7 @@ class LeasedCell:
         on_lost_client: OnLostClient = "stop",
         watch: Watch = lambda _job, _event: None,
     ) -> JobResult:
-        """Start a job on the cell and wait for its end; arguments as in `ServiceClient.run`."""
+        """Start a job on the cell and wait for its end; see `ServiceClient.run` for arguments."""
         return self.service.run(
             self.lease.cell,
             kind,
@@ -336,8 +336,8 @@ class LeasedCell:
 
     def answer(self, job: Job, question: int, text: str) -> None:
         """Send an answer to the question of a job."""
-        told = {"question": question, "text": text}
-        self.service.ask("POST", f"/jobs/{job.id}/answer", told, self.lease.key)
+        document = {"question": question, "text": text}
+        self.service.ask("POST", f"/jobs/{job.id}/answer", document, self.lease.key)
 
 
 def _api_path(path: str) -> str:

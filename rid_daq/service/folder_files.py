@@ -73,7 +73,7 @@ def _motion_kind(head: bytes) -> str:
 
 
 class Uploads:
-    """File names of the uploads in progress. A name is reserved from the first byte on."""
+    """File names of the uploads in progress: no second upload can use the same name."""
 
     def __init__(self) -> None:
         self._names: set[Path] = set()

@@ -88,7 +88,7 @@ def serve_cells(
         app = make_api(service, authenticator, pages)
         server = AsgiServer(
             Guard(app, access, PLOT_POLICY),
-            None,  # the front process encrypts
+            None,  # no TLS here: the front process encrypts
             LIMITS,
             Admission(StopEndpoint(app.state.stop_handler, access), authenticator, access),
         )
@@ -114,7 +114,7 @@ def serve_cells(
                 await asyncio.gather(fronting, return_exceptions=True)
             LOG.info("ended")
 
-        access.tls()  # raises an error about the certificate before anything starts
+        access.tls()  # raises an error if the certificate is invalid, before anything starts
         _raise_descriptor_limit()
         keep_from_collections()
         asyncio.run(serve())

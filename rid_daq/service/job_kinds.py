@@ -1,4 +1,4 @@
-"""`JobKind`: kinds of jobs of a service; each uses the request of the command of that name."""
+"""`JobKind`: kinds of jobs of a service; a kind has the name and the request of a command."""
 
 from __future__ import annotations
 

@@ -245,7 +245,7 @@ class JobRunner:
             if ended is None and running.run is not None:
                 self._readiness.note_death(cell.name, reason)
         self._report_bus_owners(without=job.id)
-        del self._running[job.id]  # all is saved; after an error the next poll tries again
+        del self._running[job.id]  # last step: if a step above fails, the next poll repeats them
         self._feed.forget_picture(cell.name)
         level = logging.INFO if state is JobState.DONE else logging.WARNING
         LOG.log(level, "job over: %s", reason or state.value, extra={"job": job})
@@ -370,7 +370,8 @@ class JobRunner:
 def _stop_unwatched(running: RunningJob) -> None:
     """Stop a job that the service cannot supervise."""
     if not (running.stopping or running.is_over):
-        running.stop("could not be supervised: see the service's log", StopCode.INTERRUPTED)
+        why = "the service could not supervise the job: see the service's log"
+        running.stop(why, StopCode.INTERRUPTED)
 
 
 def outcome_of_job(running: RunningJob, closing: bool) -> tuple[JobState, str]:

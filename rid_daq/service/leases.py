@@ -1,4 +1,4 @@
-"""`Leases`: leases of the cells are granted, renewed and taken over; they expire."""
+"""`Leases`: grants, renews, transfers and ends the leases of the cells."""
 
 from __future__ import annotations
 

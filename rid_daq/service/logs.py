@@ -62,7 +62,7 @@ def log_to_stderr() -> None:
 
 
 class ErrorIsolator:
-    """Keeps an error of one supervised part from ending the others.
+    """Catches and logs an error of one supervised part, so that all other parts continue.
 
     An error is logged once, even if every repetition of the same step raises it again.
     """

@@ -22,7 +22,8 @@ LASTS_S: Final = 300.0
 MOST_WAITING: Final = 100
 MOST_OF_ADDRESS: Final = 3
 MOST_WRONG: Final = 10
-"""Maximum number of wrong codes per token within `LASTS_S`; one code in a million is right."""
+"""Maximum number of wrong codes per token within `LASTS_S`; a guess is right with probability 1e-6.
+"""
 
 
 class WaitingDevice(Record):
@@ -90,8 +91,8 @@ class Pairing:
                 f"{MOST_WAITING} devices already wait for confirmation: try again in 5 minutes",
                 code="RID-PAIR-FULL",
             )
-        taken = {each.code for each in self._waiting}
-        while (code := f"{secrets.randbelow(1_000_000):06d}") in taken:
+        used_codes = {each.code for each in self._waiting}
+        while (code := f"{secrets.randbelow(1_000_000):06d}") in used_codes:
             continue
         secret = secrets.token_urlsafe(24)
         waiting = _Waiting(code, hash_secret(secret), address, time.time(), self._now_s())

@@ -38,8 +38,8 @@ _NO_FAULT = frozenset(
 class Readiness:
     """Readiness of cells for motions.
 
-    A preflight is valid only in the run of the service that saw its end. A preflight of an earlier
-    run is stored for display only.
+    A preflight is valid only until the service is restarted. After a restart it is stored for
+    display only.
 
     Args:
         store: Table of preflights and faults.
@@ -58,12 +58,12 @@ class Readiness:
         return None if checked_s is None else self._now_s() - checked_s
 
     def preflight(self, cell: ServedCell) -> Preflight | None:
-        """Return the newest preflight, with the reason if it is void."""
+        """Return the newest preflight; if it is void, also the reason."""
         found = self._store.preflight(cell.name)
         if found is None:
             return None
-        told = {"void_because": self._void_reason(cell, *found), "age_s": self.age_s(cell)}
-        return found[0].model_copy(update=told)
+        present = {"void_because": self._void_reason(cell, *found), "age_s": self.age_s(cell)}
+        return found[0].model_copy(update=present)
 
     def obstacle(self, cell: ServedCell, kind: JobKind | None = None) -> str:
         """Return the reason why a cell is not ready to move, in a sentence; empty if it is ready.
@@ -76,10 +76,10 @@ class Readiness:
         if fault:
             return f"stopped by a fault: {fault} Find its cause, then reset the cell."
         if cell.problem:
-            return f"its files have errors: {cell.problem}"
+            return f"the cell's files have errors: {cell.problem}"
         found = self._store.preflight(cell.name)
         if found is None:
-            return "it has had no preflight yet: run the preflight."
+            return "the cell has had no preflight yet: run the preflight."
         return self._void_reason(cell, *found, kind=kind)
 
     def void_all(self, why: str) -> None:
@@ -93,15 +93,15 @@ class Readiness:
 
     def note_check(self, cell: ServedCell, document: Mapping[str, object] | None) -> None:
         """Save the result of a preflight, with the hash of the files that it has read."""
-        told = None if document is None else document.get("lines")
-        if document is None or not isinstance(told, list):
+        lines = None if document is None else document.get("lines")
+        if document is None or not isinstance(lines, list):
             return
         problem = document.get("problem")
         preflight = Preflight(
             at_s=time.time(),
             passed=bool(document.get("passed")),
             problem=None if problem is None else str(problem),
-            lines=tuple(told),
+            lines=tuple(lines),
         )
         self._store.note_preflight(cell.name, preflight, str(document.get("files_hash")))
         self._checked_s[cell.name] = self._now_s()
@@ -113,7 +113,7 @@ class Readiness:
             self._note_fault(cell.name, str(stop.get("text", "the motion was stopped.")))
 
     def note_death(self, cell: str, why: str) -> None:
-        """Save as a fault that a motion's process died, so that no one saw the motion end."""
+        """Save the fault that a motion's process died, which leaves the motion's end unknown."""
         self._note_fault(cell, f"{why}.")
 
     def note_reset(self, cell: ServedCell) -> None:
@@ -139,15 +139,16 @@ class Readiness:
             return preflight.void_because
         if not (preflight.passed or _is_sufficient_for(preflight, kind)):
             return (
-                "its preflight has failed: follow the advice in its failed lines, then repeat it."
+                "the preflight has failed: follow the advice in the failed lines, then repeat the"
+                " preflight."
             )
         age_s = self.age_s(cell)
         if age_s is None:
             return self._void_since
         if age_s > PREFLIGHT_LIMIT_S:
-            return f"its preflight is {age_s / 60.0:.0f} min old: repeat the preflight."
+            return f"the preflight is {age_s / 60.0:.0f} min old: repeat the preflight."
         if files_hash != cell.loaded.files_hash:
-            return "its files have changed after the preflight: repeat the preflight."
+            return "the cell's files have changed after the preflight: repeat the preflight."
         return ""
 
 

@@ -131,7 +131,7 @@ class Token(Record):
     used_s: float | None = None
     ends: TokenEnd = Field(
         default=TokenEnd.NEVER,
-        description="Never; after 30 days without use; or at the end of the service.",
+        description="Expiry: never, after 30 days without use, or at the end of the service.",
     )
 
 

@@ -88,22 +88,22 @@ def raise_job_error(reason: str, ended: Any) -> None:
         raise kind(ended.message, code=ended.code or "")
 
 
-def _cell_name(asked: str | None, names: list[str]) -> str:
+def _cell_name(wanted: str | None, names: list[str]) -> str:
     """Return the name of the service's cell that a user means, by its name or by a cell file.
 
     Raises:
         ConfigError: The service has no such cell.
     """
-    if asked is None:
+    if wanted is None:
         return names[0]
-    if asked in names:
-        return asked
-    path = Path(asked)
+    if wanted in names:
+        return wanted
+    path = Path(wanted)
     named = _NAME.search(path.read_text(encoding="utf-8")) if path.is_file() else None
     if named is not None and named[1] in names:
         return named[1]
     raise ConfigError(
-        f"the service has no cell {asked!r}; it has {', '.join(names)}", code="RID-CELL-UNKNOWN"
+        f"the service has no cell {wanted!r}; it has {', '.join(names)}", code="RID-CELL-UNKNOWN"
     )
 
 

@@ -31,8 +31,9 @@ MOST_SHOWN: Final = 300
 _MOST_OF: Final = MappingProxyType(
     {"text": 16_000, **dict.fromkeys(("output", "report", "motion", "model", "what"), 1000)}
 )
-"""Maximum length of a field's texts, if not `MOST_CHARACTERS`: pasted files and paths
-[characters]."""
+"""Maximum length of a text in fields with pasted files or paths [characters]; in any other field it
+is `MOST_CHARACTERS`.
+"""
 
 MOST_HASHED: Final = 500_000_000
 """Size limit of a job's input file: a feedforward file [bytes]."""
@@ -60,7 +61,7 @@ def check_request(
     """
     _refuse_unreadable(kind, request, ())
     parse_request(kind, request, cell="")
-    for text in _texts({name: told for name, told in request.items() if name != _NO_PATH}):
+    for text in _texts({name: value for name, value in request.items() if name != _NO_PATH}):
         require_inside(text, folder)
     for name in kind.operation.outputs:
         output = request.get(name)
@@ -72,23 +73,23 @@ def check_request(
     require_ending(kind, request)
 
 
-def parse_request(kind: JobKind, told: object, **owned: object) -> Request:
+def parse_request(kind: JobKind, document: object, **owned: object) -> Request:
     """Return the validated request of a job; both the service and its worker call this function.
 
     Args:
-        told: The request as the client sent it.
+        document: The request as the client sent it.
         owned: Values of the fields that the service sets, used if the request has these fields.
 
     Raises:
         ConfigError: The request is invalid for this kind, or a number is out of its range.
     """
-    if not isinstance(told, dict):
+    if not isinstance(document, dict):
         raise ConfigError(f"{kind.value}: the request must be a JSON object", code=INVALID)
-    _require_bounded(kind, told)
+    _require_bounded(kind, document)
     declared = kind.operation
-    declared.refuse_owned(told)
+    declared.refuse_owned(document)
     own = {name: owned[name] for name in declared.owned & owned.keys()}
-    return declared.request.of_json({**told, **own}, shown=kind.value)
+    return declared.request.of_json({**document, **own}, shown=kind.value)
 
 
 def _require_bounded(kind: JobKind, request: Mapping[str, Any]) -> None:
@@ -97,9 +98,9 @@ def _require_bounded(kind: JobKind, request: Mapping[str, Any]) -> None:
     Raises:
         ConfigError: A text or the request is too long.
     """
-    for name, told in request.items():
+    for name, value in request.items():
         most = _MOST_OF.get(name, MOST_CHARACTERS)
-        for text in _texts(told):
+        for text in _texts(value):
             if len(text) > most:
                 raise ConfigError(
                     f"{kind.value}: {name}: has {len(text)} characters, at most {most} are allowed",
@@ -114,10 +115,10 @@ def _require_bounded(kind: JobKind, request: Mapping[str, Any]) -> None:
 
 
 def require_ending(kind: JobKind, request: Mapping[str, Any]) -> None:
-    """Raise an error if an output's file ending does not fit its kind (`RID-OUTPUT-ENDING`).
+    """Raise an error if an output file has the wrong file ending (`RID-OUTPUT-ENDING`).
 
     Raises:
-        ConfigError: The ending is another one.
+        ConfigError: The ending is not one that the field allows.
     """
     for name, allowed in kind.operation.outputs.items():
         output = request.get(name)
@@ -244,11 +245,15 @@ def _table_of(content: bytes, name: str) -> str | None:
     ):  # escape sequences may encode the keyword
         return None
     try:
-        told = parse_yaml(content, name).data
+        document = parse_yaml(content, name).data
     except ConfigError:
         return None
-    if isinstance(told, dict) and told.get("kind") == _TABLE and isinstance(told.get("file"), str):
-        return str(told["file"])
+    if (
+        isinstance(document, dict)
+        and document.get("kind") == _TABLE
+        and isinstance(document.get("file"), str)
+    ):
+        return str(document["file"])
     return None
 
 

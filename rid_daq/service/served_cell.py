@@ -31,21 +31,23 @@ class ServedCell:
         self.pace = pace if loaded.config.simulated else None
         self.problem = ""
         self._loaded = loaded
-        self._signature: tuple[tuple[str, int, int], ...] | None = (
-            None  # forces a check at the first access
-        )
+        # None causes a check of the files at the first access
+        self._signature: tuple[tuple[str, int, int], ...] | None = None
         self._looked_s = time.monotonic()
 
     @property
     def loaded(self) -> LoadedCell:
-        """Cell from its present files; from the last valid ones if they have errors (`problem`)."""
+        """Cell as its files define it; if the files have errors (`problem`), the last valid cell.
+
+        The files are checked again after `LOOK_S`.
+        """
         now_s = time.monotonic()
         if now_s - self._looked_s < LOOK_S:
             return self._loaded
         return self.reload_if_changed()
 
     def reload_if_changed(self) -> LoadedCell:
-        """Check the files now and return the cell, as `loaded`."""
+        """Check the files now, and return the same cell as `loaded`."""
         self._looked_s = time.monotonic()
         try:
             signature = self._file_signature()

@@ -242,14 +242,14 @@ class CellService:
         """
         require_role(who, Role.OPERATOR)
         running = self.job_runner.get(job.id)
-        asked = None if running is None else running.question
-        if running is None or asked is None or asked.question != question:
+        open_question = None if running is None else running.question
+        if running is None or open_question is None or open_question.question != question:
             raise LockedError(
                 f"job {job.id} does not ask question {question} now", code="RID-JOB-UNKNOWN"
             )
         if job.kind.operation.opens_cell:
             self.leases.require(job.cell, lease)
-        self.audit.note(who.name, "answered", job.cell, f"{asked.text} {text}")
+        self.audit.note(who.name, "answered", job.cell, f"{open_question.text} {text}")
         running.send_order(answer=question, text=text)
 
     def jobs_wanting_keys(self) -> list[str]:

@@ -46,9 +46,8 @@ def local_listener(folder: Path) -> Iterator[tuple[socket.socket, Path]]:
     """
     path = socket_path_of(folder)
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as listener:
-        path.unlink(
-            missing_ok=True
-        )  # left by a killed service: this process holds the folder's lock
+        # a socket at this path is left by a killed service: this process holds the folder's lock
+        path.unlink(missing_ok=True)
         mask = os.umask(0o177)
         try:
             listener.bind(str(path))

@@ -131,7 +131,7 @@ def _with_served_addresses(cell: CellConfig) -> CellConfig:
 
 
 def refuse_one_process(cell: CellConfig) -> None:
-    """Raise an error for a bus that exists only within one process: a session has several.
+    """Raise an error for a bus within one process, because a session has several processes.
 
     Raises:
         ConfigError: The cell's interface is `virtual`.
@@ -139,7 +139,7 @@ def refuse_one_process(cell: CellConfig) -> None:
     if cell.can.interface == "virtual":
         raise ConfigError(
             f"cell {cell.name}: can.interface virtual exists only within one process, but a"
-            " session has several; use rid_sim, udp_multicast, slcan or socketcan",
+            " session has several processes; use rid_sim, udp_multicast, slcan or socketcan",
             code="RID-CAN-INTERFACE",
         )
 

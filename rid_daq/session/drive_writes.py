@@ -1,4 +1,4 @@
-"""Write logs of commands that write to drives: their folder, and how a user names one."""
+"""Write logs of commands that write to drives: their folder, and how a user names a write log."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def settings_before_writes(runs: Path, reference: str) -> tuple[SavedDrive, ...]
 
     Args:
         runs: Folder of all runs.
-        reference: A run, even an unfinished one, as in commands; or the path of a write log.
+        reference: A run as commands name it, even an unfinished one; or the path of a write log.
 
     Raises:
         ConfigError: There is no such run, it wrote nothing to drives, or its write log is damaged.

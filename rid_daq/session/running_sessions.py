@@ -27,7 +27,7 @@ _STARTED = 22 - 3
 
 @dataclass(frozen=True)
 class ProcessIdentity:
-    """Identity of a living process. Its number may be reused; number and start time are unique.
+    """Identity of a living process: its number may be reused, but not with the same start time.
 
     Attributes:
         pid: Process number.
@@ -41,7 +41,7 @@ class ProcessIdentity:
 
     @classmethod
     def of(cls, pid: int) -> ProcessIdentity | None:
-        """Return the process that has a number now.
+        """Return the process that has the number `pid` now.
 
         Returns:
             None if there is no such process, or if this user cannot see it.
@@ -98,7 +98,8 @@ class RunningSession:
             PermissionError: This process has no access to the memory of that process.
         """
         control = ControlBlock.of_process(self.pid)
-        return control if self.is_running else None  # otherwise the number may have been reused
+        # if the session has ended, another process may have its number now
+        return control if self.is_running else None
 
     def terminate(self) -> None:
         """Send SIGTERM to the process that holds the session file; do nothing if it has ended."""

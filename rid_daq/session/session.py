@@ -64,8 +64,8 @@ def mark_unfinished(folder: RunFolder) -> Iterator[None]:
     try:
         yield
     except BaseException as error:
-        told = isinstance(error, RidDaqError)
-        why = str(error) if told else "interrupted, or ended by an internal error"
+        is_known = isinstance(error, RidDaqError)
+        why = str(error) if is_known else "interrupted, or ended by an internal error"
         with contextlib.suppress(RidDaqError):
             folder.finish(RunStatus.STOPPED, {"why": why})
         raise
@@ -81,7 +81,7 @@ def lock_folder(cell: CellConfig) -> Path:
 
 
 def lock_path(cell: CellConfig, folder: Path | None = None) -> Path:
-    """Return the lock file of a cell's bus; `folder` as in `hold_cell`."""
+    """Return the lock file of a cell's bus; `hold_cell` describes `folder`."""
     bus = f"{cell.can.interface}:{cell.can.channel}"
     words = re.sub(r"[^\w.-]", "_", bus)[-40:]
     return (
@@ -93,7 +93,7 @@ def _holder(path: Path) -> str:
     """Describe the process that holds the lock of a bus."""
     pid = file_holder(path)
     if pid is None:
-        return "it has just ended, or runs in another container"
+        return "its process has just ended, or runs in another container"
     session = session_on(path, pid)
     return f"process {pid}: {session.command}" if session and session.command else f"process {pid}"
 

@@ -73,10 +73,11 @@ def _send_stop(session: RunningSession) -> Callable[[], SessionStop]:
     try:
         control = session.control()
     except (OSError, ValueError):
-        # for example a program with other privileges: it receives signals but cannot be watched
+        # for example, the session has other privileges: it gets signals but cannot be observed
         session.terminate()
         return lambda: _wait_for_end(
-            session, "termination requested; it was not observed if its axes are at rest"
+            session,
+            "termination requested; the axes could not be observed: check that they are at rest",
         )
     if control is None:
         session.terminate()
@@ -98,7 +99,8 @@ def _wait_for_end(session: RunningSession, doubt: str | None) -> SessionStop:
 def _wait_for_rest(session: RunningSession, control: ControlBlock, began_s: float) -> SessionStop:
     """Watch a motion until its axes are at rest.
 
-    If the task is configuring drives, it sees the stop request before the axes move.
+    A task that is still configuring drives has more time to answer, because it reads the stop
+    request only afterwards, before the axes move.
     """
 
     def is_over() -> bool:
@@ -137,15 +139,15 @@ def _wait_for_rest(session: RunningSession, control: ControlBlock, began_s: floa
 
 def _power_words(control: ControlBlock) -> str:
     """Return the message that power off was not confirmed, with the task's error and notes."""
-    said = [*([control.task.error] if control.task.error else []), *control.task.notes]
+    causes = [*([control.task.error] if control.task.error else []), *control.task.notes]
     return (
         "ended without confirmation that power is off: make sure that power is off before you"
-        " enter the cell" + (f" ({'; '.join(map(str, said))})" if said else "")
+        " enter the cell" + (f" ({'; '.join(map(str, causes))})" if causes else "")
     )
 
 
 def _wait(condition: Callable[[], bool], patience_s: float) -> bool:
-    """Wait until a condition is true; return True if it was in time."""
+    """Wait until a condition is true; return False if it is still false after `patience_s`."""
     until_s = time.monotonic() + patience_s
     while not condition():
         if time.monotonic() > until_s:

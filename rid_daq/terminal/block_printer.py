@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from rid_daq.terminal.console import Console
 
 ROOMY: Final = 120
-"""Width [columns] from which a terminal shows the optional columns of a table."""
+"""Minimum width of a terminal that shows the optional columns of a table [columns]."""
 
 
 def print_blocks(blocks: Iterable[AnyBlock], console: Console) -> None:

@@ -33,7 +33,7 @@ T = TypeVar("T")
 _INVISIBLE = re.compile("[\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2060-\u206f\ufeff]")
 
 
-_WIDEST = 1 << 16  # columns, if the width is unknown
+_WIDEST = 1 << 16  # assumed width of a terminal of unknown width [columns]
 
 
 class _Output:
@@ -49,8 +49,8 @@ _output = _Output()
 JSON_HELP: Final = "Write one JSON document to stdout instead of text."
 
 SERVICE_HELP: Final = (
-    "Run this on a service: `local` for the one on this computer, or https://HOST:PORT with a token"
-    " in RID_DAQ_TOKEN. Paths are relative to the service's folder."
+    "Run this command on a service: `local` for the service on this computer, or https://HOST:PORT"
+    " with a token in RID_DAQ_TOKEN. Paths are relative to the service's folder."
 )
 
 
@@ -118,11 +118,11 @@ def _as_json(value: object) -> object:
 
 @dataclass(frozen=True)
 class Console:
-    """Writes to people on stdout, or, with `as_json`, to programs.
+    """Writes text for people to stdout, or, with `as_json`, JSON for programs.
 
-    Colours, progress bars and wide tables appear on terminals only, and colours not if NO_COLOR is
-    set. Pipes and log files receive plain text. Text that is written during a progress bar appears
-    above the bar.
+    Colours, progress bars and wide tables appear on terminals only. There are no colours if the
+    environment variable NO_COLOR is set. Pipes and log files receive plain text. While a progress
+    bar is shown, other text appears above the bar.
     """
 
     as_json: bool = False
@@ -150,7 +150,7 @@ class Console:
             _write(text if columns is None else wrap_text(text, columns))
 
     def next_step(self, *words: object, lead: str = "Next") -> None:
-        """Write the command for the next step, in shell syntax, after a lead word."""
+        """Write the command for the next step, in shell syntax, after `lead` and a colon."""
         self.say(f"{lead}: {as_command(*words)}")
 
     def verdict(self, passed: bool | None, text: str) -> None:
@@ -358,7 +358,7 @@ class _Silent:
 
 
 class _Lines:
-    """Progress display with one line per completed tenth."""
+    """Progress display with one line for each completed tenth of a step."""
 
     def __init__(self, title: str, total: float | None, unit: str) -> None:
         self._title, self._total, self._unit = title, total, unit

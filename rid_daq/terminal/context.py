@@ -19,7 +19,7 @@ class Progress(Protocol):
     """Progress display: the amount done, and one line of status."""
 
     def update(self, done: float, line: str) -> None:
-        """Show that `done` of the total is done; `line` is the status."""
+        """Show the amount done, and the status `line`."""
 
 
 class Display(Protocol):

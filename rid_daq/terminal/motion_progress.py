@@ -60,8 +60,8 @@ def progress_callback(
         joint_names: Base to flange.
         show: Called with the amount done and a line of status.
         watched: Returns the live estimates as text; empty if nothing is estimated.
-        seen_enough: Returns True if the motion ends early. The run-out then follows the current
-            period, and the omitted rows do not count as done.
+        seen_enough: Returns True if enough was measured, so that the motion ends early. The run-out
+            then follows the current period, and the omitted rows do not count as done.
     """
     done = 0.0
 

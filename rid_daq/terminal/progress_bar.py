@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.console import Console as RichConsole
 
-BAR = (10, 24)  # smallest and largest width [columns]
+BAR = (10, 24)  # smallest and largest width of the bar [columns]
 _TIME_LEFT = 8  # 99:59:59
-_TAIL = 28  # columns of the tail before the bar grows
+_TAIL = 28  # the status gets up to this width before the bar grows [columns]
 _BREAKS = re.compile(r"; |, | \(")
 
 
@@ -42,10 +42,10 @@ def bar_line(width: int, title: str, count: str, tail: str) -> BarLine:
         tail: Status, most important part first.
     """
     title = shorten(title, max(width // 4, 8))
-    free = width - len(title) - len(count) - _TIME_LEFT - 4  # one column between neighbours
+    free = width - len(title) - len(count) - _TIME_LEFT - 4  # four gaps of one column
     least, most = BAR
     whole = _BREAKS.search(tail)
-    first = len(tail) if whole is None else whole.start()  # the first part is not cut
+    first = len(tail) if whole is None else whole.start()  # the status's first part stays whole
     bar = max(least, min(most, free - max(first, min(_TAIL, len(tail)))))
     return BarLine(title, bar, shorten(tail, free - bar))
 
@@ -96,7 +96,7 @@ class ProgressBar:
         self.console.print(text, markup=False, highlight=False, emoji=False, soft_wrap=True)
 
     def update(self, done: float, line: str) -> None:
-        """Show that `done` of the total is done; `line` is the status."""
+        """Show the amount done, and the status `line`."""
         of = "" if self._total is None else f"/{format_count(self._total)}"
         count = f"{format_count(done)}{of} {self._unit}"
         layout = bar_line(self._display.console.width, self._title, count, line)

@@ -16,9 +16,9 @@ from rich.console import Console as RichConsole
 from rich.table import Table
 from rich.text import Text
 
-GAP: Final = 2  # columns between neighbouring columns
+GAP: Final = 2  # gap between two columns of a table [characters]
 _NAME_LENGTH: Final = 26  # length of a run id; longer names may be broken
-_LITTLE: Final = 8  # free columns that one column may get first
+_LITTLE: Final = 8  # a column that needs at most this many more characters gets them first
 _WHOLE: Final = 18  # cells up to this length are values with units and are not broken
 
 Part = list[tuple[int, int]]
@@ -32,7 +32,7 @@ def print_table(
     red: Sequence[bool] | None = None,
     key: int = 1,
 ) -> None:
-    """Print a table on a terminal; the other parameters are those of `Console.table`."""
+    """Print a table on a terminal; `Console.table` describes the parameters."""
     names = all(len(row[0]) <= _NAME_LENGTH for row in rows)
     parts = layout_parts((head, *rows), terminal.width, key)
     unbound: list[tuple[int, int | None]] = [(number, None) for number in range(len(head))]
@@ -66,7 +66,7 @@ def layout_parts(table: Sequence[Sequence[str]], columns: int, key: int = 1) -> 
         if _width(least, everything) <= columns:
             return [_distribute_width(everything, least, natural, columns)]
     if any(cell_len(cell) > _WHOLE for row in table[1:] for cell in row[key:]):
-        return None  # long texts are better broken than split into parts
+        return None  # a table with long texts is not split into parts: its words are broken
     for count in range(2, len(cells) - key + 1):
         parts = [[*range(key), *own] for own in _split_evenly(key, len(cells), count)]
         if all(_width(whole, part) <= columns for part in parts):

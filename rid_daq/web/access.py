@@ -129,9 +129,8 @@ class Access:
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         context.minimum_version = ssl.TLSVersion.TLSv1_2
         try:
-            context.load_cert_chain(
-                self.certificate, password=""
-            )  # a key with a passphrase must not prompt for it
+            # the empty password prevents a prompt for the passphrase of an encrypted key
+            context.load_cert_chain(self.certificate, password="")
         except OSError as error:  # ssl.SSLError is an OSError
             raise ConfigError(
                 f"--certificate {self.certificate}: does not contain a certificate and its key"
@@ -154,17 +153,17 @@ class Access:
         if name == "localhost":
             return True
         try:
-            asked = ipaddress.ip_address(name)
+            requested = ipaddress.ip_address(name)
         except ValueError:
             served = not ipaddress.ip_address(self.address).is_loopback
             return served and name == socket.gethostname().lower()
-        if asked.is_loopback:
+        if requested.is_loopback:
             return True
         own = ipaddress.ip_address(self.address)
-        return own.is_unspecified or asked == own
+        return own.is_unspecified or requested == own
 
     def is_own_page(self, headers: Mapping[str, str]) -> bool:
-        """Return True if a request comes from our own page, the address bar, or no browser.
+        """Return True if a request comes from our own page, the address bar, or a program.
 
         Args:
             headers: Headers by lower-case name; `host` was found to be a name of this server.

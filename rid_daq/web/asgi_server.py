@@ -25,7 +25,7 @@ from rid_daq.web.uvicorn_parts import Uvicorn
 
 LAST_WORDS_S = 0.5
 _BACKLOG = 1024
-_ACCEPTED_AT_ONCE = 8  # then open connections are served before more are accepted
+_ACCEPTED_AT_ONCE = 8  # new connections accepted in a row, before open connections are served
 _CONNECTION = "rid_daq_connection"
 _CLOSE = (b"connection", b"close")
 _EVENTS = b"text/event-stream"
@@ -188,7 +188,8 @@ class AsgiServer:
                 await self._answer_websocket(connection, scope, receive, send)
             else:
                 await self._answer_request(connection, scope, receive, send)
-        except LocalProtocolError:  # data after the head were already answered with status 400
+        except LocalProtocolError:
+            # uvicorn has already answered invalid data after the head with status 400
             connection.abort()
         finally:
             connection.note_answered()
@@ -270,7 +271,7 @@ class AsgiServer:
         try:
             await self._app(scope, receive, reply)
         except Exception:
-            if not refused:  # otherwise this exception is the application's notice of the refusal
+            if not refused:  # after a refusal, `reply` itself has caused the exception
                 raise
 
     async def _read_body(self, scope: Scope, receive: Receive, most: int) -> bytes | None:

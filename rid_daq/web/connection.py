@@ -28,7 +28,7 @@ _STREAM_BUFFER_BYTES = 32 << 10  # limit of unsent data for a slow viewer
 class Connection(asyncio.Protocol):
     """Protocol of one connection. It forwards data once the head of the request is complete.
 
-    The speaker is the protocol that receives the data: HTTP, WebSocket or STOP.
+    The speaker is the protocol to which this protocol forwards the data: HTTP, WebSocket or STOP.
 
     Args:
         groups: Connections of the listener.
@@ -49,7 +49,7 @@ class Connection(asyncio.Protocol):
         self._peer = Peer(groups.local, "") if peer is None else peer
         self._known = peer is not None
         self._line: asyncio.Transport | None = None  # transport of the socket
-        self._transport: asyncio.Transport | None = None  # the same, or the transport inside TLS
+        self._transport: asyncio.Transport | None = None  # `_line`, or its decrypted side with TLS
         self._speaker: asyncio.Protocol | None = None
         self._deadline: asyncio.TimerHandle | None = None
         self._handshake: asyncio.Task[None] | None = None
@@ -242,13 +242,13 @@ class Connection(asyncio.Protocol):
                 self._set_deadline(None)
 
     def note_request_complete(self) -> None:
-        """Note that the request is complete: its answer has no deadline."""
+        """Record that the request is complete; there is no deadline for the answer."""
         if not self._lost:
             self._set_deadline(None)
             self._groups.move(self, self._groups.answering, self.owner)
 
     def become_stream(self) -> bool:
-        """Note that the answer is a stream; return False if no more streams are allowed."""
+        """Record that the answer is a stream; return False if no more streams are allowed."""
         if self._lost:
             return True
         if not self._groups.streams.has_place(self.owner):
@@ -263,7 +263,7 @@ class Connection(asyncio.Protocol):
         return True
 
     def note_answered(self) -> None:
-        """Note that the answer is complete, and set the deadline for the client to receive it."""
+        """Record that the answer is complete, and set the deadline for the client to receive it."""
         if not self._lost and not self._answered:
             self._answered = True
             self._set_deadline(self._limits.answer_s)

@@ -10,7 +10,7 @@ Member = TypeVar("Member")
 
 
 class ConnectionPool(Generic[Member]):
-    """Members by the key of their owner; the owner with the most members gives up places first.
+    """Members and the keys of their owners; the owner with the most members loses members first.
 
     Args:
         most: Number of places.
@@ -51,8 +51,7 @@ class ConnectionPool(Generic[Member]):
     def has_place(self, key: str) -> bool:
         """Return True if an owner may have one more member.
 
-        There must be a free place, or the owner must then still have fewer members than the owner
-        with the most.
+        If there is no free place, another owner must have more members, even after the addition.
         """
         own = len(self._of.get(key, ()))
         if own >= self._most_of_one:

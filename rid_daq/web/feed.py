@@ -59,7 +59,9 @@ class Feed:
     async def view(
         self, first: Sequence[bytes] = (), pause_s: float = 0.0
     ) -> AsyncGenerator[bytes]:
-        """Yield the messages to one viewer, from the newest pictures on; events before pictures.
+        """Yield the messages for one viewer: the present pictures, then all that is published.
+
+        Waiting events come before waiting pictures.
 
         Args:
             first: Events that only this viewer receives, before all others.

@@ -43,7 +43,7 @@ class RequestHead:
 
     @property
     def headers(self) -> Mapping[str, str]:
-        """Headers by name; of repeated headers the last."""
+        """Headers by name; a repeated header has its last value."""
         return MappingProxyType(dict(self.lines))
 
     @property

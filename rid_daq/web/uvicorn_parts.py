@@ -21,8 +21,8 @@ from uvicorn.server import ServerState
 class HttpProtocol(H11Protocol):
     """Protocol of uvicorn, corrected for some malformed requests.
 
-    uvicorn's answer to a HEAD request that becomes malformed has a body, which h11 refuses to send
-    with an exception.
+    If a HEAD request becomes malformed, uvicorn answers with a body. h11 then raises an exception,
+    because an answer to HEAD must not have a body.
     """
 
     def data_received(self, data: bytes) -> None:

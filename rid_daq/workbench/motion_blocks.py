@@ -172,7 +172,10 @@ def _boxes(workspace: Workspace, i: int, j: int) -> Iterator[Line]:
 
 
 def _walls(workspace: Workspace, i: int, j: int, ends: list[tuple[float, float]]) -> Iterator[Line]:
-    """Yield walls and floors that are perpendicular to the view, as long as the path."""
+    """Yield a line for each wall or floor that is perpendicular to the view.
+
+    A line has the length of the path.
+    """
     for count, wall in enumerate(workspace.planes, start=1):
         for axis, (x_ends, y_ends) in ((i, (None, ends[1])), (j, (ends[0], None))):
             if abs(wall.normal[axis]) > 1.0 - 1e-6:
@@ -188,5 +191,5 @@ def _walls(workspace: Workspace, i: int, j: int, ends: list[tuple[float, float]]
 
 
 def _step(samples: MotionSamples) -> int:
-    """Return the distance between drawn rows."""
+    """Return the step between rows that are drawn, so that at most `DRAWN_POINTS` are drawn."""
     return max(1, -(-len(samples.position) // DRAWN_POINTS))

@@ -33,7 +33,7 @@ class FormField:
         label, hint: Name with unit; description.
         kind: Type of one value.
         many: Form of several values: "" for one value, "list" for one per line, "numbers" for a
-            fixed number of them in one line, "pairs" for NAME=VALUE, one per line.
+            fixed number of values in one line, "pairs" for NAME=VALUE, one per line.
         default: Value if nothing is given, as text.
         is_required: True if a value must be given.
         choices: Allowed values of a choice.

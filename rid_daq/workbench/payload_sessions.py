@@ -52,7 +52,7 @@ def interrupted_sessions(runs: Path, cell: str, folder: Path) -> tuple[Interrupt
             state = SessionFile.read(run)
             now = PayloadSessionRequest(cell=state.cell, runs=runs, resume=run.run_id)
             choices = now.with_original_options(state.request).choices
-        except RidDaqError:  # it cannot be resumed; the page of runs shows the reason
+        except RidDaqError:  # this session cannot be resumed; the page Runs shows the reason
             continue
         if state.cell == cell:
             choices["model"] = _relative_path(folder.resolve(), choices["model"])

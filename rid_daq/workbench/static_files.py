@@ -68,7 +68,7 @@ def require_current(version: str, name: str) -> None:
     """Raise an error if a page requests the file of another version of the program.
 
     Raises:
-        UnknownError: The version is another one.
+        UnknownError: The page requests another version.
     """
     if version != static_version():
         raise UnknownError(f"{name} has changed: reload the page", code="RID-PAGE-OUTDATED")

@@ -156,7 +156,7 @@ class JobConsole(Console):
         understood: Callable[[str], T],
         choices: Sequence[tuple[str, str]] = (),
     ) -> T:
-        """Ask the client until the answer is valid; as `Console.ask`."""
+        """Ask the client until the answer is valid; `Console.ask` describes the parameters."""
         text = question
         shown = tuple(Choice(label=label, text=text) for label, text in choices)
         while True:
@@ -167,11 +167,11 @@ class JobConsole(Console):
                 text = f"{error}. {question}"
 
     def confirm(self, question: str) -> bool:
-        """Ask the client for yes or no; as `Console.confirm`."""
+        """Ask the client for yes or no."""
         return self._answer("yes_no", question).strip().lower() in ("y", "yes")
 
     def require_keys(self, *, simulated: bool) -> None:
-        """Accept: a button of the page serves as the key, and the page answers challenges."""
+        """Raise no error: a button of the page is the key, and the page answers challenges."""
 
     def keys(self, tapped: Callable[[str], None]) -> AbstractContextManager[KeySource]:
         """Return the source of the client's held key, for use in a `with` statement."""
@@ -198,10 +198,10 @@ class JobConsole(Console):
         self, form: Literal["text", "yes_no"], text: str, choices: tuple[Choice, ...] = ()
     ) -> str:
         number = self.orders.next_question()
-        asked = QuestionEvent(
+        event = QuestionEvent(
             at_s=time.time(), question=number, form=form, text=text, choices=choices
         )
-        self.events.write(asked)
+        self.events.write(event)
         answer = self.orders.wait_for_answer(number)
         self.events.write(AnswerEvent(at_s=time.time(), question=number))
         if answer is None:

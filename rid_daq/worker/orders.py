@@ -28,13 +28,13 @@ from acquisition.task.service_beat import ServiceBeat
 from config.errors import PreflightError
 from config.process.safety_clock import safety_now_s
 
-SAYING_S: Final = 0.5
+REPORT_INTERVAL_S: Final = 0.5
 """Minimum time between two explanations why a key does not count [s]."""
 
 _AGAIN: Final = "release the key and press it again"
 _REFUSALS: Final = {
     KeyVerdict.UNRELEASED: f"the key was held too early: {_AGAIN}",
-    KeyVerdict.ELSEWHERE: "another page or program holds a key: it must release it first",
+    KeyVerdict.ELSEWHERE: "another page or program holds a key: that key must be released first",
     KeyVerdict.TAP_LOST: "a choice arrived too late and was ignored: choose again, then press",
 }
 _CODES: Final = {
@@ -72,7 +72,7 @@ class Orders:
         self._ended = False
         self._judging = threading.Lock()
         self._key = HeldKey()
-        self._said = False  # True once the reason for this press was reported
+        self._reported = False  # True once the reason why this press does not count was reported
         self._next_s = 0.0
         self._tapped: Callable[[str], None] = lambda _key: None
         self._refused: Refused = lambda _text, _round_trip_s: None
@@ -106,7 +106,7 @@ class Orders:
             raise PreflightError(f"{reason.text}; nothing more is moved", code=_CODES[reason.code])
 
     def begin(self) -> None:
-        """Ask for keys, and count them from now on."""
+        """Ask the client to hold a key; a key that is held from now on counts."""
         with self._judging:
             self._key.set_accepting(True)
         self._asks()
@@ -128,7 +128,7 @@ class Orders:
             tapped: Function that is called for every tapped key.
             refused: Function that is called once per press with the reason if the press does not
                 count.
-            asks: Function that asks for keys, called when keys count.
+            asks: Function that asks the client to hold a key; `begin` calls it.
         """
         self._tapped, self._refused, self._asks = tapped, refused, asks
         try:
@@ -157,7 +157,7 @@ class Orders:
             self._end_gap(now_s)
             verdict = self._key.process(message, now_s)
             if verdict is KeyVerdict.COUNTS:
-                self._said = False
+                self._reported = False
             elif verdict is KeyVerdict.LATE:
                 self._say_late(now_s - message.issued_s if message.issued_s else None)
             elif verdict in _REFUSALS:
@@ -188,10 +188,10 @@ class Orders:
         self._say(f"{why}: the key does not count; {_AGAIN}", round_trip_s)
 
     def _say(self, text: str, round_trip_s: float | None) -> None:
-        """Report once per press, and at most once per `SAYING_S`, why a key does not count."""
+        """Report why a key does not count: once per press and once per `REPORT_INTERVAL_S`."""
         now_s = self._now_s()
-        if not self._said and now_s >= self._next_s:
-            self._said, self._next_s = True, now_s + SAYING_S
+        if not self._reported and now_s >= self._next_s:
+            self._reported, self._next_s = True, now_s + REPORT_INTERVAL_S
             self._refused(text, round_trip_s)
 
     def _read(self) -> None:

@@ -30,7 +30,7 @@ def fork_workers(line: socket.socket) -> int | None:
         BrokenPipeError: The service ended before it read a report; only in the template.
     """
     workers: dict[int, int] = {}  # process ids by pidfds
-    # An epoll would be shared with the workers.
+    # poll, not epoll: the forked workers would share the kernel's epoll object
     with line, selectors.PollSelector() as selector:
         selector.register(line, selectors.EVENT_READ)
         while True:

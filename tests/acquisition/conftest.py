@@ -49,7 +49,7 @@ class FakeAxes:
         self.joint_names = joint_names
         self.true_position = np.array([0.1, -0.2, 0.3])[:n]
         self.true_velocity = np.zeros(n)
-        self.answers = Answers.before_any(n)
+        self.answers = Answers.initial(n)
         self.answers.position[:] = self.true_position
         self.answers_within_s = 0.6 * PERIOD_S
         self.events: list[DriveEvent] = []

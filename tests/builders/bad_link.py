@@ -48,12 +48,12 @@ class BadLink:
         self._stalled = re.compile(paths)
 
     def stall_after(self, passing: int, paths: str) -> None:
-        """Stop new connections with a matching path, except for the first `passing` ones."""
+        """Let `passing` new connections with a matching path pass, and stall the following ones."""
         self._passing = passing
         self.stall(paths)
 
     def make_late(self, share: float, least_s: float, most_s: float) -> None:
-        """Delay a share of all data; later data of the same connection wait."""
+        """Delay a random part of all data; later data of the same connection wait behind them."""
         self._late = (share, least_s, most_s)
 
     def cut(self) -> None:
@@ -79,10 +79,10 @@ class BadLink:
         self.port = server.sockets[0].getsockname()[1]
         self._listens.set()
         self._loop.run_forever()
-        # A connection that is accepted after the server's end would stay open: asyncio asserts.
+        # asyncio raises AssertionError for a connection that is accepted after the server's end.
         for listening in server.sockets:
             self._loop.remove_reader(listening)
-        self._loop.run_until_complete(asyncio.sleep(_LOOK_S))  # accepted connections register
+        self._loop.run_until_complete(asyncio.sleep(_LOOK_S))  # let accepted connections register
         server.close()
         self._end_all()
         while tasks := asyncio.all_tasks(self._loop):
@@ -90,7 +90,9 @@ class BadLink:
                 task.cancel()
             self._loop.run_until_complete(asyncio.wait(tasks))
         self._end_all()
-        self._loop.run_until_complete(asyncio.sleep(_LOOK_S))  # transports close in the event loop
+        self._loop.run_until_complete(
+            asyncio.sleep(_LOOK_S)
+        )  # let the event loop close the transports
         self._loop.close()
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

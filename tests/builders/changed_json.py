@@ -30,7 +30,7 @@ def places(document: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 
 
 def changed(document: Any, path: tuple[Any, ...], nasty: str | None) -> bytes:
-    """Return the document with one value replaced, or removed if `nasty` is None."""
+    """Return the document with one value replaced by `nasty`, or removed if `nasty` is None."""
     tree = copy.deepcopy(document)
     parent = tree
     for key in path[:-1]:

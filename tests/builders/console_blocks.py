@@ -1,7 +1,7 @@
 """Console blocks of Markdown pages: commands after a prompt, and the output that a page shows.
 
-An output of a guide names the test that compares it with what the command prints, in a comment
-before its block; that test calls `assert_shown`.
+A comment before a block in a guide names a test. This test runs the command and compares the block
+with the output, by `assert_shown`.
 """
 
 from __future__ import annotations
@@ -62,12 +62,12 @@ def console_steps(page: Path) -> Iterator[ConsoleStep]:
 
 
 def assert_shown(page: str, command: str, output: str, *, same_numbers: bool = True) -> None:
-    """Compare what a command printed with the block of a guide that names the running test.
+    """Compare the output of a command with the block of a guide that names the running test.
 
     Args:
         page: Name of the guide, without `.md`.
         command: The command as the guide shows it, without its prompt.
-        output: What the command printed, to its end.
+        output: The complete output of the command.
         same_numbers: False if the numbers depend on the run or on the computer.
     """
     test = os.environ["PYTEST_CURRENT_TEST"].partition(" (")[0].partition("[")[0]
@@ -87,7 +87,7 @@ def require_shown(
 ) -> str:
     """Compare the lines that a page shows with an output, and return the rest of the output.
 
-    Paths, ids of runs and the widths of columns may differ. An ellipsis stands for any text.
+    Paths, run ids and the widths of columns may differ. An ellipsis stands for any text.
 
     Args:
         shown: Lines of the page.
@@ -106,7 +106,7 @@ def require_shown(
 
 
 def _comparable(text: str, same_numbers: bool) -> str:
-    """Return a text on one line, without paths and ids of runs, and without numbers if wanted."""
+    """Return a text on one line, without paths and run ids, and without numbers if requested."""
     text = _RUN.sub("RUN", _PATH.sub("PATH", text))
     if not same_numbers:
         text = _NUMBER.sub("#", _HEXADECIMAL.sub("#", text))

@@ -1,4 +1,4 @@
-"""All figures: from results of commands, and from computed data."""
+"""All figures of reports and pages, made from results of commands and from computed data."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ JOINTS = ("axis1", "axis2", "axis3")
 
 
 def written(kind: str) -> Result:
-    """Return a result of a bundled cell, with long curves shortened."""
+    """Return the result of a run on a bundled cell, with long curves shortened."""
     return Result.model_validate_json((WRITTEN / f"{kind}.json").read_bytes())
 
 

@@ -34,7 +34,7 @@ def codes_in(module: ast.Module) -> set[str]:
 
 
 def errors_without_code(module: ast.Module, classes: dict[str, bool]) -> list[int]:
-    """Return the lines on which an error of the error tree is constructed without a code.
+    """Return the lines on which one of the project's errors is constructed without a code.
 
     Args:
         module: The file.
@@ -50,7 +50,7 @@ def errors_without_code(module: ast.Module, classes: dict[str, bool]) -> list[in
 
 
 def error_classes() -> dict[str, bool]:
-    """Return the classes of the error tree, each with True if the class itself sets a code.
+    """Return the classes of the project's errors, each with True if the class itself sets a code.
 
     `system_errors`, which also constructs errors, is included.
     """

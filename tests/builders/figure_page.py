@@ -38,18 +38,18 @@ class _Handler(BaseHTTPRequestHandler):
         super().__init__(*rest)  # type: ignore[arg-type]
 
     def do_GET(self) -> None:
-        asked = urlsplit(self.path)
-        query = parse_qs(asked.query)
-        name = asked.path.removeprefix("/figures/")
-        if asked.path == "/":
+        url = urlsplit(self.path)
+        query = parse_qs(url.query)
+        name = url.path.removeprefix("/figures/")
+        if url.path == "/":
             self._answer("text/html", _page(self.figures).encode())
-        elif asked.path == "/bokeh.min.js":
+        elif url.path == "/bokeh.min.js":
             self._answer("text/javascript", bokeh_script().read_bytes())
-        elif asked.path == "/figure.js":
+        elif url.path == "/figure.js":
             self._answer("text/javascript", figure_script().read_bytes())
-        elif asked.path == "/page.js":
+        elif url.path == "/page.js":
             self._answer("text/javascript", MODULE.encode())
-        elif asked.path == "/page.css":
+        elif url.path == "/page.css":
             self._answer("text/css", STYLE.encode())
         elif name not in self.figures:
             body = json.dumps({"detail": f"no figure {name!r}"}).encode()

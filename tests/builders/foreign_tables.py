@@ -1,4 +1,4 @@
-"""A small recording of two joints in another program's format, with its map and robot."""
+"""A small recording of two joints in another program's format, with import map and robot."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Computed runs of the bundled arm for the identification of the arm or its friction."""
+"""Computed runs of the bundled arm, for tests that identify the arm or its friction."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def identified_run(
         arm: The recorded motion.
         label: Label of the run.
         seed: Seed of the noise.
-        **changes: Factors of single parameters, by name.
+        **changes: Factors by which single true parameters are multiplied, by name.
     """
     cell = arm.cell
     model = RobotModel.from_description(cell.robot)

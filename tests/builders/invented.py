@@ -47,10 +47,10 @@ def whole_result() -> dict[str, Any]:
         "verdict": {
             "passed": True,
             "headline": "Passed: the model predicts the validation run",
-            "sentence": "The worst axis is off by 1.12 times the floor.",
+            "sentence": "The prediction error of the worst axis is 1.12 times the noise floor.",
             "checks": [
                 {
-                    "text": "prediction error of the worst axis, over the floor",
+                    "text": "prediction error of the worst axis, divided by the noise floor",
                     "value": 1.12,
                     "relation": "≤",
                     "limit": 1.3,
@@ -149,7 +149,7 @@ def whole_result() -> dict[str, Any]:
         "truth": [
             {
                 "title": title,
-                "sentence": f"{title}: 21 of 23 true values inside their interval.",
+                "sentence": f"{title}: 21 of 23 true values are inside their intervals.",
                 "inside": 21,
                 "of": 23,
                 "deviation_sigmas": [reach * math.sin(2.3 * i) for i in range(23)],
@@ -157,7 +157,7 @@ def whole_result() -> dict[str, Any]:
             for title, reach in (("unmodelled effects on", 12.0), ("unmodelled effects off", 1.9))
         ],
         "validation": {
-            "sentence": "20 random points, all samples with |velocity| over 0.02 rad/s.",
+            "sentence": "20 random poses; samples with |velocity| above 0.02 rad/s are compared.",
             "cutoff_hz": 10.0,
             "standstill_rad_s": 0.02,
             "has_floor": True,
@@ -181,9 +181,9 @@ def whole_result() -> dict[str, Any]:
             ],
         },
         "tracking": {
-            "sentence": "Distance between the tool point wanted and reached.",
+            "sentence": "Distance between the planned and the reached tool point.",
             "joints": [{"joint": joint, "unit": "rad"} for joint in joints],
-            "unseen": "Bending of gears is not in it.",
+            "unseen": "The deflection of the gears is not included.",
             "with_stiffness": [*joints[:1]],
             "without_stiffness": [*joints[1:]],
             "motions": [
@@ -201,7 +201,7 @@ def whole_result() -> dict[str, Any]:
         },
         "curves": {
             "torque": {
-                "sentence": "Grey: standstill, whose errors do not count.",
+                "sentence": "Grey: standstill; its errors are not counted.",
                 "time_s": time_s,
                 "axes": [
                     {
@@ -218,7 +218,7 @@ def whole_result() -> dict[str, Any]:
                 ],
             },
             "spectrum": {
-                "sentence": "Amplitude of what the model leaves over, per harmonic.",
+                "sentence": "Amplitude of the residual at each harmonic.",
                 "frequency_hz": frequency_hz,
                 "axes": [
                     {

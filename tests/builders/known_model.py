@@ -48,7 +48,7 @@ def known(cell: LoadedCell, deviations: dict[str, float]) -> Estimate:
 def chosen(
     cell: LoadedCell, terms: tuple[FrictionTerm, ...], size: float, nonlinear: float | None = None
 ) -> Estimate:
-    """Return the true values with other friction terms, all coefficients of which are `size`."""
+    """Return the true values with other friction terms, whose coefficients are all `size`."""
     true = known(cell, {})
     joints = tuple(joint.model_copy(update={"friction": terms}) for joint in cell.robot.joints)
     robot = cell.robot.model_copy(update={"joints": joints})
@@ -72,7 +72,7 @@ def chosen(
 
 
 def with_payload_columns(alone: Estimate, kind: ModelKind = "internal") -> Estimate:
-    """Return an estimate with a payload in its own columns, as `identify --loaded` does."""
+    """Return an estimate that contains a payload's parameters, as `identify --loaded` does."""
     options = replace(alone.options, payload=True, kind=kind)
     base = base_parameters(options.build(alone.robot), kind=kind)
     standard = dict(zip(alone.model.parameter_names, alone.standard_values, strict=True))

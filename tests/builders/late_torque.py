@@ -17,7 +17,7 @@ from identification.validation.robot_terms import with_friction
 
 CLASSICAL: tuple[FrictionTerm, ...] = ("coulomb", "viscous")
 FOUND_M = (2.8e-4, 2.8e-4, 3.4e-4)
-"""Presliding distances that fit the plant's presliding displacement best."""
+"""Presliding distances of the axes that fit the simulated robot best [rad]."""
 MOTION = FourierMotion(
     kind="fourier",
     robot="ir361",

@@ -1,4 +1,4 @@
-"""An arm with a motion in closed form, as recorded by loggers with good and bad clocks."""
+"""Recordings of an arm with a motion in closed form, with correct and wrong time stamps."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class LoggedArm:
     """Motion of an arm: sums of sines without a common period, from a seed.
 
     Attributes:
-        amplitude, omega, phase: Shape (joints, sines). Of each joint's position: amplitude *
+        amplitude, omega, phase: Shape (joints, sines). A joint's position is the sum of amplitude *
             sin(omega * t + phase).
     """
 
@@ -36,7 +36,7 @@ class LoggedArm:
         return cls(amplitude, omega, random.uniform(0.0, 6.28, (joints, 5)))
 
     def at(self, true_s: FloatArray, stamps: FloatArray, seed: int = 0) -> Samples:
-        """Return samples at true times with other time stamps; equal times give equal rows.
+        """Return samples at the true times with the given time stamps; equal times give equal rows.
 
         Positions have the steps of a 19-bit encoder; velocities and torques are noisy.
         """
@@ -63,6 +63,6 @@ def inserted(true_s: FloatArray, repeat: BoolArray) -> FloatArray:
 
 
 def time_error(time_s: FloatArray, true_s: FloatArray) -> float:
-    """Return the RMS error of a clock after the best shift and rate [s]."""
+    """Return the RMS error of time stamps after correction of a constant offset and rate [s]."""
     fit = np.polyfit(time_s - time_s[0], true_s, 1)
     return float(np.sqrt(np.mean((np.polyval(fit, time_s - time_s[0]) - true_s) ** 2)))

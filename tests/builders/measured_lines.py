@@ -1,10 +1,10 @@
-"""Measure the lines of the packages that the tests reach; costs 5 s per pytest process.
+"""Measure which lines of the packages the tests execute; it costs 5 s per pytest process.
 
 `tests/conftest.py` imports this module before all others. If the environment variable
-`RID_DAQ_LINES` names a folder, each pytest process writes a file there when it ends. SlipCover
-counts the lines: its probes remove themselves after the first hit, while a tracer would double the
-time. Lines executed by other processes, such as the cyclic task, or compiled by numba are not
-counted.
+`RID_DAQ_LINES` names a folder, each pytest process writes a file there when it ends. The library
+SlipCover counts the lines: its probes remove themselves after their first execution; a tracer would
+double the time. Lines executed by other processes, such as the cyclic task, or compiled by numba
+are not counted.
 
 `python -m tests.builders.measured_lines FOLDER` adds the files, compares each package with its
 minimum, and lists the worst files with `--worst N`.
@@ -34,7 +34,8 @@ FLOORS: Final = {
 }
 """Minimum percentage of a package's lines that the fast tests reach in their own processes.
 
-Slightly below the measured values (94, 86, 97, 94, 99, 95, 85, 77); raise a minimum with its value.
+The minima are slightly below the measured values (94, 86, 97, 94, 99, 95, 85, 77); if a value
+rises, raise its minimum too.
 """
 
 COMPILED: Final = ("dynamics.kernels.simd import", "from numba import")
@@ -93,7 +94,7 @@ def _sources() -> list[Path]:
 
 
 def _counted() -> list[Path]:
-    """Return the source files without those compiled by numba, which does not support probes."""
+    """Return the source files, except those compiled by numba, which does not support probes."""
     texts = {path: path.read_text(encoding="utf-8") for path in _sources()}
     return [path for path, text in texts.items() if not any(word in text for word in COMPILED)]
 
@@ -119,13 +120,13 @@ def main(arguments: Sequence[str]) -> int:
     for package, percent in shares(found).items():
         held = percent >= FLOORS[package]
         below += not held
-        said = "" if held else ": BELOW"
-        out(f"{package:15} {percent:5.1f} %, floor {FLOORS[package]:g} %{said}\n")
+        mark = "" if held else ": BELOW"
+        out(f"{package:15} {percent:5.1f} %, floor {FLOORS[package]:g} %{mark}\n")
     missed = sorted(found.items(), key=lambda item: item[1][0] - item[1][1])
     for name, (hit, of) in missed[: given.worst]:
         out(f"{of - hit:5} of {of:4} lines not reached: {name}\n")
     if below:
-        out("Test what was added, or say in the commit why its tests cannot be fast.\n")
+        out("Add tests for the new lines, or state in the commit why these tests cannot be fast.\n")
     return 1 if below else 0
 
 

@@ -130,7 +130,7 @@ class ObedientCell(can.BusABC):
             self._advance(time_s)
 
     def _advance(self, until_s: float) -> None:
-        """Advance to the next event: arrival of a frame, action of a drive, or a step."""
+        """Advance at most to `until_s`: to the next arrival of a frame or action of a drive."""
         due_s = min((drive.next_s for drive in self.drives), default=until_s)
         if self._events:
             due_s = min(due_s, self._events[0][0])
@@ -182,7 +182,7 @@ RING = {joints: Ring.create(joints, 8192) for joints in (1, 2)}
 
 
 class SpeedUp:
-    """Acceleration of all joints from rest towards a limit, followed by an order to stop."""
+    """Set-points that accelerate all joints from rest towards a limit; then a stop is requested."""
 
     samples_per_period = None
     period_ends: Mapping[int, int] = {}
@@ -223,7 +223,7 @@ class SpeedUp:
 
 
 class Outcome:
-    """Outcome of a cell: refused by the preflight, or moved and stopped."""
+    """Outcome for one cell: refused by the preflight, or moved and stopped."""
 
     def __init__(
         self, cell: CellConfig, robot: RobotDescription, increments: int, rows: int, sign: int

@@ -1,4 +1,4 @@
-"""Processes of several users of one computer: with a session, with a false lock, or unrelated."""
+"""Processes of several users of one computer: sessions, holders of false locks, and others."""
 
 from __future__ import annotations
 
@@ -88,8 +88,8 @@ class People:
 
     def stop(self, user: int) -> tuple[int, list[dict[str, Any]]]:
         process = self.start(PERSON, user, "stop")
-        said, _ = process.communicate(timeout=120.0)
-        return process.returncode, json.loads(said)["sessions"]
+        output, _ = process.communicate(timeout=120.0)
+        return process.returncode, json.loads(output)["sessions"]
 
 
 def reports_alive(process: subprocess.Popen[str]) -> bool:

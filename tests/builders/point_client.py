@@ -25,7 +25,7 @@ def sending(
 
     The client disconnects at the end of the block; without `end` it disconnects early.
     """
-    heard: list[dict[str, Any]] = []
+    messages: list[dict[str, Any]] = []
 
     def send() -> None:
         with socket.socket(socket.AF_UNIX) as robot:
@@ -40,13 +40,13 @@ def sending(
                 lines.close()
                 return
             robot.sendall(struct.pack("<I", 0))
-            heard.append(json.loads(lines.readline()))
+            messages.append(json.loads(lines.readline()))
             lines.close()
 
     sender = threading.Thread(target=send)
     sender.start()
     try:
-        yield heard
+        yield messages
     finally:
         sender.join(120.0)
     assert not sender.is_alive()

@@ -29,9 +29,7 @@ SPEED = np.array([limit.velocity for limit in LIMITS])
 ACCELERATION = np.array([limit.acceleration for limit in LIMITS])
 LOW = np.array([limit.position_min for limit in LIMITS])
 HIGH = np.array([limit.position_max for limit in LIMITS])
-ROUNDING = (
-    1.02  # 1 % is the tolerance of the stage; the rest is the error of the difference quotient
-)
+ROUNDING = 1.02  # PointSource tolerates 1 %; the rest is the error of the difference quotient
 
 Points = NDArray[np.float64]
 
@@ -140,7 +138,9 @@ def held_limits(points: list[SetPoint]) -> None:
     assert (np.abs(ahead) <= ROUNDING * SPEED).all()
     assert (np.abs(np.diff(velocity, axis=0)) <= ROUNDING * ACCELERATION * T).all()
     steps = np.diff(position, axis=0) - 0.5 * T * (velocity[1:] + velocity[:-1])
-    assert (np.abs(steps) <= ROUNDING * ACCELERATION * T**2).all(), "positions match the velocities"
+    assert (np.abs(steps) <= ROUNDING * ACCELERATION * T**2).all(), (
+        "the positions do not match the velocities"
+    )
     assert (np.abs(ahead - velocity) <= 1.3 * LARGEST_CORRECTION * SPEED).all()
     assert not velocity[-1].any()
     assert not ahead[-1].any()

@@ -22,8 +22,8 @@ from mock_hw.registers.server import RegisterService, RegisterSettings, ServerCe
 
 PROFILE = load_bundled_or_path("servo_registers", "profiles", DriveProfile)
 UNITS = (1, 2, 9)
-PATIENCE_S = 10.0  # for an answer that arrives, even on a busy computer
-TIMEOUT_S = 4.0  # for answers that may never arrive
+PATIENCE_S = 10.0  # timeout for an answer that arrives, even on a busy computer
+TIMEOUT_S = 4.0  # timeout for answers that may never arrive
 
 
 def registers(unit: int) -> dict[int, int] | None:
@@ -88,7 +88,7 @@ class Workshop:
         return self.drives.requests
 
     def pause(self, duration_s: float) -> None:
-        """Act as the driver's pause, in which a late answer arrives, if there is one."""
+        """Replace the driver's pause: wait for a late answer, if there is one."""
         assert self.service is not None
         if not self.late:
             time.sleep(duration_s)

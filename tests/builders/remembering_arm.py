@@ -28,10 +28,11 @@ def arm() -> RobotDescription:
 
 
 def iwan(path: FloatArray, distance: float, elements: int = 97) -> FloatArray:
-    """Return the direction of Iwan's model with many elements, each with its own memory.
+    """Return the friction direction by Iwan's model with many elements.
 
-    The slip distances of the elements are spread evenly up to `distance`. The stretch of an element
-    is the path minus its last slip position, so that errors do not accumulate along the path.
+    Each element remembers its last slip position. The slip distances of the elements are spread
+    evenly up to `distance`. The stretch of an element is the path minus its last slip position, so
+    that errors do not accumulate along the path.
     """
     slips = distance * np.arange(1, elements + 1) / elements
     anchors = np.full(elements, path[0])
@@ -44,7 +45,7 @@ def iwan(path: FloatArray, distance: float, elements: int = 97) -> FloatArray:
 
 
 def dahl(path: FloatArray, distance: float) -> FloatArray:
-    """Return the direction of Dahl's model: exponential, without a memory of inner loops."""
+    """Return the friction direction by Dahl's model: exponential, without memory of inner loops."""
     out, z = np.empty(len(path)), 0.0
     for i, moved in enumerate(np.diff(path, prepend=path[0])):
         end = np.sign(moved) if moved else z
@@ -91,7 +92,7 @@ def measured(
     *,
     rows: slice = slice(None),
 ) -> Recording:
-    """Return the noisy `Recording`, or some of its rows; the joints moved before the first row."""
+    """Return the noisy `Recording`, or some rows; the joints have moved before the first row."""
     tau, q = _torques(directions, way, 1.0, 0)[rows], way[0][rows]
     return Recording(
         joint_names=arm().joint_names,
@@ -137,7 +138,7 @@ def signals_of(q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> 
 
 
 def with_presliding(joints: Sequence[int], distance: float, share: float = 1.0) -> RobotDescription:
-    """Return the arm whose model has presliding on some joints, begun at a distance and a share."""
+    """Return the arm with presliding on some joints, with start values of distance and fraction."""
     robot = arm()
     own = tuple(
         joint.model_copy(

@@ -152,7 +152,7 @@ def recorded_calls() -> Iterator[list[Call]]:
 
 
 def calls_of_command(words: Sequence[str], codes: Sequence[int] = (0,)) -> list[Call]:
-    """Run a command and return its console calls."""
+    """Run a command; return its calls of the console, which can be repeated at any width."""
     with recorded_calls() as calls, contextlib.redirect_stdout(io.StringIO()):
         code = run(list(words))
     assert code in codes, (words, code)

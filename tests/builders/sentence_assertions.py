@@ -3,8 +3,8 @@
 `python -m tests.builders.sentence_assertions` prints the number for each test folder, and the sum;
 `--list` prints each place. It counts `match=` of `pytest.raises`, assertions with a literal of two
 or more words about an error's text or a command's stderr, and details of three or more words of
-`raises_code` and `raises_invalid`. Texts in a variable, a loop or `parametrize` count like literals
-in the assertion.
+`raises_code` and `raises_invalid`. Texts that reach the assertion by a variable, a loop or
+`parametrize` are counted too.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ def _texts(node: ast.AST) -> tuple[str, ...]:
 
 
 def main() -> None:
-    """Print the numbers, or the places."""
+    """Print the number of assertions per folder, or their places."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--list", action="store_true", help="Print every place.")
     listed = parser.parse_args().list

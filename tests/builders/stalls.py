@@ -29,7 +29,7 @@ T = TypeVar("T")
 
 
 class Witness:
-    """Measures the longest stall of the computer while its `with` block is active [s]."""
+    """Measurement of the computer's longest stall while its `with` block is active [s]."""
 
     longest_s = 0.0
 
@@ -37,17 +37,17 @@ class Witness:
 @contextlib.contextmanager
 def witness() -> Iterator[Witness]:
     """Run the witness in its own process."""
-    seen = Witness()
+    stall = Witness()
     with subprocess.Popen(
         [sys.executable, "-c", WITNESS], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as process:
         assert process.stdout is not None
         assert process.stdout.readline() == "awake\n"
         try:
-            yield seen
+            yield stall
         finally:
-            said, _ = process.communicate("\n")
-            seen.longest_s = float(said)
+            output, _ = process.communicate("\n")
+            stall.longest_s = float(output)
 
 
 def where_time_runs(attempt: Callable[[], T], stall_s: float) -> T:
@@ -59,9 +59,9 @@ def where_time_runs(attempt: Callable[[], T], stall_s: float) -> T:
     """
     for _ in range(ATTEMPTS):
         try:
-            with witness() as seen:
+            with witness() as stall:
                 return attempt()
         except Exception:
-            if seen.longest_s < stall_s:
+            if stall.longest_s < stall_s:
                 raise
     pytest.fail(f"in {ATTEMPTS} attempts the computer stalled for {stall_s} s each time")

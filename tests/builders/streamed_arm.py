@@ -42,16 +42,16 @@ def streamed(
     per_rev = np.array([axis.encoder_increments_per_motor_rev for axis in cell.plant.axes])
     counts = ratio * per_rev / (2.0 * np.pi)
     powered, free = np.ones(len(start), dtype=np.bool_), np.zeros(len(start), dtype=np.bool_)
-    told = plant.position_counts()
-    measured = told / counts
+    counts_now = plant.position_counts()
+    measured = counts_now / counts
     source.begin(False, measured)
     before = now = sent = np.zeros(len(start))
     wanted, reached, sent_points = [], [], []
     row = -SETTLE_ROWS - len(way)
     while True:
-        source.watch(measured, told.astype(np.int32))
-        told = plant.position_counts()
-        measured = told / counts
+        source.watch(measured, counts_now.astype(np.int32))
+        counts_now = plant.position_counts()
+        measured = counts_now / counts
         if row < 0:
             at = max(row, -len(way))
             target, ahead = way.position[at], way.velocity[at]

@@ -20,7 +20,8 @@ FALL = 0.002
 def by_temperature(cell: LoadedCell, *, measured: bool) -> Estimate:
     """Return a simulated arm's true values; the friction of two axes decreases with temperature.
 
-    Without measured temperatures, axis 1 has a time constant of 60 s and axis 2 one of 90 s.
+    Without measured temperatures, the time constant of warming is 60 s for axis 1 and 90 s for axis
+    2.
     """
     estimate = known(cell, {})
     joints = tuple(

@@ -1,4 +1,4 @@
-"""Recordings of an arm that warms up by the simulated robot's motor model, not by `Warming`."""
+"""Recordings of an arm that warms up; computed by the plant's motor model, not by `Warming`."""
 
 from __future__ import annotations
 
@@ -107,7 +107,7 @@ def recording(
 def settled_factor(
     signals: SmoothedSignals, time_constant_s: tuple[float | None, ...]
 ) -> FloatArray:
-    """Return the factor on each time constant of decreasing friction, (n,): 1 / (1 + k R P)."""
+    """Return the factors by which decreasing friction changes the time constants, shape (n,)."""
     speed = np.abs(signals.velocity)
     power_w = np.mean((COULOMB_NM + VISCOUS_NM_S * speed) * speed, axis=0)
     heated = np.array([own is not None for own in time_constant_s])

@@ -1,4 +1,4 @@
-"""Fixtures: the bundled arm in closed loop, its plant, and the position loop one cycle behind."""
+"""Fixtures: simulation of the bundled arm with its position loop, its velocity loops and models."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def cell() -> LoadedCell:
 
 @pytest.fixture(scope="session")
 def drive(cell: LoadedCell) -> Drive:
-    """Return a function that runs samples and their feedforward through plant and position loop."""
+    """Return a function that simulates a motion with its feedforward, and returns the recording."""
     assert cell.plant is not None
     return partial(closed_loop, cell, cell.plant)
 

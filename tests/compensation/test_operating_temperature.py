@@ -65,7 +65,7 @@ def test_warm_is_the_steady_state_of_the_repeated_motion(followed: Estimate) -> 
     found = at_operating_temperature(followed, "warm", WAY[1])
     warming = followed.warming
     assert warming is not None
-    # An hour of the same motion, computed as for recordings: many time constants.
+    # Compare with an hour (many time constants) of the same motion as a recording.
     signals = recording(20.0, (None, None, None), seed=4)
     assert np.array_equal(signals.velocity, WAY[1])
     settled = _after_an_hour(warming, followed)

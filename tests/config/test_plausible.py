@@ -278,10 +278,10 @@ WITHOUT_RANGE = {
     *("zero_jump_pc", "drift_pc_s", "clock_offset_s"),
     *("load_friction", "tachometer_ripple", "friction_drift_per_s", "rise_k_per_w"),
     *("loss_at_rated_w", "friction_per_k", "torque_constant_per_k"),
-    *("time_s", "position", "velocity"),  # of a table: `derived` states their ranges
-    "zero_offset",  # of a map, in the unit of its positions: `derived` states its range
+    *("time_s", "position", "velocity"),  # keys of a joint table: `derived` states their ranges
+    "zero_offset",  # key of an import map, in the unit of the positions: `derived` states its range
 }
-"""Numbers without a unit, directions, matrices, and values of a simulation."""
+"""Keys that need no range: numbers without a unit, directions, matrices, simulated values."""
 
 
 def numbers(model: type[BaseModel], seen: set[type[BaseModel]]) -> Iterator[tuple[str, Any]]:
@@ -304,7 +304,7 @@ def pieces(annotation: Any) -> Iterator[Any]:
 
 
 def test_every_physical_key_of_every_file_has_a_range() -> None:
-    # Along a timed path numbers have another unit; the robot's limits apply to its rows.
+    # Excluded: numbers of a timed path have other units; the robot's limits apply to its rows.
     seen: set[type[BaseModel]] = {TimedWay}
     files = (CellConfig, RobotDescription, PlantConfig, MotionFile, ImportMap)
     lacking = {
@@ -323,9 +323,9 @@ def test_a_command_refuses_limits_in_degrees(
     robot = tmp_path / "cell" / "robot.yaml"
     robot.write_text(robot.read_text().replace("position_max: 2.7", "position_max: 155.0"))
     assert run(["check", str(tmp_path / "cell" / "cell.yaml")]) == 2
-    said = " ".join(capsys.readouterr().err.split())
+    message = " ".join(capsys.readouterr().err.split())
     for value in ("RID-FILE-VALUE", "155 rad", "15 rad", "155 degrees", "2.705 rad"):
-        assert value in said
+        assert value in message
 
 
 OPTIONS = [

@@ -78,7 +78,7 @@ class FakeBus(can.BusABC):
     def recv(self, timeout: float | None = None) -> can.Message | None:
         if self.broken:
             raise can.CanOperationError("network is down")
-        assert timeout is not None, "a driver must never wait without a limit"
+        assert timeout is not None, "a driver must never wait without a timeout"
         until_s = self.now_s + timeout
         while not self._arrived:
             if not self._events or self._events[0][0] > until_s:
@@ -283,7 +283,7 @@ class ScriptedDrive:
                 self.state = PowerState.SWITCH_ON_DISABLED
 
     def position_range(self) -> tuple[int, int]:
-        """Return where 6064h wraps: by 607Bh, if the drive has it."""
+        """Return the lowest and the highest value of 6064h: from 607Bh if the drive has it."""
         if (0x607B, 1) not in self.objects:
             return -(2**31), 2**31 - 1
         held = (self.objects[0x607B, sub] for sub in (1, 2))
@@ -328,7 +328,7 @@ class Bench:
         return [struct.unpack("<Hi", data) for data in self.bus.sent_to(0x200 + node)]
 
     def arrives(self, frame: Frame, after_next_sync_s: float) -> None:
-        """Let a frame arrive some time after the next SYNC."""
+        """Let a frame arrive `after_next_sync_s` after the next SYNC."""
         at_s = self.sync_time_s + self.cell.cycle_time_s + after_next_sync_s
         self.bus.transmit(frame, at_s - self.bus.now_s)
 

@@ -15,7 +15,18 @@ from config.robot.kinematic_table import KinematicRow, Kinematics
 from config.robot.robot import Joint, JointLimits, RobotDescription, Rotor
 
 X, Y, Z = np.eye(3)
-PINOCCHIO_ORDER = [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]  # Ixx Ixy Iyy Ixz Iyz Izz -> Ixx Ixy Ixz Iyy ...
+PINOCCHIO_ORDER = [
+    0,
+    1,
+    2,
+    3,
+    4,
+    5,
+    7,
+    6,
+    8,
+    9,
+]  # we: Ixx Ixy Ixz Iyy ...; Pinocchio: Ixx Ixy Iyy ...
 
 
 def turn(axis: np.ndarray, angle: float) -> pin.SE3:
@@ -28,14 +39,14 @@ def shift(x: float, y: float, z: float) -> pin.SE3:
 
 @dataclass(frozen=True)
 class Judge:
-    """Pinocchio model of an arm; with rotors, each is a body on a separate joint.
+    """Pinocchio model of an arm; each rotor is a body on a separate joint.
 
-    Torques are those of the joints, even if a rotor is coupled to several joints.
+    Torques refer to the arm's joints, even if a rotor is coupled to several joints.
     """
 
     model: Any
     joints: int
-    spread: np.ndarray  # (nv, n): all velocities from the joints' velocities
+    spread: np.ndarray  # (nv, n): maps joint velocities to the velocities of joints and rotors
 
     def _all_coordinates(self, *motion: np.ndarray) -> list[np.ndarray]:
         return [self.spread @ x for x in motion]
@@ -114,8 +125,8 @@ def random_arm() -> Callable[..., RobotDescription]:
 def judge() -> Callable[..., Judge]:
     """Return a function that makes the Pinocchio model of a description from link parameters.
 
-    `rotors` are the inertias, about each rotor's own centre and in the axes of its link, of bodies
-    that spin about the descriptions' axes; with None there are no rotors.
+    `rotors` are placements and inertias of bodies that spin about the axes in the description. Each
+    inertia is about the rotor's centre, in the axes of its link. With None there are no rotors.
     """
 
     def make(

@@ -155,7 +155,7 @@ class Run:
         """Assert that the axes moved and came to rest; return the time from quick stop to rest."""
         stop_s = min(self.quick_stops().values())
         moving = self.truth.velocity[self.truth.at(stop_s - moved_before_s)]
-        assert np.abs(moving).max() > 0.05, "nothing moved before the fault"
+        assert np.abs(moving).max() > 0.05, "no axis moved before the fault"
         rest_s = self.truth.rest_s()
         assert rest_s < stop_s + 0.3
         assert not any(self.truth.powered[-1])
@@ -229,7 +229,7 @@ class Rig:
             yield cell
 
     def let_pass(self, duration_s: float) -> None:
-        """Let simulated time pass without sending; wait for an adapter that is absent."""
+        """Let simulated time pass without sending; wait for the adapter if it is absent."""
         tick, tries = threading.Event(), 2000
         while True:
             try:

@@ -1,4 +1,4 @@
-"""Drives that reset, fail, stop sending, lose power or ignore commands: rows 8 to 15."""
+"""Drives that reset, fail, stop sending, lose power or ignore commands (faults.md, rows 8-15)."""
 
 from __future__ import annotations
 
@@ -37,7 +37,10 @@ def test_a_drive_reset_stops_all_axes_and_the_drive_stays_disabled(
     assert cycles <= 4
     run.assert_at_rest()
     when = "before" if stop_s < boot_s else "after"
-    measured(f"{cycles} T after the reset, {abs(stop_s - boot_s) / T:.1f} T {when} its boot-up")
+    measured(
+        f"quick stop {cycles} T after the reset, {abs(stop_s - boot_s) / T:.1f} T {when} the"
+        " boot-up message"
+    )
 
 
 @pytest.mark.fault(9)
@@ -121,8 +124,8 @@ def test_a_flood_of_emergency_messages_adds_few_calls_per_cycle(
     assert max(flooded.calls[stopping]) < 2.0 * moving
     assert len(run.notes) <= 3
     measured(
-        f"{a_message:.0f} calls a message; a flooded cycle {busy / moving:.1f} times the calls of a"
-        " quiet one, counted; on a real clock: benchmarks.reactions"
+        f"{a_message:.0f} function calls per message; a flooded cycle makes {busy / moving:.1f}"
+        " times the calls of a quiet cycle; times are measured by benchmarks.reactions"
     )
 
 
@@ -140,7 +143,7 @@ def test_a_flood_of_emergency_messages_causes_one_stop_and_no_late_cycle(
     assert len(run.notes) <= 3
     assert np.unique(np.diff(run.rows["cycle"].astype(int))).tolist() == [1]
     assert run.rows["lateness_s"].max() < 1e-6
-    measured(f"{came} messages: 1 stop in 1 T, {len(run.notes)} notes, 0 cycles late")
+    measured(f"{came} messages: 1 quick stop within 1 T, {len(run.notes)} notes, 0 late cycles")
 
 
 @pytest.mark.fault(11)
@@ -148,7 +151,7 @@ def test_a_flood_of_emergency_messages_causes_one_stop_and_no_late_cycle(
 def test_a_lost_heartbeat_stops_all_axes(
     serve: Any, motion: MotionSamples, loaded: LoadedCell, timeout_ms: int, measured: Measured
 ) -> None:
-    """The timeouts end at different phases of a cycle."""
+    """Each timeout ends at another phase of the cycle."""
     update = {"drive_heartbeat_timeout_ms": timeout_ms}
     safety = loaded.config.drive_safety.model_copy(update=update)
     rig = serve(drives=[{"kind": "heartbeat_stops", "joint": "axis1", "at_cycle": AT}])
@@ -159,7 +162,10 @@ def test_a_lost_heartbeat_stops_all_axes(
     allowed_s = timeout_ms / 1000.0 + T
     assert allowed_s - T - 0.001 < stop_s - last_s <= allowed_s
     run.assert_at_rest()
-    measured(f"{1e3 * (stop_s - last_s):.1f} ms after the last, {1e3 * allowed_s:.0f} allowed")
+    measured(
+        f"quick stop {1e3 * (stop_s - last_s):.1f} ms after the last heartbeat,"
+        f" {1e3 * allowed_s:.0f} allowed"
+    )
 
 
 @pytest.mark.fault(13)
@@ -181,11 +187,14 @@ def test_nothing_moves_when_power_returns_after_an_emergency_stop(
     far = first_set_point_distance_counts(again)
     assert far <= 1.0
     assert np.abs(again.rows["velocity_command"][0]).max() < 0.02
-    measured(f"0 motion frames, quick stop in {cycles} T; new first set-point {far:.2f} counts off")
+    measured(
+        f"0 motion frames, quick stop in {cycles} T; first set-point of the next motion"
+        f" {far:.2f} counts from the position"
+    )
 
 
 def first_set_point_distance_counts(run: Any) -> float:
-    """Return the largest distance of the first set-point from the last positions [counts]."""
+    """Return the largest distance of a first set-point from the position before it [counts]."""
     rows = run.rows
     far = []
     for axis in range(3):
@@ -224,7 +233,7 @@ def test_no_queued_set_point_moves_an_axis_when_power_returns(
     assert moving == []
     assert rig.truth.speed_after(back_s) < 1e-6
     assert not any(rig.truth.powered[-1])
-    measured(f"{len(released)} queued commands were sent after power return, 0 with motion")
+    measured(f"{len(released)} queued commands were sent after power return; none moves an axis")
 
 
 @pytest.mark.fault(14)
@@ -273,14 +282,17 @@ def test_an_axis_that_runs_the_wrong_way_is_stopped_within_the_allowed_travel(
     allowed = speed * 4 * T + 0.5 * speed * ramp_time_s(loaded, speed)
     assert travel <= allowed
     run.assert_at_rest()
-    measured(f"{cycles} T beyond the line; travel {travel:.4f} rad, {allowed:.4f} allowed")
+    measured(
+        f"quick stop {cycles} T after the error exceeds its limit; travel {travel:.4f} rad,"
+        f" {allowed:.4f} allowed"
+    )
 
 
 @pytest.mark.fault(15)
 def test_an_axis_that_ignores_the_quick_stop_loses_its_power(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
-    """One stop path: quick stop, then power off, then NMT; each if the previous one fails."""
+    """The stop begins with a quick stop; if it fails, power off follows, and then NMT."""
     deaf = {"kind": "ignores_quick_stop", "joint": "axis1", "at_cycle": AT}
     fault = {"kind": "emergency", "joint": "axis2", "at_cycle": AT}
     run = serve(drives=[deaf, fault]).move(motion)
@@ -291,4 +303,4 @@ def test_an_axis_that_ignores_the_quick_stop_loses_its_power(
     off = next(f for f in run.frames if f.can_id == 0x201 and f.word == 0 and f.time_s > 1.0)
     cycles = run.cycle(off.time_s) - AT
     assert math.isclose(cycles, 10, abs_tol=2)
-    measured(f"power off {cycles} T after the quick stop that it ignored")
+    measured(f"power off {cycles} T after the ignored quick stop")

@@ -100,17 +100,17 @@ def test_a_disk_failure_stops_the_motion_and_keeps_the_written_rows(
     kept_bytes = journal_bytes(disk)
     os.sync()
     replace_device("error")
-    said, complained = program.communicate(timeout=PATIENCE_S)
+    output, errors = program.communicate(timeout=PATIENCE_S)
     replace_device(f"linear {RAM_DISK} 0")
     execute("umount", disk)
     execute("mount", DEVICE, disk)
     assert program.returncode == 7
-    sys.stdout.write(complained)
-    assert json.loads(said)["error"]["exit_code"] == 7
+    sys.stdout.write(errors)
+    assert json.loads(output)["error"]["exit_code"] == 7
     # matplotlib may first report that it builds its font cache
-    assert any(line.startswith("rid-daq: Stopped: ") for line in complained.splitlines())
+    assert any(line.startswith("rid-daq: Stopped: ") for line in errors.splitlines())
     for name in ("recording.mcap", "result.json"):
-        assert re.search(rf"{name}: cannot be written: {GONE}", complained)
+        assert re.search(rf"{name}: cannot be written: {GONE}", errors)
     assert journal_bytes(disk) >= kept_bytes
     (path,) = disk.glob(JOURNAL)
     journal = read_journal(path)

@@ -1,4 +1,4 @@
-"""Lost, late, duplicate and damaged frames, and frames of unknown senders: rows 1 to 7."""
+"""Lost, late, duplicate, damaged and unknown frames (docs/faults.md, rows 1 to 7)."""
 
 from __future__ import annotations
 
@@ -48,7 +48,9 @@ def test_one_lost_answer_marks_one_row_and_the_motion_continues(
     assert kick < 0.1 * gain_per_s * T * abs(at), (
         "the position loop reacted to the repeated position"
     )
-    measured(f"1 of {3 * len(run.rows)} values marked, 0 rows lost, command {kick:.1g} rad/s off")
+    measured(
+        f"1 of {3 * len(run.rows)} values marked invalid, 0 rows lost, command {kick:.1g} rad/s off"
+    )
 
 
 @pytest.mark.fault(2)
@@ -62,7 +64,7 @@ def test_three_lost_answers_in_a_row_stop_all_axes(
     cycles = run.quick_stop_cycle() - AT + 1
     assert cycles == 3
     rest_s = run.assert_at_rest()
-    measured(f"{cycles} T; at rest {1e3 * rest_s:.0f} ms later")
+    measured(f"quick stop in {cycles} T; at rest {1e3 * rest_s:.0f} ms later")
 
 
 @pytest.mark.fault(3)
@@ -92,7 +94,7 @@ def test_randomly_lost_answers_are_counted_exactly_and_the_motion_continues(
         np.testing.assert_array_equal(rows["valid"][:, axis] == 1, came)
     lost = int((rows["valid"] == 0).sum())
     assert lost > 5
-    measured(f"{lost} of {rows['valid'].size} answers lost, {lost} marked")
+    measured(f"{lost} of {rows['valid'].size} answers lost, {lost} marked invalid")
 
 
 @pytest.mark.fault(4)
@@ -107,7 +109,7 @@ def test_a_duplicate_answer_is_ignored(
     assert np.unique(np.diff(run.rows["cycle"].astype(int))).tolist() == [1]
     found = keep.axes.cyclic.duplicate_frames + keep.axes.answers.late_frames
     assert found == 30
-    measured(f"{found} copies of 30 noticed, 0 rows more")
+    measured(f"{found} of 30 copies counted, 0 additional rows")
 
 
 @pytest.mark.fault(5)
@@ -124,7 +126,7 @@ def test_the_third_cycle_with_late_answers_stops_the_motion(
     cycles = run.quick_stop_cycle() - (AT + 20)
     assert cycles == after
     run.assert_at_rest()
-    measured(f"third answer late by {delay:g} T: quick stop {cycles} T after its SYNC")
+    measured(f"third late answer, {delay:g} T late: quick stop {cycles} T after its SYNC")
 
 
 @pytest.mark.fault(5)
@@ -139,7 +141,7 @@ def test_each_of_two_late_answers_is_marked_and_the_motion_continues(
     run = serve(bus=late).move(motion, keep)
     assert run.reason is None
     assert int((run.rows["valid"] == 0).sum()) == 2
-    measured("2 late or reordered answers: 2 marked values, motion goes on")
+    measured("1 late and 1 reordered answer: 2 values marked invalid, the motion continues")
 
 
 @pytest.mark.fault(6)
@@ -152,13 +154,13 @@ def test_one_flipped_bit_marks_a_value_and_two_in_a_row_stop_the_motion(
     if not stops:
         assert run.reason is None
         assert np.argwhere(run.rows["valid"] == 0)[:, 1].tolist() == [0]
-        measured("1 flipped bit: 1 marked value")
+        measured("1 flipped bit: 1 value marked invalid")
         return
     assert (run.reason.code, run.reason.joint) == (StopCode.IMPLAUSIBLE_POSITION, "axis1")
     cycles = run.quick_stop_cycle() - AT + 1
     assert cycles == 2
     run.assert_at_rest()
-    measured(f"2 in a row: {cycles} T")
+    measured(f"2 flipped bits in a row: quick stop in {cycles} T")
 
 
 @pytest.mark.fault(7)
@@ -170,7 +172,7 @@ def test_an_answer_of_the_wrong_length_stops_the_motion(
     assert "5 bytes, but 8 are mapped" in run.reason.text
     assert run.quick_stop_cycle() == AT
     run.assert_at_rest()
-    measured("a short answer: quick stop in its cycle")
+    measured("a short answer: quick stop in the same cycle")
 
 
 @pytest.mark.fault(7)
@@ -183,7 +185,7 @@ def test_frames_of_unknown_identifiers_are_counted_and_ignored(
     assert run.reason is None
     assert run.rows["valid"].all()
     assert keep.axes.watch.unexpected_frames == 40
-    measured("40 foreign frames of 40 counted, motion goes on")
+    measured("40 of 40 unknown frames counted, the motion continues")
 
 
 @pytest.mark.fault(7)
@@ -196,7 +198,7 @@ def test_a_node_id_of_two_devices_is_refused_before_motion(
     assert run.error.refusal == "RID-DRIVE-NODE-TWICE"
     assert "axis3" in str(run.error)
     assert not any(map(any, run.truth.powered))
-    measured("a node id twice: refused before power")
+    measured("two devices with one node id: refused before power on")
 
 
 @pytest.mark.fault(7)

@@ -1,4 +1,4 @@
-"""Lost answers on the command line: accepted, periods left out, or recording refused. Row 3."""
+"""Lost answers in `record`: tolerated, periods left out, or exit code 6 (docs/faults.md, row 3)."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ FIRST_CYCLE = 299
 """A cycle in the middle of the first main period."""
 PERIODS = 8
 ROWS = 200
-"""Rows of a period."""
+"""Number of rows of a period."""
 Measured = Callable[[str], None]
 
 
@@ -37,12 +37,12 @@ class RecordedOutput(NamedTuple):
     """Output of the program about a recording."""
 
     code: int
-    said: dict[str, Any]
+    document: dict[str, Any]
     report: str
 
     @property
     def quality(self) -> dict[str, Any]:
-        quality = self.said["quality"]
+        quality = self.document["quality"]
         assert isinstance(quality, dict)
         return quality
 
@@ -68,9 +68,11 @@ def record(
         words = ["record", str(workshop / "cell.yaml"), str(motion), "--faults", str(script)]
         capsys.readouterr()
         code = run([*words, "--json", *runs])
-        said = json.loads(capsys.readouterr().out)
+        document = json.loads(capsys.readouterr().out)
         folder = find_run(tmp_path / "runs", "latest")
-        return RecordedOutput(code, said, (folder.path / "report.html").read_text(encoding="utf-8"))
+        return RecordedOutput(
+            code, document, (folder.path / "report.html").read_text(encoding="utf-8")
+        )
 
     return record_with_faults
 
@@ -102,8 +104,8 @@ def test_a_random_loss_of_one_percent_is_accepted_and_reported(
         assert f"Period {period['index'] + 1} is left out: " in done.report
     share = sum(lost.values()) / (3 * rows)
     measured(
-        f"{100 * share:.1f} % of {3 * rows} answers: exit 0, {len(rejected)} of {PERIODS} short"
-        " periods left out by name"
+        f"{100 * share:.1f} % of {3 * rows} answers: exit 0, {len(rejected)} of {PERIODS}"
+        " periods left out and named"
     )
 
 
@@ -120,7 +122,10 @@ def test_more_than_five_bad_periods_are_named_with_exit_code_6(
     assert [word.split(": joint")[0].split(" ")[-1] for word in named] == list("234567")
     assert "not good enough for the next step" in done.report
     assert quality["trouble"].split("; ")[1] in done.report.replace("&#39;", "'")
-    measured("6 of 8 periods miss 5 of 200 answers: exit 6, 30 of 30 counted, all 6 named")
+    measured(
+        "6 of 8 periods miss 5 of 200 answers: exit 6, 30 of 30 lost answers counted,"
+        " all 6 periods named"
+    )
 
 
 def recording(lost: dict[int, int], periods: int | None, rows: int = 1000) -> Recording:
@@ -162,7 +167,7 @@ def test_the_limit_is_two_percent_of_each_joints_answers(
     assert not refused.good
     assert refused.lost == (0, 21)
     assert ("period 3" in refused.trouble) is (periods == 5)
-    measured("2 joints that lost 1.9 % each: good; one that lost 2.1 %: exit 6")
+    measured("2 joints with 1.9 % lost answers: good; 1 joint with 2.1 %: exit 6")
 
 
 def test_missing_rows_count_as_lost_answers() -> None:

@@ -1,4 +1,4 @@
-"""Another node that sends answers with a drive's identifier before the drive does: row 49."""
+"""Another node that sends a drive's answers before the drive does (docs/faults.md, row 49)."""
 
 from __future__ import annotations
 
@@ -52,14 +52,12 @@ def test_a_foreign_node_that_answers_before_the_drive_stops_the_motion(
     assert not any(run.truth.powered[-1])
     streamed = run.rows[run.rows["sample_index"] >= 0]
     false_rows = streamed[-cycles:]
-    believed = int(false_rows["valid"][:, node - 1].sum())
-    assert believed <= 1, "at most one false answer is used"
+    used = int(false_rows["valid"][:, node - 1].sum())
+    assert used <= 1, "at most one false answer is used"
     steered = np.abs(np.diff(streamed["velocity_command"][:-1, node - 1])[-cycles:]).max()
     assert steered < 0.05, "a false position steered the axis"
     assert any(f"{joint}: node {node} answered twice" in note for note in run.notes)
-    measured(
-        f"{false_answer}, {joint}: quick stop in cycle {cycles}, {believed} false answers used"
-    )
+    measured(f"{false_answer}, {joint}: quick stop in cycle {cycles}, {used} false answers used")
 
 
 @pytest.mark.fault(49)
@@ -74,10 +72,13 @@ def test_slowly_drifting_false_positions_do_not_steer_the_axis(
     honest, run = serve().move(motion), serve(bus=creeping).move(motion)
     assert run.reason.code is StopCode.SECOND_ANSWERS
     stop_s = min(run.quick_stops().values())
-    here, there = (each.truth.position[each.truth.at(stop_s)][1] for each in (run, honest))
-    assert abs(here - there) < 1e-3
+    true, undisturbed = (each.truth.position[each.truth.at(stop_s)][1] for each in (run, honest))
+    assert abs(true - undisturbed) < 1e-3
     cycles = run.quick_stop_cycle() - AT + 1
-    measured(f"a creeping position: {cycles} T, {1e3 * abs(here - there):.2f} mrad off by then")
+    measured(
+        f"drifting false positions: quick stop in {cycles} T,"
+        f" axis {1e3 * abs(true - undisturbed):.2f} mrad off at that time"
+    )
 
 
 @pytest.mark.fault(49)
@@ -93,7 +94,7 @@ def test_identical_second_answers_are_tolerated_up_to_a_limit(
     moved = run.rows["sample_index"] >= 0
     assert run.rows["valid"][moved][:-1].all(), "duplicate answers do not make values invalid"
     run.assert_at_rest()
-    measured(f"the same twice in every cycle: quick stop in the {cycles}th cycle")
+    measured(f"identical second answers in every cycle: quick stop in cycle {cycles}")
 
 
 @pytest.mark.fault(49)
@@ -106,7 +107,7 @@ def test_a_single_differing_second_answer_marks_one_value(
     assert np.argwhere(run.rows["valid"] == 0)[:, 1].tolist() == [0]
     (note,) = run.notes
     assert note.startswith("axis1: node 1 answered twice in 1 cycle, 1 with different data")
-    measured("a single pair that differs: 1 marked value, reported at the end")
+    measured("one second answer that differs: 1 value marked invalid, reported at the end")
 
 
 @pytest.mark.fault(49)
@@ -132,7 +133,7 @@ def test_a_second_device_with_a_drives_identifier_is_refused_before_motion(
     assert run.error.refusal == "RID-DRIVE-NOT-STARTED"
     assert {"axis3:", "250"} <= set(str(run.error).split())
     assert not any(map(any, run.truth.powered))
-    measured("before motion: refused before power")
+    measured("a spoofing device before the motion: refused before power on")
 
 
 @pytest.mark.fault(49)

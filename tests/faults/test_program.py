@@ -32,7 +32,7 @@ class RecordedOutcome(NamedTuple):
     """Outcome of a recording."""
 
     code: int
-    told: dict[str, Any]
+    document: dict[str, Any]
     folder: RunFolder
     journal: Journal
 
@@ -52,9 +52,9 @@ def record(workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
 
     def record_with_fault(script: str) -> RecordedOutcome:
         code = run(record_words(workshop, script, tmp_path / "runs"))
-        told, _ = json.JSONDecoder().raw_decode(capsys.readouterr().out)
-        folder = RunFolder.open(Path(told["folder"]))
-        return RecordedOutcome(code, told, folder, read_journal(folder.path / "recording.mcap"))
+        document, _ = json.JSONDecoder().raw_decode(capsys.readouterr().out)
+        folder = RunFolder.open(Path(document["folder"]))
+        return RecordedOutcome(code, document, folder, read_journal(folder.path / "recording.mcap"))
 
     return record_with_fault
 
@@ -67,8 +67,8 @@ def rows_missing(journal: Journal) -> int:
 def test_a_killed_recorder_gives_exit_code_7_and_its_rows_are_kept(record: Record) -> None:
     done = record(f"{{kind: kill, process: recorder, at_cycle: {AT}}}")
     assert done.code == 7
-    assert done.told["stop"]["code"] == "RECORDER"
-    assert "exit code -9" in done.told["notes"][0]
+    assert done.document["stop"]["code"] == "RECORDER"
+    assert "exit code -9" in done.document["notes"][0]
     assert not done.journal.damage.finished
     assert rows_missing(done.journal) == 0
     assert 0 < len(done.journal.rows) <= AT
@@ -78,8 +78,8 @@ def test_a_killed_recorder_gives_exit_code_7_and_its_rows_are_kept(record: Recor
 def test_a_killed_task_is_reported_and_rows_are_kept_up_to_that_cycle(record: Record) -> None:
     done = record(f"{{kind: kill, process: task, at_cycle: {AT}}}")
     assert done.code == 5
-    assert done.told["stop"]["code"] == "TASK_DIED"
-    assert "the drives stop by themselves" in done.told["stop"]["text"]
+    assert done.document["stop"]["code"] == "TASK_DIED"
+    assert "the drives stop by themselves" in done.document["stop"]["text"]
     assert done.journal.damage.notes == ()
     # The drives' clock determines the time; a row is written after the drives' answers.
     assert AT - 5 <= len(done.journal.rows) < AT
@@ -89,11 +89,11 @@ def test_a_killed_task_is_reported_and_rows_are_kept_up_to_that_cycle(record: Re
 def test_the_report_is_written_if_ctrl_c_repeats_during_clean_up(
     record: Record, measured: Measured
 ) -> None:
-    """Signals arrive every 5 ms while recording, drives and report are finished."""
+    """A SIGINT arrives every 5 ms while the program stops the drives and writes file and report."""
     keys = "kind: signal, signal: INT, count: 1000, period_s: 0.005"
     done = record(f"{{{keys}, at_cycle: {AT}}}")
     assert done.code == 130
-    assert done.told["stop"]["text"] == "stopped by the operator"
+    assert done.document["stop"]["text"] == "stopped by the operator"
     assert done.journal.damage.notes == ()
     assert len(done.journal.rows) >= AT - 5
     assert done.folder.manifest().status == "stopped"
@@ -107,8 +107,8 @@ def test_a_failed_write_stops_the_motion_and_keeps_the_written_rows(
 ) -> None:
     done = record("{kind: disk_error, after_bytes: 20000}")
     assert done.code == 7
-    assert done.told["stop"]["code"] == "RECORDER"
-    assert "cannot be written: File too large" in done.told["stop"]["text"]
+    assert done.document["stop"]["code"] == "RECORDER"
+    assert "cannot be written: File too large" in done.document["stop"]["text"]
     size = (done.folder.path / "recording.mcap").stat().st_size
     assert 20_000 < size < 30_000
     assert not done.journal.damage.finished
@@ -123,8 +123,8 @@ def test_a_suspended_recorder_loses_no_rows(record: Record, measured: Measured) 
     assert done.code == 0
     assert done.journal.damage.notes == ()
     assert rows_missing(done.journal) == 0
-    assert done.told["rows"] == len(done.journal.rows) > 2 * AT
-    measured(f"the recorder stopped for 0.5 s: 0 of {done.told['rows']} rows lost")
+    assert done.document["rows"] == len(done.journal.rows) > 2 * AT
+    measured(f"the recorder stopped for 0.5 s: 0 of {done.document['rows']} rows lost")
 
 
 @pytest.mark.fault(18)
@@ -132,7 +132,7 @@ def test_a_killed_program_leaves_a_complete_recording(
     workshop: Path, tmp_path: Path, measured: Measured
 ) -> None:
     words = record_words(workshop, f"{{kind: kill, process: program, at_cycle: {AT}}}", tmp_path)
-    # The output ends when the last process has ended: drives, task, recorder.
+    # `run` returns when drives, task and recorder have ended: they hold the output pipe.
     done = subprocess.run(
         [sys.executable, "-m", "rid_daq", *words], capture_output=True, check=False
     )
@@ -144,14 +144,16 @@ def test_a_killed_program_leaves_a_complete_recording(
     assert rows_missing(journal) == 0
     assert len(journal.rows) >= AT - 5
     assert not journal.rows["velocity_command"][-1].any()
-    measured(f"the program killed by a script: all {len(journal.rows)} rows kept, the file closed")
+    measured(
+        f"program killed by a fault script: all {len(journal.rows)} rows kept, the file closed"
+    )
 
 
 @pytest.mark.fault(24)
 def test_a_full_disk_gives_exit_code_7_and_a_complete_file(
     workshop: Path, tmp_path: Path, measured: Measured
 ) -> None:
-    """The disk is a small RAM disk in separate name spaces, and disappears with them."""
+    """The disk is a small RAM disk in its own mount namespace, and disappears with it."""
     small, kept = tmp_path / "small", tmp_path / "kept"
     words = record_words(workshop, f"{{kind: disk_full, at_cycle: {AT}}}", small)
     program = [sys.executable, "-m", "rid_daq", *words]
@@ -165,17 +167,19 @@ def test_a_full_disk_gives_exit_code_7_and_a_complete_file(
         [*apart, script, "sh", *program], capture_output=True, text=True, check=False
     )
     assert done.returncode == 7, done.stderr
-    told, _ = json.JSONDecoder().raw_decode(done.stdout)
-    assert told["stop"]["code"] == "RECORDER"
-    assert told["stop"]["text"].endswith("the disk is full")
+    document, _ = json.JSONDecoder().raw_decode(done.stdout)
+    assert document["stop"]["code"] == "RECORDER"
+    assert document["stop"]["text"].endswith("the disk is full")
     assert " 1% " in done.stdout.splitlines()[-1], "the disk space is released"
     (folder,) = kept.iterdir()
     journal = read_journal(folder / "recording.mcap")
     assert journal.damage.notes == ()
     assert rows_missing(journal) == 0
-    assert told["rows"] == len(journal.rows) >= AT - 5
+    assert document["rows"] == len(journal.rows) >= AT - 5
     assert RunFolder.open(folder).manifest().status == "stopped"
-    measured(f"ENOSPC on a RAM disk: exit 7, 0 of {told['rows']} rows lost, file and report whole")
+    measured(
+        f"ENOSPC on a RAM disk: exit 7, 0 of {document['rows']} rows lost, file and report complete"
+    )
 
 
 @pytest.mark.alone
@@ -183,7 +187,7 @@ def test_a_full_disk_gives_exit_code_7_and_a_complete_file(
 def test_a_task_that_was_suspended_sends_the_quick_stop_before_any_set_point(
     workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], measured: Measured
 ) -> None:
-    """Suspend the task for 0.6 s in real time; only this delay can exceed the limits."""
+    """Suspend the task for 0.6 s in real time; no other delay exceeds the wide limits."""
     patient = {
         "late_cycles_limit: 3": "late_cycles_limit: 10000\n  late_answers_limit: 100\n"
         "  late_by_cycles_limit: 60",
@@ -201,15 +205,17 @@ def test_a_task_that_was_suspended_sends_the_quick_stop_before_any_set_point(
     words = record_words(workshop, script, tmp_path / "runs")
     words[1] = str(tmp_path / "cell.yaml")
     assert run([*words, "--realtime"]) == 5
-    told, _ = json.JSONDecoder().raw_decode(capsys.readouterr().out)
-    assert told["stop"]["code"] == "LATE_CYCLE"
-    late = re.search(r"began (\d+\.\d) ms late", told["stop"]["text"])
+    document, _ = json.JSONDecoder().raw_decode(capsys.readouterr().out)
+    assert document["stop"]["code"] == "LATE_CYCLE"
+    late = re.search(r"began (\d+\.\d) ms late", document["stop"]["text"])
     assert late is not None
     assert float(late[1]) > 480.0
-    rows = read_journal(Path(told["folder"]) / "recording.mcap").rows
+    rows = read_journal(Path(document["folder"]) / "recording.mcap").rows
     after = np.flatnonzero(rows["lateness_s"] > 0.48)[0]
     assert not rows["velocity_command"][after:].any()
-    measured(f"SIGSTOP in real time: {late[1]} ms late, quick stop first, 0 set-points after it")
+    measured(
+        f"SIGSTOP in real time: {late[1]} ms late, then a quick stop and 0 set-points after it"
+    )
 
 
 def test_mock_refuses_faults_of_the_program(
@@ -218,9 +224,9 @@ def test_mock_refuses_faults_of_the_program(
     record_words(workshop, "{kind: kill, process: task}", workshop)
     faults = str(workshop / "faults.yaml")
     assert run(["mock", str(workshop / "cell.yaml"), "--faults", faults]) == 2
-    told = capsys.readouterr().err
-    assert f"{faults}: program: " in told
-    assert "rid-daq record --faults" in told
+    message = capsys.readouterr().err
+    assert f"{faults}: program: " in message
+    assert "rid-daq record --faults" in message
 
 
 def test_filling_a_disk_that_is_not_a_separate_one_is_refused_before_the_start(

@@ -1,4 +1,4 @@
-"""Motion files beyond a limit on the command line: exit code 3, and no frame is sent. Row 16."""
+"""Motion files beyond a limit: `record` ends with exit code 3 (docs/faults.md, row 16)."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def test_a_motion_file_beyond_a_limit_is_refused_before_any_frame(
     write_estimate(tmp_path / "model.json", true_estimate(loaded, weak))
     (tmp_path / "weak.yaml").write_text(to_yaml(weak))
     config = loaded.config.model_copy(update={"plate": None})
-    said = {}
+    messages = {}
     with SimulatedCell(
         CellSimulation(config, loaded.robot, loaded.plant, realtime=False, seed=3, log=log)
     ) as simulated:
@@ -103,12 +103,12 @@ def test_a_motion_file_beyond_a_limit_is_refused_before_any_frame(
             words = ["record", str(tmp_path / "cell.json"), str(tmp_path / f"{what}.yaml")]
             words += ["--model", str(tmp_path / "model.json"), "--i-have-cleared-the-cell"]
             assert run([*words, "--runs", str(tmp_path / "runs")]) == 3
-            said[what] = capsys.readouterr().err
-    assert "of the table has joint 'axis1' at 2.8" in said["position"]
-    assert "outside its limits" in said["position"]
-    assert "velocity of joint" in said["velocity"]
-    assert "N m in joint 'axis2' by the model; its limit is 20" in said["torque"]
+            messages[what] = capsys.readouterr().err
+    assert "of the table has joint 'axis1' at 2.8" in messages["position"]
+    assert "outside its limits" in messages["position"]
+    assert "velocity of joint" in messages["velocity"]
+    assert "N m in joint 'axis2' by the model; its limit is 20" in messages["torque"]
     ours = [line for line in log.read_text().splitlines() if not line.split()[2].startswith("70")]
     assert ours == []
     assert not (tmp_path / "runs").exists()
-    measured("position, velocity, torque by the model: exit 3, 0 frames, no run")
+    measured("position, velocity or predicted torque beyond its limit: exit 3, 0 frames, no run")

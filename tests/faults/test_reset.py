@@ -33,12 +33,12 @@ def test_a_drive_in_fault_is_refused_until_a_person_has_reset_it(
     stood = rig.truth.position[-1]
     powered_before = sum(map(any, rig.truth.powered))
     rig.let_pass(0.2)
-    assert sum(map(any, rig.truth.powered)) == powered_before, "a reset does not switch on any axis"
+    assert sum(map(any, rig.truth.powered)) == powered_before, "a reset switched on an axis"
     assert abs(rig.truth.position[-1] - stood).max() < 1e-6
     again = rig.move(motion)
     assert again.error is None
     assert again.reason is None
-    measured("refused until reset by hand; then preflight and motion")
+    measured("motion refused until a person resets the fault; then preflight and motion")
 
 
 def test_a_reset_writes_nothing_to_drives_without_a_fault(serve: Any) -> None:

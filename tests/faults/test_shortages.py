@@ -69,9 +69,9 @@ def test_an_oversized_file_is_refused_before_it_is_read(
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
-    said = capsys.readouterr().err
-    assert code in (2, 7), said
-    assert "larger than" in said
+    message = capsys.readouterr().err
+    assert code in (2, 7), message
+    assert "larger than" in message
     assert peak < LITTLE
     measured("5 GB refused unread")
 
@@ -95,7 +95,7 @@ def test_a_path_that_is_not_a_regular_file_is_refused_without_waiting(
 
 
 def errno_of(path: Path, most_bytes: int) -> int | None:
-    with pytest.raises(OSError) as caught:  # noqa: PT011  its number is what is looked at
+    with pytest.raises(OSError) as caught:  # noqa: PT011  the caller checks its errno
         read_file(path, most_bytes)
     return caught.value.errno
 
@@ -124,7 +124,7 @@ def run_with_limit(
 
 @pytest.mark.fault(50)
 @pytest.mark.parametrize(
-    ("words", "limit", "size", "said"),
+    ("words", "limit", "size", "expected"),
     [
         ("identify latest", resource.RLIMIT_AS, 700_000_000, "not enough memory"),
         ("record ir361 m.yaml", resource.RLIMIT_AS, 300_000_000, "not enough memory"),
@@ -141,18 +141,23 @@ def run_with_limit(
     ],
 )
 def test_a_shortage_is_named_without_a_traceback(
-    words: str, limit: int, size: int, said: str, tmp_path: Path, measured: Callable[[str], None]
+    words: str,
+    limit: int,
+    size: int,
+    expected: str,
+    tmp_path: Path,
+    measured: Callable[[str], None],
 ) -> None:
     done = run_with_limit(words.split(), tmp_path, limit, size)
     assert "Traceback" not in done.stderr
-    assert said in done.stderr
+    assert expected in done.stderr
     assert done.returncode == 7
     assert not list(tmp_path.rglob("*.tmp"))
     measured("exit 7, no traceback")
 
 
 @pytest.mark.parametrize(
-    ("error", "said"),
+    ("error", "expected"),
     [
         (MemoryError(), "not enough memory"),
         (OSError(errno.ENOMEM, "Cannot allocate memory"), "not enough memory"),
@@ -165,11 +170,11 @@ def test_a_shortage_is_named_without_a_traceback(
         (OSError(errno.EFBIG, "File too large"), "exceed the size limit"),
     ],
 )
-def test_a_shortage_is_named_from_an_error_or_its_cause(error: Exception, said: str) -> None:
+def test_a_shortage_is_named_from_an_error_or_its_cause(error: Exception, expected: str) -> None:
     outer = OSError("could not load the library")
     outer.__context__ = error
-    assert said in str(named_error(error))
-    assert said in str(named_error(outer))
+    assert expected in str(named_error(error))
+    assert expected in str(named_error(outer))
 
 
 def test_an_internal_error_is_not_reported_as_a_shortage() -> None:
@@ -203,7 +208,7 @@ NOT_JSON: list[tuple[bytes, bytes, str]] = [
     (b'"cycle_time_ms": 8', b'"cycle_time_ms": NaN', "cell.cycle_time_ms: is not a finite number"),
     (b'"cycle_time_ms": 8', b'"cycle_time_ms": 1e999', "cell.cycle_time_ms"),
     (b'"cycle_time_ms": 8', b'"cycle_time_ms": ' + b"9" * 5000, "cell.cycle_time_ms"),
-    (b'"cycle_time_ms": 8', b'"cycle_time_ms": 8, "cycle_time_ms": 9', "is there twice"),
+    (b'"cycle_time_ms": 8', b'"cycle_time_ms": 8, "cycle_time_ms": 9', "occurs twice"),
     (b'"cycle_time_ms": 8', b'"x": ' + b"[" * 5000 + b"]" * 5000, "nested"),
     (b'"cycle_time_ms": 8', b'"x": "\\ud800"', "cell.x: contains half a character"),
     (b'"headline"', b'"headlin"', "verdict.headline"),
@@ -214,11 +219,11 @@ NOT_JSON: list[tuple[bytes, bytes, str]] = [
 
 
 @pytest.mark.fault(50)
-@pytest.mark.parametrize(("old", "new", "said"), NOT_JSON, ids=[row[2] for row in NOT_JSON])
+@pytest.mark.parametrize(("old", "new", "expected"), NOT_JSON, ids=[row[2] for row in NOT_JSON])
 def test_a_damaged_result_is_refused_by_its_key(
     old: bytes,
     new: bytes,
-    said: str,
+    expected: str,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
     measured: Callable[[str], None],
@@ -230,8 +235,8 @@ def test_a_damaged_result_is_refused_by_its_key(
     assert run(["report", str(folder.path)]) == 7
     message = capsys.readouterr().err
     assert "result.json" in message
-    assert said in message
-    measured("file and key named")
+    assert expected in message
+    measured("the error names file and key")
 
 
 @pytest.mark.slow

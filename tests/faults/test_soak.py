@@ -29,6 +29,6 @@ def test_every_fault_gets_its_reaction_without_leaks(
     assert max(whole for _, whole in found.growth().values()) < 5.0
     assert not any(count > 0 for count in found.leaks().values())
     measured(
-        f"{found.faults} faults in {3600.0 * found.hours[-1]:.0f} simulated s: all reactions right,"
-        " 0 descriptors leaked; hours of it: benchmarks.soak"
+        f"{found.faults} faults in {3600.0 * found.hours[-1]:.0f} simulated s: all reactions"
+        " correct, 0 file descriptors leaked; benchmarks.soak runs for hours"
     )

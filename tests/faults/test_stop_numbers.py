@@ -1,4 +1,4 @@
-"""Every setting that affects a stop: if the preflight is green, every axis stops. Row 39."""
+"""For any settings of a stop: every axis stops if the preflight is green (faults.md, row 39)."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def wide(low: float, high: float) -> st.SearchStrategy[float]:
 
 @st.composite
 def numbers(draw: st.DrawFn) -> dict[str, Any]:
-    """Draw the numbers of a cell: most near their usual values, up to three arbitrary ones."""
+    """Draw the numbers of a cell: most are near their usual values, up to three are arbitrary."""
     wild = draw(st.sets(st.sampled_from(sorted(NUMBERS)), max_size=3))
     found: dict[str, Any] = {}
     for name, (usual, low, high) in NUMBERS.items():
@@ -148,7 +148,9 @@ def every_axis_stops_if_the_preflight_is_green(
             inside = low[i] <= position[i] <= high[i]
             outside_s = np.inf if inside else min(outside_s, time_s)
             if powered[i] and speed[i] > 0.02:
-                assert time_s <= outside_s + lag_s, f"{joint.name} is powered beyond its limit"
+                assert time_s <= outside_s + lag_s, (
+                    f"{joint.name} is still powered too long after it passed its limit"
+                )
 
 
 @pytest.mark.timeout(1500)
@@ -164,6 +166,6 @@ def test_every_axis_stops_if_the_preflight_is_green(measured: Measured, cells: i
     assert SEEN["moved"] >= cells / 10, "too few cells moved"
     assert SEEN["refused"] >= cells / 10, "too few cells were refused"
     measured(
-        f"{SEEN['tried']} cells: {SEEN['refused']} refused before power, {SEEN['moved']} moved and"
-        " stopped within the stated time, inside their range or without power"
+        f"{SEEN['tried']} cells: {SEEN['refused']} refused before power on, {SEEN['moved']} moved"
+        " and stopped within the stated time, inside their range or without power"
     )

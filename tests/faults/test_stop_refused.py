@@ -1,4 +1,4 @@
-"""Insufficient decelerations are refused with stopping time and distance: rows 37 and 38."""
+"""Too low decelerations: refused, or power off during the stop (docs/faults.md, rows 37, 38)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ AT = 230
 @pytest.mark.fault(37)
 @pytest.mark.parametrize(
     ("deceleration", "found"),
-    [(1e-30, "never: its deceleration is 0"), (0.01, "286 s, 409 rad")],
+    [(1e-30, "never stops: the deceleration is 0"), (0.01, "286 s, 409 rad")],
 )
 @pytest.mark.slow
 def test_a_far_too_low_deceleration_is_refused_before_power(
@@ -66,7 +66,7 @@ def test_a_far_too_low_deceleration_is_refused_before_power(
     assert found in refused
     power = [word for word in log.read_text().split() if word.startswith(("201#0F", "202#0F"))]
     assert power == []
-    measured(f"{deceleration:g} rad/s²: {found} of 2 s, 5.4 rad: exit 3, 0 frames of motion")
+    measured(f"{deceleration:g} rad/s²: {found}; allowed 2 s, 5.4 rad: exit 3, 0 motion frames")
 
 
 @pytest.mark.fault(38)
@@ -83,9 +83,7 @@ def test_an_axis_with_a_slower_ramp_than_commanded_is_powered_off(
     cycles = run.cycle(off.time_s) - run.cycle(stop_s)
     assert cycles <= 12
     run.assert_at_rest()
-    measured(
-        f"a ramp at a twentieth of the commanded one: power off {cycles} T after the quick stop"
-    )
+    measured(f"deceleration 1/20 of the commanded one: power off {cycles} T after the quick stop")
 
 
 @pytest.mark.fault(38)
@@ -102,4 +100,6 @@ def test_an_axis_that_reaches_its_limit_during_the_stop_is_powered_off(
     cycles = (over[-1][0] - over[0][0]) / cell.cycle_time_s
     assert cycles <= 3
     farthest = max(abs(p[0]) for _, p, _, _ in outcome.bus.trace)
-    measured(f"power off {cycles:.0f} T beyond the limit, farthest {farthest - 1.0:.3f} rad")
+    measured(
+        f"power off {cycles:.0f} T after the limit, at most {farthest - 1.0:.3f} rad beyond it"
+    )

@@ -42,15 +42,17 @@ def test_after_loss_of_the_adapter_no_motion_frame_is_sent_until_a_new_start(
     assert speed > 0.05
     allowed_s = 0.1 + 1.3 * speed / safety.quick_stop_deceleration_rad_s2 + 2 * T
     rest_s = run.truth.rest_s() - lost_s
-    assert rest_s < allowed_s, "the drives stopped by themselves"
+    assert rest_s < allowed_s, "the drives must stop by themselves in time"
     rig.let_pass(1.0)
     assert [f for f in rig.frames() if f.time_s > lost_s + T and f.data[:2] == b"\x0f\0"] == []
     ended_s = rig.truth.time_s[-1]
     again = rig.move(motion)
     assert again.error is None
     assert again.reason is None
-    assert again.motion_frames_after(ended_s), "the robot moves again after a new start"
-    measured(f"{kind}: 0 motion frames; at rest {1e3 * rest_s:.0f} ms later by the drives' watch")
+    assert again.motion_frames_after(ended_s), "the robot must move again after a new start"
+    measured(
+        f"{kind}: 0 motion frames; at rest {1e3 * rest_s:.0f} ms later by the drives' watchdogs"
+    )
 
 
 @pytest.mark.fault(12)
@@ -64,7 +66,10 @@ def test_a_babbling_node_that_blocks_the_bus_stops_the_motion(
     assert run.truth.rest_s() < lost_s + 0.4
     assert run.truth.speed_after(lost_s + 0.4) < 1e-3
     rest_s = run.truth.rest_s() - lost_s
-    measured(f"babbling: {run.reason.code.name.lower()}, at rest {1e3 * rest_s:.0f} ms later")
+    measured(
+        f"babbling node: stop reason {run.reason.code.name.lower()}, at rest {1e3 * rest_s:.0f} ms"
+        " later"
+    )
 
 
 class FullQueue:
@@ -174,7 +179,7 @@ def test_an_invalid_set_point_is_not_sent(
     assert np.abs(run.rows["velocity_command"]).max() < 1.1 * np.abs(motion.velocity).max()
     assert run.motion_frames_after(run.rows["time_s"][row[0]]) == []
     run.assert_at_rest()
-    measured(f"{name}: 0 bad frames, quick stop in its cycle")
+    measured(f"{name}: 0 wrong commands sent, quick stop in the same cycle")
 
 
 @pytest.mark.fault(19)
@@ -183,14 +188,14 @@ def test_a_stop_request_causes_a_quick_stop_within_two_cycles(
 ) -> None:
     """Request a stop through the control block, as the program does on a signal."""
     rig = serve(bus=[{"kind": "strange", "identifier": 0x3F1, "at_cycle": AT}])
-    asked: list[float] = []
+    requested_s: list[float] = []
 
     def stop_at_frame(cell: Any, control: ControlBlock) -> None:
         take, watch = cell.axes.take_events, cell.axes.watch
 
         def stop_and_take_events() -> Any:
-            if watch.unexpected_frames and not asked:
-                asked.append(cell.clock.now_s())
+            if watch.unexpected_frames and not requested_s:
+                requested_s.append(cell.clock.now_s())
                 for _ in range(5):  # Ctrl-C five times
                     control.program.request_stop(StopCode.INTERRUPTED)
             return take()
@@ -199,10 +204,10 @@ def test_a_stop_request_causes_a_quick_stop_within_two_cycles(
 
     run = rig.move(motion, stop_at_frame)
     assert run.reason.code is StopCode.INTERRUPTED
-    cycles = run.quick_stop_cycle() - run.cycle(asked[0])
+    cycles = run.quick_stop_cycle() - run.cycle(requested_s[0])
     assert cycles <= 2
     run.assert_at_rest()
-    measured(f"quick stop {cycles} T after it was asked for")
+    measured(f"quick stop {cycles} T after the request")
 
 
 STRICT = Supervision(stuck_encoder_velocity_rad_s=0.2)
@@ -234,7 +239,7 @@ def test_a_delayed_task_skips_one_cycle_or_sends_a_quick_stop_first(
         assert np.sum(np.diff(rows["cycle"].astype(int)) - 1) == 1
         assert rows["lateness_s"].max() == pytest.approx(held["duration_s"])
         assert len([g for g in gaps if g < 0.75 * T]) == 0
-        measured(f"{words}: 1 cycle skipped and counted, motion goes on")
+        measured(f"{words}: 1 cycle skipped and counted, the motion continues")
         return
     assert run.reason.code is StopCode.LATE_CYCLE
     stop_s = min(run.quick_stops().values())
@@ -242,4 +247,4 @@ def test_a_delayed_task_skips_one_cycle_or_sends_a_quick_stop_first(
     late = np.argmax(np.diff(commands[: len(commands) // 3 * 3 : 3]) > 1.5 * T)
     assert held.get("count") or late == 0, "no set-point after the pause"
     run.assert_at_rest(held["duration_s"] + T)
-    measured(f"{words}: quick stop first, 0 set-points after it")
+    measured(f"{words}: quick stop before any set-point, 0 set-points after it")

@@ -69,12 +69,12 @@ class Shell:
     def wait_for_line(self, beginning: str) -> str:
         """Wait for a line from the program or from the shell that begins with a text; return it."""
         assert self._leader.stdout is not None
-        said = []
+        output = []
         while line := self._leader.stdout.readline():
-            said.append(line)
+            output.append(line)
             if line.startswith(beginning):
                 return line
-        raise AssertionError(f"the output ended without {beginning!r}: {''.join(said)}")
+        raise AssertionError(f"the output ended without {beginning!r}: {''.join(output)}")
 
     def wait_for_text(self, text: bytes) -> None:
         """Wait until a text appears on the terminal."""
@@ -140,11 +140,11 @@ def shell(
 
 def stop(environment: dict[str, str]) -> str:
     """Run `rid-daq stop` in another process, and return its text about the session."""
-    said = subprocess.run(
+    output = subprocess.run(
         [sys.executable, "-m", "rid_daq", "stop", "--json"],
         stdout=subprocess.PIPE, text=True, env={**os.environ, **environment}, check=False,
     ).stdout  # fmt: skip
-    (session,) = json.loads(said)["sessions"]
+    (session,) = json.loads(output)["sessions"]
     text: str = session["text"]
     assert session["stopped"], text
     return text
@@ -166,7 +166,9 @@ def test_ctrl_z_does_not_suspend_a_motion_and_stop_works(
     assert shell.wait_for_line("ended") == "ended 5\n"
     shell.wait_for_all_ends()
     assert_readable(tmp_path / "runs")
-    measured(f"Ctrl-Z: the motion goes on, watched; `rid-daq stop`: {text.partition(',')[0]}")
+    measured(
+        f"Ctrl-Z: the motion continues under supervision; `rid-daq stop`: {text.partition(',')[0]}"
+    )
 
 
 @pytest.mark.fault(43)
@@ -181,7 +183,7 @@ def test_a_program_suspended_by_sigstop_can_be_stopped(
     assert shell.wait_for_line("ended") == "ended 5\n"
     shell.wait_for_all_ends()
     assert_readable(tmp_path / "runs")
-    measured(f"SIGSTOP to the program's group: `rid-daq stop`: {text.partition(',')[0]}")
+    measured(f"SIGSTOP to the program's process group: `rid-daq stop`: {text.partition(',')[0]}")
 
 
 @pytest.mark.fault(43)
@@ -191,7 +193,7 @@ def test_after_any_end_no_process_remains_and_the_recording_is_complete(
     shell: Shell, how: str, tmp_path: Path, measured: Callable[[str], None]
 ) -> None:
     before = len(shell.processes())
-    assert before >= 5, "program, task, recorder, live page, simulated cell"
+    assert before >= 5, "expected: program, task, recorder, live page and simulated cell"
     if how == "Ctrl-C":
         os.write(shell.terminal, b"\x03")
     elif how == "closed terminal":
@@ -202,7 +204,7 @@ def test_after_any_end_no_process_remains_and_the_recording_is_complete(
     assert code == {"Ctrl-C": 130, "closed terminal": 143, "kill -9 %1": -signal.SIGKILL}[how]
     shell.wait_for_all_ends()
     assert_readable(tmp_path / "runs")
-    measured(f"{how}: {before} processes ended, the file closed")
+    measured(f"{how}: {before} processes ended, the recording is closed")
 
 
 @pytest.mark.fault(19)
@@ -227,7 +229,7 @@ def test_a_motion_under_nohup_ignores_sighup(
             line = program.stdout.readline()
             assert line, "the program ended before it moved"
         program.send_signal(signal.SIGHUP)
-        said = program.stdout.read()
-    assert program.returncode == 0, said
+        output = program.stdout.read()
+    assert program.returncode == 0, output
     assert_readable(tmp_path / "runs")
     measured("nohup: SIGHUP in motion changes nothing, exit 0")

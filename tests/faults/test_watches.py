@@ -1,4 +1,4 @@
-"""Trial of the watchdogs of drives and computer before a motion: rows 11 and 18."""
+"""Test of the drives' and the computer's watchdogs before a motion (faults.md, rows 11 and 18)."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import pytest
 
 from config.load import LoadedCell
 from drivers.cell import open_cell
-from drivers.servo.watchdog_test import try_watches
+from drivers.servo.watchdog_test import run_watchdog_test
 from rid_daq.preflight.bus_check import NOT_TESTED, watchdog_lines
 
 Measured = Callable[[str], None]
@@ -27,24 +27,26 @@ def test_drives_and_computer_detect_each_others_missing_heartbeats(
     safety = rig.config.drive_safety.model_copy(update={"trip_watchdog_with_power": powered})
     config = rig.config.model_copy(update={"drive_safety": safety})
     with open_cell(config, loaded.robot) as cell:
-        trials = try_watches(cell.axes, cell.clock, config)
+        trials = run_watchdog_test(cell.axes, cell.clock, config)
     rig.let_pass(0.1)
-    assert all(trial.acted_s <= 0.080 + 1e-3 for trial in trials)
-    assert all(trial.noticed_s <= 0.108 for trial in trials)
+    assert all(trial.reacted_s <= 0.080 + 1e-3 for trial in trials)
+    assert all(trial.detected_s <= 0.108 for trial in trials)
     assert any(map(any, rig.truth.powered)) is powered
-    assert np.ptp(rig.truth.position, axis=0).max() < 0.01, "only the brakes open"
+    assert np.ptp(rig.truth.position, axis=0).max() < 0.01, (
+        "an axis moved more than by the opening of its brake"
+    )
     assert not any(rig.truth.powered[-1])
-    acted_ms = 1e3 * max(trial.acted_s for trial in trials)
-    noticed_ms = 1e3 * max(trial.noticed_s for trial in trials)
+    acted_ms = 1e3 * max(trial.reacted_s for trial in trials)
+    noticed_ms = 1e3 * max(trial.detected_s for trial in trials)
     how = trials[0].how
-    measured(f"drives act after {acted_ms:.0f} ms ({how}), computer after {noticed_ms:.0f} ms")
+    measured(f"drives react after {acted_ms:.0f} ms ({how}), computer after {noticed_ms:.0f} ms")
 
 
 @pytest.mark.fault(18)
 def test_a_drive_with_an_inactive_watchdog_is_red(
     serve: Any, loaded: LoadedCell, measured: Measured
 ) -> None:
-    """All settings read back correctly; only the trial shows that the drive would continue."""
+    """All settings read back correctly; only the test shows that the watchdog is inactive."""
     rig = serve(drives=[{"kind": "watch_asleep", "joint": "axis2"}])
     with open_cell(rig.config, loaded.robot) as cell:
         cell.axes.bring_up()
@@ -53,7 +55,7 @@ def test_a_drive_with_an_inactive_watchdog_is_red(
     red = [(line.where, line.found) for line in lines if line.verdict == "red"]
     assert red == [("axis2, node 2", "never")]
     assert not any(rig.truth.powered[-1])
-    measured("settings right, watch asleep: red in the preflight")
+    measured("settings correct, but inactive watchdog: red in the preflight")
 
 
 def test_a_trial_with_power_is_not_made_before_the_cell_is_clear(
@@ -73,6 +75,6 @@ def test_a_trial_with_power_is_not_made_before_the_cell_is_clear(
 def test_a_trial_without_a_reaction_reports_never(serve: Any, loaded: LoadedCell) -> None:
     rig = serve(drives=[{"kind": "watch_asleep"}])
     with open_cell(rig.config, loaded.robot) as cell:
-        trials = try_watches(cell.axes, cell.clock, rig.config)
-    assert all(math.isnan(trial.acted_s) for trial in trials)
+        trials = run_watchdog_test(cell.axes, cell.clock, rig.config)
+    assert all(math.isnan(trial.reacted_s) for trial in trials)
     assert {trial.how for trial in trials} == {"operation enabled"}

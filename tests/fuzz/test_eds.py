@@ -1,6 +1,6 @@
-"""Randomly changed data sheets are read, or refused with file and line, within a short time.
+"""Randomly changed EDS files are read, or refused with file and line, within a short time.
 
-The test changes 10,000 sheets (100,000 if run by hand). Bytes are flipped, cut, doubled, or
+The test makes 10,000 changed files (100,000 if run by hand). Bytes are flipped, cut, doubled, or
 replaced by text that has broken parsers before; lines are deleted, doubled or moved. Then files of
 the largest allowed size are read.
 """
@@ -64,7 +64,7 @@ LONGEST_S = 30.0  # processor time: detects an endless loop
 
 
 def change_bytes(data: bytes, chance: random.Random) -> bytes:
-    """Return a copy with one to five changes."""
+    """Return a copy of an EDS file with one to five random changes."""
     copy = bytearray(data)
     for _ in range(chance.choice((1, 1, 1, 2, 5))):
         at, size = chance.randrange(len(copy) + 1), chance.choice((1, 2, 8, 64))
@@ -93,7 +93,7 @@ def change_bytes(data: bytes, chance: random.Random) -> bytes:
 
 
 def outcome(data: bytes) -> str:
-    """Read a sheet; return the refusal without positions and values, or that it was read."""
+    """Read an EDS file; return the error without positions and values, or a text for success."""
     try:
         sheet = parse_eds(data, "drive.eds")
     except ConfigError as error:
@@ -113,11 +113,11 @@ def outcome(data: bytes) -> str:
 def test_sheets_with_random_changes_are_read_or_refused_with_their_line(sheets: int) -> None:
     chance = random.Random(4)
     counts: Counter[str] = Counter()
-    for _ in range(sheets):  # the test's timeout ends a hang
+    for _ in range(sheets):  # the timeout of the test ends an endless loop
         counts[outcome(change_bytes(SMALL, chance))] += 1
     assert counts["read"] > 0.2 * sheets
     assert counts.total() - counts["read"] > 0.2 * sheets
-    # At least this many kinds of refusals occurred; faults of an object refuse no sheet.
+    # At least this many kinds of refusals occurred; a fault of one object does not refuse a sheet.
     assert len(counts) > (44 if sheets == 100_000 else 34)
 
 

@@ -1,4 +1,4 @@
-"""Randomly changed files are read, or refused with an error of the error tree.
+"""Randomly changed files are read, or refused with one of the project's own errors.
 
 Real files of every kind are changed with a seed: bytes are flipped, cut, doubled, or replaced by
 text that has broken parsers before. Other exceptions and long run times are failures.
@@ -57,7 +57,7 @@ NOTHING = (
 
 
 def mutations(data: bytes, count: int, seed: int) -> Iterator[bytes]:
-    """Yield the given number of changed copies."""
+    """Yield the given number of randomly changed copies of a file."""
     chance = random.Random(seed)
     for _ in range(count):
         changed = bytearray(data)
@@ -82,7 +82,7 @@ def mutations(data: bytes, count: int, seed: int) -> Iterator[bytes]:
 
 
 def refusals_of_changed(read: Callable[[Path], Any], path: Path, data: bytes, count: int) -> int:
-    """Read text that is no such file, and mutations of a file; return the number of refusals."""
+    """Read unsuitable texts and changed copies of a file; return how many copies were refused."""
     messages = []
     for changed in (*NOTHING, *mutations(data, count, seed=1)):
         path.write_bytes(changed)
@@ -92,7 +92,9 @@ def refusals_of_changed(read: Callable[[Path], Any], path: Path, data: bytes, co
         except RidDaqError as error:
             messages.append(str(error))
         assert time.process_time() - begun_s < LONGEST_S
-    assert len(messages) >= len(NOTHING) - 1  # for some readers, one text is an empty file
+    assert (
+        len(messages) >= len(NOTHING) - 1
+    )  # some readers accept one of the texts as an empty file
     assert all(messages)
     return len(messages) - len(NOTHING)
 
@@ -261,7 +263,7 @@ def test_changed_models_are_used_or_refused(
 
 @pytest.fixture
 def json_files(tmp_path: Path) -> dict[Any, bytes]:
-    """JSON files that match the schema, in part with nonsense values, to reach the later checks."""
+    """JSON files that match the schema, some with absurd values, to reach the later checks."""
     loops = {
         "format": 1,
         "robot": "ir361",

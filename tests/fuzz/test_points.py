@@ -1,4 +1,4 @@
-"""Random bytes on the point socket become points or a typed error, with bounded memory."""
+"""Random bytes for the receiver of points give points or a typed error, in bounded memory."""
 
 from __future__ import annotations
 
@@ -70,14 +70,14 @@ sessions = st.one_of(
 @given(parts=sessions, cut=st.integers(1, CHUNK_BYTES))
 def test_bytes_become_points_or_one_typed_error(parts: list[bytes], cut: int) -> None:
     data, decoder = b"".join(parts), PointDecoder(3)
-    taken = 0
+    points_read = 0
     with contextlib.suppress(ProtocolError):
         for first in range(0, len(data), cut):
             points = decoder.decode(data[first : first + cut])
             assert points.shape == (len(points), 3)
-            taken += 24 * len(points)
+            points_read += 24 * len(points)
             assert len(decoder._bytes) <= GREATEST_BYTES
-    assert taken <= len(data)
+    assert points_read <= len(data)
 
 
 @pytest.mark.parametrize("depth", [1000, CHUNK_BYTES])

@@ -1,4 +1,4 @@
-"""A result.json with one changed value: its report is written, or refused with our error."""
+"""A result.json with one changed value gives a report, or one of the project's own errors."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def report_of(data: bytes) -> str:
     Each section has a separate page and drawings; unchanged sections are not drawn again.
     """
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # drawings of absurd numbers
+        warnings.simplefilter("ignore")  # drawings of absurd numbers cause warnings
         run = RunFolder.create(Path(folder), "changed")
         run.write("result.json", data)
         try:
@@ -56,5 +56,5 @@ def unchanged_sections(result: Result) -> set[str]:
 @example(b"[" * 100_000)
 @example(json.dumps(WHOLE).encode())
 def test_a_changed_result_causes_only_our_errors(data: bytes) -> None:
-    said = report_of(data)
-    assert said == "done" or "result.json" in said
+    outcome = report_of(data)
+    assert outcome == "done" or "result.json" in outcome

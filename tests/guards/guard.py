@@ -1,4 +1,4 @@
-"""`Guard`: one check in the code that refuses or stops a motion, and the tests that need it.
+"""`Guard`: one check in the code that refuses or stops a motion, and the tests of this check.
 
 The files `*.yaml` in this folder list the guards. Each entry says how the guard is removed: `code`,
 which occurs once in `file`, is replaced by `without`.
@@ -24,7 +24,7 @@ class Guard(BaseModel):
     Attributes:
         guard: What the guard refuses or stops, in one sentence.
         file: Source file that contains the guard.
-        code, without: Text of the guard, and its replacement when the guard is removed.
+        code, without: Source text of the guard, and the text that replaces it when it is removed.
         tests: Test functions of which at least one fails without the guard.
     """
 
@@ -51,7 +51,7 @@ class Guard(BaseModel):
 
 
 class Section(BaseModel):
-    """The guards of one file, under one title."""
+    """The guards of one YAML file, under one title."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 

@@ -25,16 +25,18 @@ FAILED: Final = 1
 
 _HEAD: Final = """# Guards of motion
 
-Each row is a check that refuses a motion before it begins, or stops it while it runs. The tests in
-the last column fail if the check is removed: `python -m tests.guards.removed` removes each check in
-a copy of the project and runs them. `tests/guards/test_guards.py` fails if a check or a test of
-this page no longer exists. Failures of drives, buses and programs are on the page
-[faults](faults.md), promises against people and programs are on the page [security](security.md).
+Each row is a check that refuses a motion before it begins, or stops a motion while it runs. The
+tests in the last column fail if the check is removed: `python -m tests.guards.removed` removes each
+check in a copy of the project and runs them. `tests/guards/test_guards.py` fails if a check or a
+test of this page no longer exists. Failures of drives, buses and programs are on the page
+[faults](faults.md); promises about people and programs without permission are on the page
+[security](security.md).
 
 rid-daq is not a safety function. The cell's own emergency stop is required and must be within
 reach.
 
-Written by `python -m tests.guards.removed --page` from the lists in `tests/guards`.
+The command `python -m tests.guards.removed --page` writes this page from the lists in
+`tests/guards`.
 """
 
 
@@ -42,7 +44,12 @@ def page(parts: Sequence[Section]) -> str:
     """Return the page of all guards."""
     lines = [_HEAD]
     for part in parts:
-        lines += [f"## {part.title}", "", "| guard | code | fails without it |", "|---|---|---|"]
+        lines += [
+            f"## {part.title}",
+            "",
+            "| guard | code | tests that fail without the guard |",
+            "|---|---|---|",
+        ]
         for each in part.guards:
             tests = "<br>".join(f"`{test}`" for test in each.tests)
             lines.append(f"| {each.guard} | `{each.file}` | {tests} |")
@@ -85,14 +92,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("texts", nargs="*", metavar="TEXT", help="Part of a sentence or file name.")
     parser.add_argument("--page", action="store_true", help="Write docs/guards.md.")
-    asked = parser.parse_args()
-    if asked.page:
+    options = parser.parse_args()
+    if options.page:
         PAGE.write_text(page(sections()), encoding="utf-8")
         return 0
     chosen = [
         each
         for each in guards()
-        if not asked.texts or any(text in each.guard or text in each.file for text in asked.texts)
+        if not options.texts
+        or any(text in each.guard or text in each.file for text in options.texts)
     ]
     missed = 0
     with tempfile.TemporaryDirectory(prefix="guards-") as folder:

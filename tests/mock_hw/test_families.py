@@ -26,7 +26,7 @@ from drivers.ports.can_link import CanLink
 from drivers.servo.drive_settings import restore_drive
 from drivers.servo.eds_check import eds_findings
 from drivers.servo.sdo_port import SdoPort
-from drivers.servo.watchdog_test import WatchTrial, prove_watches, try_watches
+from drivers.servo.watchdog_test import WatchdogResult, require_watchdogs, run_watchdog_test
 from drivers.settings.write_log import WriteLog, read_write_log
 from mock_hw.drive import objects as od
 from mock_hw.drive.drive import SimulatedDrive
@@ -73,9 +73,9 @@ def opened(cell: CellConfig) -> Iterator[tuple[Cell, ObedientCell]]:
         yield open_cell, bus
 
 
-def try_all_watches(cell: CellConfig) -> tuple[WatchTrial, ...]:
+def try_all_watches(cell: CellConfig) -> tuple[WatchdogResult, ...]:
     with opened(cell) as (open_cell, _):
-        return try_watches(open_cell.axes, open_cell.clock, cell)
+        return run_watchdog_test(open_cell.axes, open_cell.clock, cell)
 
 
 def move_both_axes(cell: CellConfig) -> None:
@@ -116,7 +116,7 @@ def test_a_drive_without_reaction_objects_is_tested_for_its_stop() -> None:
     cell = cell_of(WITHOUT_REACTIONS, ServoProfile())
     trials = try_all_watches(cell)
     assert all(trial.powered for trial in trials), "its emergency message alone proves no stop"
-    assert all(trial.acted_s <= 0.088 for trial in trials)
+    assert all(trial.reacted_s <= 0.088 for trial in trials)
     assert [trial.how for trial in trials] == ["fault", "switch on disabled"]
     move_both_axes(cell)
 
@@ -125,8 +125,8 @@ def test_the_watchdog_test_runs_before_a_motion_without_a_request() -> None:
     cell = cell_of(WITHOUT_REACTIONS, ServoProfile())
     with opened(cell) as (open_cell, bus):
         open_cell.axes.bring_up()
-        assert open_cell.axes.left_to_trial == ("base",)
-        prove_watches(open_cell.axes, open_cell.clock, cell)
+        assert open_cell.axes.undefined_reactions == ("base",)
+        require_watchdogs(open_cell.axes, open_cell.clock, cell)
         assert any(any(powered) for _, _, _, powered in bus.trace)
         open_cell.axes.start()
         open_cell.axes.enable()
@@ -136,7 +136,7 @@ def test_a_drive_with_known_reactions_is_not_powered_for_a_test() -> None:
     cell = cell_of(ServoProfile(), ServoProfile())
     with opened(cell) as (open_cell, bus):
         open_cell.axes.bring_up()
-        prove_watches(open_cell.axes, open_cell.clock, cell)
+        require_watchdogs(open_cell.axes, open_cell.clock, cell)
         assert bus.trace == []
 
 
@@ -146,10 +146,10 @@ def test_a_drive_that_does_not_stop_without_this_computer_is_never_moved() -> No
         bus.drives[1].objects[od.ABORT_CONNECTION] = 0
         open_cell.axes.bring_up()
         with raises_code(PreflightError, "RID-DRIVE-WATCHDOG", "time"):
-            prove_watches(open_cell.axes, open_cell.clock, cell)
-        trial = try_watches(open_cell.axes, open_cell.clock, cell)[1]
+            require_watchdogs(open_cell.axes, open_cell.clock, cell)
+        trial = run_watchdog_test(open_cell.axes, open_cell.clock, cell)[1]
         assert (trial.joint, trial.how) == ("elbow", "operation enabled")
-        assert math.isnan(trial.acted_s)
+        assert math.isnan(trial.reacted_s)
 
 
 @pytest.mark.parametrize("rate", [0.98, 1.0, 1.02, 1.1])
@@ -164,10 +164,10 @@ def test_a_drive_that_only_reports_the_silent_computer_is_never_moved(
         bus.drives[1].clock.rate = rate
         open_cell.axes.bring_up()
         with raises_code(PreflightError, "RID-DRIVE-WATCHDOG", "time"):
-            prove_watches(open_cell.axes, open_cell.clock, cell)
-        base, elbow = try_watches(open_cell.axes, open_cell.clock, cell)
-        assert (elbow.how, math.isnan(elbow.acted_s)) == ("operation enabled", True)
-        assert base.acted_s <= 0.088
+            require_watchdogs(open_cell.axes, open_cell.clock, cell)
+        base, elbow = run_watchdog_test(open_cell.axes, open_cell.clock, cell)
+        assert (elbow.how, math.isnan(elbow.reacted_s)) == ("operation enabled", True)
+        assert base.reacted_s <= 0.088
 
 
 @pytest.mark.parametrize("late_s", [0.0, 0.06])
@@ -192,10 +192,10 @@ def test_the_reaction_time_is_that_of_the_stop_and_not_of_the_report(
 
         monkeypatch.setattr(drive, "_lose_master", reported)
         monkeypatch.setattr(axes, "exchange", exchanged)
-        trial = try_watches(axes, open_cell.clock, cell)[1]
+        trial = run_watchdog_test(axes, open_cell.clock, cell)[1]
         assert trial.how == "fault"
-        assert trial.acted_s - 0.08 - late_s <= 2 * cell.cycle_time_s
-        assert trial.acted_s >= 0.08 + late_s
+        assert trial.reacted_s - 0.08 - late_s <= 2 * cell.cycle_time_s
+        assert trial.reacted_s >= 0.08 + late_s
 
 
 GUARDED = ServoProfile(
@@ -210,23 +210,23 @@ def test_a_drive_with_life_guarding_instead_of_heartbeats_is_moved(
     cell = cell_of(GUARDED, ServoProfile())
     move_both_axes(cell)
     trials = try_all_watches(cell)
-    assert all(trial.acted_s <= 0.088 for trial in trials), trials
-    assert all(trial.noticed_s <= 0.108 for trial in trials), trials
+    assert all(trial.reacted_s <= 0.088 for trial in trials), trials
+    assert all(trial.detected_s <= 0.108 for trial in trials), trials
     assert trials[0].how == "fault"
-    measured(f"life guarding: stops {1e3 * trials[0].acted_s:.0f} ms after the last question")
+    measured(f"life guarding: stops {1e3 * trials[0].reacted_s:.0f} ms after the last question")
 
 
 def test_life_guarding_is_tested_before_every_motion() -> None:
     cell = cell_of(ServoProfile(watch="life_guarding", lacks=("1016h",)), ServoProfile())
     with opened(cell) as (open_cell, bus):
         open_cell.axes.bring_up()
-        assert open_cell.axes.left_to_trial == ("base",)
+        assert open_cell.axes.undefined_reactions == ("base",)
         assert bus.drives[0].objects[od.HEARTBEAT_PRODUCER] == 0
         assert bus.drives[0].objects[od.GUARD_TIME] == 25
         assert bus.drives[0].objects[od.LIFE_TIME_FACTOR] == 3
         bus.drives[0].watches = False
         with raises_code(PreflightError, "RID-DRIVE-WATCHDOG", "time"):
-            prove_watches(open_cell.axes, open_cell.clock, cell)
+            require_watchdogs(open_cell.axes, open_cell.clock, cell)
 
 
 def test_the_watchdog_test_of_a_guarded_drive_with_a_fault_is_completed(
@@ -236,8 +236,8 @@ def test_the_watchdog_test_of_a_guarded_drive_with_a_fault_is_completed(
     with opened(cell) as (open_cell, bus):
         drive = bus.drives[0]
         monkeypatch.setattr(drive, "_lose_master", drive._fault)
-        trials = try_watches(open_cell.axes, open_cell.clock, cell)
-        assert all(trial.acted_s <= 0.088 and trial.noticed_s <= 0.108 for trial in trials)
+        trials = run_watchdog_test(open_cell.axes, open_cell.clock, cell)
+        assert all(trial.reacted_s <= 0.088 and trial.detected_s <= 0.108 for trial in trials)
 
         def fail_otherwise(code: int) -> None:
             drive._fault(code)
@@ -247,7 +247,7 @@ def test_the_watchdog_test_of_a_guarded_drive_with_a_fault_is_completed(
         with raises_code(
             PreflightError, "RID-PREFLIGHT-RED", "3210h"
         ):  # a fault with another cause than the test
-            try_watches(open_cell.axes, open_cell.clock, cell)
+            run_watchdog_test(open_cell.axes, open_cell.clock, cell)
 
 
 @pytest.mark.parametrize("lacking", ["100Ch", "100Dh"])
@@ -270,8 +270,8 @@ def test_a_guarded_drive_that_no_longer_answers_is_detected(stale: bool) -> None
         axes.start()
         due_s = axes.enable()
         bus.drives[0].beats = False
-        since_s, noticed_s = clock.now_s(), math.inf
-        while clock.now_s() < since_s + 0.3 and math.isinf(noticed_s):
+        since_s, detected_s = clock.now_s(), math.inf
+        while clock.now_s() < since_s + 0.3 and math.isinf(detected_s):
             clock.sleep_until(due_s := due_s + cell.cycle_time_s)
             axes.exchange()
             if stale:
@@ -279,8 +279,8 @@ def test_a_guarded_drive_that_no_longer_answers_is_detected(stale: bool) -> None
             axes.command(np.zeros(2))
             axes.send_heartbeat(clock.now_s())
             lost = [e for e in axes.take_events() if e.kind is EventKind.HEARTBEAT_LOST]
-            noticed_s = min((event.time_s for event in lost), default=math.inf)
-        assert noticed_s - since_s <= 0.14
+            detected_s = min((event.time_s for event in lost), default=math.inf)
+        assert detected_s - since_s <= 0.14
 
 
 def test_a_drive_with_profile_velocity_current_and_vendor_units_is_moved() -> None:
@@ -318,7 +318,7 @@ def test_a_drive_with_position_mode_only_is_moved(mode: Mode) -> None:
     )
     move_both_axes(cell_of(other, ServoProfile()))
     trials = try_all_watches(cell_of(other, ServoProfile()))
-    assert all(trial.acted_s <= 0.088 for trial in trials)
+    assert all(trial.reacted_s <= 0.088 for trial in trials)
 
 
 def test_enabling_moves_no_position_mode_axis() -> None:
@@ -359,8 +359,8 @@ class TestBundledFamilies:
         trials = try_all_watches(
             cell_of(bundled(name), ServoProfile(), trip_watchdog_with_power=True)
         )
-        assert all(trial.acted_s <= 0.088 for trial in trials), trials
-        assert all(trial.noticed_s <= 0.108 for trial in trials), trials
+        assert all(trial.reacted_s <= 0.088 for trial in trials), trials
+        assert all(trial.detected_s <= 0.108 for trial in trials), trials
 
     def test_a_bundled_drive_lacks_nothing_that_it_needs(self, name: str) -> None:
         cell = cell_of(bundled(name), ServoProfile())

@@ -13,7 +13,7 @@ from config.errors import DeviceFaultError
 from drivers.canopen.heartbeat import heartbeat_frame
 from drivers.canopen.nmt import NmtState
 from drivers.cell import Cell
-from drivers.servo.watchdog_test import try_watches
+from drivers.servo.watchdog_test import run_watchdog_test
 from mock_hw.drive import objects as od
 from mock_hw.drive.drive import SimulatedDrive
 from tests.builders.raised_codes import raises_code
@@ -109,6 +109,6 @@ def test_a_second_boot_up_message_before_setup_is_tolerated(rig: Rig) -> None:
 
 def test_resets_of_the_watchdog_test_are_not_restarts(rig: Rig) -> None:
     for _ in range(2):
-        trials = try_watches(rig.cell.axes, rig.cell.clock, rig.config)
-        assert all(trial.acted_s <= 0.088 for trial in trials)
+        trials = run_watchdog_test(rig.cell.axes, rig.cell.clock, rig.config)
+        assert all(trial.reacted_s <= 0.088 for trial in trials)
     rig.cell.axes.start()

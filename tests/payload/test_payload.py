@@ -176,7 +176,7 @@ def test_a_fixed_value_that_contradicts_the_recordings_fails_the_verdict(
     held = identify_payload(robot, both, how)
     assert held.reported[0] == mass_kg
     failed = [line for line in check_payload(held, PayloadLimits()) if not line.passed]
-    assert failed[0].text.endswith("kg as known, distance from the recordings' result")
+    assert failed[0].text.endswith("kg: distance from the recordings' result")
     assert failed[0].value > 20.0
 
 

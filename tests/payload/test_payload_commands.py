@@ -204,7 +204,7 @@ def test_a_session_with_swapped_currents_of_two_axes_fails(
     capsys.readouterr()
     assert run([*words, "-o", str(workshop / "swapped.json")]) == 6
     said = " ".join(capsys.readouterr().out.split())
-    assert "Failed: residual of joint2 (RMS, of its torque); residual of joint3" in said
+    assert "Failed: residual of joint2 (RMS, relative to its torque); residual of joint3" in said
     assert "look for swapped torques of two axes" in said
 
 

@@ -1,8 +1,9 @@
-"""CANopenNode, a CANopen stack in C by other authors, as a device and as a master on SocketCAN.
+"""Tests against CANopenNode, an independent CANopen stack in C, as device and as master.
 
-Its program for Linux is `canopend`, with the dictionary of its own example (CiA 301 only). These
-tests run if RID_DAQ_SOCKETCAN names an interface that is up, and `canopend` is on the path or named
-by RID_DAQ_CANOPEND. No registry has `canopend`; it must be built from source.
+Both use SocketCAN. The program of CANopenNode for Linux is `canopend`, with the object dictionary
+of its example (CiA 301 only). These tests run if RID_DAQ_SOCKETCAN names an interface that is up,
+and `canopend` is on the path or named by RID_DAQ_CANOPEND. No package registry contains `canopend`;
+it must be built from source.
 """
 
 from __future__ import annotations
@@ -46,14 +47,14 @@ WATCH_S = 0.5
 
 
 class Device:
-    """`canopend` as a device, and the master's end of the bus."""
+    """`canopend` as a device, and our port to the bus as its master."""
 
     def __init__(self, link: CanLink) -> None:
         self.link = link
         self.port = SdoPort(link, DEVICE, lambda frame, now_s: None, timeout_s=PATIENCE_S)
 
     def wait(self, wanted: Callable[[Frame], bool], beat_s: float = 0.0) -> Frame:
-        """Return the first wanted frame; meanwhile send our heartbeat every `beat_s`."""
+        """Return the first frame that matches; until then send our heartbeat every `beat_s`."""
         end_s = time.monotonic() + PATIENCE_S
         while time.monotonic() < end_s:
             if beat_s:
@@ -61,7 +62,7 @@ class Device:
             frame = self.link.receive(self.link.clock.now_s() + (beat_s or 1.0))
             if frame is not None and wanted(frame):
                 return frame
-        raise AssertionError("nothing of the kind came")
+        raise AssertionError("no matching frame arrived")
 
     def reaches(self, state: NmtState, command: NmtCommand) -> None:
         self.link.send(nmt_frame(command, DEVICE))
@@ -135,12 +136,12 @@ def test_the_device_receives_our_heartbeat_and_detects_its_loss(device: Device) 
     device.reaches(NmtState.OPERATIONAL, NmtCommand.START)
     end_s, emergencies = time.monotonic() + 3 * WATCH_S, []
 
-    def seen(frame: Frame) -> bool:
+    def is_time_over(frame: Frame) -> bool:
         if frame.cob_id == emcy_cob_id(DEVICE) and parse_emcy(frame.data).code == 0x8130:
             emergencies.append(frame)
         return time.monotonic() > end_s
 
-    device.wait(seen, beat_s=WATCH_S / 10)
+    device.wait(is_time_over, beat_s=WATCH_S / 10)
     assert emergencies == [], "our heartbeat was received"
     device.wait(
         lambda frame: frame.cob_id == emcy_cob_id(DEVICE) and parse_emcy(frame.data).code == 0x8130

@@ -1,4 +1,4 @@
-"""SocketCAN interface of the kernel: times, losses, bus-off, queues; compared with candump.
+"""Tests of SocketCAN: time stamps, lost frames, bus-off, queues; compared with candump.
 
 These tests run if RID_DAQ_SOCKETCAN names a virtual CAN interface that is up and may be changed: in
 the guest that test_guest.py boots, or by hand.
@@ -204,7 +204,7 @@ def test_error_frames_other_than_bus_off_are_counted(raw: socket.socket) -> None
 
 @pytest.fixture
 def blocked() -> Iterator[None]:
-    """Block the interface's output, as if no node acknowledged."""
+    """Block the output of the interface, as if no node acknowledged frames."""
     run("tc", "qdisc", "add", "dev", CHANNEL, "root", "plug", "limit", "1000000")
     yield
     subprocess.run(["tc", "qdisc", "del", "dev", CHANNEL, "root"], check=False)
@@ -215,7 +215,7 @@ def test_few_set_points_are_queued_on_a_dead_bus_and_none_is_sent_later(
 ) -> None:
     taken, text = fill(link)
     assert "transmit queue is full" in text
-    assert 18 <= taken <= 32, "a cycle of sixteen axes fits, and little more"
+    assert 18 <= taken <= 32, "the frames of one cycle of sixteen axes fit, and few more"
     link.close()
     run("ip", "link", "set", CHANNEL, "down")  # as in bus-off: the carrier is lost
     assert "backlog 0b 0p" in run("tc", "-s", "qdisc", "show", "dev", CHANNEL)
@@ -318,7 +318,7 @@ def drive(
 
 
 def set_points(raw: socket.socket, listen_s: float = 0.5) -> int:
-    """Return the number of received set-points, both waiting ones and those of half a second."""
+    """Return the number of set-points that were waiting or arrive within half a second."""
     until_s = time.monotonic() + listen_s
     raw.settimeout(0.05)
     count = waiting = 0

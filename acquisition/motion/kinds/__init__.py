@@ -1,4 +1,4 @@
-"""Kinds of motion, one file each: keys of the motion file, rows, description, next command.
+"""Kinds of motion. Each file defines the keys of a motion file and computes the rows.
 
 No kind depends on the name of another kind. Begin with `motion.py`, then `fourier.py`;
 `../motion_file.py` lists the kinds.

@@ -72,22 +72,22 @@ class CircleMotion(Motion):
     def describe(self) -> str:
         """Return a description of the motion in one sentence."""
         return (
-            f"{self.periods} turns of a circle of {2e3 * self.radius_m:g} mm at"
-            f" {self.speed_m_s:g} m/s, after {self.transient_periods} to settle."
+            f"{self.periods} turns of a circle of {2e3 * self.radius_m:g} mm diameter at"
+            f" {self.speed_m_s:g} m/s, after {self.transient_periods} turns to settle."
         )
 
     def next_command(self, run: Path) -> tuple[object, ...]:
         """Return the command that shows the path error on the circle."""
         return "tracking", run
 
-    def points(self, share: FloatArray) -> FloatArray:
-        """Return points [m] at fractions of the circle's length, 0 to 1; shape (len(share), 3)."""
+    def points(self, fraction: FloatArray) -> FloatArray:
+        """Return points [m] at fractions of the circle's length, 0 to 1; (len(fraction), 3)."""
         normal = np.array(self.normal) / np.linalg.norm(self.normal)
         other = np.eye(3)[int(np.argmin(np.abs(normal)))]
         x = np.cross(other, normal)
         x /= np.linalg.norm(x)
         y = np.cross(normal, x)
-        angle = 2.0 * math.pi * np.asarray(share)[:, np.newaxis]
+        angle = 2.0 * math.pi * np.asarray(fraction)[:, np.newaxis]
         return np.asarray(
             np.array(self.centre_m) + self.radius_m * (np.cos(angle) * x + np.sin(angle) * y)
         )

@@ -53,7 +53,7 @@ class SpeedRuns(ConfigModel):
 
 @dataclass(frozen=True)
 class ConstantRun:
-    """One run of one joint (from 0): signed speed, and its rows at this speed, without `end`."""
+    """One run: joint index, signed speed, and the rows at this speed (without row `end`)."""
 
     joint: int
     speed: float
@@ -63,7 +63,7 @@ class ConstantRun:
 
 @dataclass(frozen=True)
 class _Stroke:
-    """Ramp rows, constant-speed rows, start and end of a run in one direction."""
+    """Numbers of rows of a ramp and at constant speed; start and end position of a run."""
 
     ramp: int
     constant: int
@@ -77,7 +77,8 @@ class ConstantVelocityMotion(Motion):
     Attributes:
         pose: Pose that the other joints hold, one position per joint, base to flange [rad or m].
         joints: Ranges and speeds of the joints to measure.
-        acceleration_fraction: Share of the joint's acceleration limit that changes of speed use.
+        acceleration_fraction: Fraction of the joint's acceleration limit that is used to change the
+            speed.
         longest_run_s: Longest duration of one run [s]. Faster runs use the whole range; slower runs
             use a part around the middle of the range.
         repeats: Number of times that each speed is run forwards and backwards.
@@ -117,7 +118,7 @@ class ConstantVelocityMotion(Motion):
     def runs(
         self, robot: RobotDescription, sample_period_s: float
     ) -> tuple[JointTrajectory, tuple[ConstantRun, ...]]:
-        """Return the rows of all runs, and the position of each run in them.
+        """Return the rows of the whole motion, and the location of each run in these rows.
 
         Each run accelerates and brakes along the polynomial 10 x^3 - 15 x^4 + 6 x^5, so that the
         motion is of class C2.
@@ -193,7 +194,7 @@ def _plan_stroke(
     speed: float,
     sample_period_s: float,
 ) -> _Stroke:
-    """Return ramps and constant part of one speed, around the middle of its range."""
+    """Return the run at one speed, around the middle of the joint's range."""
     allowed = motion.acceleration_fraction * robot.joints[joint].limits.acceleration
     ramp_s = max(SHORTEST_RAMP_S, QUINTIC_PEAK_VELOCITY * speed / allowed)
     ramp = math.ceil(ramp_s / sample_period_s)

@@ -80,7 +80,8 @@ class FourierMotion(Motion):
         harmonics = max(len(joint.sine) for joint in self.joints)
         return (
             f"Fourier motion, {self.periods} periods of {self.period_s:g} s after"
-            f" {self.transient_periods} transient, up to harmonic {harmonics}"
+            f" {self.transient_periods} transient period{'s' * (self.transient_periods != 1)},"
+            f" up to harmonic {harmonics}"
             f" ({harmonics / self.period_s:.3g} Hz)."
         )
 
@@ -140,7 +141,7 @@ def require_duration(periods: int, period_s: float, ramp_s: float, parts: int = 
         ConfigError: The motions are too long.
     """
     seconds = parts * (periods * period_s + 2 * ramp_s)
-    refuse_longer(seconds, f"{parts * periods} periods of {period_s:.6g} s and its ramps")
+    refuse_longer(seconds, f"{parts * periods} periods of {period_s:.6g} s, and ramps")
 
 
 def periodic_samples(
@@ -156,7 +157,7 @@ def periodic_samples(
         sample_period_s: Cycle time of the cell [s].
 
     Raises:
-        ConfigError: As `FourierMotion.trajectory`, or the period or its ramps exceed a limit.
+        ConfigError: See `FourierMotion.trajectory`; or the period or its ramps exceed a limit.
     """
     trajectory = motion.trajectory(robot, sample_period_s)
     times_s = trajectory.sample_times_s
@@ -199,7 +200,7 @@ def join_periodic_motions(
         dwell_s: Rest between two motions, before the move to the next one [s].
 
     Raises:
-        ConfigError: As `periodic_samples`.
+        ConfigError: See `periodic_samples`.
     """
     planned = [periodic_samples(part, robot, sample_period_s).whole() for part in parts]
     paths: list[JointTrajectory] = []
@@ -233,4 +234,4 @@ def _ramps(
         if not broken:
             return start, end
         rows = math.ceil(rows * RAMP_GROWTH)
-    raise beyond_limits(broken, f"a ramp of {ramp_s:g} s, like each longer ramp tried,")
+    raise beyond_limits(broken, f"a ramp of {ramp_s:g} s, like every longer ramp that was tried,")

@@ -21,18 +21,19 @@ from dynamics.geometry.inverse_kinematics import PathSlopes
 POINTS_A_CHORD: Final = 40
 FEWEST: Final = 200
 SAME_POSE: Final = 1e-6
-"""Largest difference between poses that count as the same [rad or m]; encoders cannot resolve it.
+"""Largest difference between poses that count as the same [rad or m]; encoders cannot resolve this
+difference.
 """
 
 
 class JointPathMotion(Motion):
     """Smooth curve (of class C2) through poses, from rest to rest, as fast as the limits permit.
 
-    Consecutive poses that differ by at most 1e-6 rad or m in each joint are one.
+    Consecutive poses that differ by at most 1e-6 rad or m in each joint count as one pose.
 
     Attributes:
         points: Poses on the curve, each with one position per joint, base to flange [rad or m].
-        speed_fraction: Share of the joints' velocity and acceleration limits to use.
+        speed_fraction: Fraction of the joints' velocity and acceleration limits that is used.
         jerk_time_s: Time that the acceleration takes to change from one limit to the other [s].
         dwell_s: Rest before and after the motion [s].
     """
@@ -56,7 +57,8 @@ class JointPathMotion(Motion):
         numbers = _different_poses(poses)
         if len(numbers) < 2:
             raise ConfigError(
-                f"all {len(poses)} points of the path are the same pose: give another one",
+                f"all {len(poses)} points of the path are the same pose: give at least two"
+                " different poses",
                 code="RID-PATH-SEGMENT",
             )
         points = poses[numbers]
@@ -96,14 +98,14 @@ class JointPathMotion(Motion):
                 if not low <= value <= high:
                     raise LimitError(
                         f"point {number} of the path has joint {joint.name!r} at {value:.4g},"
-                        f" outside its limits {low:g} to {high:g}",
+                        f" outside its limits {low:g} to {high:g}: move the point",
                         code="RID-MOTION-LIMIT",
                     )
         return np.array(self.points, dtype=float)
 
 
 def _different_poses(poses: FloatArray) -> list[int]:
-    """Return the rows of poses that differ from the previous one, with the first and the last."""
+    """Return the indices of poses that differ from the previous one, with the first and last."""
     kept = [0]
     for row in range(1, len(poses)):
         if np.abs(poses[row] - poses[kept[-1]]).max() > SAME_POSE:

@@ -26,11 +26,11 @@ from config.robot.robot import RobotDescription
 
 AT_REST: Final = 0.02
 MOST_FACTOR: Final = 5.0
-"""Largest ratio between the velocities of a table and the changes of its positions."""
+"""Largest accepted ratio between the velocities of a table and the rates of its positions."""
 STILL: Final = 1e-3
-"""Fraction of the velocity limit below which velocities count as zero."""
+"""Fraction of a joint's velocity limit up to which the velocities of a table count as zero."""
 STOPPING: Final = 5.77
-"""Largest acceleration of a quintic from rest to rest, over distance / time^2: 10 / sqrt(3)."""
+"""Largest acceleration of a quintic from rest to rest, divided by distance / time^2."""
 POSITIONS: Final = Plausible(0.0, 50.0, "rad or m")
 SPEEDS: Final = Plausible(0.0, 60.0, "rad/s or m/s")
 TIMES: Final = Plausible(0.01, LONGEST_MOTION_S, "s")
@@ -40,8 +40,8 @@ class JointTableMotion(Motion, Derived):
     """Joint positions over time, from a planner's file, or in the motion file itself.
 
     A smooth curve passes through the rows: of class C4 through positions alone, of class C3 through
-    positions and velocities. It must begin and end at rest. A row that repeats the previous one is
-    left out.
+    positions and velocities. The motion must begin and end at rest. A row that repeats the previous
+    one is left out.
 
     Attributes:
         file: File next to the motion file. A CSV file has a column `time_s` or `time_from_start`
@@ -51,8 +51,8 @@ class JointTableMotion(Motion, Derived):
         joints: Without `file`: names of the joints, in the order of the columns of `position`.
         time_s: Without `file`: time of each row [s].
         position: Without `file`: rows of joint positions [rad or m].
-        velocity: Without `file`: rows of joint velocities [rad/s or m/s]; left out, the positions
-            alone define the curve.
+        velocity: Without `file`: rows of joint velocities [rad/s or m/s]; without velocities, the
+            positions alone define the curve.
         dwell_s: Rest before and after the motion [s].
     """
 
@@ -67,7 +67,7 @@ class JointTableMotion(Motion, Derived):
     @model_validator(mode="after")
     def _check_source(self) -> JointTableMotion:
         if (self.file is None) == (not self.time_s):
-            raise ValueError("give either file, or joints, time_s and position")
+            raise ValueError("give either `file`, or `joints`, `time_s` and `position`")
         if len(self.time_s) != len(self.position):
             raise ValueError(
                 f"time_s has {len(self.time_s)} rows, position {len(self.position)}: give the"
@@ -87,7 +87,7 @@ class JointTableMotion(Motion, Derived):
         return self
 
     def derived(self) -> dict[str, tuple[float, Plausible]]:
-        """Return largest position and velocity, and the duration of the table, once it is read."""
+        """Return the table's largest position and velocity, and its duration; 0 before reading."""
         furthest = max((abs(value) for row in self.position for value in row), default=0.0)
         fastest = max((abs(value) for row in self.velocity for value in row), default=0.0)
         lasts_s = max(self.time_s) - min(self.time_s) if self.time_s else 0.0
@@ -99,7 +99,7 @@ class JointTableMotion(Motion, Derived):
 
     @property
     def read_later(self) -> frozenset[str]:
-        """Keys whose values are in the trajectory file."""
+        """Keys whose values are read later, from the trajectory file; empty without a file."""
         return (
             frozenset({"position", "velocity", "time_s"}) if self.file is not None else frozenset()
         )
@@ -120,7 +120,7 @@ class JointTableMotion(Motion, Derived):
         """Return the motion with the rows of its trajectory file.
 
         Args:
-            folder: Folder of the motion file, in which the trajectory file is searched.
+            folder: Folder of the motion file, which contains the trajectory file.
 
         Raises:
             ConfigError: The file cannot be read, or one of its rows is invalid; the text names it.
@@ -148,7 +148,9 @@ class JointTableMotion(Motion, Derived):
         return whole
 
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
-        refuse_longer(max(self.time_s) - min(self.time_s), "the times of its table")
+        refuse_longer(
+            max(self.time_s) - min(self.time_s), "from the first to the last time of its table"
+        )
         if sorted(self.joints) != sorted(robot.joint_names):
             raise ConfigError(
                 f"the table has columns for {', '.join(self.joints) or 'no joint'}, but robot"
@@ -199,7 +201,7 @@ def _curve(
 
 
 def _check_times(time_s: FloatArray, kept: BoolArray) -> None:
-    """Check that the times of all rows but repeated ones increase."""
+    """Check that the times increase from row to row; repeated rows are ignored."""
     late = kept[1:] & (np.diff(time_s) <= 0.0)
     if late.any():
         row = int(np.argmax(late)) + 2
@@ -227,11 +229,11 @@ def _check_positions(position: FloatArray, robot: RobotDescription) -> None:
 
 
 def _end_speeds(time_s: FloatArray, position: FloatArray) -> FloatArray:
-    """Return the lowest speed at an end that polynomials through its first rows have, shape (n,).
+    """Return the speeds at one end of a table, shape (n,), by the most favourable polynomial.
 
-    Polynomials of degree 1, 2 and 3 pass through the first two, three and four rows. A motion from
-    rest with constant acceleration is not at rest on the straight line, but is at rest on the
-    parabola.
+    Polynomials of degree 1, 2 and 3 pass through the first two, three and four rows; the lowest
+    speed is returned. For a motion from rest with constant acceleration, the straight line is not
+    at rest at the end, but the parabola is.
 
     Args:
         time_s: Shape (4,). Times from the end inwards [s].
@@ -246,7 +248,7 @@ def _end_speeds(time_s: FloatArray, position: FloatArray) -> FloatArray:
 
 
 def _check_rest(begin: FloatArray, end: FloatArray, rows: int, robot: RobotDescription) -> None:
-    """Check that the speeds of both ends are small."""
+    """Check that the speeds at both ends are small enough for a motion from rest to rest."""
     for j, joint in enumerate(robot.joints):
         for row, speed in ((1, begin[j]), (rows, end[j])):
             if speed > AT_REST * joint.limits.velocity:
@@ -261,7 +263,7 @@ def _check_rest(begin: FloatArray, end: FloatArray, rows: int, robot: RobotDescr
 def _check_velocities(
     time_s: FloatArray, position: FloatArray, velocity: FloatArray, robot: RobotDescription
 ) -> None:
-    """Check that velocities have the unit and the sign of the positions' changes."""
+    """Check that unit and sign of the velocities match the changes of the positions."""
     step_s = np.diff(time_s)[:, np.newaxis]
     change = np.diff(position, axis=0) / step_s
     mean = 0.5 * (velocity[1:] + velocity[:-1])

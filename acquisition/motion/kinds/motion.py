@@ -65,11 +65,11 @@ class Motion(PhysicalFile):
         """Return the command that uses a recording of this motion in the folder `run`."""
 
     def joint_table(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]] | None:
-        """Return headings and one row per joint, if the description does not say all."""
+        """Return headings and one row per joint; None if `describe` names everything."""
         return None
 
     def where(self, robot: RobotDescription, sample_period_s: float, row: int) -> str:
-        """Return the place of a row on its path; empty if its time is sufficient."""
+        """Return a description of a row's place on the path; empty for kinds without a path."""
         return ""
 
     def completed(self, folder: Path) -> Self:
@@ -107,14 +107,14 @@ def refuse_longer(seconds: float, what: str) -> None:
 
     Args:
         seconds: Duration of the motion [s].
-        what: Part of the motion that takes so long.
+        what: Part of the motion that takes this time, for the message.
 
     Raises:
         ConfigError: The duration exceeds `LONGEST_MOTION_S`.
     """
     if seconds > LONGEST_MOTION_S:
         raise ConfigError(
-            f"the motion takes {seconds:.6g} s: {what}, but at most {LONGEST_MOTION_S:g} s are"
+            f"the motion takes {seconds:.6g} s ({what}), but at most {LONGEST_MOTION_S:g} s are"
             " permitted. Shorten the motion",
             code="RID-MOTION-LONG",
         )

@@ -22,7 +22,8 @@ from dynamics.geometry.clearances import Clearances
 MOST_DRAWS: Final = 50
 CLEAR_STEP: Final = 0.05
 CLEARANCE_M: Final = 0.025
-"""Draws per point; step of the collision check [rad or m]; clearance between bodies."""
+"""`MOST_DRAWS`: largest number of draws per pose. `CLEAR_STEP`: step of the collision check [rad or
+m]. `CLEARANCE_M`: smallest distance between bodies [m]."""
 
 
 class MultipointMotion(Motion):
@@ -33,9 +34,9 @@ class MultipointMotion(Motion):
     Attributes:
         points: Number of random poses.
         seed: Random seed of the poses.
-        range_fraction: Share of each joint's range, around its middle, in which poses are drawn.
-        speed_fraction: Share of the joints' velocity and acceleration limits to use. The slowest
-            joint decides the duration of a move.
+        range_fraction: Fraction of each joint's range, around its middle, in which poses are drawn.
+        speed_fraction: Fraction of the joints' velocity and acceleration limits that is used. The
+            slowest joint decides the duration of a move.
         dwell_s: Rest at each pose [s].
     """
 
@@ -63,7 +64,8 @@ class MultipointMotion(Motion):
             Shape (points, joints). Poses [rad or m].
 
         Raises:
-            ConfigError: Too few of many draws are free of self-collisions.
+            ConfigError: Among `MOST_DRAWS` draws per pose, too few poses can be reached without
+                self-collision.
         """
         low = np.array([joint.limits.position_min for joint in robot.joints])
         high = np.array([joint.limits.position_max for joint in robot.joints])
@@ -95,7 +97,7 @@ class MultipointMotion(Motion):
         """
         poses = self.poses(robot)
         moves_s = self._moves_s(poses, robot)
-        what = f"its {self.points} points at {self.speed_fraction:g} of the joints' speed"
+        what = f"{self.points} points at {self.speed_fraction:g} times the joints' speed limits"
         refuse_longer(sum(moves_s) + self.points * self.dwell_s, what)
         dwell = max(1, math.ceil(self.dwell_s / sample_period_s))
         pieces = [standstill(poses[0], dwell)]

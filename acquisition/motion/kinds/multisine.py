@@ -1,8 +1,9 @@
 """Multisines on the joints' speeds: excited lines, and realisations as motions.
 
-The grids are those of Pintelon and Schoukens (System Identification: A Frequency Domain Approach,
-2012). Only odd lines are excited, so that even distortion appears at other lines. Some odd lines
-are empty, so that odd distortion appears there. Each realisation has new phases.
+A line is a harmonic of the period. The default grid follows Pintelon and Schoukens (System
+Identification: A Frequency Domain Approach, 2012). Only odd lines are excited, so that even
+nonlinear distortion appears at other lines. Some odd lines stay empty, so that odd distortion
+appears there. Each realisation has new phases.
 """
 
 from __future__ import annotations
@@ -65,10 +66,11 @@ class MultisineMotion(Motion):
     Attributes:
         period_s: Duration of one period [s].
         lowest_hz, highest_hz: Ends of the excited band [Hz].
-        grid: Excited lines: `odd`, all odd lines; `random_odd`, odd lines of which every fourth,
-            chosen at random, stays empty and shows distortion; `full`, all lines.
-        phases: Start phases, which are optimised for a low crest factor: `random`, a new draw for
-            each realisation; `schroeder`, always the same, for one realisation only.
+        grid: Excited lines: `odd`, all odd harmonics of the period; `random_odd`, odd harmonics of
+            which one in each group of four, chosen at random, stays empty and shows distortion;
+            `full`, all harmonics.
+        phases: Phases of the sines: `random`, drawn anew for each realisation and then optimised
+            for a low crest factor; `schroeder`, always the same, for one realisation only.
         seed: Random seed of the phases and of the empty lines.
         realisations: Number of multisines with different phases.
         periods: Number of periods of each realisation for the measurement.
@@ -97,7 +99,7 @@ class MultisineMotion(Motion):
             raise ValueError(f"lowest_hz {self.lowest_hz} must be below highest_hz")
         if self.lowest_hz * self.period_s < 2.0 - 1e-9:
             raise ValueError(
-                "lowest_hz must be at least two harmonics, since the first one is the slow sine"
+                "lowest_hz must be at least 2 / period_s, since the first harmonic is the slow sine"
             )
         if self.phases == "schroeder" and self.realisations > 1:
             raise ValueError(
@@ -159,7 +161,7 @@ class MultisineMotion(Motion):
         return tuple(shared.get(k, np.zeros(0, dtype=np.int64)) for k in range(len(order)))
 
     def speed_phasors(self, robot: RobotDescription) -> tuple[Phasors, ...]:
-        """Return each joint's multisine as phasors of its speed at its excited lines.
+        """Return each joint's multisine: the phasors of its speed at its excited lines.
 
         The speed is the real part of the sum of phasor times exp(j k omega t).
 
@@ -184,7 +186,7 @@ class MultisineMotion(Motion):
         return tuple(found)
 
     def realisation_motions(self, robot: RobotDescription) -> tuple[FourierMotion, ...]:
-        """Return each realisation as a periodic motion: the integral of its speeds.
+        """Return each realisation as a periodic motion, the integral of its speeds.
 
         Each realisation has its own slow sine, with `LEAST_SLOW` to 100 % of the amplitude.
         Therefore effects that depend on the position (tachometer ripple, cogging) differ between
@@ -192,7 +194,7 @@ class MultisineMotion(Motion):
         realisations and appear as a part of the response.
 
         Raises:
-            ConfigError: As `excited_lines`.
+            ConfigError: See `excited_lines`.
         """
         lines, order = self.excited_lines(robot), self._joint_order(robot)
         phasors = self.speed_phasors(robot)
@@ -215,7 +217,7 @@ class MultisineMotion(Motion):
         return tuple(found)
 
     def _joint_order(self, robot: RobotDescription) -> list[int]:
-        """Return the index in the motion of each of the robot's joints."""
+        """Return, for each joint of the robot, the index of its excitation in `joints`."""
         given = [joint.joint for joint in self.joints]
         if sorted(given) != sorted(robot.joint_names):
             raise ConfigError(
@@ -245,7 +247,7 @@ class MultisineMotion(Motion):
 
 
 def low_crest_factor(lines: IntArray, phasors: Phasors) -> Phasors:
-    """Return phasors of the same magnitudes with phases of a low peak (clipping algorithm).
+    """Return the phasors with new phases that lower the peak of the signal (clipping algorithm).
 
     Each round clips the signal and uses the phases of the clipped signal (Van der Ouderaa,
     Schoukens and Renneboog 1988); the best round is returned.

@@ -52,7 +52,7 @@ class ReversedMotion(Motion):
         return FourierMotion.from_attributes(self, kind="fourier")
 
     def reversed(self) -> FourierMotion:
-        """Return the periodic motion q(-t): the sine coefficients change their sign."""
+        """Return the periodic motion backwards in time, q(-t): sine coefficients change sign."""
         joints = tuple(
             joint.model_copy(update={"sine": tuple(-value for value in joint.sine)})
             for joint in self.joints

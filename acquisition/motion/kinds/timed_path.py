@@ -1,4 +1,4 @@
-"""Joint path with its timing, row by row, as written by `rid-daq retime`."""
+"""Joint path with its timing in every cycle, as `rid-daq retime` writes it."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class TimedWay(ConfigModel):
     Attributes:
         points: Poses on the curve, each with one position per joint, base to flange [rad or m].
         length: Length of the curve at each pose, increasing, in an arbitrary unit.
-        place: Length of the curve in each cycle, in the same unit.
+        place: Length along the curve in each cycle, in the same unit.
         speed: First derivative of `place` [unit/s].
         acceleration: Second derivative of `place` [unit/s²].
         rest_s: Rest at the end [s].
@@ -89,7 +89,8 @@ class TimedPathMotion(Motion):
     def describe(self) -> str:
         """Return a description of the motion in one sentence."""
         moving_s = sum(len(way.place) - 1 for way in self.ways) * self.cycle_time_s
-        return f"A path timed to {moving_s:.4g} s of motion, at {1e3 * self.cycle_time_s:g} ms."
+        cycle_ms = 1e3 * self.cycle_time_s
+        return f"A path timed to {moving_s:.4g} s of motion, at a cycle time of {cycle_ms:g} ms."
 
     def next_command(self, run: Path) -> tuple[object, ...]:
         """Return the command that shows the path error."""
@@ -107,7 +108,7 @@ class TimedPathMotion(Motion):
             if any(len(point) != n for point in way.points):
                 raise ConfigError(
                     f"part {number} of the path has poses with another number of values than the"
-                    f" {n} joints of robot {robot.name!r}",
+                    f" {n} joints of robot {robot.name!r}: make it again with `rid-daq retime`",
                     code="RID-MOTION-JOINTS",
                 )
         rest = max(1, math.ceil(self.rest_s / sample_period_s - 1e-9))

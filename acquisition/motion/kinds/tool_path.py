@@ -63,7 +63,7 @@ class PathMotion(Motion):
         jerk_m_s3: Largest jerk of the tool point, along the path and across it [m/s³].
         blend_m: Distance before the end of each segment at which the blend to the next one begins
             [m]. With 0 the tool point stops in the corner.
-        keep_speed: Refuse a path that must be slower than `speed_m_s`.
+        keep_speed: True to refuse a path that must be slower than `speed_m_s`.
         dwell_s: Rest at the start, at the end, and in corners without a blend [s].
         segments: Segments of the path, in their order.
     """
@@ -97,7 +97,7 @@ class PathMotion(Motion):
         return path_sections(self.start_m, self.segments, self.speed_m_s, self.blend_m)
 
     def where(self, robot: RobotDescription, sample_period_s: float, row: int) -> str:
-        """Return the segment of a row of the motion, and the distance into the segment."""
+        """Return the segment that contains a row of the motion, and the distance into it."""
         rest = max(1, math.ceil(self.dwell_s / sample_period_s))
         for way in self._section_paths(robot):
             rows, _ = plan_speed(self._speed_limits(way, robot), way.joints, robot, sample_period_s)
@@ -148,17 +148,17 @@ class PathMotion(Motion):
             yield way
 
     def _speed_limits(self, way: _SectionPath, robot: RobotDescription) -> SpeedLimits:
-        """Return the speed limits of a section; refuse invalid ones."""
+        """Return the speed limits of a section; refuse a section that is nearly singular."""
         section, grid, joints = way.section, way.grid, way.on_grid
         number = section.piece_at(grid)
-        asked = np.array([piece.speed_m_s for piece in section.pieces])[number]
+        requested = np.array([piece.speed_m_s for piece in section.pieces])[number]
         for j, joint in enumerate(robot.joints):
-            share = joint_speed(joints.slope, robot)[:, j] / asked
+            share = joint_speed(joints.slope, robot)[:, j] / requested
             worst = int(share.argmin())
             if share[worst] < SLOWEST_SHARE:
                 raise ConfigError(
                     f"{section.where(float(grid[worst]))}, is too close to a singular pose: joint"
-                    f" {joint.name!r} permits only {1e3 * share[worst] * asked[worst]:.2g} mm/s"
+                    f" {joint.name!r} permits only {1e3 * share[worst] * requested[worst]:.2g} mm/s"
                     " there. Move the path, or start from another pose",
                     code="RID-PATH-SINGULAR",
                 )
@@ -167,7 +167,7 @@ class PathMotion(Motion):
         inside = number[1:] == number[:-1]
         change = np.linalg.norm(np.diff(curvature, axis=0), axis=1) / np.diff(grid) * inside
         change = np.maximum(np.append(change, 0.0), np.append(0.0, change))
-        speed = np.minimum(asked, np.sqrt(self.acceleration_m_s2 / np.maximum(bend, 1e-12)))
+        speed = np.minimum(requested, np.sqrt(self.acceleration_m_s2 / np.maximum(bend, 1e-12)))
         speed = np.minimum(speed, np.cbrt(self.jerk_m_s3 / np.maximum(change, 1e-12)))
         limits = speed_limits(
             grid,
@@ -178,8 +178,8 @@ class PathMotion(Motion):
             2.0 * self.acceleration_m_s2 / self.jerk_m_s3,
             acceleration=self.acceleration_m_s2,
         )
-        if self.keep_speed and (limits.speed < asked * (1.0 - 1e-9)).any():
-            _refuse_reduced_speed(way, asked, speed, limits, robot)
+        if self.keep_speed and (limits.speed < requested * (1.0 - 1e-9)).any():
+            _refuse_reduced_speed(way, requested, speed, limits, robot)
         return limits
 
 
@@ -189,9 +189,10 @@ class _SectionPath:
 
     Attributes:
         section: The section.
-        chain: The arm.
+        chain: Kinematic chain of the arm.
         rotation: Shape (3, 3). Constant orientation of the flange, if any.
-        near: Approximate poses as a function of the length.
+        near: Approximate poses as a function of the length, from which the exact poses are
+            computed.
         end: Shape (n,). Pose at the end of the section.
         grid: Shape (m,). Lengths of the checked points [m].
         points: Points of the section on the grid.
@@ -211,7 +212,7 @@ class _SectionPath:
     def of(
         cls, section: PathSection, chain: Chain, rotation: FloatArray | None, pose: FloatArray
     ) -> _SectionPath:
-        """Follow a section from a pose, in coarse steps and then on a fine grid."""
+        """Return the joint path of a section from a pose, by coarse steps and a fine grid."""
         from scipy.interpolate import CubicSpline  # a slow import that few motions need
 
         lengths = np.linspace(0.0, section.length_m, _grid_points(section, COARSE_M))
@@ -227,7 +228,7 @@ class _SectionPath:
         return cls(section, chain, rotation, near, pose, grid, points, on_grid)
 
     def joints(self, length_m: FloatArray) -> PathSlopes:
-        """Return the joint positions and their derivatives with respect to the length."""
+        """Return joint positions at lengths, and their derivatives with respect to the length."""
         points = self.section.at(length_m)
         return refine_positions(self.chain, *points, self.near(length_m), self.rotation)
 
@@ -253,12 +254,12 @@ def _check_positions(way: _SectionPath, robot: RobotDescription) -> None:
 
 def _refuse_reduced_speed(
     way: _SectionPath,
-    asked: FloatArray,
+    requested: FloatArray,
     speed: FloatArray,
     limits: SpeedLimits,
     robot: RobotDescription,
 ) -> None:
-    worst = int((limits.speed / asked).argmin())
+    worst = int((limits.speed / requested).argmin())
     by = "acceleration_m_s2 or jerk_m_s3 in the bend"
     if limits.speed[worst] < speed[worst]:
         own = {
@@ -268,7 +269,7 @@ def _refuse_reduced_speed(
         what = min(own, key=lambda name: float(own[name].min()))
         by = f"the {what} limit of joint {robot.joints[int(own[what].argmin())].name!r}"
     raise ConfigError(
-        f"{way.section.where(float(way.grid[worst]))}, cannot keep {asked[worst]:g} m/s: {by}"
+        f"{way.section.where(float(way.grid[worst]))}, cannot keep {requested[worst]:g} m/s: {by}"
         f" permits {limits.speed[worst]:.3g} m/s. Reduce the speed, widen the bend, or remove"
         " keep_speed",
         code="RID-MOTION-LIMIT",

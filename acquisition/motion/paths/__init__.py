@@ -1,5 +1,5 @@
 """Paths: curves with their lengths, and the speeds at which they can be driven.
 
-The files do not depend on the other keys of a motion file or on the cycles of the task. Begin with
+The code here does not depend on other keys of a motion file or on the cycle time. Begin with
 `segments.py`.
 """

@@ -1,4 +1,4 @@
-"""Geometry of a path: segments connected by blends, as pieces with their lengths.
+"""Geometry of a path: segments and the blends between them, as functions of the path length.
 
 A blend is the quintic that leaves one segment and joins the next with equal direction and
 curvature. Therefore direction and curvature are continuous between two stops.
@@ -38,13 +38,13 @@ class PathPoints(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PathPiece:
-    """One curve as a function of its length.
+    """One curve of a path, a segment or a blend, as a function of its length.
 
     Attributes:
         label: Name of the curve in messages.
         curve: The curve as a function of its parameter.
         knots, lengths: Parameters, and the length up to each parameter [m].
-        speed_m_s: Requested speed.
+        speed_m_s: Requested speed [m/s].
     """
 
     label: str
@@ -59,7 +59,7 @@ class PathPiece:
         return float(self.lengths[-1])
 
     def parameters(self, length_m: FloatArray) -> FloatArray:
-        """Return the parameters for lengths from the start of the curve, by Newton's method."""
+        """Return the curve's parameters at lengths from its start, by Newton's method."""
         cell = np.clip(np.searchsorted(self.lengths, length_m, "right") - 1, 0, len(self.knots) - 2)
         first, size = self.knots[cell], np.diff(self.knots)[cell]
         whole = np.diff(self.lengths)[cell]
@@ -79,7 +79,7 @@ class PathPiece:
         return PathPoints(point, direction, across / speed**2)
 
     def between(self, begin_m: float, end_m: float) -> PathPiece:
-        """Return the part between two lengths."""
+        """Return the part of the curve between two lengths."""
         begin, end = self.parameters(np.array([begin_m, end_m])).tolist()
         return measure_curve(
             self.label, self.curve, np.linspace(begin, end, CELLS + 1), self.speed_m_s
@@ -94,7 +94,7 @@ class PathSection:
 
     @property
     def ends_m(self) -> FloatArray:
-        """Lengths at the ends of the pieces."""
+        """Length from the section's start to the end of each piece [m]."""
         return np.cumsum([piece.length_m for piece in self.pieces])
 
     @property
@@ -103,12 +103,12 @@ class PathSection:
         return float(self.ends_m[-1])
 
     def piece_at(self, length_m: FloatArray) -> IntArray:
-        """Return the indices of the pieces at lengths."""
+        """Return the indices of the pieces that contain lengths from the section's start."""
         found = np.searchsorted(self.ends_m, length_m)
         return np.asarray(np.minimum(found, len(self.pieces) - 1), dtype=np.int64)
 
     def where(self, length_m: float) -> str:
-        """Return a description of the place at a length."""
+        """Return a description of the place at a length from the section's start."""
         number = int(self.piece_at(np.array([length_m]))[0])
         into_m = length_m - float(self.ends_m[number]) + self.pieces[number].length_m
         return f"{self.pieces[number].label}, {1e3 * into_m:.0f} mm into it"
@@ -128,7 +128,7 @@ class PathSection:
 
 
 def measure_curve(label: str, curve: Curve, knots: FloatArray, speed_m_s: float) -> PathPiece:
-    """Return a curve with its length measured from knot to knot."""
+    """Return a curve as a function of its length, which is measured from knot to knot."""
     cells = _length_between(curve, knots[:-1], knots[1:])
     return PathPiece(label, curve, knots, np.concatenate([[0.0], np.cumsum(cells)]), speed_m_s)
 
@@ -177,7 +177,7 @@ def path_sections(
 
 
 class _Connection(NamedTuple):
-    """Connection of two segments: a stop, a blend of some reach, or a smooth transition."""
+    """Connection of two segments: a stop, a blend over `reach_m` on both sides, or neither."""
 
     stops: bool
     reach_m: float
@@ -204,7 +204,7 @@ def _connect(
 
 
 def _blend(before: PathPiece, after: PathPiece, reach_m: float, number: int) -> PathPiece:
-    """Return the quintic blend from one segment to the next, by its Bernstein points."""
+    """Return the quintic blend from one segment to the next, from its control points."""
     leave, meet = before.at(np.array([before.length_m - reach_m])), after.at(np.array([reach_m]))
     speed = 2.0 * reach_m
     ends = []
@@ -231,7 +231,7 @@ def _bernstein(x: FloatArray, points: FloatArray) -> FloatArray:
 
 
 def _length_between(curve: Curve, begin: FloatArray, end: FloatArray) -> FloatArray:
-    """Return the lengths between parameters, by Gauss's rule of five points."""
+    """Return the lengths between pairs of parameters, by Gauss's rule of five points."""
     half = 0.5 * (end - begin)
     x = (begin + half)[:, np.newaxis] + half[:, np.newaxis] * _NODES
     speed = np.linalg.norm(curve(x.ravel())[1], axis=1).reshape(x.shape)

@@ -22,7 +22,7 @@ CELLS: Final = 256
 Blend = Annotated[NonNegative, Plausible(0.0, 5.0, "m")]
 
 Curve = Callable[[FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
-"""Point and its first two derivatives, each (len(x), 3), at parameters x."""
+"""Function of parameters x: returns points and their first two derivatives, each (len(x), 3)."""
 
 
 class KnottedCurve(NamedTuple):
@@ -42,9 +42,9 @@ class PathSegment(ConfigModel):
 
     Attributes:
         kind: Kind of segment; it decides which other keys there are.
-        speed_m_s: Speed of the tool point [m/s]; left out, that of the path.
+        speed_m_s: Speed of the tool point [m/s]; default: that of the path.
         blend_m: Distance before the segment's end at which the blend to the next segment begins
-            [m]; left out, that of the path. With 0 the tool point stops in the corner.
+            [m]; default: that of the path. With 0 the tool point stops in the corner.
     """
 
     speed_m_s: Annotated[Positive, Plausible(1e-5, 20.0, "m/s")] | None = None
@@ -103,7 +103,7 @@ class ArcSegment(PathSegment):
     to_m: Place
 
     def curve_from(self, start_m: FloatArray, label: str) -> KnottedCurve:
-        """Return the arc; its centre is where two bisecting planes and the points' plane meet."""
+        """Return the arc; its centre is where two bisecting planes and the arc's plane meet."""
         through, end = np.array(self.through_m), np.array(self.to_m)
         a, b = through - start_m, end - start_m
         normal = np.cross(a, b)
@@ -124,7 +124,7 @@ class ArcSegment(PathSegment):
 
 
 class CircleSegment(PathSegment):
-    """Turns around a centre. The circle begins at the end of the previous segment.
+    """A circle around a centre, with any number of turns; begins at the previous segment's end.
 
     Attributes:
         centre_m: Centre of the circle in the base frame [m].
@@ -183,7 +183,7 @@ class SplineSegment(PathSegment):
             number = int(chords.argmin()) + 1
             raise ConfigError(
                 f"{label}: point {number}, {_millimetres(points[number])}, equals the previous"
-                " one: remove one of them",
+                " point: remove one of the two",
                 code="RID-PATH-SEGMENT",
             )
         at = np.concatenate([[0.0], np.cumsum(chords)])

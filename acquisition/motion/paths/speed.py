@@ -2,8 +2,8 @@
 
 A forward and a backward pass over the squared speed respect the requested limits and those of the
 joints (Bobrow, Dubowsky and Gibson 1985). Two moving averages over time limit the jerk. Each limit
-is extended along the path by the reach of these averages, so that the averaged speed respects it
-too.
+is extended along the path by the distance over which the averages act, so that the averaged speed
+respects it too.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class SpeedLimits:
         speed: Shape (m,). Largest speed, per second.
         steady, per_speed: Shape (m, n). The largest change of the speed is the smallest of `steady
             - per_speed * speed^2`, per second squared.
-        smoothing_s: Time over which the change of the speed is averaged.
+        smoothing_s: Time over which the change of the speed is averaged [s].
     """
 
     length: FloatArray
@@ -62,13 +62,13 @@ class SpeedLimits:
 
 
 def joint_speed(slope: FloatArray, robot: RobotDescription, fraction: float = 1.0) -> FloatArray:
-    """Return the speeds along a path at which each joint reaches its limit, shape (m, n)."""
+    """Return the speeds along a path at which each joint reaches its velocity limit, (m, n)."""
     limit = fraction * MARGIN * np.array([joint.limits.velocity for joint in robot.joints])
     return np.asarray(limit / np.maximum(np.abs(slope), TINY))
 
 
 def bend_speed(bend: FloatArray, robot: RobotDescription, fraction: float = 1.0) -> FloatArray:
-    """Return the speeds at which bends leave each joint a reserve of acceleration, (m, n)."""
+    """Return the speeds at which bends need a fixed part of each joint's acceleration, (m, n)."""
     limit = _acceleration_limits(robot, fraction)
     return np.asarray(np.sqrt(SHARE_OF_BENDS * limit / np.maximum(np.abs(bend), TINY)))
 
@@ -92,9 +92,9 @@ def speed_limits(
         slope, bend: Shape (m, n). First and second derivative of the joint positions with respect
             to the length.
         robot: Joint limits.
-        smoothing_s: Time over which the change of the speed is averaged.
-        acceleration: Largest requested change of the speed.
-        fraction: Share of the joint limits to use.
+        smoothing_s: Time over which the change of the speed is averaged [s].
+        acceleration: Largest requested change of the speed, per second squared.
+        fraction: Fraction of the joint limits that is used.
     """
     joints = np.minimum(joint_speed(slope, robot, fraction), bend_speed(bend, robot, fraction))
     size = np.maximum(np.abs(slope), TINY)
@@ -151,7 +151,7 @@ def plan_speed(
     robot: RobotDescription,
     sample_period_s: float,
 ) -> tuple[SpeedProfile, JointTrajectory]:
-    """Return the motion along a path, slowed down until the joint limits hold between rows too.
+    """Return the motion along a path, slow enough for the joint limits also between rows.
 
     Args:
         limits: Initial limits of the speed.
@@ -185,7 +185,7 @@ def _acceleration_limits(robot: RobotDescription, fraction: float) -> FloatArray
 
 
 def _forward_and_backward_passes(limits: SpeedLimits) -> FloatArray:
-    """Return the fastest speed on the grid, from rest to rest."""
+    """Return the fastest speed at each grid point of a motion from rest to rest."""
     most = _extend_limits(limits) ** 2
     most[0] = most[-1] = 0.0
     steps = np.diff(limits.length)
@@ -199,7 +199,7 @@ def _forward_and_backward_passes(limits: SpeedLimits) -> FloatArray:
 
 
 def _extend_limits(limits: SpeedLimits) -> FloatArray:
-    """Return the speed limits, each extended along the path by the reach of the averages."""
+    """Return the speed limits, each extended by the distance over which the averages act."""
     reach_s = 0.5 * (1.0 + SECOND_AVERAGE) * limits.smoothing_s
     gain = np.minimum(limits.steady.min(axis=1) * reach_s, limits.speed.max())
     reach = reach_s * (limits.speed + gain)

@@ -10,9 +10,10 @@ import numpy as np
 from config.arrays import FloatArray
 
 FEWEST_ROWS: Final = 6
-"""Smallest number of rows of positions that determine the curve without velocities."""
+"""Smallest number of rows from which a curve through positions alone can be computed."""
 TimedCurve = Callable[[FloatArray, int], FloatArray]
-"""Function of times [s] and an order: positions for order 0, else their derivative of this order.
+"""Function of times [s] and an order: returns positions for order 0, else their derivative of this
+order.
 """
 
 

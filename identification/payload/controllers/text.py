@@ -19,7 +19,7 @@ SMALLEST: Final = 1e-15
 """Magnitude below which a number is written as 0: rounding error of a sum."""
 
 Digits = Callable[[float], str]
-"""Function that writes a number of a text."""
+"""Function that returns a number as text."""
 
 
 def number_writer(count: int) -> Digits:

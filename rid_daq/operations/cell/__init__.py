@@ -1,1 +1,1 @@
-"""Operations on a cell: check, reset, manual motion. Declarations import no numerical libraries."""
+"""Operations on a cell: check, reset, manual motion. Declaring them imports no numerics."""

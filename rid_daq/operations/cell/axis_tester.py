@@ -17,7 +17,7 @@ from config.arrays import FloatArray
 from config.errors import ConfigError, PreflightError
 from config.load import load_cell
 from config.robot.robot import RobotDescription
-from rid_daq.commissioning.axis_motion import AxisMotion, travelled_share
+from rid_daq.commissioning.axis_motion import AxisMotion, travelled_fraction
 from rid_daq.commissioning.axis_verdict import (
     AxisVerdict,
     ObservedMotion,
@@ -74,7 +74,7 @@ def check_axes(request: AxesRequest, context: Context) -> AxisTestOutcome:
         ConfigError: The cell has no such joint.
         PreflightError: There is no keyboard, the user did not answer, or a check before the motion
             failed.
-        RidDaqError: As `RunSession.recording`.
+        RidDaqError: As raised by `RunSession.recording`.
     """
     loaded = load_cell(request.cell)
     names = loaded.robot.joint_names
@@ -140,34 +140,36 @@ class AxisTester:
         """Test one axis; return None if its run was stopped or the person ended the test."""
         name = self._robot.joints[number].name
         while True:
-            eyes = true_position_reader(self._session)
-            before = None if eyes is None else eyes()
+            read_positions = true_position_reader(self._session)
+            before = None if read_positions is None else read_positions()
             self.last = self._record_move(number).as_step()
             if self.last.outcome.stop is not None or self._gave_up:
                 return None
             line, rows = self._line, self._read_rows()
-            if line is not None and travelled_share(line, rows, number) >= LEAST_SHARE:
+            if line is not None and travelled_fraction(line, rows, number) >= LEAST_SHARE:
                 break
             self._context.say(
                 f"{name}: the key was released too early to judge the motion; the"
                 " axis is tested again."
             )
         motion = AxisMotion.of(rows, self._robot, number)
-        seen = None
-        if eyes is not None and before is not None:
-            moved = eyes() - before
-            seen = visible_motion(self._robot, moved)
+        observed = None
+        if read_positions is not None and before is not None:
+            moved = read_positions() - before
+            observed = visible_motion(self._robot, moved)
             if not self._unattended:
-                self._context.say(f"Simulated: {_motion_words(seen, self._robot, before, moved)}.")
+                self._context.say(
+                    f"Simulated: {_motion_words(observed, self._robot, before, moved)}."
+                )
         if not self._unattended:
-            seen = self._ask_motion_seen(motion, number, line)
-        if seen is None:
+            observed = self._ask_motion_seen(motion, number, line)
+        if observed is None:
             raise PreflightError(
                 f"cell {self._session.cell.name}: this process cannot read the simulated robot's"
                 " true positions: leave --unattended out",
                 code="RID-CELL-NOT-OURS",
             )
-        return check_axis_motion(motion, seen, self._session.cell, self._robot)
+        return check_axis_motion(motion, observed, self._session.cell, self._robot)
 
     def _record_move(self, number: int) -> RecordedRun:
         name = self._robot.joints[number].name
@@ -227,7 +229,7 @@ class AxisTester:
         return read_journal(self.last.folder.file(RECORDING)).rows
 
     def _ask_motion_seen(self, motion: AxisMotion, number: int, line: HoldLine) -> ObservedMotion:
-        """Ask a person for the motion seen.
+        """Ask a person which motion was visible.
 
         Raises:
             PreflightError: The user did not answer.
@@ -235,7 +237,7 @@ class AxisTester:
         names = self._robot.joint_names
 
         def which(text: str) -> str:
-            word = text.strip()  # the held SPACE key may precede the answer
+            word = text.strip()  # the held SPACE key may have typed spaces before the answer
             if word not in ("+", "-", "0", *names):
                 raise ConfigError("answer +, -, 0 or a joint's name", code="RID-AXIS-TEST-ANSWER")
             return word
@@ -304,9 +306,9 @@ def true_position_reader(session: RunSession) -> PositionReader | None:
 
 
 def _motion_words(
-    seen: ObservedMotion, robot: RobotDescription, before: FloatArray, moved: FloatArray
+    observed: ObservedMotion, robot: RobotDescription, before: FloatArray, moved: FloatArray
 ) -> str:
-    if not seen.joint:
+    if not observed.joint:
         return "nothing moved"
-    number = robot.joint_names.index(seen.joint)
+    number = robot.joint_names.index(observed.joint)
     return direction_words(robot, before, number, float(moved[number]), over=True)

@@ -24,13 +24,13 @@ class CheckRequest(Request):
     """Check a cell before motion; nothing moves.
 
     The communication of every drive is reset, and every drive is configured and read back. Then
-    SYNC is sent for some seconds, and every answer is counted and timed. Then the heartbeat of each
-    side is interrupted once, to check that the other side reacts.
+    SYNC is sent for some seconds, and every answer is counted and timed. Then the heartbeats of the
+    program and of the drives are interrupted once each, to check that the other side reacts.
 
     The heartbeat check needs drives that are switched on, at rest, in three cases: the cell file
     says trip_watchdog_with_power, a drive lacks 6007h, 605Ah or 605Eh, or a drive is watched by
-    life guarding. The reaction of such a drive is visible only with power on. A person is asked
-    first.
+    life guarding. Such a drive shows its reaction only with power on. Before power is switched on,
+    a person is asked.
 
     The amplifier of a force plate is set as in the cell file and read back; the plate is not
     zeroed. If the cell has a drive monitor, the temperature and torque constant of every motor are
@@ -86,8 +86,8 @@ class CheckResult:
         if not red:
             return None
         return PreflightError(
-            f"cell {checked.cell}: the preflight has {len(red)} red lines; each names its remedy"
-            " above",
+            f"cell {checked.cell}: the preflight has {len(red)} red lines; each of these lines"
+            " above names its remedy",
             code=common_code(line.code for line in red),
         )
 

@@ -1,4 +1,4 @@
-"""JogKeys: move one joint at a time, or go to the home pose, while a key is held."""
+"""`JogKeys`: move one joint at a time, or go to the home pose, while a key is held."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def jog(request: JogRequest, context: Context) -> RecordedRun:
     Raises:
         ConfigError: The request asks for the home pose, and the cell file has none.
         PreflightError: There is no keyboard, or a check before the motion failed.
-        RidDaqError: As `RunSession.recording`.
+        RidDaqError: As raised by `RunSession.recording`.
     """
     loaded = load_cell(request.cell)
     require_label(request.label)
@@ -155,7 +155,7 @@ class JogKeys:
 
 
 def _with_obstacle_message(line: HoldLine, where: str, context: Context) -> HoldLine:
-    """Report the obstacle if a path cannot begin; return the path."""
+    """Return the path; if it cannot begin, report the obstacle."""
     if line.is_empty and line.obstacle:
         context.say(f"{where}: the robot cannot move further: {line.obstacle} is in the way.")
     return line

@@ -23,11 +23,11 @@ if TYPE_CHECKING:
 class MockRequest(Request):
     """Serve a cell's simulated drives and force plate until Ctrl-C.
 
-    While they are served, other commands that name this cell use them, and so can any python-can
-    program, such as its logger. With --as the devices of another cell are served on this cell's
-    bus, to practise with mistakes in wiring and files. With --eds the command only writes the EDS
-    files of the drives, one per drive: for the axes' eds keys in the cell file and for other
-    CANopen tools.
+    While the devices are served, other commands that name this cell use them. Any python-can
+    program, such as can_logger, can use them too. With --as the devices of another cell are served
+    on this cell's bus, to practise with mistakes in wiring and files. With --eds the command only
+    writes the EDS files of the drives, one per drive: for the axes' eds keys in the cell file and
+    for other CANopen tools.
     """
 
     cell: Annotated[
@@ -38,16 +38,16 @@ class MockRequest(Request):
     devices: Annotated[
         str | None,
         Field(
-            description="Serve the devices of this other simulated cell, to practise with wrong"
-            " files of CELL."
+            description="Serve the devices of this other simulated cell, to practise finding wrong"
+            " values in the files of CELL."
         ),
         Option(flag="as", metavar="OTHER"),
     ] = None
     lockstep: Annotated[
         bool,
         Field(
-            description="Let the commanding program advance the simulated time instead of the"
-            " clock (rid_sim)."
+            description="Let the program that commands the drives, not the clock, advance"
+            " simulated time (interface rid_sim only)."
         ),
     ] = False
     pace: Annotated[
@@ -83,7 +83,7 @@ class MockRequest(Request):
 
     @property
     def is_in_lockstep(self) -> bool:
-        """True if simulated time waits for the commanding program."""
+        """True if simulated time waits for the program that commands the drives."""
         return self.lockstep or self.pace is not None
 
 
@@ -142,9 +142,8 @@ class MockResult:
         """Yield the addresses of the served devices, and the next command."""
         request, served, config = self.request, self.served, self.served.loaded.config
         what = ", ".join(f"{axis.joint} node {axis.node_id}" for axis in config.axes)
-        if (
-            request.devices is not None
-        ):  # the user practises finding the node ids, so they are not shown
+        if request.devices is not None:
+            # The node ids are not shown, because the user practises finding them.
             what = f"with the devices of {request.devices}"
         kept = "lock-step" if request.is_in_lockstep else "real"
         yield Text(text=f"Cell {config.name} is served: {what}; {kept} time.")

@@ -33,7 +33,7 @@ class PlateZeroRequest(Request):
     pose: Annotated[
         tuple[PositionRad, ...] | None,
         Field(
-            description="Pose about which axis 1 is turned, one value per joint; the middle of"
+            description="Pose in the middle of axis 1's turn, one value per joint; the middle of"
             " each joint's range if not set."
         ),
         Option(unit="rad or m", metavar="RAD,...", separator=","),
@@ -63,7 +63,7 @@ class PlateZeroResult:
     """Offsets of a force plate.
 
     Attributes:
-        zeroed: The run, and the zero unless the motion was stopped.
+        zeroed: The run, and the offsets; if the motion was stopped, only the run.
     """
 
     zeroed: ZeroedPlate

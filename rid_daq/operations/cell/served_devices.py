@@ -36,8 +36,8 @@ class DeviceServer:
     """Server of a cell's simulated devices.
 
     Attributes:
-        loaded: Cell of the devices and its files, on the bus that commands use.
-        cell: The cell as it is served.
+        loaded: Cell of the devices and its files, with the bus of the served cell.
+        cell: Configuration of the cell with the ports on which its devices are served.
         channel: Channel of the cell's bus.
         address: Address of the plate's serial port; empty without a plate.
     """
@@ -99,7 +99,7 @@ def serve_cell(request: MockRequest) -> Iterator[DeviceServer]:
 
     Raises:
         ConfigError, LockedError: The cell is not simulated, cannot be served, or is served already.
-        RidDaqError: As `SimulatedCell`.
+        RidDaqError: As raised by `SimulatedCell`.
     """
     loaded, plant = _cell_to_simulate(request)
     script = NO_SCRIPT if request.faults is None else load_faults(request.faults, loaded.config)

@@ -30,9 +30,9 @@ class StopRequest(Request):
 
     The command works from any terminal of the same user (root: for all users' sessions), even if
     the session is busy. The session keeps the rows that it has recorded. If several sessions run,
-    name the cell, or choose from the list; without a terminal no session is stopped then, and the
-    exit code is 2. Exit code 0: the session confirmed the stop; 1: no session runs; 4: a session
-    did not answer. This command is not an emergency stop.
+    name the cell, or choose from the list. If several sessions run and there is no terminal to
+    choose, no session is stopped, and the exit code is 2. Exit code 0: the session confirmed the
+    stop; 1: no session runs; 4: a session did not answer. This command is not an emergency stop.
     """
 
     cell: Annotated[
@@ -127,7 +127,7 @@ def run(request: StopRequest, context: Context) -> StopOutcome:
 
 
 def _cell_name(cell: str) -> str:
-    """Return the name in a cell file, even an invalid one; return `cell` if it is no file."""
+    """Return the cell's name from a cell file, even an invalid one; else return `cell`."""
     from config.formats.yaml_tree import MAX_BYTES
 
     try:
@@ -159,7 +159,7 @@ def _choose_sessions(sessions: list[RunningSession], context: Context) -> list[R
             f"{listing}",
             code="RID-STOP-WHICH",
         )
-    context.say("Several sessions run. Press the number of the one to stop:")
+    context.say("Several sessions run. Press the number of the session to stop:")
     for number, session in enumerate(listed, 1):
         context.say(f"  {number}  {session.words}")
     context.say("  0  all sessions")

@@ -64,7 +64,7 @@ def zero_plate(request: PlateZeroRequest, context: Context) -> ZeroedPlate:
     Raises:
         ConfigError, PreflightError: The request was refused before anything moved.
         DataQualityError: The recording of the plate cannot be used.
-        RidDaqError: As `RunSession.recording`.
+        RidDaqError: As raised by `RunSession.recording`.
     """
     loaded = load_cell(request.cell)
     plate = loaded.config.plate

@@ -113,7 +113,7 @@ class Excitation(Request):
     ] = None
     tries: Annotated[
         Tries,
-        Field(description="Number of motions that are drawn and compared (two-harmonic)."),
+        Field(description="Number of random motions that are compared (two-harmonic)."),
         Option(group=SEARCH),
     ] = 200
     limit_fraction: Annotated[
@@ -126,19 +126,15 @@ class Excitation(Request):
     @model_validator(mode="before")
     @classmethod
     def _with_method(cls, values: object, info: ValidationInfo) -> object:
-        """Derive the method from options that only one method has, if a program sends none."""
+        """Without a method in a program's request, choose two-harmonic if its options are set."""
         if info.mode != "json" or not isinstance(values, dict):
             return values
-        own = values.keys() & _METHOD_KEYS
-        found: dict[object, object] = {"method": "two-harmonic"} if own else {}
-        for (
-            name,
-            value,
-        ) in (
-            values.items()
-        ):  # pydantic no longer treats the values as JSON, so lists must be tuples
-            found[name] = tuple(value) if isinstance(value, list) else value
-        return found
+        is_heuristic = bool(values.keys() & _METHOD_KEYS)
+        fields: dict[object, object] = {"method": "two-harmonic"} if is_heuristic else {}
+        # After this function, pydantic no longer treats the values as JSON: lists must be tuples.
+        for name, value in values.items():
+            fields[name] = tuple(value) if isinstance(value, list) else value
+        return fields
 
 
 class Multisine(Request):
@@ -157,7 +153,10 @@ class Multisine(Request):
     periods: PeriodCount = 4
     realisations: Annotated[
         Realisations | None,
-        Field(description="Number of random phase draws; 4 if not set (1 for schroeder)."),
+        Field(
+            description="Number of realisations: motions that differ in their phases; 4 if not"
+            " set (1 for schroeder)."
+        ),
         Option(group=MULTISINES),
     ] = None
     grid: Annotated[
@@ -179,13 +178,13 @@ class Multisine(Request):
 
 
 class DesignRequest(Request):
-    """Design an excitation trajectory and check it densely against the limits.
+    """Design an excitation trajectory and check it against the limits at closely spaced times.
 
     `optimal` refines random starts by exact gradients, on all cores, within the limits on position,
     speed, acceleration, torque, workspace and self-collision. The same seed and number of starts
-    give the same file. `two-harmonic` draws many motions with one low and one high harmonic per
-    axis and takes the best one. The written motion keeps every limit, also in its ramps. Ctrl-C
-    ends the search with the best motion found so far (exit code 130).
+    give the same file. `two-harmonic` generates many random motions with one low and one high
+    harmonic per axis, and takes the best. The written motion keeps every limit, also in its ramps.
+    Ctrl-C ends the search with the best motion found so far (exit code 130).
     """
 
     cell: CellName
@@ -212,14 +211,20 @@ class DesignRequest(Request):
     payload: CarriedPayloadOfModel = None
     given: Annotated[
         tuple[Path, ...],
-        Field(description="Model of an earlier run; the search counts its information."),
+        Field(
+            description="Model of an earlier run, whose information is added to that of the new"
+            " motion."
+        ),
         Option(metavar="MODEL", file="input"),
     ] = ()
     multisine: Multisine = Field(default_factory=Multisine)
     seed: DrawSeed = 0
     scheduler: Annotated[
         str | None,
-        Field(description="Address of a Dask scheduler that computes, such as tcp://host:8786."),
+        Field(
+            description="Address of a Dask scheduler that performs the search, such as"
+            " tcp://host:8786 (default: this computer)."
+        ),
         Option(metavar="ADDRESS", group=FILES, owned=True),
     ] = None
     overwrite: Overwrite = False
@@ -248,7 +253,7 @@ class DesignRequest(Request):
 
     @property
     def _options_without_effect(self) -> tuple[frozenset[str], str]:
-        """Options without effect, and the option that makes them so."""
+        """Options without effect, and the option that causes this."""
         by = f"--kind {self.kind.value}"
         if self.kind is Kind.CONSTANT_VELOCITY:
             return _OF_PERIODS | _OF_MULTISINES | _OF_EXCITATIONS | {"--model", "--payload"}, by

@@ -24,7 +24,7 @@ from rid_daq.terminal.exit_codes import ExitCode, exit_code_of_stop
 SEEDS_APART: Final = 10_000
 EASIER_STARTS: Final = 4
 ROOM: Final = 0.5
-"""Fraction of its amplitudes that the best motion must keep; else easier problems are tried."""
+"""If the limits leave less than this fraction of its amplitudes, an easier problem is tried."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class SearchTrial:
 
 @dataclass(frozen=True)
 class Search:
-    """Result of a search: the best motion that keeps all limits, and all trials by time."""
+    """Result of a search: the best motion that keeps all limits, and all trials in time order."""
 
     criterion: Criterion
     best: Candidate
@@ -108,7 +108,7 @@ class _SearchState:
     Args:
         cell, options, context: As for `search`.
         began_s: Start of the search [s], by the monotonic clock.
-        scheduler: Address of a Dask scheduler that computes; None for this computer.
+        scheduler: Address of a Dask scheduler that performs the search; None for this computer.
     """
 
     def __init__(
@@ -142,9 +142,9 @@ class _SearchState:
                 " motion's amplitude."
             )
         if not self.trials:
-            return "The time was too short for any start."
+            return "The time budget ended before any start was refined."
         return (
-            "No start gives a motion that keeps all limits; the last one:"
+            "No start gives a motion that keeps all limits. Limits that the last start exceeds:"
             f" {'; '.join(self.trials[-1].broken[:3])}."
         )
 

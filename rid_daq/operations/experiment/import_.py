@@ -90,7 +90,7 @@ class ImportResult:
     exit_code: int = 0
 
     def document(self) -> Mapping[str, object]:
-        """Return the numbers of the import: of one run, or of a list of runs."""
+        """Return the import report of one run, or a list of reports of several runs."""
         documents = [_run_document(each) for each in self.runs]
         return documents[0] if len(documents) == 1 else {"runs": documents}
 

@@ -105,13 +105,13 @@ def _write_run(
     report: ImportReport,
     reference: str,
 ) -> ImportedRun:
-    """Write the source files (of a bag its table), the map, the recording, and the report."""
+    """Write the source files (for a bag, its table), the map, the recording, and the report."""
     with mark_unfinished(folder):
         names = SOURCES[: len(files)]
         for name, file in zip(names, files, strict=True):
             folder.write(name, read_file(file, LARGEST_FILE_BYTES))
-        told = f"Import map with which {' and '.join(names)} was read."
-        folder.write(MAP, to_yaml(import_map, told).encode())
+        comment = f"Import map with which {' and '.join(names)} was read."
+        folder.write(MAP, to_yaml(import_map, comment).encode())
         folder.write(ROBOT, to_yaml(robot, f"Robot {robot.name}, as used by the import.").encode())
         folder.write(IMPORT, report.to_json())
         write_map_origin(folder, reference)

@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 
 SINGLE_PERIODS: Final = (
     "The running estimate uses the rows of single periods, with their noise and reversals. Its"
-    " residual therefore differs from the one that `identify` prints: `identify` uses the mean"
-    " of the periods and leaves the torque near reversals free."
+    " residual therefore differs from the one that `identify` prints: `identify` uses the mean of"
+    " the periods, and does not use the torque near reversals."
 )
 
 
@@ -73,7 +73,7 @@ class RecordRequest(Request):
         Path | None,
         Field(
             description="Model file, written by `identify`; the motion is refused if the model"
-            " predicts more torque than a joint has."
+            " predicts more torque than a joint's limit."
         ),
         Option(metavar="MODEL", file="input"),
     ] = None

@@ -65,7 +65,7 @@ def record_motion_file(request: RecordRequest, context: Context) -> RecordedMoti
 
     Raises:
         ConfigError, PreflightError: The request was refused before anything moved.
-        RidDaqError: As `RunSession.recording`.
+        RidDaqError: As raised by `RunSession.recording`.
     """
     loaded = load_cell(request.cell)
     simulation = _simulation(request)
@@ -122,7 +122,7 @@ def record_motion_file(request: RecordRequest, context: Context) -> RecordedMoti
 
 
 def _simulation(request: RecordRequest) -> Simulation:
-    """Return the options of a simulated cell; without a model, `payload` is what it carries."""
+    """Return the simulation's options; without a model, `payload` is what the robot carries."""
     if request.payload is None or request.model is not None:
         return request.simulation
     if request.simulation.payload is not None:
@@ -138,7 +138,7 @@ def _load_fault_script(
 ) -> FaultScript:
     """Load a fault script and add its bytes to `files`.
 
-    Refuse to fill a disk that other programs use.
+    A fault that fills the disk is refused if other programs use the disk of the run folders.
     """
     if request.faults is None:
         return NO_SCRIPT

@@ -39,7 +39,7 @@ class _MultisineAxis:
 
 @dataclass(frozen=True)
 class _ExcitationAxis:
-    """Range of one axis of an excitation, and its shares of the limits."""
+    """Range of one axis of an excitation, and the fractions of the limits that it uses."""
 
     joint: str
     unit: str
@@ -144,7 +144,7 @@ def _multisine_axes(designed: DesignedMotion, motion: MultisineMotion) -> list[_
         _MultisineAxis(
             joint=joint.name,
             unit=joint_units(joint)[0],
-            lines=len(own),
+            lines=len(lines),
             rms_velocity=settings.velocity,
             crest_factor=crest,
             slow_amplitude=settings.slow_amplitude,
@@ -152,7 +152,7 @@ def _multisine_axes(designed: DesignedMotion, motion: MultisineMotion) -> list[_
             acceleration_percent=100.0 * float(shares[1]),
             torque_percent=100.0 * float(shares[2]) if shares[2] > 0.0 else None,
         )
-        for joint, own, settings, crest, shares in zip(
+        for joint, lines, settings, crest, shares in zip(
             robot.joints,
             motion.excited_lines(robot),
             motion.joints,

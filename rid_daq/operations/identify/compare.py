@@ -165,8 +165,8 @@ def _error_table(prediction: RunPrediction, names: tuple[str, str]) -> Table:
     from rid_daq.report.sections.section import finite_or_none
 
     heads = [
-        f"by {name}" + (" (identified from it)" if seen else "")
-        for name, seen in zip(names, prediction.seen, strict=True)
+        f"by {name}" + (" (identified from this run)" if is_fit else "")
+        for name, is_fit in zip(names, prediction.identified_from, strict=True)
     ]
     joints = prediction.data.recording.joint_names
     percent = prediction.percent.tolist()
@@ -181,7 +181,7 @@ def _error_table(prediction: RunPrediction, names: tuple[str, str]) -> Table:
 def _prediction_document(prediction: RunPrediction) -> dict[str, object]:
     from rid_daq.report.sections.section import finite_or_none
 
-    data, (first, second) = prediction.data, prediction.seen
+    data, (first, second) = prediction.data, prediction.identified_from
     return {
         "run": data.folder.run_id,
         "label": data.folder.manifest().label,

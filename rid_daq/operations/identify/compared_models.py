@@ -25,13 +25,13 @@ class RunPrediction:
 
     Attributes:
         data: The run.
-        seen: For each model, True if it was identified from this run.
+        identified_from: For each model, True if it was identified from this run.
         percent: Shape (2, n). Relative torque errors on samples that count for both models [%]; NaN
             for an axis that did not move.
     """
 
     data: RunData
-    seen: tuple[bool, bool]
+    identified_from: tuple[bool, bool]
     percent: FloatArray
 
 
@@ -59,21 +59,21 @@ def compare_models(request: CompareRequest) -> ComparedModels:
         ConfigError: A run has no model, or the two estimates are of different robots.
         RidDaqError: A run or a model cannot be used.
     """
-    first, one, own = _load_side(request, request.first)
-    second, other, others = _load_side(request, request.second)
-    difference = compare_estimates(one, other)
-    judged = [data for data in (own, others) if data is not None]
+    first, first_estimate, first_run = _load_side(request, request.first)
+    second, second_estimate, second_run = _load_side(request, request.second)
+    difference = compare_estimates(first_estimate, second_estimate)
+    predicted_runs = [data for data in (first_run, second_run) if data is not None]
     if request.on is not None:
         folder = find_run(request.runs, request.on)
-        judged = [RunData.load(folder, unfinished=request.unfinished)]
-    notes = all_defects(judged)
-    require_torques(judged)
-    if judged or request.payload is not None:
-        one, other = (
+        predicted_runs = [RunData.load(folder, unfinished=request.unfinished)]
+    notes = all_defects(predicted_runs)
+    require_torques(predicted_runs)
+    if predicted_runs or request.payload is not None:
+        first_estimate, second_estimate = (
             state_payload(estimate, name, request.payload, request.runs).estimate
-            for estimate, name in ((one, first), (other, second))
+            for estimate, name in ((first_estimate, first), (second_estimate, second))
         )
-    predictions = [_predict_run(one, other, data) for data in judged]
+    predictions = [_predict_run(first_estimate, second_estimate, data) for data in predicted_runs]
     return ComparedModels((first, second), difference, predictions, notes)
 
 
@@ -88,7 +88,7 @@ def _load_side(request: CompareRequest, what: str) -> tuple[str, Estimate, RunDa
             code="RID-RUN-NO-RESULT",
         )
     data = RunData.load(folder, unfinished=request.unfinished)
-    folder.read(MODEL)  # refuses a file that was changed since it was written
+    folder.read(MODEL)  # raises an error if the file has changed since it was written
     return folder.manifest().label, read_estimate(folder.file(MODEL)), data
 
 

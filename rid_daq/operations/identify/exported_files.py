@@ -49,7 +49,7 @@ def export_file(request: ExportRequest) -> ExportedModel | ExportedRecording:
 
     Raises:
         ConfigError: The file exists, or an option has no effect on this export.
-        RidDaqError: As `export_model` and `export_recording`.
+        RidDaqError: As raised by `export_model` and `export_recording`.
     """
     refuse_output(request.output, request.overwrite, made_file.EXPORT)
     found = find_file_or_run(request.runs, request.what)

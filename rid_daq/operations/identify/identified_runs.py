@@ -67,13 +67,13 @@ MISTAKEN = "Failed: a file of this run is probably wrong"
 
 @dataclass(frozen=True)
 class IdentifiedRobot:
-    """A robot that was identified, before anything is written.
+    """Result of an identification, before anything is written.
 
     Attributes:
         estimate: The estimate.
         section: Section of a report with the estimate.
         averages: Mean periods of periodic runs.
-        wiring: Mistakes of wiring, units and files.
+        wiring: Probable mistakes in wiring, units and files.
         plate: Fit of the force plate; None if the model does not use it.
         comparison: Choice of the friction terms; None if they were not chosen.
         gains: Drive gains; None if no load mass was given.
@@ -122,14 +122,14 @@ class IdentifiedRuns:
 
     @property
     def has_mistakes(self) -> bool:
-        """True if a mistake explains the data far better, or the data are physically impossible."""
+        """True if a mistake in the files is probable, or the data are physically impossible."""
         estimate = self.section
         heavy = estimate.arm_weight is not None and not estimate.arm_weight.is_plausible
         return bool(estimate.mistakes or estimate.driving or heavy or self.plate_is_doubted)
 
     @property
     def plate_is_doubted(self) -> bool:
-        """True if the model does not explain the force plate, or its description is wrong."""
+        """True if the model does not explain the plate's signals, or the plate's entry is wrong."""
         plate = self.result.plate
         return plate is not None and bool(plate.bad_components or plate.mistake)
 
@@ -259,10 +259,10 @@ def _fit_verdict(
     wiring: WiringDiagnosis,
     plate: PlateSection | None,
 ) -> VerdictSection | None:
-    """Return the verdict on a bad fit or a mistake.
+    """Return a failed verdict if the fit is bad or a mistake is probable.
 
-    Without either, an earlier verdict of this kind is reset; None leaves the earlier verdict as it
-    is.
+    Otherwise return `NOTHING_JUDGED` if the earlier verdict was about a bad fit or a mistake, and
+    None if the earlier verdict remains.
     """
     bad = [axis.joint for axis in section.axes if axis.grade is Grade.BAD]
     why = [mistake.sentence for mistake in section.mistakes or ()] + list(wiring.sentences)
@@ -337,7 +337,7 @@ def _estimate_findings(
 
 
 def _check_consistency(estimate: Estimate) -> tuple[ConsistencyTest | None, str]:
-    """Return the test of physical consistency and a sentence; the test is None if it failed."""
+    """Return the test of physical consistency, or None if it cannot be made, and a sentence."""
     try:
         test = check_consistency(estimate)
     except EstimationError as error:

@@ -44,8 +44,8 @@ class ModelOptions(ModelTerms):
     kind: Annotated[
         Literal["internal", "external", "combined"],
         Field(
-            description="Measured quantities: internal (torques), external (reaction on a force"
-            " plate) or combined (both)."
+            description="Measured quantities to which the model is fitted: internal (torques),"
+            " external (reaction on a force plate) or combined (both)."
         ),
         Option(group=EQUATIONS, flag="model"),
     ] = "internal"
@@ -93,8 +93,8 @@ class IdentifyRequest(Request):
 
     Periodic runs are averaged and used at their harmonics; other runs are low-passed without phase
     shift and used in the time domain. The model file contains everything that its use needs. The
-    exit code is 6 if the model does not explain a joint's torque, or if a common mistake of wiring,
-    units or files explains the torques far better.
+    exit code is 6 if the model does not explain a joint's torque, or if the model fits far better
+    after the correction of one common mistake in wiring, units or files.
     """
 
     names: RunNames
@@ -123,7 +123,9 @@ class IdentifyRequest(Request):
             flag="load-mass",
             unit="kg",
             needs="loaded",
-            further=(FurtherNumber("load-mass-sigma", 0.01, "Standard deviation of the scales"),),
+            further=(
+                FurtherNumber("load-mass-sigma", 0.01, "Standard deviation of the weighed mass"),
+            ),
         ),
     ] = None
     cross_check: Annotated[
@@ -132,8 +134,8 @@ class IdentifyRequest(Request):
     diagnose: Annotated[
         bool,
         Field(
-            description="Search for mistakes of wiring, units and files that explain the runs"
-            " far better."
+            description="Search for common mistakes in wiring, units and files that would explain"
+            " a misfit."
         ),
         Option(negatable=True),
     ] = True

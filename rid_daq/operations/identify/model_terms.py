@@ -41,8 +41,8 @@ class ModelTerms(Request):
     kind: Annotated[
         Literal["internal", "external", "combined"],
         Field(
-            description="Measured quantities: torques (internal), the wrench on a force plate"
-            " (external), or both (combined)."
+            description="Measured quantities to which the model is fitted: torques (internal), the"
+            " wrench on a force plate (external), or both (combined)."
         ),
         Option(hidden=True),
     ] = "internal"

@@ -260,7 +260,9 @@ def _stated_model(request: ValidateRequest, estimate: Estimate) -> Estimate:
 def _base_limits(cell: CellConfig | None, where: str) -> PlateLimits:
     """Return the limits of the reaction on the base from a cell file.
 
-    `where` names it in the error.
+    Args:
+        cell: The cell; None without a cell.
+        where: Name of the cell file, for the error message.
     """
     limits = None if cell is None or cell.plate is None else cell.plate.limits
     if limits is None:
@@ -294,7 +296,7 @@ def _torque_noise(data: RunData) -> FloatArray | None:
 
 
 def _torque_limits_percent(text: str | None, data: RunData) -> tuple[float, ...] | None:
-    """Return the limit of every axis, from `text` or else from the cell file; None without both."""
+    """Return the limits of all axes, from `text` or else from the cell file; None without any."""
     if text is None:
         return None if data.cell is None else data.cell.validation_limits_percent
     count = len(data.robot.joints)

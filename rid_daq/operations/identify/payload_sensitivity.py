@@ -50,7 +50,7 @@ class DrawnPayloads:
 
     Attributes:
         values: Shape (draws, 10). The estimates.
-        off_percent: Shape (10,). Errors of the mean estimate [%].
+        off_percent: Shape (10,). Errors of the mean estimate, relative to the true values [%].
     """
 
     values: FloatArray
@@ -62,8 +62,8 @@ class Sensitivity:
     """Errors of a payload estimate.
 
     Attributes:
-        problem: Robot with payload, and a motion of the axes on the wrist side.
-        rows: One row for each wrong assumption.
+        problem: Robot with payload, and a motion of the wrist's axes.
+        rows: Errors of the estimate, one row for each wrong assumption.
         drawn: Estimates of the random draws; None without draws.
     """
 
@@ -137,8 +137,8 @@ def _sensitivity_problems(
     n = len(robot.joints)
     if model is not None:
         estimate = read_estimate_for(model, robot)
-        own = estimate.model
-        if (own.parameter_names, own.nonlinear_names) != (
+        model_terms = estimate.model
+        if (model_terms.parameter_names, model_terms.nonlinear_names) != (
             terms.parameter_names,
             terms.nonlinear_names,
         ):

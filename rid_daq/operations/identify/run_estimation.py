@@ -44,7 +44,7 @@ from rid_daq.runs.run_data import RunData
 
 PLATE_MISTAKEN: Final = "RID-PLATE-MISTAKEN"
 COMPARED_HZ: Final = 200.0
-"""Sampling rate for the search for friction terms that the model lacks."""
+"""Sampling rate for the search for friction terms that the model lacks [Hz]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,12 +88,12 @@ def estimate_runs(
     robot: RobotDescription | None = None,
     chosen: ModelChoice | None = None,
 ) -> EstimatedRobot:
-    """Estimate a robot from its runs; the runs must be all periodic, or all not periodic.
+    """Estimate a robot from its runs; either all runs must be periodic, or none.
 
     Args:
         robot: Robot with the friction terms from `compare_friction`; the runs' own robot if None.
-        chosen: Result of `compare_friction`: its torque channel and, for runs that are not
-            periodic, the warming of the joints.
+        chosen: Result of `compare_friction`, whose torque channel is applied; for runs that are not
+            periodic, the warming of the joints is applied too.
 
     Raises:
         ConfigError: The runs are of different robots, or only some are periodic; or the robot file
@@ -183,7 +183,7 @@ def compare_friction(
 def _choose_by_periods(
     robot: RobotDescription, data: Sequence[RunData], how: EstimationJob, watch: Watch | None
 ) -> ModelChoice:
-    """Choose by mean periods; their bins represent a delay exactly, so no filter is searched."""
+    """Choose with mean periods; their DFT bins contain any delay, so no filter is searched for."""
     averages = period_averages(data)
     signals = signals_of(data, how)
     chosen = choose_model(robot, signals, how.options, kinds=DELAYS_ALONE, watch=watch)
@@ -198,7 +198,7 @@ def _choose_by_periods(
 def cross_check_estimate(
     estimate: Estimate, data: Sequence[RunData], how: EstimationJob
 ) -> Iterator[CrossCheck]:
-    """Yield estimates by other methods from the runs of an estimate."""
+    """Yield comparisons of an estimate with other methods, from the same runs."""
     loaded = [item.folder.run_id in how.loaded for item in data]
     signals = _signals_of_estimate(estimate, data, how)
     yield from cross_checks(estimate, time_runs(estimate.model, signals, loaded))
@@ -270,7 +270,7 @@ def _signals_of_estimate(
 def with_joint_warming(
     signals: list[SmoothedSignals], robot: RobotDescription, warming: Warming | None
 ) -> list[SmoothedSignals]:
-    """Return the signals with the joint temperatures by friction, if the robot warms up."""
+    """Return the signals with joint temperatures computed from friction, if the robot warms up."""
     return (
         signals if warming is None else [warming.with_temperatures(robot, each) for each in signals]
     )
@@ -299,7 +299,7 @@ def period_averages(
 
 
 def require_one_robot(data: Sequence[RunData]) -> RobotDescription:
-    """Return the robot of some runs; the runs must be all periodic, or all not periodic.
+    """Return the robot of some runs; either all runs must be periodic, or none.
 
     Raises:
         ConfigError: The runs are of different robots, or only some are periodic.

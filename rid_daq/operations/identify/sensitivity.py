@@ -47,9 +47,9 @@ class SensitivityRequest(Request):
     against: Annotated[
         Literal["model", "difference"] | None,
         Field(
-            description="Subtract a model of the unloaded robot (model), or a run without the"
-            " payload (difference). If not set, torque constants use difference and"
-            " other cases use model."
+            description="Torques to subtract before the estimate: those of a model of the unloaded"
+            " robot (model), or of a run without the payload (difference). If not set: difference"
+            " for errors of torque constants, model for the other cases."
         ),
     ] = None
     model: Annotated[
@@ -60,19 +60,26 @@ class SensitivityRequest(Request):
     motion: Annotated[
         Path | None,
         Field(
-            description="Motion file of a periodic motion; if not set, harmonics 1 and 20 of 30 s."
+            description="Motion file of a periodic motion; if not set, a motion with harmonics 1"
+            " and 20 of a period of 30 s."
         ),
         Option(metavar="MOTION", file="input"),
     ] = None
     share_percent: Annotated[
         Share,
-        Field(ge=0.001, le=90.0, description="Relative error of each wrong value."),
+        Field(
+            ge=0.001,
+            le=90.0,
+            description="Relative error of the assumed values in the table.",
+        ),
         Option(flag="share", unit="%"),
     ] = 10.0
     bias_nm: Annotated[
         float,
         Plausible(1e-2, 1e4, "N m"),
-        Field(description="Torque bias of axis 3 in its case of the table."),
+        Field(
+            description="Constant torque error of axis 3, for the row 'torque bias' of the table."
+        ),
         Option(flag="bias", unit="N m"),
     ] = -12.0
     draws: Annotated[
@@ -106,7 +113,10 @@ class SensitivityRequest(Request):
     ] = 0
     scheduler: Annotated[
         str | None,
-        Field(description="Address of a Dask scheduler that computes, such as tcp://host:8786."),
+        Field(
+            description="Address of a Dask scheduler that computes the draws, such as"
+            " tcp://host:8786 (default: this computer)."
+        ),
         Option(metavar="ADDRESS", group=FILES, needs="draws"),
     ] = None
     output: Annotated[

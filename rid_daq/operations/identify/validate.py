@@ -91,11 +91,11 @@ class ValidateRequest(Request):
 
     @model_validator(mode="after")
     def _refuse_cell_of_run(self, info: ValidationInfo) -> Self:
-        """Refuse a cell together with a run; a JSON request always has one, set by the service.
+        """Refuse a cell together with a run, except in JSON: there the service always sets a cell.
 
         Raises:
-            ConfigError: The cell has no effect (RID-OPTION-NO-EFFECT), or it is that of a motion
-                file that does not exist (RID-FILE-READ).
+            ConfigError: The cell has no effect on a run (RID-OPTION-NO-EFFECT), or `run` names a
+                motion file that does not exist (RID-FILE-READ).
         """
         if info.mode == "python" and not self.is_motion_file:
             if self.cell is not None and self._is_named_like_motion:

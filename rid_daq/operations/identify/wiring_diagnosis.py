@@ -1,4 +1,4 @@
-"""Find mistakes of wiring, units and files that explain runs far better, and the keys to change."""
+"""Find mistakes in wiring, units and files that explain a misfit, and the keys to change."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from rid_daq.runs.origins import key_lines
 from rid_daq.runs.run_data import RunData
 
 SMALL_RESIDUAL_SHARE: Final = 0.02
-"""Largest residual, relative to a joint's torque, with which no mistake can be hidden."""
+"""If no joint's residual exceeds this fraction of its torque, no fine search is needed."""
 
 _IN_MAP: Final[dict[MistakeKind, str]] = {
     MistakeKind.POSITION_SIGN: "map: `position_sign` of {each}",
@@ -102,7 +102,7 @@ OTHER_ROBOT: Final = (
 )
 ALONG_AXIS: Final = math.cos(math.radians(2.0))
 _NEVER_ADDED: Final = frozenset({"torque", "current", "rate_hz", "time.unit"})
-"""Keys of a map with an alternative key; if such a key is missing, it must not be added."""
+"""Keys of a map that have an alternative; if such a key is missing, it must not be added."""
 
 _IN_CELL: Final[dict[MistakeKind, str]] = {
     MistakeKind.POSITION_SIGN: (
@@ -157,9 +157,9 @@ class WiringDiagnosis:
     """Mistakes of wiring, units and files found in runs.
 
     Attributes:
-        mistakes: Mistakes that explain the runs far better; None without a search.
+        mistakes: Probable mistakes; None without a search.
         driving: Joints with negative friction power; None without a search.
-        weight: Weight of the arm by the torques; None if the torques do not determine it.
+        weight: Weight of the arm, computed from torques; None if the torques do not determine it.
     """
 
     mistakes: tuple[MistakeEntry, ...] | None = None
@@ -178,31 +178,31 @@ class WiringDiagnosis:
     @property
     def sentences(self) -> tuple[str, ...]:
         """Sentences on physically impossible properties of the runs."""
-        said = []
+        sentences = []
         if self.driving:
-            said.append(
+            sentences.append(
                 f"The friction of {_join_names(list(self.driving))} has negative power, which is"
                 " physically impossible: look for a wrong sign of torque or position, or for"
                 " swapped axes."
             )
         if self.weight is not None and not self.weight.is_plausible:
             words = self.weight.sentence
-            said.append(
+            sentences.append(
                 f"{words[0].upper()}{words[1:]}: look for a wrong torque unit, for torques"
                 f" without gravity, or for wrong masses in `cad`. {OTHER_ROBOT}"
             )
-        return tuple(said)
+        return tuple(sentences)
 
 
 def diagnose_wiring(
     signals: WiredSignals, run: RunData, estimate: Estimate, *, search: bool = True
 ) -> WiringDiagnosis:
-    """Find physically impossible properties of runs, and common mistakes that explain the runs.
+    """Find physically impossible properties of runs, and probable mistakes in their files.
 
     Args:
         signals: Signals of the runs of one robot.
         run: One of the runs; its folder contains the files.
-        estimate: Estimate from these runs; if it explains the torques, no mistake can be hidden.
+        estimate: Estimate from these runs; if its residual is small, the fine search is skipped.
         search: True to try the common mistakes of wiring, units and files.
     """
     driving, weight = find_impossibilities(signals)
@@ -258,20 +258,20 @@ def mistake_entry(
 
 def _mistake_sentence(found: FoundMistake, words: str, joints: Sequence[str], worst: int) -> str:
     """Return a mistake as a sentence, with its evidence."""
-    says = f"{words[0].upper()}{words[1:]}"
+    mistake = f"{words[0].upper()}{words[1:]}"
     if found.weight is not None:
-        return f"{says}: {found.weight.sentence}."
+        return f"{mistake}: {found.weight.sentence}."
     if found.mistake.kind is MistakeKind.TORQUE_QUANTITY:
-        return f"{says}: the values agree in every row."
+        return f"{mistake}: the values agree in every row."
     if found.held_out_ratio is not None:
         less = 100.0 * (1.0 - found.held_out_ratio)
         sentence = (
-            f"{says}: without this mistake, the squared error on held-out parts of the recording"
-            f" falls by {less:.0f} %."
+            f"{mistake}: if this mistake is corrected, the squared error on held-out parts of the"
+            f" recording falls by {less:.0f} %."
         )
         is_table = found.mistake.kind is MistakeKind.KINEMATICS
         return f"{sentence} {OTHER_ROBOT}" if is_table else sentence
-    sentence = f"{says}: without this mistake, the data fit far better."
+    sentence = f"{mistake}: if this mistake is corrected, the model fits the data far better."
     before, after = (100.0 * trial.residual_share[worst] for trial in (found.before, found.after))
     if before >= 1.2 * after:
         sentence += (
@@ -280,7 +280,7 @@ def _mistake_sentence(found: FoundMistake, words: str, joints: Sequence[str], wo
         )
     if found.before.driving.any() and not found.after.driving.any():
         driven = _join_names([joints[j] for j in np.flatnonzero(found.before.driving).tolist()])
-        sentence += f" With the files as they are, friction would drive {driven}."
+        sentence += f" Without correction, the friction of {driven} has negative power."
     return sentence
 
 
@@ -292,8 +292,8 @@ def _lines_to_change(
     mistake: Mistake, robot: RobotDescription, imported: bool, folder: RunFolder
 ) -> tuple[PlaceToChange, ...]:
     """Return the lines in a run's files that contain the mistake."""
-    told = {**(_LINES_OF_MAP if imported else _LINES_OF_CELL), **_LINES_OF_ROBOT}
-    patterns = told[mistake.kind]
+    patterns_by_kind = {**(_LINES_OF_MAP if imported else _LINES_OF_CELL), **_LINES_OF_ROBOT}
+    patterns = patterns_by_kind[mistake.kind]
     joints = mistake.changed
     wanted = [
         pattern.replace("*", str(j))
@@ -330,10 +330,10 @@ def _mistake_phrase(mistake: Mistake, robot: RobotDescription) -> str:
     in_order = f"come in the order {', '.join(names)}"
     order = f"{joint} are swapped" if len(names) == 2 else f"the joints {in_order}"
     axes = f"the axes {joint} are swapped" if len(names) == 2 else f"the axes {in_order}"
-    says: dict[MistakeKind, Callable[[], str]] = {
+    phrases: dict[MistakeKind, Callable[[], str]] = {
         MistakeKind.POSITION_SIGN: lambda: f"the position of {joint} has the wrong sign",
         MistakeKind.TORQUE_SIGN: lambda: f"the torque of {joint} has the wrong sign",
-        MistakeKind.DIRECTION: lambda: f"{joint} turns in the opposite direction to its file",
+        MistakeKind.DIRECTION: lambda: f"the direction of {joint} in the file is reversed",
         MistakeKind.POSITION_FACTOR: lambda: _factor_phrase(
             f"the position of {joint}", mistake, robot
         ),
@@ -366,7 +366,7 @@ def _mistake_phrase(mistake: Mistake, robot: RobotDescription) -> str:
         MistakeKind.GRAVITY_REMOVED: lambda: "gravity is missing in the torques",
         MistakeKind.KINEMATICS: lambda: mistake.what,
     }
-    return says[mistake.kind]()
+    return phrases[mistake.kind]()
 
 
 def _join_names(names: list[str]) -> str:
@@ -374,7 +374,7 @@ def _join_names(names: list[str]) -> str:
 
 
 def _gravity_direction(right: RobotDescription | None, stated: RobotDescription) -> str:
-    """Return the direction of gravity in the base's frame, and its angle from the robot file's."""
+    """Return the direction of gravity in the base's frame, compared with that in the robot file."""
     gravity = np.array(stated.gravity_m_s2 if right is None else right.gravity_m_s2)
     unit = gravity / np.linalg.norm(gravity)
     axis = int(np.argmax(np.abs(unit)))

@@ -31,10 +31,10 @@ if TYPE_CHECKING:
 class CompensateRequest(Request):
     """Compute the velocity feedforward with which the drives produce the torques of a motion.
 
-    A reference run tunes scale and delay of the feedforward for each joint. It is a run of this
-    motion or of another periodic motion, with or without compensation; its periods are averaged.
-    Nothing moves. Perform the motion with the result by `rid-daq record CELL MOTION --feedforward
-    FEEDFORWARD`.
+    If a reference run is given, scale and delay of the feedforward are tuned to it for each joint.
+    It is a run of this motion or of another periodic motion, with or without compensation; its
+    periods are averaged. Nothing moves. Perform the motion with the result by `rid-daq record CELL
+    MOTION --feedforward FEEDFORWARD`.
     """
 
     cell: CellName
@@ -48,7 +48,10 @@ class CompensateRequest(Request):
     output: FeedforwardOutput
     reference: Annotated[
         str | None,
-        Field(description="Run of a periodic motion that tunes scale and delay of each joint."),
+        Field(
+            description="Run of a periodic motion, to which scale and delay of each joint are"
+            " tuned."
+        ),
         Option(metavar="RUN"),
     ] = None
     payload: CarriedPayload = None
@@ -64,7 +67,7 @@ class CompensateResult:
 
     Attributes:
         request: The request.
-        made: Size of the feedforward, and its tuning by the reference run.
+        made: Size of the feedforward, and its tuning to the reference run.
     """
 
     request: CompensateRequest
@@ -96,8 +99,8 @@ class CompensateResult:
 
 def _tuning_blocks(tuning: TuningEntry, names: tuple[str, ...]) -> Iterator[AnyBlock]:
     yield Text(
-        text="Scale and delay of the feedforward, tuned by the reference run. If the run does"
-        " not determine them, 1 and 0 are applied."
+        text="Scale and delay of the feedforward, tuned to the reference run. For a joint whose"
+        " values the run does not determine, scale 1 and delay 0 are applied."
     )
     yield table(
         range(len(names)),

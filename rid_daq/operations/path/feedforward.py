@@ -71,9 +71,9 @@ class RefinedFeedforward:
     """Result of one refinement of a feedforward.
 
     Attributes:
-        measured: Repeated path error of the runs.
+        measured: Path error that repeats in all runs, and its noise.
         found: Correction computed from this error.
-        stalled: True if the error no longer shrinks.
+        stalled: True if the path error no longer shrinks from refinement to refinement.
         notes: Defects of the runs' data, and the assumed temperature of the joints.
         cell: Cell of the runs, as a command's argument.
         motion: Motion file of one of the runs.
@@ -88,7 +88,7 @@ class RefinedFeedforward:
 
     @property
     def finished(self) -> bool:
-        """True if the feedforward stays unchanged: its error is noise or no longer shrinks."""
+        """True if the feedforward stays unchanged: the path error is noise or no longer shrinks."""
         return self.found.finished or self.stalled
 
 
@@ -140,7 +140,7 @@ def refine_feedforward(request: RefineRequest) -> RefinedFeedforward:
 
     Raises:
         ConfigError: The runs differ in motion or feedforward, or the output file exists already.
-        DataQualityError: The error has grown since the last refinement.
+        DataQualityError: The path error has grown since the last refinement.
     """
     refuse_output(request.output, request.overwrite, made_file.FEEDFORWARD)
     folders = find_runs(request.runs, request.run)
@@ -234,10 +234,10 @@ def _refuse_mixed(driven: list[MotionRun]) -> None:
 
 
 def _refuse_growth(measured: RepeatedError, origin: FeedforwardOrigin) -> None:
-    """Refuse a refinement if the last one has increased the error.
+    """Refuse a refinement if the last refinement has increased the path error.
 
     Raises:
-        DataQualityError: The error has grown; the text names the joint and what to do.
+        DataQualityError: The path error has grown; the text names the joint and the remedy.
     """
     if not origin.refinements:
         return
@@ -247,17 +247,18 @@ def _refuse_growth(measured: RepeatedError, origin: FeedforwardOrigin) -> None:
     if total > GROWN:
         worst = int(grown.argmax())
         raise DataQualityError(
-            "the error has grown since the last refinement, most in"
+            "the path error has grown since the last refinement, most in"
             f" {measured.joint_names[worst]} (from {before[worst]:.3g} to"
-            f" {measured.rms[worst]:.3g}): model and loops do not match the robot, its payload or"
-            f" its loops. Use the feedforward of run {origin.refinements[-1].runs[0]}, and"
-            " measure the loops again before the next refinement",
+            f" {measured.rms[worst]:.3g}): the model or the loop file does not match the robot,"
+            " its payload or its drives. Use the feedforward of run"
+            f" {origin.refinements[-1].runs[0]}, and measure the loops again before the next"
+            " refinement",
             code="RID-LOOP-OTHER",
         )
 
 
 def _has_stalled(measured: RepeatedError, origin: FeedforwardOrigin) -> bool:
-    """Return True if the last refinement has hardly changed the error of any joint."""
+    """Return True if the last refinement has hardly reduced the path error of any joint."""
     if not origin.refinements:
         return False
     before = np.array(origin.refinements[-1].rms)

@@ -29,7 +29,7 @@ class RefineRequest(Request):
     Give one run of a periodic motion, or at least two runs of another motion, all with the same
     feedforward. Record the motion with the new file, and refine again. If the remaining error is
     noise, or no longer shrinks, the command says so and writes the feedforward unchanged. If the
-    error has grown, the command is refused.
+    error has grown, the command ends with an error and writes nothing.
     """
 
     run: RunNames
@@ -44,7 +44,7 @@ class RefineRequest(Request):
 
 
 class _AxisError(NamedTuple):
-    """Remaining error of an axis."""
+    """Remaining path error of an axis."""
 
     joint: str
     rms: float
@@ -67,11 +67,11 @@ class RefineResult:
 
     @property
     def has_stalled(self) -> bool:
-        """True if the error is larger than noise but no longer shrinks."""
+        """True if the path error is larger than noise but no longer shrinks."""
         return self.refined.stalled and not self.refined.found.finished
 
     def document(self) -> dict[str, object]:
-        """Return errors and bounds as numbers."""
+        """Return the remaining path errors and their bounds as numbers."""
         measured, found = self.refined.measured, self.refined.found
         return {
             "feedforward": str(self.request.output),
@@ -92,7 +92,7 @@ class RefineResult:
             Cells("joint", lambda axis: axis.joint),
             Cells("RMS error", lambda axis: 1e3 * axis.rms, "mrad or mm"),
             Cells("power / noise", lambda axis: axis.over_noise, digits=3),
-            Cells("largest remaining share", lambda axis: 100.0 * axis.bound, "%", 3),
+            Cells("largest remaining fraction", lambda axis: 100.0 * axis.bound, "%", 3),
         )
         if self.has_stalled:
             yield Text(
@@ -104,9 +104,9 @@ class RefineResult:
         else:
             band_hz = self.refined.found.bound.band_hz
             yield Text(
-                text=f"Up to {band_hz:.3g} Hz, at most this share of an error remains after each"
-                " refinement, if the loops are within their intervals. Near reversals,"
-                " friction can leave a larger error."
+                text="If the loops are within their intervals, each refinement reduces an error"
+                f" up to {band_hz:.3g} Hz at least to its largest remaining fraction. Near"
+                " reversals, friction can leave a larger error."
             )
             cell, motion = self.refined.cell, str(self.refined.motion)
             yield Next(words=("record", cell, motion, "--feedforward", str(self.request.output)))

@@ -65,8 +65,8 @@ class RetimeRequest(Request):
     margin: Annotated[
         FreeShare,
         Field(
-            description="Additional margin: share of the limits of torques and base wrench"
-            " that stays unused."
+            description="Additional margin: fraction of the limits of torques and base wrench that"
+            " stays unused."
         ),
         Option(group=LIMITS),
     ] = 0.0

@@ -89,7 +89,7 @@ def retime_motion(request: RetimeRequest) -> RetimedMotion:
         timed = retime_path(samples, robot, warm.estimate, limits, confidence=request.confidence)
         if not again:
             break
-        # A faster motion heats the joints more, so it is retimed with its own temperature.
+        # The faster motion heats the joints more, so it is retimed again at the higher temperature.
         faster = timed.motion.plan(robot, loaded.config.cycle_time_s).whole()
         warm = at_operating_temperature(estimate, request.temperature, faster.velocity)
     estimate = warm.estimate
@@ -104,8 +104,8 @@ def retime_motion(request: RetimeRequest) -> RetimedMotion:
         margin=request.margin,
     )
     comment = (
-        f"RetimedMotion by `rid-daq retime` from {request.motion.name} with the model"
-        f" {model}: {timed.moving_s:.6g} s instead of {timed.original_s:.6g} s."
+        f"Retimed by `rid-daq retime` from {request.motion.name} with the model {model}:"
+        f" {timed.moving_s:.6g} s instead of {timed.original_s:.6g} s."
     )
     write_whole(request.output, to_yaml(timed.motion, comment).encode())
     if request.report is not None:
@@ -126,10 +126,10 @@ def _timing_limits(request: RetimeRequest, loaded: LoadedCell) -> TimingLimits:
             " and moment_nm there",
             code="RID-PLATE-NO-LIMITS",
         )
-    own = plate.limits if request.base and plate is not None else None
+    plate_limits = plate.limits if request.base and plate is not None else None
     found = replace(
         TimingLimits.of_robot(loaded.robot),
-        base=None if own is None else base_limits(own),
+        base=None if plate_limits is None else base_limits(plate_limits),
         torque_rate=_values_per_joint("--torque-rate", request.torque_rate, n),
         jerk=_values_per_joint("--jerk", request.jerk, n),
         torque_rms=_values_per_joint("--rms-torque", request.torque_rms, n),
@@ -156,11 +156,11 @@ def _check_planned_motion(
     """Plan the motion as `record` does, and check its rows with the robot and the model."""
     planned = timed.motion.plan(robot, cycle_s)
     verify_limits(planned, robot)
-    taken = np.abs(predict(estimate, planned.position, planned.velocity, planned.acceleration))
+    needed = np.abs(predict(estimate, planned.position, planned.velocity, planned.acceleration))
     for j, joint in enumerate(robot.joints):
-        if taken[:, j].max() > joint.limits.torque * (1.0 + 1e-9):
+        if needed[:, j].max() > joint.limits.torque * (1.0 + 1e-9):
             raise LimitError(
-                f"internal error: the retimed motion needs {taken[:, j].max():.6g} of joint"
+                f"internal error: the retimed motion needs {needed[:, j].max():.6g} of joint"
                 f" {joint.name!r}, more than its torque limit; please report this",
                 code="RID-INTERNAL-ERROR",
             )

@@ -19,8 +19,8 @@ Temperature = Annotated[
     str | None,
     Field(
         description="Temperature of the joints, if the friction of the model depends on it:"
-        " degrees Celsius, one value or one per joint. For a model without"
-        " thermometers: `warm` (as the motion heats the joints) or `cold`."
+        " degrees Celsius, one value or one per joint. For a model that computes the warming of"
+        " the joints from their friction: `warm` (as the motion heats the joints) or `cold`."
     ),
     Option(metavar="°C,..."),
 ]

@@ -35,14 +35,14 @@ class StreamOptions(Request):
     compensated: Annotated[
         bool,
         Field(
-            description="Compensate the path; `--plain` uses the velocity feedforward without"
-            " model."
+            description="Compensate the path with the model. `--plain`: use the velocity of the"
+            " path as feedforward, without the model."
         ),
         Option(flag="plain", value=False),
     ] = True
     buffer_s: Annotated[
         BufferS,
-        Field(description="Shortest time by which the path is read ahead."),
+        Field(description="Shortest time by which the path is read ahead of the robot."),
         Option(flag="buffer", unit="s", metavar="SECONDS"),
     ] = BUFFER_S
     patience_s: Annotated[

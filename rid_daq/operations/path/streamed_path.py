@@ -34,7 +34,7 @@ def stream_path(request: StreamRequest, context: Context) -> RecordedRun:
 
     Raises:
         ConfigError, PreflightError: The request was refused before anything moved.
-        RidDaqError: As `RunSession.recording`.
+        RidDaqError: As raised by `RunSession.recording`.
     """
     loaded = load_cell(request.cell)
     words, samples, files = _plan_path(request, loaded)

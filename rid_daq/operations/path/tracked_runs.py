@@ -98,12 +98,11 @@ def _torque_words(estimate: Estimate) -> str:
     """Return a phrase that names the model's torques from which the deflection is computed."""
     words = "the model's torques of the links (gravity and inertia, no friction"
     names = estimate.robot.joint_names
-    told = {f"{kind}{number}" for number in range(1, len(names) + 1) for kind in ("Im", "Ia")}
-    told &= set(estimate.base.names)
+    base_names = set(estimate.base.names)
     lumped = [
         name
         for number, name in enumerate(names, start=1)
-        if told.isdisjoint((f"Im{number}", f"Ia{number}"))
+        if base_names.isdisjoint((f"Im{number}", f"Ia{number}"))
     ]
     if lumped:
         words += f"; for {', '.join(lumped)} also rotor inertia, which the model cannot separate"
@@ -115,14 +114,14 @@ def _with_stiffness(
 ) -> tuple[RobotDescription, list[str]]:
     """Return a robot with the stiffness of its model, and notes on differences."""
     joints, notes = [], []
-    for own, other in zip(robot.joints, model.joints, strict=True):
-        stated, newer = own.stiffness_nm_rad, other.stiffness_nm_rad
+    for joint, model_joint in zip(robot.joints, model.joints, strict=True):
+        stated, newer = joint.stiffness_nm_rad, model_joint.stiffness_nm_rad
         if stated is not None and newer is not None and stated != newer:
             notes.append(
-                f"stiffness_nm_rad of {own.name} is {stated:g} in the run's robot file and"
+                f"stiffness_nm_rad of {joint.name} is {stated:g} in the run's robot file and"
                 f" {newer:g} in the model; the model's value is used"
             )
-        joints.append(own.model_copy(update={"stiffness_nm_rad": newer or stated}))
+        joints.append(joint.model_copy(update={"stiffness_nm_rad": newer or stated}))
     return robot.model_copy(update={"joints": tuple(joints)}), notes
 
 

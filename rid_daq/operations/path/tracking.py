@@ -46,8 +46,8 @@ class TrackingRequest(Request):
         Path | None,
         Field(
             description="Model file of `identify`; its link torques, without friction, and its"
-            " stiffness_nm_rad give the bending of the gears (default: the measured"
-            " motor torques and the run's robot file)."
+            " stiffness_nm_rad give the deflection of the gears (default: the measured motor"
+            " torques and the run's robot file)."
         ),
         Option(metavar="MODEL", file="input"),
     ] = None

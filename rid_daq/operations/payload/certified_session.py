@@ -77,7 +77,7 @@ def certificate_of(folder: RunFolder, by: str | None) -> Certificate:
         by: Person responsible for the certificate.
 
     Raises:
-        DataQualityError, RecordingError, ConfigError: As `write_certificate`.
+        DataQualityError, RecordingError, ConfigError: As raised by `write_certificate`.
     """
     state = SessionFile.read(folder) if folder.file(SESSION).exists() else None
     _require_finished(folder, state)
@@ -172,8 +172,10 @@ def _payload_section(folder: RunFolder, payload: PayloadResult, result: Result) 
         )
     section, values = result.payload, payload.estimate.reported.tolist()
     if section is None or not all(
-        math.isnan(value) if said.value is None else math.isclose(said.value, value, rel_tol=1e-9)
-        for said, value in zip(section.parameters, values, strict=True)
+        math.isnan(value)
+        if reported.value is None
+        else math.isclose(reported.value, value, rel_tol=1e-9)
+        for reported, value in zip(section.parameters, values, strict=True)
     ):
         raise DataQualityError(
             f"{folder.path}: {RESULT} and {PAYLOAD} describe different payloads: identify the"

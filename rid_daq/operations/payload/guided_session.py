@@ -58,10 +58,10 @@ def run_payload_session(
     """Lead through a payload session, or continue an interrupted one.
 
     Raises:
-        ConfigError, PreflightError: The session was refused before anything moved (also because the
-            model is of another robot), or a person answered no.
+        ConfigError, PreflightError: The session was refused before anything moved, for example
+            because the model is of another robot; or a person answered no.
         LimitError: The stated mass of the payload exceeds the robot's limit.
-        RidDaqError: As `RunSession.recording`, `estimate_payload` and `report_payload`.
+        RidDaqError: As raised by `RunSession.recording`, `estimate_payload` and `report_payload`.
     """
     loaded = load_cell(request.cell)
     file: SessionFile | None = None
@@ -81,9 +81,7 @@ def run_payload_session(
     moves = any(name not in done for name in request.measured_steps)
     if moves:
         if loaded.plant is not None:
-            loaded.plant.with_payload(
-                request.payload
-            )  # refuses an unknown payload before anything moves
+            loaded.plant.with_payload(request.payload)  # raises an error for an unknown payload
         _refuse_until_mass(request, payload_request)
         for each in known:
             if each.name == "m":
@@ -105,7 +103,7 @@ def run_payload_session(
                 loaded,
                 request.runs,
                 context,
-                None,  # the steps of the session ask the person
+                None,  # no question here: the steps of the session ask if the cell is clear
                 AxisTestRule(request.axis_test),
                 simulation=Simulation(seed=request.seed, pace=request.pace),
                 live=request.live,
@@ -173,7 +171,7 @@ def _begin_session(
     folder.write(MOTION, to_yaml(motion, SESSION_MOTION).encode())
     write_cell_origin(folder, loaded)
     file = SessionFile.begin(folder, loaded.config.name, request.choices)
-    motion.plan(loaded.robot, loaded.config.cycle_time_s)  # within all limits, or refused
+    motion.plan(loaded.robot, loaded.config.cycle_time_s)  # checks the limits
     return file, motion
 
 

@@ -35,11 +35,11 @@ ALONG_Z: Final = frozenset(LoadFormat) - {LoadFormat.URDF}
 
 
 def export_payload(request: PayloadExportRequest) -> PayloadExportResult:
-    """Write a payload for a controller; the file is read back and compared.
+    """Write a payload as load data for a controller; the file is read back and compared.
 
     Raises:
-        EstimationError: The payload has not passed its verdict. A controller with wrong load data
-            stops unnecessarily, or does not stop when it should. Or no body can have these values.
+        EstimationError: The payload has not passed its verdict, or no body can have these values. A
+            controller with wrong load data stops unnecessarily, or does not stop when it should.
         ConfigError, RecordingError: The payload cannot be read, or the file cannot be written.
     """
     refuse_output(request.output, request.overwrite, made_file.LOAD_DATA)

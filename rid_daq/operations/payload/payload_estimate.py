@@ -52,12 +52,10 @@ class PayloadRequest:
 
     @property
     def time_domain_effects(self) -> str:
-        """Phrase on the effects in the robot's model that mean periods do not show.
+        """Effects in the robot's model that cannot be applied to mean periods, as a phrase.
 
-        Empty without any.
-
-        With such effects the runs are used as recorded, not as mean periods, and only when
-        complete.
+        Empty if the model has no such effects. If it has, the runs are used as recorded instead of
+        as mean periods, and only after they are complete.
         """
         model = self.how.robot
         if model is None:
@@ -175,20 +173,23 @@ def _arm_checks(
 ) -> tuple[PayloadCheck, ...]:
     """Check if the torques of the runs without payload are physically plausible.
 
-    A wrong unit or sign of all torques changes the payload too, but no residual shows it.
+    A wrong unit or sign of all torques changes the payload too, but the residual does not show it.
     """
     if not empty:
         return ()
     how = EstimationJob(EstimationOptions(band_hz=payload_request.band_hz))
     driving, weight = find_impossibilities(signals_for_diagnosis(empty, how, empty[0].robot))
-    said = f"joints with negative friction power ({', '.join(driving)})"
-    found = [PayloadCheck(said, len(driving), "≤", 0.0, "", BAD_FIT)] if driving else []
+    text = f"joints with negative friction power ({', '.join(driving)})"
+    found = [PayloadCheck(text, len(driving), "≤", 0.0, "", BAD_FIT)] if driving else []
     if weight is not None and weight.is_drawn:
         (low, high), sure = weight.plausible, 2.0 * weight.sigma
-        said = "weight of the arm by its torques without payload, relative to its CAD weight"
+        text = (
+            "weight of the arm, computed from its torques without payload, relative to its CAD"
+            " weight"
+        )
         light = weight.share < 1.0
         value, limit = (weight.share + sure, low) if light else (weight.share - sure, high)
-        found.append(PayloadCheck(said, value, "≥" if light else "≤", limit, "", HEAVY))
+        found.append(PayloadCheck(text, value, "≥" if light else "≤", limit, "", HEAVY))
     return tuple(found)
 
 
@@ -196,6 +197,6 @@ def _comparison_runs(
     data: Sequence[RunData], loaded: Sequence[bool], how: PayloadOptions
 ) -> list[int]:
     """Return the runs without payload that were not used to identify the model."""
-    own = () if how.robot is None else how.robot.run_ids
+    model_runs = () if how.robot is None else how.robot.run_ids
     pairs = enumerate(zip(data, loaded, strict=True))
-    return [i for i, (run, carried) in pairs if not carried and run.folder.run_id not in own]
+    return [i for i, (run, carried) in pairs if not carried and run.folder.run_id not in model_runs]

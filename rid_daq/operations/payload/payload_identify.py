@@ -45,7 +45,7 @@ LIMITS: Final = "Limits of the verdict"
 
 
 class KnownQuantity(Request):
-    """A quantity of a payload that was measured otherwise, such as its mass on scales."""
+    """A quantity of a payload that is known from another measurement, such as a weighed mass."""
 
     name: Annotated[str, Field(description=f"One of {', '.join(REPORTED)}.")]
     value: Annotated[KnownValue, Field(description="Value [kg, m or kg m²].")]
@@ -92,7 +92,9 @@ class VerdictLimits(Request):
     ] = PayloadLimits.mass_percent
     mass_kg: Annotated[
         MassLimitKg | None,
-        Field(description="Absolute alternative to --mass-limit: either one is enough."),
+        Field(
+            description="Absolute alternative to --mass-limit: one of the two limits must be kept."
+        ),
         Option(group=LIMITS, flag="mass-limit-kg", unit="kg"),
     ] = PayloadLimits.mass_kg
     centre_mm: Annotated[
@@ -107,7 +109,10 @@ class VerdictLimits(Request):
     ] = PayloadLimits.inertia_percent
     inertia_kg_m2: Annotated[
         InertiaLimitKgM2 | None,
-        Field(description="Absolute alternative to --inertia-limit: either one is enough."),
+        Field(
+            description="Absolute alternative to --inertia-limit: one of the two limits must be"
+            " kept."
+        ),
         Option(group=LIMITS, flag="inertia-limit-kg-m2", unit="kg m²"),
     ] = PayloadLimits.inertia_kg_m2
     residual_percent: Annotated[
@@ -117,7 +122,10 @@ class VerdictLimits(Request):
     ] = PayloadLimits.residual_percent
     residual_nm: Annotated[
         ResidualLimitNm | None,
-        Field(description="Absolute alternative to --residual-limit: either one is enough."),
+        Field(
+            description="Absolute alternative to --residual-limit: one of the two limits must be"
+            " kept."
+        ),
         Option(group=LIMITS, flag="residual-limit-nm", unit="N m"),
     ] = PayloadLimits.residual_nm
 
@@ -176,9 +184,9 @@ class PayloadIdentifyRequest(Request):
     known: Annotated[
         tuple[KnownQuantity, ...],
         Field(
-            description="Quantity that was measured otherwise, with its standard deviation;"
-            f" without one the quantity is fixed at its value: {', '.join(REPORTED)}"
-            " [kg, m, kg m² about the centre of gravity]."
+            description="Quantity that is known from another measurement, with its standard"
+            " deviation; without SIGMA the quantity is fixed at VALUE. Names:"
+            f" {', '.join(REPORTED)} [kg, m, kg m² about the centre of gravity]."
         ),
         Option(group=PAYLOADS, metavar="NAME=VALUE[±SIGMA]"),
     ] = ()
@@ -186,8 +194,8 @@ class PayloadIdentifyRequest(Request):
         TorqueConstantSigma | None,
         BeforeValidator(_of_percent),
         Field(
-            description="Standard deviation of each torque constant, as a share (in percent on"
-            " the command line). It widens the intervals. Default: 1 %; `apart`"
+            description="Standard deviation of each torque constant, as a fraction of its value"
+            " (in percent on the command line). It widens the intervals. Default: 1 %; `apart`"
             " treats torque constants as exact."
         ),
         Option(group=PAYLOADS, metavar="PERCENT"),

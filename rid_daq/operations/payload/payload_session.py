@@ -65,7 +65,9 @@ class PayloadSessionRequest(Request):
     ] = None
     known: Annotated[
         tuple[KnownQuantity, ...],
-        Field(description="Quantity that was measured otherwise, such as m=2.805+-0.005."),
+        Field(
+            description="Quantity that is known from another measurement, such as m=2.805+-0.005."
+        ),
         Option(metavar="NAME=VALUE[±SIGMA]"),
     ] = ()
     resume: Annotated[
@@ -185,14 +187,14 @@ class StoppedSession:
         return self.run.exit_code
 
     def document(self) -> dict[str, object]:
-        """Return the step, its folder, and the reason why it failed."""
+        """Return the step, the folder of its run, and the reason why it failed."""
         from rid_daq.recording.recorded_run import stop_document
 
         run = self.run
-        told: dict[str, object] = {"step": self.step, "folder": str(run.folder.path)}
+        document: dict[str, object] = {"step": self.step, "folder": str(run.folder.path)}
         if run.outcome.stop is not None:
-            return told | stop_document(run.outcome)
-        return told if run.quality is None else told | {"quality": run.quality.to_dict()}
+            return document | stop_document(run.outcome)
+        return document if run.quality is None else document | {"quality": run.quality.to_dict()}
 
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield the reason why the step failed, and the command that continues."""

@@ -26,7 +26,7 @@ WARM_UP: Final = "warm-up"
 
 
 class StateRule(NamedTuple):
-    """Description of a state, and the states that can follow; `by_person` if a person must act."""
+    """Description of a state, and the states that can follow. `by_person`: a person must act."""
 
     text: str
     next: tuple[State, ...]
@@ -139,8 +139,12 @@ class SessionFile(BaseModel):
     @property
     def empty_flange(self) -> EmptyFlange | None:
         """Evidence that the flange was empty without payload; None without evidence."""
-        told = self.facts.get(EMPTY_FLANGE)
-        return EmptyFlange(told) if isinstance(told, str) and told in set(EmptyFlange) else None
+        evidence = self.facts.get(EMPTY_FLANGE)
+        return (
+            EmptyFlange(evidence)
+            if isinstance(evidence, str) and evidence in set(EmptyFlange)
+            else None
+        )
 
     def runs(self) -> list[RunData]:
         """Return the runs of `measurements`.

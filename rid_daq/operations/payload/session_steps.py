@@ -34,11 +34,11 @@ from rid_daq.terminal.job_events import SessionState as State
 
 PREFLIGHT_S: Final = 0.5
 SESSION_MOTION: Final = "Motion of a payload session."
-"""Comment of the session's motion file; the steps perform this motion, some slower or longer."""
+"""Comment of the session's motion file; some steps perform the motion slower or longer."""
 
 
 def enter(session: SessionFile, state: State, context: Context, *, again: bool = False) -> None:
-    """Enter a state and announce it."""
+    """Set the state of a session, and show the state to the person."""
     session.enter(state, again=again)
     context.announce_state(session.folder.run_id, state, STATES[state].text)
 

@@ -24,7 +24,7 @@ WarmUpReport = Callable[[Sequence[str], Sequence[Sequence[float]], float], None]
 
 
 class WarmUpWatch:
-    """Watch of a warm-up: ends it when the friction power per period has settled.
+    """Watch of a warm-up: ends the warm-up when the friction power per period has settled.
 
     Over a period that begins and ends with the same state, the mechanical power of a joint is its
     friction power. This power falls as a motor warms up.
@@ -46,7 +46,7 @@ class WarmUpWatch:
 
     @property
     def settled(self) -> bool:
-        """True if the power of the last periods agrees."""
+        """True if the friction power of the last periods agrees."""
         return self.drift_percent is not None and self.drift_percent <= self._limit
 
     @property
@@ -75,11 +75,11 @@ class WarmUpWatch:
         return self.settled
 
     def sentences(self) -> list[str]:
-        """Return a sentence on the last change of the power, for the report."""
+        """Return a sentence on the last change of the friction power, for the report."""
         return [self.line()]
 
     def line(self) -> str:
-        """Return a status line with the change of the power."""
+        """Return a status line with the change of the friction power."""
         if self.drift_percent is None:
             return "warming up"
         return (
@@ -89,7 +89,7 @@ class WarmUpWatch:
 
 
 class MassWatch:
-    """Watch of a loaded run: ends it when the mass of the payload is accurate enough.
+    """Watch of a loaded run: ends the run when the mass of the payload is accurate enough.
 
     If the robot's model contains effects that mean periods do not show, the mass cannot be
     followed; the watch then reports this and never ends the run.

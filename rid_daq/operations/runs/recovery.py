@@ -22,7 +22,8 @@ from rid_daq.session.versions import software_versions
 LARGEST_FILE_BYTES = 1_000_000_000
 _JOURNAL = ".mcap"
 _RESULTS = (".json", ".html")
-_FACTS = ("robot", "simulated_flange", "why")  # all other facts are results
+_FACTS = ("robot", "simulated_flange", "why")
+"""Facts of the old manifest that are kept; all other facts follow from rows that may be lost."""
 
 
 @dataclass(frozen=True)
@@ -73,9 +74,8 @@ def recover_file(source: Path, target: Path) -> Recovery:
     try:
         temporary.unlink(missing_ok=True)
         repair = repair_journal(source, temporary)
-        os.link(
-            temporary, target
-        )  # os.link never replaces a file that another program has made meanwhile
+        # os.link never replaces a file that another program has made in the meantime.
+        os.link(temporary, target)
     except OSError as error:
         raise RecordingError(
             f"{target}: cannot be written: {error.strerror}", code="RID-FILE-WRITE"
@@ -189,14 +189,14 @@ def _refuse_other_runs(
     Raises:
         RecordingError: A recording belongs to another run; the text names that run.
     """
-    own = {r.run_id for r in readable.values()} if manifest is None else {manifest.run_id}
-    own -= {""}
+    run_ids = {r.run_id for r in readable.values()} if manifest is None else {manifest.run_id}
+    run_ids -= {""}
     for name, repair in readable.items():
-        if "/" not in name and repair.run_id and (own - {repair.run_id}):
+        if "/" not in name and repair.run_id and (run_ids - {repair.run_id}):
             raise RecordingError(
                 f"{source / name}: belongs to run {repair.run_id}, not to"
-                f" {', '.join(sorted(own - {repair.run_id}))}: remove it from the folder, restore"
-                " the original, then recover the run; or recover this file alone",
+                f" {', '.join(sorted(run_ids - {repair.run_id}))}: remove this file from the"
+                " folder, restore the original, then recover the run; or recover this file alone",
                 code="RID-RUN-MIXED",
             )
 
@@ -217,7 +217,7 @@ def _changed_journals(
 def _missing_entries(
     manifest: Manifest | None, kept: list[str], journals: list[str]
 ) -> dict[str, FileEntry]:
-    """Return the manifest entries of missing files; only their originals are accepted later."""
+    """Return the entries of files that were not copied; the run accepts only their originals."""
     files = {} if manifest is None else manifest.files
     return {
         name: entry

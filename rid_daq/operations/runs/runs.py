@@ -30,7 +30,7 @@ class RunsRequest(Request):
 
 @dataclass(frozen=True)
 class ListedRun:
-    """Run of the list; `problems` and `strays` are None if its files were not compared."""
+    """One listed run; `problems` and `strays` are None if the run's files were not compared."""
 
     run: str
     label: str

@@ -62,8 +62,8 @@ class TokenResult:
     def document(self) -> dict[str, object]:
         """Return name and role, and the token of a program."""
         asked = self.request
-        told: dict[str, object] = {"name": asked.name, "role": asked.role}
-        return told if self.secret is None else {**told, "token": self.secret}
+        document: dict[str, object] = {"name": asked.name, "role": asked.role}
+        return document if self.secret is None else {**document, "token": self.secret}
 
     def blocks(self) -> Iterator[Text]:
         """Yield the token, or a sentence that the device has access."""
@@ -83,8 +83,8 @@ def run(request: TokenRequest, _context: Context) -> TokenResult:
     socket = socket_path_of(request.folder)
     if not socket.is_socket():
         raise ConfigError(
-            f"{request.folder.resolve()}: you run no service in this folder; give its --folder,"
-            " or start it with `rid-daq serve`",
+            f"{request.folder.resolve()}: you run no service in this folder; give the service's"
+            " folder with --folder, or start a service with `rid-daq serve`",
             code="RID-TOKEN-NO-SERVICE",
         )
     wanted = {"name": request.name, "role": request.role}

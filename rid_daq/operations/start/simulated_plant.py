@@ -22,7 +22,7 @@ INCREMENTS_PER_TURN: Final = 2_000_000
 def simulated_plant(
     robot: RobotDescription, motors: Sequence[UrdfMotor] | None = None
 ) -> PlantConfig:
-    """Return a plant with the robot's links, and with motors and loops for every pose.
+    """Return a plant with the robot's links, and with motors and loops that suit every pose.
 
     Velocity gains and rotors are those of `Workload`, so that the motors can move the links in
     every pose; rotors are simple armatures. The robot starts at joint position zero. If bodies are

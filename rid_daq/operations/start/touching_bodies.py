@@ -26,7 +26,7 @@ MOST_POSES: Final = 0.9
 def allow_touching_pairs(
     robot: RobotDescription, rest: FloatArray
 ) -> tuple[RobotDescription, tuple[str, ...]]:
-    """Return the robot with the pairs that always touch in `may_touch`, and a note that names them.
+    """Return the robot with `may_touch` set to the pairs that always touch, and a note on them.
 
     Bodies closer than the clearance of planned motions count as touching.
 
@@ -49,16 +49,16 @@ def allow_touching_pairs(
     pairs = tuple((first.body, second.body) for first, second in by_design.pairs)
     if not pairs:
         return robot, ()
-    told = ", ".join(f"{first} and {second}" for first, second in pairs)
+    names = ", ".join(f"{first} and {second}" for first, second in pairs)
     note = (
-        f"these bodies touch in nearly all poses, so no distance between them is required: {told}"
+        f"these bodies touch in nearly all poses, so no distance between them is required: {names}"
         " (`may_touch` in robot.yaml)"
     )
     return robot.model_copy(update={"may_touch": pairs}), (note,)
 
 
 def _find_contacts(clearances: Clearances, poses: FloatArray) -> BoolArray:
-    """Return for each pose and pair if the bodies touch, (poses, pairs)."""
+    """Return True for each pose and pair whose bodies touch, (poses, pairs)."""
     near = [clearances.nearest(pose[np.newaxis]) for pose in poses]
     return np.asarray(np.array(near) < clearances.margin_m)
 

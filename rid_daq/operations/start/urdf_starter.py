@@ -66,7 +66,7 @@ def starting_robot(request: InitRequest, path: Path) -> UrdfRobot:
 
 
 def slower_robot(made: UrdfRobot, speed: float, why: str) -> UrdfRobot:
-    """Return the robot with its speeds multiplied by a factor, and the reason as a note."""
+    """Return the robot with its speeds multiplied by a factor, and with the reason as a note."""
     note = f"all speeds are multiplied by {speed:g} and accelerations by its square: {why}"
     return _with_limits_of(
         made, slow_down(made.robot, speed), "so that the rehearsal passes", (note,)
@@ -94,13 +94,14 @@ file that explains every key. Correct node ids, signs and zero positions before 
 `rid-daq check cell.yaml` shows the values of the drives."""
 
 _ROBOT_COMMENT: Final = """\
-Made from {file} by rid-daq init. Frames are those of the modified Denavit-Hartenberg convention:
-frame i on axis i, z along it. Values that the URDF does not state are defaults; correct them. A
-comment above a joint marks default limits.
-- armature: true means that the place of the motor is unknown; rotor (link, axis) states the link
-  that carries the motor and its axis of rotation. gear_ratio is motor turns per joint turn; 1 if
-  unknown.
-- cad is the mass data of the links in the URDF: prior knowledge with `uncertainty`, not a result.
+Made from {file} by rid-daq init. Frames follow the modified Denavit-Hartenberg convention: the z
+axis of frame i is the axis of joint i. Values that the URDF does not state are defaults; correct
+them. A comment above a joint marks default limits.
+- armature: true means that the position of the motor is unknown. If you know it, give rotor (link,
+  axis): the link that carries the motor, and the motor's axis of rotation.
+- gear_ratio is motor turns per joint turn; 1 if unknown.
+- cad contains the mass data of the links in the URDF. They can be used as prior knowledge, with
+  the relative standard deviation `uncertainty`.
 {notes}"""
 
 
@@ -123,8 +124,8 @@ def _with_limits_of(
         ]
         if changed:
             known = comments.get(("joints", number))
-            told = f"{', '.join(changed)}, {why}"
-            comments["joints", number] = f"{known}. {told}" if known else told
+            comment = f"{', '.join(changed)}, {why}"
+            comments["joints", number] = f"{known}. {comment}" if known else comment
     return replace(made, robot=robot, notes=(*made.notes, *notes), comments=comments)
 
 
@@ -136,16 +137,16 @@ def _several_arms_text(request: InitRequest, path: Path, arms: tuple[UrdfArm, ..
     ]
     return "\n".join(
         (
-            f"{path}: there are {len(arms)} arms; choose one with --tip, the others are then"
-            " fixed:",
+            f"{path}: there are {len(arms)} arms; choose one with --tip; the joints of the other"
+            " arms are then fixed:",
             *lines,
         )
     )
 
 
 def _robot_comment(path: Path, notes: tuple[str, ...]) -> str:
-    told = [textwrap.fill(note, 98, initial_indent="- ", subsequent_indent="  ") for note in notes]
-    return _ROBOT_COMMENT.format(file=path.name, notes="\n".join(told))
+    items = [textwrap.fill(note, 98, initial_indent="- ", subsequent_indent="  ") for note in notes]
+    return _ROBOT_COMMENT.format(file=path.name, notes="\n".join(items))
 
 
 def _yaml_text(

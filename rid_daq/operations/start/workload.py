@@ -25,13 +25,13 @@ TORQUE_SHARE: Final = 0.8
 GRAVITY_SHARE: Final = 0.6
 """Largest fraction of the torque limits for gravity; motion needs the rest."""
 LEAST_CROSSING_S: Final = 0.5
-"""Shortest time in which a joint may cross its range; it must stop within it after a fault."""
+"""Shortest time [s] in which a joint may cross its range, so that a fault stops it in time."""
 INTEGRAL_TIME_S: Final = 0.04
 SOFTEST_LOOP_RAD_S: Final = 60.0
 FASTEST_LOOP_RAD_S: Final = 600.0
 ERROR_AT_LIMIT_RAD: Final = 0.02
 ERROR_AT_LIMIT_M: Final = 0.005
-"""Position error at which the integral part of the velocity loop reaches the torque limit."""
+"""Position errors at which the integral part of a velocity loop reaches the torque limit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,7 +69,9 @@ class Workload:
     def gains(self, robot: RobotDescription) -> FloatArray:
         """Return gains of the velocity loops, (n,) [N m s/rad or N s/m].
 
-        They are stiff enough for the torque limit, and fast enough for the largest inertia about
+        A gain is large enough that the integral part of the loop reaches the torque limit at a
+        position error of `ERROR_AT_LIMIT_RAD` (prismatic joints: `ERROR_AT_LIMIT_M`). The gain is
+        also large enough that the loop reaches `SOFTEST_LOOP_RAD_S` with the largest inertia about
         the joint, rotor included.
         """
         errors = [

@@ -22,9 +22,9 @@ def bode_plot(axis: AxisLoop) -> Plot:
         name=f"bode_{axis.joint}",
         panels=(_gain(axis), _phase(axis.response), *_open_loops(axis)),
         caption="Controller: torque over velocity error, at the excited lines of the multisine."
-        " Triangles: torque at lines that are not excited and that the linear response"
-        " does not explain, divided by the velocity error at the neighbouring lines."
-        " Open loops: the bars are the margins.",
+        " Triangles: distortion, which is the torque at lines that are not excited, less the"
+        " linear response, divided by the velocity error at the neighbouring excited lines. Open"
+        " loops: the bars are the margins.",
     )
 
 
@@ -46,7 +46,7 @@ def _gain(axis: AxisLoop) -> Panel:
             ),
             Line("measured", x, _db(size), "ink", points=True),
             Line("σ", x, _db(total), "soft"),
-            Line("σ by noise", x, _db(response.std_noise), "soft", dash="dashed"),
+            Line("σ from noise", x, _db(response.std_noise), "soft", dash="dashed"),
             *_distortion("odd distortion", response.odd, "triangle", "red"),
             *_distortion("even distortion", response.even, "inverted_triangle", "purple"),
         ),

@@ -19,7 +19,7 @@ _TURN: Final = np.linspace(0.0, 2.0 * np.pi, 73)
 AXES: Final = "xyz"
 VIEWS: Final = ((0, 2), (1, 2), (0, 1))
 AXIS_SHARE: Final = 0.3
-"""Length of the drawn axes relative to the distance of the centre of gravity."""
+"""Length of the drawn axes, relative to the distance from the flange to the centre of gravity."""
 LEAST_MM: Final = 50.0
 _COLOURS: Final[tuple[Colour, ...]] = ("red", "green", "blue")
 
@@ -33,8 +33,9 @@ class CentreOfGravity:
         sigma_mm: Shape (3,). Standard deviations of the coordinates; NaN if not identified.
         covariance_mm2: Shape (3, 3). Covariance of the centre; None if a result contains standard
             deviations only.
-        spread_mm2: Shape (3, 3). Squared half axes, as a matrix, of the ellipsoid of even density
-            that has the payload's mass and inertia; None unless all parameters are identified.
+        spread_mm2: Shape (3, 3). Squared half axes, as a matrix, of the ellipsoid of uniform
+            density that has the payload's mass and inertia; None unless all parameters are
+            identified.
     """
 
     centre_mm: FloatArray
@@ -108,8 +109,8 @@ def centre_plot(drawn: CentreOfGravity) -> Plot:
     return Plot(
         name="payload",
         panels=tuple(_view(drawn, *view) for view in VIEWS),
-        caption="The centre of gravity in the frame of the flange, to scale. Even density:"
-        " ellipsoid of even density with the payload's mass and inertia; the payload"
+        caption="The centre of gravity in the frame of the flange, to scale. Uniform density:"
+        " ellipsoid of uniform density with the payload's mass and inertia; the payload"
         " itself is usually at least as large.",
         columns=len(VIEWS),
     )
@@ -123,7 +124,7 @@ def _view(drawn: CentreOfGravity, across: int, up: int) -> Panel:
     if np.isfinite(centre).all():
         if drawn.spread_mm2 is not None:
             x, y = ellipse(centre, drawn.spread_mm2[np.ix_(pair, pair)]).tolist()
-            lines.append(Line("even density", x, y, "sky", is_area=True))
+            lines.append(Line("uniform density", x, y, "sky", is_area=True))
         if drawn.covariance_mm2 is not None:
             x, y = ellipse(centre, 4.0 * drawn.covariance_mm2[np.ix_(pair, pair)]).tolist()
             lines.append(Line("ellipse 2σ", x, y, "orange"))

@@ -46,7 +46,7 @@ def fit_verdict(section: EstimateSection) -> Verdict:
 
 
 def mistake_blocks(section: EstimateSection) -> Iterator[AnyBlock]:
-    """Yield each mistake that explains the data far better, and the lines to change."""
+    """Yield each probable mistake, and the lines to change."""
     for mistake in section.mistakes or ():
         yield Verdict(passed=False, text=mistake.sentence)
         yield Text(text=_remedy(mistake))
@@ -117,4 +117,4 @@ def finding_texts(section: EstimateSection) -> Iterator[Text]:
     for finding in section.findings or ():
         yield Text(text=finding)
     if section.mistakes == ():
-        yield Text(text="No common mistake in wiring, units or files explains the data far better.")
+        yield Text(text="No sign of a common mistake in wiring, units or files was found.")

@@ -10,7 +10,7 @@ from rid_daq.report.sections.section import Texts
 
 
 def friction_choice_blocks(section: ComparisonSection) -> Iterator[AnyBlock]:
-    """Yield the selected terms, their gain, and other findings."""
+    """Yield the selected terms, the errors with and without them, and other findings."""
     yield Heading(text="Chosen friction terms", level=3)
     yield Text(
         text="RMS error of moving samples [N m or N] on parts of the runs that each fit left"

@@ -51,8 +51,8 @@ def plate_blocks(section: PlateSection) -> Iterator[AnyBlock]:
     )
     if section.improvement is not None:
         yield Text(
-            text="Standard deviations by the measured noise, from torques, from the"
-            " plate, and from both:"
+            text="Standard deviations due to the measured noise, if the parameters are estimated"
+            " from torques, from the plate, or from both:"
         )
         yield _improvement(section.improvement)
 

@@ -57,7 +57,7 @@ def _bad_rows(bad_rows: Sequence[BadRows]) -> Table:
 
 
 def stop_plot(curve: StopCurve) -> Plot:
-    """Return the quantity that stopped a motion, with its limits, in the last second."""
+    """Return a plot of the last second of the quantity that stopped a motion, with its limits."""
     lines: tuple[tuple[str, Numbers, Colour, Dash], ...] = (
         ("lowest allowed", curve.low, "red", "dashed"),
         ("highest allowed", curve.high, "red", "dashed"),

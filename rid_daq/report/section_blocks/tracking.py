@@ -38,7 +38,7 @@ def tracking_blocks(section: TrackingSection) -> Iterator[AnyBlock]:
     yield Text(
         text='"Own runs" states whether runs of this motion were used for its feedforward: never'
         " used, tuned on it, or refined from run to run."
-        + (" Streamed: compensated on line while the set-points arrived." if streamed else ""),
+        + (" Streamed: compensated online while the set-points arrived." if streamed else ""),
         is_note=True,
     )
     yield _joint_errors(section)
@@ -47,7 +47,7 @@ def tracking_blocks(section: TrackingSection) -> Iterator[AnyBlock]:
         yield _deflections(section.motions)
         yield Text(
             text=f"Estimated deflection of the gears of {', '.join(section.with_stiffness)}, at"
-            " the tool point. The distances above do not contain it.",
+            " the tool point. The distances above do not contain this deflection.",
             is_note=True,
         )
     for number, motion in enumerate(section.motions, start=1):
@@ -114,8 +114,8 @@ def path_plots(motion: FollowedMotion, joints: Sequence[JointUnit]) -> tuple[Plo
         Plot(
             name="path",
             panels=tuple(map(_path, sights)),
-            caption="To scale, along the base axis in which the path extends least; only the"
-            " deviation is magnified. Periodic motions: the last period.",
+            caption="View along the base axis in which the path extends least, to scale; only the"
+            " deviation is magnified. Of a periodic motion, the last period is drawn.",
             columns=len(sights),
         ),
         Plot(name="distance", panels=(_distance(driven),)),
@@ -163,7 +163,7 @@ def _path(driven: Mapping[str, PathCurves]) -> Panel:
 def _scale_bar(
     points: np.ndarray[tuple[int, ...], np.dtype[np.float64]], extent_m: float, times: float
 ) -> tuple[tuple[Line, ...], tuple[Mark, ...]]:
-    """Return a bar below the path, and the deviation that has the bar's length in this drawing."""
+    """Return a scale bar below the path, and the deviation that its length represents."""
     if extent_m < STILL_M:
         return (), ()
     length = 0.12 * extent_m / times

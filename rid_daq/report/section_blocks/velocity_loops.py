@@ -17,10 +17,11 @@ def loop_blocks(section: VelocityLoopsSection) -> Iterator[AnyBlock]:
     yield Text(text=section.sentence)
     yield _controllers(section)
     yield Text(
-        text="p: probability of a misfit as large by noise alone. Whiteness: probability, by"
-        " noise alone, of misfits as similar on neighbouring lines. If either is below"
-        " 0.001, the controller has another structure. A delay and a lag of the same length"
-        " are nearly indistinguishable; only their sum is accurate.",
+        text="p: probability that noise alone causes a misfit at least as large. Whiteness:"
+        " probability that noise alone makes the misfits on neighbouring lines at least as"
+        " similar. If one of the two is below 0.001, the controller is not of the fitted"
+        " structure. A delay and a lag of the same length are nearly indistinguishable; only"
+        " their sum is accurate.",
         is_note=True,
     )
     for axis in section.axes:

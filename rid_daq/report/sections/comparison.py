@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class MemoryTrial(Section):
-    """Gain from presliding friction, on all samples including standstill and reversal.
+    """Improvement by presliding friction, on all samples including standstill and reversal.
 
     Attributes:
         distance: Presliding distance of each joint [rad or m]; null for a joint without presliding.
@@ -64,27 +64,27 @@ class ChannelTrial(Section):
 
     def sentences(self, joints: Texts) -> Texts:
         """Return one sentence for each delay and filter that was found."""
-        said = []
+        sentences = []
         for j, joint in enumerate(joints):
             if late := self.delay_s[j]:
-                said.append(
+                sentences.append(
                     f"The torque of {joint} is {number(1e3 * abs(late), 3)} ms"
                     f" {'late' if late > 0.0 else 'early'}"
                     f" (± {number(3e3 * self.delay_sigma_s[j], 2)} ms, 3 sigma)."
                 )
             if lag := self.lag_s[j]:
-                said.append(
+                sentences.append(
                     f"The torque of {joint} passed a first-order filter with a time constant of"
                     f" {number(1e3 * lag, 3)} ms ({number(0.5 / math.pi / lag, 3)} Hz;"
                     f" ± {number(3e3 * self.lag_sigma_s[j], 2)} ms, 3 sigma)."
                 )
             if width := self.width_s[j]:
-                said.append(
+                sentences.append(
                     f"The torque of {joint} passed a zero-phase filter of order {self.order} with a"
                     f" width of {number(1e3 * width, 3)} ms ({number(0.5 / math.pi / width, 3)} Hz;"
                     f" ± {number(3e3 * self.width_sigma_s[j], 2)} ms, 3 sigma)."
                 )
-        return tuple(said)
+        return tuple(sentences)
 
 
 class WarmingTrial(Section):
@@ -112,7 +112,7 @@ class WarmingTrial(Section):
 
 
 class ComparisonSection(Section):
-    """The selected friction model, and its gain over Coulomb and viscous friction.
+    """The selected friction model, and its errors compared with Coulomb and viscous friction.
 
     Attributes:
         joints: Names of the joints.
@@ -127,8 +127,9 @@ class ComparisonSection(Section):
         memory: Presliding; left out if the data do not identify it.
         channel: Delay and filter of the recorded torque; left out if none was found.
         warming: Warming of joints; left out if no joint's friction shows it.
-        refused_delay_s: Delays of each joint's torque that no bus explains and that the model does
-            not contain [s]; 0 for the other joints. Left out if there is no such delay.
+        refused_delay_s: For each joint, a delay of the torque that is too long to come from a bus
+            [s]; 0 for a joint without one. The model does not contain these delays. Left out
+            without such delays.
     """
 
     joints: Texts

@@ -32,8 +32,8 @@ class TorqueCurve(Section):
         caption: The size of the error, in words.
         measured: Measured torque.
         predicted: Predicted torque.
-        counted: 1 if the sample counts for the error. 0 if the axis is at standstill or its
-            friction is not known.
+        counted: 1 for a sample that counts for the error; 0 for a sample at standstill, or with
+            unknown friction.
     """
 
     joint: str
@@ -120,11 +120,11 @@ class TorqueCurves(Section):
         of_run = "" if len(estimate.run_ids) < 2 else " of the first run"
         return cls(
             sentence=f"Mean of {periods} periods{of_run}, up to {comparison.frequency_hz[-1]:.3g}"
-            " Hz, to which the model was fitted. Grey samples do not count: they are"
-            f" slower than {estimate.standstill_rad_s:g} rad/s, or presliding friction"
-            " is not known yet; the fit leaves the torque free there. Each RMS value is"
-            " computed from the other samples. The residual in the table of the"
-            " estimate covers the whole period and all runs.",
+            " Hz, to which the model was fitted. Grey samples do not count: they are slower than"
+            f" {estimate.standstill_rad_s:g} rad/s, or presliding friction is not known yet; the"
+            " fit does not use the torque there. Each RMS value is computed from the other"
+            " samples. The residual in the table of the estimate covers the whole period and all"
+            " runs.",
             time_s=round_values(comparison.time_s[rows], 7),
             axes=tuple(axes),
         )

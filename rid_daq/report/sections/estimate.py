@@ -26,7 +26,7 @@ class ParameterEntry(Section):
         unit: Unit of the parameter.
         value: The estimate, in `unit`.
         std: Standard deviation to quote, in `unit`.
-        std_noise: Standard deviation by the measured noise alone, in `unit`; null if it is not
+        std_noise: Standard deviation due to the measured noise alone, in `unit`; null if it is not
             known.
         std_residual: Standard deviation if the residuals are white, in `unit`; null if it is not
             known.
@@ -63,14 +63,15 @@ class AxisResidual(Section):
         unit: Unit of the torque.
         residual: RMS residual, in `unit`.
         noise: RMS noise of the measurement, in `unit`; null if the recording has no periods.
-        left_out_fraction: Fraction of the samples that are not used for friction because of
-            standstill.
+        left_out_fraction: Fraction of the samples that are not used for friction, because the axis
+            is at standstill.
         torque: RMS torque, in `unit`; left out if the estimate does not use torques.
         percent: Residual relative to the torque [%]; left out if the estimate does not use torques.
         over_noise: Residual divided by the noise; left out if the estimate does not use torques.
-        held_out_percent: Residual relative to the torque on parts of the recording that were left
-            out of a plain fit [%]. It is 0 if it is hardly larger than the residual on the fitted
-            parts. Left out if it was not computed.
+        held_out_percent: Residual relative to the torque [%], on parts of the recording that were
+            held out of a fit of a simple model (rigid bodies, rotors, Coulomb and viscous friction,
+            offset). The value is 0 if the residual is hardly larger than on the fitted parts. Left
+            out if it was not computed.
         grade: "good", "doubtful" or "bad".
         reason: Reason for the grade.
     """
@@ -104,8 +105,8 @@ class EstimateSection(Section):
         parameters: Base parameters, followed by nonlinear parameters.
         axes: Residual of each axis.
         findings: Remarks on the estimate; left out if no checks were made.
-        mistakes: Mistakes in wiring, units and files that explain the data far better; left out if
-            no search was made.
+        mistakes: Probable mistakes in wiring, units and files: if one is corrected, the model fits
+            far better. Left out if no search was made.
         driving: Joints with negative friction power, which is physically impossible; left out if
             this was not checked.
         arm_weight: Weight of the arm implied by the torques; left out if the torques do not
@@ -149,7 +150,7 @@ class EstimateSection(Section):
         Args:
             truth: Length b. True base parameters; None if the robot is not simulated.
             findings: Remarks on the estimate.
-            mistakes: Mistakes that explain the data far better.
+            mistakes: Probable mistakes in wiring, units and files.
             consistency: Test of the estimate's physical consistency.
             driving: Joints with negative friction power.
             arm_weight: Weight of the arm implied by the torques.
@@ -245,9 +246,8 @@ _OUTPUTS = {
 
 
 def _sentence(estimate: Estimate) -> str:
-    from dynamics.model.memory import (
-        presliding_of_model,
-    )  # imports compiled code, which readers of sections do not need
+    # Imported late, because it loads compiled code, which readers of result files do not need.
+    from dynamics.model.memory import presliding_of_model
 
     left_out = ", ".join(f"{100.0 * x:.0f}" for x in estimate.left_out_fraction)
     pauses = ""
@@ -266,8 +266,8 @@ def _sentence(estimate: Estimate) -> str:
         f" filtered at {estimate.band_hz:g} Hz without phase shift instead of averaged"
     )
     of = (
-        "of the mean of the periods in this band, without the torque that the fit leaves free"
-        " near standstill"
+        "of the mean of the periods in this band, without the torque near standstill, which the"
+        " fit does not use"
         if estimate.method == "periodic"
         else "of the low-pass filtered samples that are used"
     )
@@ -277,6 +277,6 @@ def _sentence(estimate: Estimate) -> str:
         f" friction model does not hold below {estimate.standstill_rad_s:g} rad/s, so slower"
         f" samples are not used for friction ({left_out} % of each axis{pauses}). Torque and"
         f" residual are RMS values {of}. Intervals come from leaving out one part of the data at"
-        " a time (cluster jackknife), so they include model errors. Standard deviations by noise"
-        " alone and by white residuals are listed next to them."
+        " a time (cluster jackknife), so they include model errors. The standard deviations that"
+        " follow from noise alone and from white residuals are listed next to them."
     )

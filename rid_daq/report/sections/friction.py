@@ -73,7 +73,7 @@ class FrictionModel(Section):
         terms: Friction terms as written in the robot file.
         rms: RMS error of the fit [N m or N].
         misfit: Mean squared error in units of the measured variance.
-        criterion: Akaike's information criterion, corrected for few values.
+        criterion: Akaike's information criterion, corrected for small samples (AICc).
         parameters: The coefficients.
         at_bound: True if the Stribeck speed ended at its bound, so that the model is not
             recommended. Left out otherwise.
@@ -170,12 +170,12 @@ class FrictionSection(Section):
 
         return cls(
             sentence="Friction is half the difference between the torques of the two directions;"
-            " gravity and inertia cancel. The criterion is Akaike's, corrected for few"
-            f" values: smaller is better. Of all models within {CLEARLY_BETTER:g} of the"
-            " smallest value, the simplest is selected.",
+            " gravity and inertia cancel. The criterion is Akaike's, corrected for small samples"
+            f" (AICc): smaller is better. Of all models within {CLEARLY_BETTER:g} of the smallest"
+            " value, the simplest is selected.",
             joints=tuple(
-                _joint(curve, own, robot, model, CLEARLY_BETTER)
-                for curve, own in zip(curves, fits, strict=True)
+                _joint(curve, joint_fits, robot, model, CLEARLY_BETTER)
+                for curve, joint_fits in zip(curves, fits, strict=True)
             ),
         )
 

@@ -42,7 +42,7 @@ class DistortionSection(Section):
         output: Amplitude of the torque at each line.
         level: Part of the torque that the linear response does not explain, divided by the velocity
             error at the neighbouring excited lines.
-        noise: The part of `level` that noise alone would cause.
+        noise: The value that `level` would have because of noise alone.
     """
 
     frequency_hz: Numbers
@@ -60,8 +60,9 @@ class ControllerResponse(Polar):
     """Frequency response of a velocity controller, with its errors, distortion and fit.
 
     Attributes:
-        std_noise: Standard deviation of the response by noise alone, at each frequency.
-        std_total: Standard deviation of the response by noise and distortion, at each frequency.
+        std_noise: Standard deviation of the response due to noise alone, at each frequency.
+        std_total: Standard deviation of the response due to noise and distortion, at each
+            frequency.
         coherence: Coherence at each frequency.
         even: Distortion at even lines.
         odd: Distortion at odd lines.

@@ -17,9 +17,12 @@ if TYPE_CHECKING:
 
 _PROCEDURES = {
     "together": "Robot and payload estimated together from runs with and without the payload",
-    "difference": "Payload estimated from torques of one motion with it, minus those without it",
-    "model": "Payload estimated from runs with it, minus a model of the unloaded robot",
-    "apart": "Robot identified with and without the payload; the payload is the difference of both",
+    "difference": "Payload estimated from the difference of the torques of one motion with and"
+    " without it",
+    "model": "Payload estimated from the torques of runs with it, minus those of a model of the"
+    " unloaded robot",
+    "apart": "Robot identified with and without the payload; the payload is the difference of the"
+    " two results",
 }
 
 
@@ -32,13 +35,13 @@ class EmptyFlange(StrEnum):
 
 
 _EMPTY = {
-    None: "The program assumes that the flange was empty in the runs without payload: a load"
-    " that was on it is missing from this mass.",
-    EmptyFlange.SAID: "You confirmed that the flange was empty in the run without payload: a"
-    " load that was on it nevertheless is missing from this mass.",
+    None: "The program assumes that the flange was empty in the runs without payload. If it"
+    " carried a load, this mass is too small by the mass of that load.",
+    EmptyFlange.SAID: "You confirmed that the flange was empty in the run without payload. If it"
+    " carried a load nevertheless, this mass is too small by the mass of that load.",
     EmptyFlange.BY_FLAG: "The option --yes skipped the question whether the flange was empty in"
-    " the run without payload: a load that was on it is missing from this"
-    " mass.",
+    " the run without payload. If it carried a load, this mass is too small by the mass of that"
+    " load.",
     EmptyFlange.SIMULATED: "The simulated flange was empty in the run without payload.",
 }
 
@@ -52,7 +55,7 @@ class PayloadParameter(Section):
         value: The estimate, in `unit`; null if the motion does not identify it.
         std: Standard deviation to quote, in `unit`; null if the motion does not identify the
             parameter.
-        std_noise: Standard deviation by noise alone, in `unit`; null if the motion does not
+        std_noise: Standard deviation due to noise alone, in `unit`; null if the motion does not
             identify the parameter.
         known: True if the user stated the value.
         exported: Value of the closest physically consistent body, in `unit`; left out unless all
@@ -105,8 +108,8 @@ class PayloadAxis(Section):
         mass_per_percent: Change of the mass if this axis's torque changes by 1 % [kg]; null for
             procedure `apart`.
         residual_percent: Residual relative to the axis's torque [%].
-        noise: RMS that the measured noise alone would leave, in `unit`; left out if it was not
-            measured.
+        noise: RMS residual that the measured noise alone would cause, in `unit`; left out if the
+            noise was not measured.
         over_noise: Residual divided by `noise`; left out if the noise was not measured.
         grade: "good", "doubtful" or "bad".
         reason: Reason for the grade.

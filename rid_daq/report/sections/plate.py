@@ -27,7 +27,7 @@ class WrenchResidual(Section):
         name: Name of the component.
         unit: Unit of the component.
         residual: RMS of measured minus predicted component, in `unit`.
-        noise: RMS that noise alone would leave, in `unit`.
+        noise: RMS residual that noise alone would cause, in `unit`.
         percent: Residual relative to the component [%]. A small component counts as a fixed
             fraction of the largest component of its unit.
         grade: "good", "doubtful" or "bad".
@@ -44,15 +44,15 @@ class WrenchResidual(Section):
 
 
 class ImprovedParameter(Section):
-    """One parameter with its standard deviations by torques, by the plate, and by both.
+    """One parameter, with its standard deviations if estimated from torques, plate, or both.
 
     Attributes:
         words: The parameter as a combination of standard parameters.
         unit: Unit of the parameter.
         value: Estimate from torques and plate together, in `unit`.
-        std_internal: Standard deviation by the torques alone, in `unit`.
-        std_external: Standard deviation by the plate alone, in `unit`.
-        std_combined: Standard deviation by torques and plate together, in `unit`.
+        std_internal: Standard deviation of an estimate from the torques alone, in `unit`.
+        std_external: Standard deviation of an estimate from the plate alone, in `unit`.
+        std_combined: Standard deviation of an estimate from torques and plate together, in `unit`.
     """
 
     words: str
@@ -67,7 +67,8 @@ class ImprovementSection(Section):
     """Improvement of the parameters by the plate.
 
     Attributes:
-        determinant_ratio: Ratio of the determinants of the covariances of the shared parameters.
+        determinant_ratio: Determinant of the covariance of the shared parameters, estimated from
+            torques alone, divided by that from torques and plate together.
         shared: Parameters that are identifiable both from torques and from the plate.
         parameters: All parameters.
     """

@@ -93,7 +93,7 @@ class RetimedWay(Section):
     """Curves of one way: a part of the path from rest to rest.
 
     Attributes:
-        place: Length along the path, the abscissa of the phase plane.
+        place: Lengths along the path: the abscissa of the phase plane.
         speed: Speed at each length.
         limit: Limit curve at each length.
         time_s: Times from the start of the way [s].
@@ -130,15 +130,15 @@ class RetimingSection(Section):
         original_s: Duration of the original motion, without rests [s].
         moving_s: Duration of the retimed motion, without rests [s].
         rows: Number of rows that were checked against the model.
-        scans: Number of scans of the path until all limits were kept.
+        scans: Number of scans of the path that the computation needed until all limits were kept.
         confidence: Probability that the robot's torques keep their limits; null without a margin.
         margin: Additional fraction of the torque limits that is kept free.
-        averaged_s: Longest time over which the motion is averaged [s].
+        averaged_s: Longest window of the moving average that smooths the motion [s].
         joints: Largest values of each joint.
         base: Largest values of the base wrench; left out if it is not limited.
         ways: Curves of each way from rest to rest.
-        was_periodic: True if the original motion had periods; they are one way now. Left out
-            otherwise.
+        was_periodic: True if the original motion had periods, which the retimed motion joins to one
+            way. Left out otherwise.
         driven: Measurements on a robot; left out if the path was not driven.
     """
 
@@ -169,7 +169,11 @@ class RetimingSection(Section):
         confidence: float,
         margin: float,
     ) -> RetimingSection:
-        """Return the section of a retimed motion; `named` are the names of motion and model."""
+        """Return the section of a retimed motion.
+
+        Args:
+            named: Names of the motion and of the model.
+        """
         torque = np.concatenate([way.torque for way in timed.ways])
         uncertain = np.concatenate([_margins(way)[0] for way in timed.ways])
         v, a = (np.concatenate([way.path[k] for way in timed.ways]) for k in (1, 2))
@@ -242,7 +246,7 @@ class RetimingSection(Section):
 
     @property
     def checks(self) -> tuple[VerdictCheck, ...]:
-        """Comparison of each joint's torque with margin with its limit."""
+        """Comparison of each joint's torque, margin included, with the joint's limit."""
         return tuple(
             VerdictCheck.of(
                 f"torque of {joint.joint} with its margin",

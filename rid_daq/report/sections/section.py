@@ -63,7 +63,7 @@ class GradedAxis(Protocol):
 
 
 def thinning_slice(rows: int) -> slice:
-    """Return the slice that thins so many rows to at most `CURVE_POINTS` for a drawing."""
+    """Return the slice that thins a number of rows to at most `CURVE_POINTS`, for a drawing."""
     return slice(0, rows, max(1, -(-rows // CURVE_POINTS)))
 
 

@@ -1,4 +1,4 @@
-"""`StopCurve`: the last second of the joint for which a motion was stopped."""
+"""`StopCurve`: the last second before a stop, for the joint that caused the stop."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from acquisition.session.timing import CycleStatistics
 
 ROUNDING_S: Final = 1e-7
-"""Largest lateness that rounding of simulated time can cause. A real task is always later."""
+"""Largest lateness [s] that rounding of simulated time can cause; a real task is always later."""
 
 Counts = Annotated[tuple[int, ...], Strict(False)]
 

@@ -29,7 +29,8 @@ class AxisError(Section):
         relative_error_percent: RMS error relative to the RMS torque, on moving samples [%].
         all_samples_percent: RMS error relative to the RMS torque, on all samples [%].
         noise: Noise of one measured sample; null if the recording has no periods.
-        floor: Error of the true parameters; null if the robot is not simulated.
+        floor: RMS error of the torques predicted with the true parameters; null if the robot is not
+            simulated.
         error_over_floor: RMS error divided by `floor`; null if the robot is not simulated.
         limit_percent: Limit of the relative error [%].
         passed: True if the relative error is within its limit.
@@ -96,9 +97,9 @@ class ValidationSection(Section):
         Args:
             validation: The comparison.
             robot: Robot with the units.
-            sentence: Names the predicted run.
-            floor_nm: Shape (n,). RMS error of the true parameters; None if the robot is not
-                simulated.
+            sentence: Sentence that names the predicted run.
+            floor_nm: Shape (n,). RMS error of the torques predicted with the true parameters [N m
+                or N]; None if the robot is not simulated.
             diagnosis: Probable causes of the errors.
         """
         shares = ", ".join(f"{100.0 * share:.0f}" for share in validation.counted_fraction)

@@ -105,14 +105,14 @@ class AxisLoop(Section):
 
     @property
     def left_words(self) -> str:
-        """Text: fraction of the response that the inertia does not explain, relative to noise."""
+        """Phrase with the fraction of the response that the inertia does not explain."""
         left = (
             f"an inertia leaves {100.0 * self.mechanics_misfit:.2g} % of the response (torque"
             " to speed) unexplained"
         )
         if self.mechanics_noise:
             over = number(self.mechanics_misfit / self.mechanics_noise, 2)
-            left += f", {over} times the share that noise alone would leave"
+            left += f", {over} times as much as noise alone would leave"
         return left
 
     @classmethod

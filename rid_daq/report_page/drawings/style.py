@@ -50,7 +50,7 @@ STYLE: Any = {
 
 
 def drawn_text(text: str) -> str:
-    """Return a text for matplotlib: invisible characters visible, `$` not as a formula."""
+    """Return a text for matplotlib with visible control characters and without formulas."""
     return make_printable(text).replace("$", r"\$")
 
 

@@ -1,5 +1,6 @@
-"""Version 1 of the service's API: REST and one WebSocket; the rules are in the packages below.
+"""Version 1 of the service's API: REST routes and one WebSocket.
 
-Begin with `app.py`. A route only turns a request into a function call and the result into a record.
-`docs/reference/openapi.json` freezes the API.
+A route only turns a request into a function call, and the result into a record. A test compares the
+API with `docs/reference/openapi.json`, so that the API does not change unnoticed. Begin with
+`app.py`.
 """

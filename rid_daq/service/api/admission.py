@@ -1,4 +1,4 @@
-"""`Admission`: decides from a request's head who may send a body, and of which size."""
+"""`Admission`: decides from a request's head if its sender may send a body, and of which size."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Rate:
 
     Args:
         burst, per_s: Number of requests at once, and per second afterwards.
-        now_s: A monotonic time [s].
+        now_s: Monotonic clock [s].
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class Admission:
     """Answers STOP, refuses bodies that the sender must not send, and names the owner of a request.
 
     Args:
-        stop: Answers STOP requests; it is asked first.
+        stop: Answers STOP requests; every request is first passed to this object.
         authenticator: Identifies the senders of requests.
         access: Names and pages of this service.
     """

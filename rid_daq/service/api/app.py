@@ -89,7 +89,7 @@ def openapi_of(app: FastAPI) -> dict[str, object]:
 
 
 def _with_component_references(schema: Any, name: str) -> Any:
-    """Return a schema whose references point to the components of the document."""
+    """Return a schema whose references point to the components of the OpenAPI document."""
     if isinstance(schema, list):
         return [_with_component_references(each, name) for each in schema]
     if not isinstance(schema, dict):

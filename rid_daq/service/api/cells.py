@@ -28,7 +28,10 @@ LeaseKey = Annotated[
 
 
 class LeaseCreation(Record):
-    """Request for a lease; `confirmed` is the cell's name if it is taken over from a client."""
+    """Request for a lease.
+
+    `confirmed` is the cell's name, typed by a person who takes the cell over from another client.
+    """
 
     note: ShortText = ""
     seconds: float = 15.0
@@ -78,7 +81,7 @@ async def get_lease(cell: OfCell, service: Service) -> Lease | None:
 async def take_lease(
     cell: OfCell, service: Service, who: Operator, wanted: Annotated[LeaseCreation, Body()]
 ) -> HeldLease:
-    """Take the cell, or take it over; a person confirms by typing the cell's name."""
+    """Take the cell's lease; a person can take it over from a client by typing the cell's name."""
     before = service.leases.lease_of(cell.name)
     lease = service.leases.take(cell.name, who, wanted.note, wanted.seconds, wanted.confirmed)
     try:
@@ -99,7 +102,7 @@ async def renew_lease(
     renewed: Annotated[LeaseRenewal, Body()],
     key: LeaseKey = None,
 ) -> Lease:
-    """Renew the lease: the heartbeat of its holder."""
+    """Renew the lease; its holder does this regularly, as a heartbeat."""
     return service.leases.renew(cell.name, key or "", renewed.seconds)
 
 
@@ -107,6 +110,6 @@ async def renew_lease(
 async def give_lease_back(
     cell: OfCell, service: Service, who: Operator, key: LeaseKey = None
 ) -> None:
-    """Give the cell back."""
+    """End the cell's lease."""
     service.leases.give_back(cell.name, key or "")
     service.audit.note(who.name, "gave the cell back", cell.name)

@@ -16,7 +16,7 @@ from config.process.safety_clock import safety_now_s
 
 SHORTEST_S: Final = 0.02
 """Minimum time between two challenges [s]. TCP repeats a lost packet as soon as three later packets
-have arrived, so quick answers shorten a gap.
+have arrived, so frequent challenges shorten the gap after a lost packet.
 """
 
 LONGEST_S: Final = 0.1
@@ -26,7 +26,7 @@ IDLE_S: Final = 0.05
 """Time between two challenges while the client sends no answers [s]."""
 
 QUICK_S: Final = 0.06
-"""Round-trip time below which challenges at the minimum time do not fill the link [s]."""
+"""Round-trip time below which the link is fast enough for a challenge every `SHORTEST_S` [s]."""
 
 OF_ROUND_TRIP: Final = 0.75
 """Time between two challenges on slower links, as a fraction of the latest round-trip time."""
@@ -42,7 +42,7 @@ class Challenges:
     """Challenges of one connection.
 
     Args:
-        now_s: The clock that measures the challenges [s].
+        now_s: Clock for the age of challenges [s].
     """
 
     def __init__(self, now_s: Callable[[], float] = safety_now_s) -> None:
@@ -69,21 +69,23 @@ class Challenges:
             return SHORTEST_S
         return min(OF_ROUND_TRIP * self._round_trip_s, LONGEST_S)
 
-    def parse_key_message(self, job: str, lease: str, told: dict[str, object]) -> KeyMessage | None:
+    def parse_key_message(
+        self, job: str, lease: str, document: dict[str, object]
+    ) -> KeyMessage | None:
         """Return a client's message about a key, with the age of the challenge that it answers.
 
         Args:
             job, lease: Ids of the job and of the lease.
-            told: The client's message: `held` or `tapped`, `sequence`, `challenge`.
+            document: The client's message: `held` or `tapped`, `sequence`, `challenge`.
 
         Returns:
-            None if it is not a message about a key.
+            None if `document` is not a message about a key.
         """
-        challenge = told.get("challenge")
+        challenge = document.get("challenge")
         answered = (job, challenge) if isinstance(challenge, str) else ("", "")
         sender = f"{self._connection}/{lease}"
         issued_s = self._issued.get(answered, 0.0)
         if issued_s:
             self._answered_s = self._now_s()
             self._round_trip_s = self._answered_s - issued_s
-        return KeyMessage.from_order({**told, "sender": sender, "issued_s": issued_s})
+        return KeyMessage.from_order({**document, "sender": sender, "issued_s": issued_s})

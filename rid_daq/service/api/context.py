@@ -16,7 +16,7 @@ from rid_daq.service.service import CellService, require_role
 
 
 def is_local(connection: HTTPConnection) -> bool:
-    """Return True if a request arrived through the socket that only this user can open."""
+    """Return True if a request arrived through the Unix socket, which only this user can open."""
     return bool(connection.scope.get("state", {}).get("local"))
 
 
@@ -37,7 +37,7 @@ Auth = Annotated[Authenticator, Depends(_authenticator)]
 def credentials(connection: HTTPConnection, authenticator: Authenticator) -> Mapping[str, str]:
     """Return the headers that identify the sender.
 
-    A browser sends no such header when it opens a link. A ticket in the URL replaces it.
+    A browser sends no bearer token when it opens a link; a ticket in the URL then replaces it.
     """
     ticket = connection.query_params.get("ticket")
     if ticket is None or connection.scope.get("method") != "GET":

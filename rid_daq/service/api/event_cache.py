@@ -1,4 +1,4 @@
-"""`EventCache`: events of a job in the form in which they are sent; each is read only once."""
+"""`EventCache`: keeps a job's events as JSON, so that each event is read from its file once."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ MOST_JOBS: Final = 16
 
 
 class EventCache:
-    """Events of a job by their number; for several threads.
+    """Events of a job in their order; several threads may use it.
 
     Args:
         path: Event file of the job.
@@ -27,7 +27,7 @@ class EventCache:
         self._lock = threading.Lock()
 
     def after(self, known: int) -> bytes:
-        """Return the events after the first `known` ones, as a JSON list."""
+        """Return all events except the first `known` events, as a JSON list."""
         with self._lock:
             self._events += [EVENT.dump_json(event) for event in self._tail.read_new()]
             return b"[" + b",".join(self._events[known:]) + b"]"

@@ -21,15 +21,17 @@ router = APIRouter(prefix="/api/v1", tags=["jobs"])
 
 
 class JobCreation(Record):
-    """Request for a job; a motion needs the cell's lease and, each time, a clear cell."""
+    """Request for a job; a motion needs the cell's lease, and `cleared` for every new job."""
 
     kind: JobKind
     request: dict[str, object] = Field(
         default_factory=dict,
-        description="Request in the form of the kind's schema: `/api/v1/requests`.",
+        description="Input of the job; `/api/v1/requests` returns the schema of each kind.",
     )
     cleared: bool = Field(
-        default=False, description="No one is in the cell, and the emergency stop is within reach."
+        default=False,
+        description="True to confirm that no one is in the cell and the emergency stop is within"
+        " reach.",
     )
     on_lost_client: OnLostClient = "stop"
 
@@ -69,7 +71,7 @@ def list_jobs(
     state: JobState | None = None,
     limit: Annotated[int, Query(ge=1, le=1000)] = 100,
 ) -> list[Job]:
-    """Return the newest jobs first."""
+    """Return the jobs, newest first."""
     return list(service.jobs.newest(cell, state, limit))
 
 
@@ -107,7 +109,7 @@ async def answer(
 
 @router.post("/jobs/{job}/cancel", status_code=HTTPStatus.ACCEPTED)
 async def cancel(job: OfJob, service: Service, who: Operator) -> Job:
-    """End a job; a motion is stopped."""
+    """End a job; if the job moves the robot, the motion is stopped."""
     service.cancel(job, who)
     return service.jobs.in_memory(job.id) or job
 

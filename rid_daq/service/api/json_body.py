@@ -15,7 +15,7 @@ FILES: str = "/api/v1/files/"
 
 
 class JsonBody:
-    """Application that refuses bodies which JSON parsers interpret differently.
+    """Application that refuses JSON bodies that different parsers interpret differently.
 
     Lone surrogates, NaN and infinity, duplicate keys and deep nesting are refused with status 400.
     Uploaded files and STOP requests are not checked.

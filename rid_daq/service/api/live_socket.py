@@ -40,7 +40,7 @@ MOST_MISTAKES: Final = 10
 _KEYS: Final = ("stop", "job", "held", "tapped")
 
 IDLE_S: Final = 0.1
-"""Period of the check if a job requires a held key [s]."""
+"""Time between two checks for jobs that require a held key, while there is no such job [s]."""
 
 MOST_VIEWERS: Final = 64
 TOO_MANY: Final = 1013
@@ -119,8 +119,8 @@ async def _send_feed(sender: _Sender, service: CellService) -> None:
         for status in statuses
     ]
     async with contextlib.aclosing(service.feed.view(first, SAMPLES_S)) as view:
-        async for told in view:
-            await sender.send(told.decode())
+        async for document in view:
+            await sender.send(document.decode())
     await sender.socket.close(TOO_SLOW, "too slow: events would be lost")
 
 
@@ -148,16 +148,16 @@ async def _receive(
 ) -> None:
     socket, budget = sender.socket, _Budget()
     while True:
-        told = _parse_message(await socket.receive_text())
-        if not budget.has_messages_left(is_message=told is not None):
+        document = _parse_message(await socket.receive_text())
+        if not budget.has_messages_left(is_message=document is not None):
             await socket.close(NO_TOKEN, "too many messages, or too many unknown ones")
             return
-        if told is None:
+        if document is None:
             continue
         who = known()
-        if isinstance(told.get("stop"), str):
+        if isinstance(document.get("stop"), str):
             name = "a user with a revoked token" if who is None else who.name
-            answer = answer_to_stop(socket.app.state.stop_handler, name, told)
+            answer = answer_to_stop(socket.app.state.stop_handler, name, document)
             await sender.send(json.dumps(answer))
             continue
         if who is None:
@@ -165,17 +165,19 @@ async def _receive(
             return
         if who.role.includes(Role.OPERATOR):
             with contextlib.suppress(RidDaqError):
-                _forward_key(service, challenges, told)
+                _forward_key(service, challenges, document)
 
 
 def _parse_message(text: str) -> dict[str, object] | None:
-    """Return a viewer's message, None if it has no known key."""
+    """Return a viewer's message as a JSON object, None if it has none of the expected keys."""
     try:
-        told = json.loads(text)
+        document = json.loads(text)
     except (ValueError, RecursionError):
         return None
-    is_message = isinstance(told, dict) and any(isinstance(told.get(key), str) for key in _KEYS)
-    return told if is_message else None
+    is_message = isinstance(document, dict) and any(
+        isinstance(document.get(key), str) for key in _KEYS
+    )
+    return document if is_message else None
 
 
 class _Budget:
@@ -194,22 +196,22 @@ class _Budget:
         return self._messages >= 0.0 and self._mistakes >= 0
 
 
-def _forward_key(service: CellService, challenges: Challenges, told: dict[str, object]) -> None:
+def _forward_key(service: CellService, challenges: Challenges, document: dict[str, object]) -> None:
     """Forward a key message from the holder of the cell.
 
     Raises:
         LockedError: Another client holds the cell.
         UnknownError: There is no such job.
     """
-    job = service.jobs.in_memory(str(told.get("job")))
+    job = service.jobs.in_memory(str(document.get("job")))
     if job is None:
         raise UnknownError("this job is not running", code="RID-JOB-UNKNOWN")
-    key = told.get("lease")
+    key = document.get("lease")
     if not isinstance(key, str):
         raise LockedError(
             "the message has no lease key: take the cell's lease first", code="RID-LEASE-NONE"
         )
     lease = service.leases.require(job.cell, key)
-    message = challenges.parse_key_message(job.id, lease.id, told)
+    message = challenges.parse_key_message(job.id, lease.id, document)
     if message is not None:
         service.forward_key(job.id, message)

@@ -31,7 +31,7 @@ class NewToken(Token):
 
 
 class TicketCreation(Record):
-    """Path that a browser will open or save, as in its URL."""
+    """Path of the URL that a browser will open or save."""
 
     path: str = Field(max_length=2000)
 
@@ -56,7 +56,10 @@ class PairingQuery(Record):
 
 
 class PairingState(Record):
-    """Confirmation of a device; with TLS, the answer that confirms it also sets its cookie."""
+    """State of a device's pairing.
+
+    With TLS, the answer in which `confirmed` is True also sets the device's cookie.
+    """
 
     confirmed: bool
     key: str = Field(
@@ -134,10 +137,10 @@ async def begin_pairing(request: Request, authenticator: Auth) -> NewPairing:
 
 @router.post("/pairing/state")
 async def pairing_state(
-    asked: Annotated[PairingQuery, Body()], authenticator: Auth, response: Response
+    query: Annotated[PairingQuery, Body()], authenticator: Auth, response: Response
 ) -> PairingState:
-    """Return whether this device is confirmed, and give it its token then."""
-    secret = authenticator.pairing.collect(asked.secret)
+    """Return the state of this device's pairing; once confirmed, also its session secret."""
+    secret = authenticator.pairing.collect(query.secret)
     if secret is None:
         return PairingState(confirmed=False)
     if not authenticator.secure:

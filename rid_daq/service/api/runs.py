@@ -32,9 +32,9 @@ REPORT_HEADERS: Final = {
     " base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
     "cross-origin-opener-policy": "unsafe-none",
 }
-"""A report contains scripts and may come from elsewhere. Browsers therefore run it in a sandbox:
-without an origin, without our cookies and without network access. They refuse a sandbox together
-with an opener policy.
+"""Headers of a report. A report contains scripts and may be copied from another computer. Browsers
+therefore run it in a sandbox: without an origin, without our cookies and without network access.
+Browsers do not show a sandboxed page that also sets an opener policy.
 """
 MOST_FILE_BYTES = 16 << 20
 AXIS_TEST_SUFFIX: Final = ".axes.json"
@@ -76,7 +76,7 @@ def list_all_runs(
     kind: str | None = None,
     limit: Annotated[int, Query(ge=1, le=1000)] = 200,
 ) -> list[RunEntry]:
-    """Return the newest runs first; `search` is searched for in ids, labels and robots."""
+    """Return the runs, newest first; `search` is a part of the id, label or robot's name."""
     found = [_entry(folder, manifest) for folder, manifest in list_runs(service.runs)]
     found += [
         RunEntry(

@@ -38,7 +38,7 @@ class ConnectionHandover(asyncio.Protocol):
         self._lost = False
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Keep the transport; the bytes that the client has sent follow as data."""
+        """Store the transport; `data_received` then gets the bytes that the client has sent."""
         self._outer = cast(asyncio.Transport, transport)
 
     def data_received(self, data: bytes) -> None:
@@ -47,7 +47,7 @@ class ConnectionHandover(asyncio.Protocol):
         if self._inner is not None:
             self._inner.write(data)
             return
-        if self._task is not None:  # data that was decrypted before reading was paused
+        if self._task is not None:  # these data were decrypted before reading was paused
             self._backlog += data
             return
         self._outer.pause_reading()

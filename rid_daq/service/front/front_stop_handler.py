@@ -43,9 +43,8 @@ class FrontStopHandler:
         before, self._jobs = self._jobs, {}
         for cell, pid in jobs.items():
             if before.get(cell, (0, None))[0] == pid and pid:
-                self._jobs[cell] = before.pop(
-                    cell
-                )  # keeps the descriptor: the number may be reused
+                # keep the open descriptor, because the process number may be reused
+                self._jobs[cell] = before.pop(cell)
             else:
                 with contextlib.suppress(OSError):  # the process has ended
                     self._jobs[cell] = pid, os.pidfd_open(pid) if pid else None
@@ -103,7 +102,7 @@ def stop_process(descriptor: int) -> None:
     """Stop a worker: its motion through the control block, any other job by SIGTERM.
 
     Args:
-        descriptor: Descriptor of the process (`os.pidfd_open`), because its number may be reused.
+        descriptor: Descriptor of the process (`os.pidfd_open`); a process number may be reused.
     """
     control = None
     with contextlib.suppress(OSError):  # the process has just ended
@@ -111,7 +110,7 @@ def stop_process(descriptor: int) -> None:
         control = None if pid is None else ControlBlock.of_process(pid)
     if control is not None:
         control.program.request_stop(StopCode.STOP_BUTTON)
-    if control is None or control.task_gone:  # this task may no longer read the control block
+    if control is None or control.task_gone:  # the task no longer reads the control block
         with contextlib.suppress(ProcessLookupError):
             signal.pidfd_send_signal(descriptor, signal.SIGTERM)
 

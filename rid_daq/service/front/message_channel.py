@@ -17,7 +17,7 @@ _MOST_WAITING: Final = 512
 
 
 class MessageChannel:
-    """One end of the channel; it belongs to one event loop.
+    """One end of the channel between service and front process; it belongs to one event loop.
 
     A message is a JSON document, bytes, and at most one file descriptor. Messages keep their order.
 
@@ -46,9 +46,9 @@ class MessageChannel:
     def send(
         self, document: dict[str, object], data: bytes = b"", descriptor: int | None = None
     ) -> bool:
-        """Send a message without waiting; return False if the other end is too far behind.
+        """Send a message without waiting; return False if too many messages are queued.
 
-        The caller keeps its descriptor.
+        The caller must close `descriptor` itself.
         """
         head = json.dumps(document).encode()
         message = len(head).to_bytes(4, "big") + head + data

@@ -33,7 +33,7 @@ class StopAnswer:
 
 
 def unknown_sender_error() -> NotKnownError:
-    """Return the error for a sender that must not stop: on another computer, without a token."""
+    """Return the error for a STOP from another computer without a token."""
     return NotKnownError(
         "stopping from another computer needs a token: send one, or press the stop at this"
         " computer",

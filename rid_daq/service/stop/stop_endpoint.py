@@ -34,8 +34,8 @@ class StopEndpoint:
         """Return the answer to a STOP request, or its WebSocket; None for any other request."""
         if head.path == LINE_PATH and head.is_websocket:
             return self._open_line(head, peer)
-        asked = _STOP_PATH.fullmatch(head.path) if head.method == "POST" else None
-        return None if asked is None else self._stop(head, peer, asked[1] or ALL)
+        match = _STOP_PATH.fullmatch(head.path) if head.method == "POST" else None
+        return None if match is None else self._stop(head, peer, match[1] or ALL)
 
     def _stop(self, head: RequestHead, peer: Peer, target: str) -> Reply:
         refusal = sender_refusal(self._access, head.lines, local=peer.local)

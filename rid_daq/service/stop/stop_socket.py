@@ -46,7 +46,7 @@ class StopSocket(asyncio.Protocol):
         self._second, self._messages = 0, 0
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """Keep the transport; the client's request follows as data."""
+        """Store the transport; `data_received` then gets the client's request."""
         self._transport = cast(asyncio.Transport, transport)
 
     def connection_lost(self, exc: Exception | None) -> None:
@@ -144,26 +144,26 @@ def read_stop(message: bytes) -> dict[str, object] | None:
 
 
 def answer_to_stop(
-    handler: StopHandler, who: str, asked: dict[str, object] | None
+    handler: StopHandler, who: str, message: dict[str, object] | None
 ) -> dict[str, object] | None:
     """Execute the stop that a WebSocket message requests and return the answer.
 
     Args:
         handler: Executes the stop.
         who: Name of the sender.
-        asked: The message, `{"stop": CELL or "*", "number": N}`.
+        message: The JSON message `{"stop": CELL or "*", "number": N}`; None for any other message.
 
     Returns:
-        None if the message requests no stop.
+        None if `message` is None.
     """
-    if asked is None:
+    if message is None:
         return None
-    number = asked.get("number")
+    number = message.get("number")
     answer: dict[str, object] = {
         "type": "stopped",
         "number": number if isinstance(number, int | float | str) else None,
     }
     try:
-        return answer | handler.stop(str(asked["stop"]), who).document()
+        return answer | handler.stop(str(message["stop"]), who).document()
     except UnknownError as error:
         return answer | {"told": False, "sentence": str(error)}

@@ -27,6 +27,6 @@ class AuditLog:
         )
 
     def newest(self, limit: int = 200) -> Sequence[AuditEntry]:
-        """Return the newest entries first; call it in a thread."""
+        """Return the entries, newest first; call this function in a thread, because it blocks."""
         rows = self._database.read("SELECT entry FROM audit ORDER BY number DESC LIMIT ?", limit)
         return [AuditEntry.model_validate_json(row[0]) for row in rows]

@@ -41,7 +41,7 @@ class CellStore:
         )
 
     def preflight(self, cell: str) -> tuple[Preflight, str] | None:
-        """Return the newest preflight and the hash of the checked files, None without one."""
+        """Return the newest preflight and the hash of the checked files; None if none is saved."""
         return self._preflights.get(cell)
 
     def note_fault(self, cell: str, fault: str) -> None:

@@ -1,4 +1,4 @@
-"""`Database`: SQLite file of the service, written by a thread: no request waits for the disk."""
+"""`Database`: SQLite file of the service; a thread writes it, so the event loop is not blocked."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from rid_daq.service.refusals import StoreBusyError
 
 VERSION: Final = 2
 PATIENCE_S: Final = 3.0
-"""Time that an answer waits until its data are on the disk [s]."""
+"""Maximum time for which an answer waits until its data are on the disk [s]."""
 
 BUSY: Final = "RID-STORE-BUSY"
 LOCK_S: Final = 1.0
@@ -50,7 +50,7 @@ CREATE TABLE lease_ends (cell TEXT PRIMARY KEY, lease TEXT, ends_s REAL, boot TE
 """
 
 _MISTAKES = (sqlite3.IntegrityError, sqlite3.ProgrammingError, sqlite3.DataError)
-"""Errors of a single statement; repeating the statement cannot succeed."""
+"""Errors of an invalid statement: it would fail again if it were repeated."""
 
 
 class Database:
@@ -159,7 +159,7 @@ class Database:
                 self._commit(batch)
             except _MISTAKES as error:
                 if len(batch) > 1:
-                    at_once = 1  # to find the invalid statement
+                    at_once = 1  # write single statements, to find the invalid one
                     continue
                 LOG.error("statement not written: %s: %s", batch[0][0], error)
             except sqlite3.Error as error:

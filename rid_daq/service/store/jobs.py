@@ -10,11 +10,13 @@ from rid_daq.service.records import Job, JobState
 from rid_daq.service.store.database import Database
 
 MOST_KEPT: Final = 1000
-"""Number of ended jobs of this start that are kept in memory."""
+"""Maximum number of ended jobs in memory; they have ended since the service was started."""
 
 
 class JobStore:
-    """Table of jobs. Unfinished jobs, and the newest jobs of this start, are kept in memory too.
+    """Table of jobs.
+
+    Unfinished jobs, and the newest jobs since the service was started, are kept in memory too.
 
     Args:
         database: The service's database.
@@ -83,7 +85,10 @@ class JobStore:
     def newest(
         self, cell: str | None = None, state: JobState | None = None, limit: int = 100
     ) -> Sequence[Job]:
-        """Return the newest jobs first, of a cell and in a state if given; call it in a thread."""
+        """Return the jobs of a cell in a state (default: any), newest first.
+
+        Call this function in a thread, because it blocks.
+        """
         kept = dict(self._kept)  # the copies in memory are newer than the file
         rows = self._database.read(
             "SELECT job FROM jobs WHERE (?1 IS NULL OR cell = ?1) AND (?2 IS NULL OR state = ?2)"

@@ -12,8 +12,8 @@ from rid_daq.service.records import Role, Token, TokenEnd
 from rid_daq.service.store.database import Database
 
 MOST_ISSUED: Final = 100_000
-"""Number of hashes that are kept, so that the senders of old secrets may still stop; the oldest is
-deleted.
+"""Maximum number of stored hashes of secrets; the oldest hash is deleted first. The sender of a
+secret with a stored hash may stop motions.
 """
 
 UNUSED_S: Final = 30 * 86400.0
@@ -95,7 +95,7 @@ class TokenStore:
         return token if time.time() - used_s < UNUSED_S else None
 
     def end_sessions(self) -> None:
-        """Revoke the tokens of earlier runs of the service that were limited to such a run."""
+        """Revoke the tokens that were to expire with an earlier process of the service."""
         for token in self.all():
             if token.ends is TokenEnd.SERVICE:
                 self.revoke(token.id)

@@ -1,1 +1,1 @@
-"""The jobs that run: a worker process for each, forked from a template, and its events."""
+"""Running jobs: each has a worker process, which is forked from a template, and an event file."""

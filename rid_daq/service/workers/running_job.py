@@ -126,7 +126,7 @@ class RunningJob:
         control = self._find_control()
         if control is not None:
             control.program.request_stop(code)
-        if control is None or control.task_gone:  # this task may no longer read the control block
+        if control is None or control.task_gone:  # the task no longer reads the control block
             self.process.terminate()
 
     def repeat_stop(self) -> None:
@@ -141,7 +141,7 @@ class RunningJob:
             writer.write((json.dumps(order) + "\n").encode())
 
     def send_order_if_writable(self, **order: Any) -> None:
-        """Send an order that is useless later, unless too many orders wait already."""
+        """Send an order; drop it if too many orders wait, because it would arrive too late."""
         writer = self.process.stdin
         if writer.transport.get_write_buffer_size() < MOST_WAITING_BYTES:
             self.send_order(**order)

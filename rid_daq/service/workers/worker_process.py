@@ -11,7 +11,9 @@ from typing import Final
 from acquisition.task.service_beat import ServiceBeat
 
 EXIT_CODE_UNKNOWN: Final = 255
-"""Exit code of a worker that outlived the template, to which alone the kernel reports it."""
+"""Exit code of a worker that ends after the template: the service cannot read the real exit code,
+which the kernel reports to the template only.
+"""
 
 
 class WorkerProcess:
@@ -46,7 +48,7 @@ class WorkerProcess:
         self._ended.set()
 
     def note_loss(self) -> None:
-        """Wait for the end by the pidfd from now on: the template can no longer report it."""
+        """Detect the worker's end by its pidfd from now on, because the template has ended."""
         loop = asyncio.get_running_loop()
 
         def end() -> None:

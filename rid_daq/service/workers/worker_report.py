@@ -7,7 +7,9 @@ from struct import Struct
 from typing import Final, NamedTuple, Self
 
 REQUEST: Final = b"w"
-"""Request for a worker; with it come the descriptors of its orders, its log and the heartbeat."""
+"""Message that requests a worker; the service sends the file descriptors of the worker's orders,
+its log and the heartbeat with it.
+"""
 
 REPORT: Final = Struct("=iii")
 
@@ -24,7 +26,7 @@ class WorkerReport(NamedTuple):
     """Message of the template about a worker.
 
     Attributes:
-        kind: The event; with STARTED comes a pidfd of the worker.
+        kind: The event; a message with STARTED also carries a pidfd of the worker.
         pid: Process id of the worker; 0 if it was not started.
         value: For STARTED 0; for NOT_STARTED the error number; for ENDED the exit code, or the
             negative number of the signal that killed the worker.

@@ -111,7 +111,7 @@ class WorkerTemplate:
         worker, started = self._starting.popleft()
         error = report.value
         if report.kind is ReportKind.STARTED and not descriptors:
-            os.kill(report.pid, signal.SIGKILL)  # the template's report of its end is ignored
+            os.kill(report.pid, signal.SIGKILL)  # the report of this worker's end will be ignored
             error = errno.EMFILE
         if error:
             if not started.done():
@@ -125,7 +125,7 @@ class WorkerTemplate:
             started.set_result(None)
 
     def _lose(self) -> None:
-        """Forget the template; later requests start a new one."""
+        """Forget the template, which has ended; the next request for a worker starts a new one."""
         line, self._line = self._line, None
         assert line is not None
         asyncio.get_running_loop().remove_reader(line)

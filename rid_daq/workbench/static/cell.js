@@ -42,7 +42,7 @@ function ended(job) {
 async function refresh() {
   loadRuns();
   const lines = await loadPreflight(find("preflight"), find("preflight-words"));
-  const moves = ["moving", "stopping"].includes(status?.state); // a check ends before the cell's state changes
+  const moves = ["moving", "stopping"].includes(status?.state); // "checking" may still be the state of a check that has ended
   if (lines && !moves) showTemperatures(find("joints"), lines);
 }
 

@@ -41,8 +41,9 @@ export function dialog(title, content, actionText, { danger = false, read = () =
   });
 }
 
-// Ask before each motion if the cell is clear. Resolves with the action if the connection to this page is
-// lost ("stop" or "finish"), or null. A motion with a held key always stops then, so there is no choice.
+// Ask before each motion if the cell is clear; resolves with null if the user cancels.
+// Otherwise it resolves with the action ("stop" or "finish") if the connection to this page is lost.
+// A motion with a held key always stops if the connection is lost, so the dialog offers no choice.
 export function confirmClear(what, { held = false } = {}) {
   const words = page.simulated
     ? "This cell is simulated: no real robot moves. On a real cell you would now check:"

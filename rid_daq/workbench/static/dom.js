@@ -43,8 +43,8 @@ export function duration(seconds) {
 // Return a time in this device's time zone, with the zone's name.
 export const moment = (seconds) => new Date(1000 * seconds).toLocaleString(undefined, { timeZoneName: "short" });
 
-// Parse a number with a decimal point or comma. NaN for any other text, and if a comma may separate
-// thousands: "1,234".
+// Parse a number with a decimal point or a decimal comma; return NaN for any other text.
+// The result is also NaN if a comma may separate thousands, as in "1,234".
 export function parseNumber(text) {
   const words = text.trim();
   if (!/^[-+]?(\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?$/i.test(words)) return NaN;

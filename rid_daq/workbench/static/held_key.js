@@ -1,17 +1,17 @@
-// Key that this page holds. While it is held, the page answers each challenge of the service at once, so that
-// the service knows the age of an answer. After a gap the press no longer counts; a new press is needed.
+// Key that the user holds on this page. While it is held, the page answers each challenge of the service at once.
+// The service therefore knows the age of an answer. After a gap the press no longer counts; a new press is needed.
 const LIMIT_MS = 300; // CHALLENGE_LIMIT_S of acquisition/hold_to_run/held_key.py
 const WATCH_MS = 50;
 
 export class HeldKey {
-  // `send(message)` adds the operator's lease to a message and sends it; it returns false if there is no connection
-  // or no lease. `tell(job, text)` shows why a key does not count.
+  // `send(message)` adds the operator's lease to a message and sends it; false means: no connection or no lease.
+  // `tell(job, text)` shows why a key does not count.
   constructor(send, tell) {
     this.send = send;
     this.tell = tell;
     this.sequence = 0;
     this.newest = new Map(); // by job: the newest challenge and its arrival time
-    this.press = null; // { job, key, counts, from }: `counts` is true until there was a gap
+    this.press = null; // { job, key, counts, from }: `counts` is true until there is a gap
     this.timer = null;
   }
 
@@ -35,7 +35,7 @@ export class HeldKey {
   }
 
   challenge({ job, value }) {
-    this.watch(); // the challenge may arrive after a gap
+    this.watch(); // detects a gap before this challenge
     this.newest.set(job, { value, at: performance.now() });
     if (this.press?.job === job) this.answer();
   }

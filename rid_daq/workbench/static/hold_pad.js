@@ -4,12 +4,12 @@ import { hold, letGo, on, tap } from "./service.js";
 
 const JOG_KEYS = [["−", "-"], ["+", "+"]];
 
-let shown = null; // the pad on this page: { job, problem }
+let shown = null; // { job, problem }: job of the buttons on this page, and the element for its messages
 on("key", (job, text) => {
   if (shown?.job === job) shown.problem.textContent = text;
 });
 
-// Return { pad, leave } for a job that requires a held key.
+// Return the element with the buttons for a job that requires a held key, and a function that removes its listeners.
 export function holdPad(job, joints) {
   const abort = new AbortController();
   const { signal } = abort;
@@ -57,7 +57,7 @@ export function holdPad(job, joints) {
   const free = job.kind === "jog" && !job.request.home;
   const rows = [];
   if (free) {
-    let chosen = 1; // sent with each press, so that a choice cannot arrive too late
+    let chosen = 1; // number of the joint; it is sent with each press, so that it cannot arrive too late
     const choices = joints.slice(0, 9).map((joint, i) => {
       const choice = element("button", { type: "button", class: "joint", "aria-pressed": String(i === 0) }, joint);
       choice.addEventListener("click", () => {

@@ -9,8 +9,8 @@ const ENDS = {
   done: ["good", "Done"], failed: ["bad", "Failed"], stopped: ["bad", "Stopped"],
   interrupted: ["bad", "Interrupted"],
 };
-const BEGIN_MS = 30000; // the service answers once the job is saved and its worker runs
-const URGENT = { urgent: true }; // questions of a job do not wait for lists and figures
+const BEGIN_MS = 30000; // timeout of a start: the service answers once the job is saved and its worker runs
+const URGENT = { urgent: true }; // a request for a job's events does not wait for requests of lists and figures
 const over = (job) => job.state in ENDS;
 
 // Return the title of a kind of job: "Payload export" for "payload_export".
@@ -32,8 +32,8 @@ export class JobPanel {
     this.recall();
   }
 
-  // Start a job and show it; before a motion, ask if the cell is clear. Resolves with the job, or with
-  // null if the user cancels; a refusal is shown here.
+  // Start a job and show it; before a motion, ask if the cell is clear.
+  // Resolves with the job, or with null if the user cancels or the service refuses; the panel shows a refusal.
   async begin(kind, request = {}, { moves = false } = {}) {
     const lost = moves ? await confirmClear(kindWords(kind), { held: kind === "jog" }) : "stop";
     if (lost === null) return null;
@@ -142,8 +142,8 @@ export class JobPanel {
     this.ended(job, this.document);
   }
 
-  // Get the new events of the job. At most one request is running and one is waiting, which serves all
-  // calls in the meantime, so that no event is missed.
+  // Get the new events of the job. At most one request is running and one is waiting.
+  // The waiting request serves all calls until it starts, so that no event is missed.
   follow() {
     const { job: { id }, said } = this;
     const left = () => this.job?.id !== id || this.said !== said; // another job is shown, or this one again

@@ -1,5 +1,5 @@
-// Identifies this browser to a service without TLS, without cookies. The session secret is in the storage
-// of this origin, which no other port can read; it expires when the service ends.
+// Identifies this browser to a service without TLS; no cookies are used.
+// The session secret is in the storage of this origin, which no other port can read; it expires with the service.
 "use strict";
 (() => {
   const KEY = "rid-daq session";
@@ -51,7 +51,7 @@
     copy.remove();
   }
 
-  // ---- load the page of this address; it replaces this one, which shows STOP until then
+  // ---- load the real page of this address; it replaces this login page, which shows STOP until then
   const PATIENCE_MS = 10000;
   const AGAIN_MS = 1000;
   // an open child document delays this page's load event until the new page is written

@@ -9,7 +9,7 @@ function show() {
   const kind = form.dataset.kind;
   const moves = "moves" in form.dataset;
   const figures = element("div", {});
-  const keep = ({ kind }) => kind === "plot"; // all other blocks are shown in this panel
+  const keep = ({ kind }) => kind === "plot"; // the job's panel shows all other blocks
   const panel = new WorkPanel(find("job"), { ended: (job) => job.run && showBlocks(figures, ofRun(job.run), { keep }) });
   find("job").after(figures);
   for (const input of form.elements) {
@@ -20,7 +20,7 @@ function show() {
   press("begin", panel, kind, () => panel.begin(kind, request(), { moves }));
 }
 
-// Return the request from the changed fields; the service sets the defaults of all others.
+// Return a request with the changed fields; the service sets the defaults of all other fields.
 function request() {
   const asks = {};
   for (const input of form.elements) {

@@ -67,7 +67,7 @@ async function ended(job, document) {
   }
 }
 
-// Return the number of a field that can be empty; null if it is.
+// Return the number in a field that can be empty; null if the field is empty.
 const optionalNumber = (id) => (find(id).value.trim() ? numberOf(id, { least: 0 }) : null);
 
 // ---- the session
@@ -123,7 +123,7 @@ function goOn({ run, label, state, choices: told }) {
     if (choices[id] && find(id)) offer(find(id), choices[id]);
     else if (find(id)) find(id).value = "";
   }
-  for (const id of ["motion", "periods"]) find(id).disabled = true; // fixed: they are stored in its run folder
+  for (const id of ["motion", "periods"]) find(id).disabled = true; // the session's run folder fixes these values
   resumed = { run, choices };
   resumed.shown = request();
   const more = known.filter((each) => each !== mass).map((each) => `${each.name} is known: ${each.value} ± ${each.sigma}.`);

@@ -1,6 +1,6 @@
 // Requests to the service, limited in time and number, so that they never delay STOP.
 
-const AT_ONCE = 3; // of the six connections of a browser; STOP and the heartbeat need the others
+const AT_ONCE = 3; // a browser opens at most six connections; STOP and the heartbeat need the other three
 
 // A request that was refused or not answered; `message` is a sentence for the user.
 export class Refusal extends Error {
@@ -27,7 +27,7 @@ function leave() {
   waiting.shift()?.();
 }
 
-// Send a request and return its JSON. `urgent` ones do not wait for others to end; `signal` ends one.
+// Send a request and return its JSON. An `urgent` request does not wait for other requests; `signal` cancels it.
 export async function request(url, options = {}, { patienceMs, urgent = false, signal = null } = {}) {
   if (!urgent) await turn();
   const ending = new AbortController();

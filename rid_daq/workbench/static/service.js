@@ -20,7 +20,7 @@ const AGAIN_MS = 500;
 // Both channels have a heartbeat; a lost connection is shown within 2 s.
 const WATCH_MS = 100;
 const STOOD_MS = 400; // a longer time between two checks means that this page was suspended
-const STALE_MS = 1850; // time without a message on a channel
+const STALE_MS = 1850; // time without a message after which a channel counts as lost
 const PROBE_MS = 700; // time between two probe requests
 const PROBE_PATIENCE_MS = 2000;
 const MOST_PROBES = 2;
@@ -30,7 +30,7 @@ const KEY = `rid-daq lease ${page.cell}`;
 export const CELL = `/cells/${encodeURIComponent(page.cell)}`;
 
 // Send a request to the API: ask("POST", "/cells/ir361/lease", {note}), with the lease key if we hold the cell.
-// A GET waits while others are running; other methods do not wait. `signal` cancels the request.
+// A GET waits while AT_ONCE other requests are running; other methods do not wait. `signal` cancels the request.
 export function ask(method, path, body = undefined, patienceMs = PATIENCE_MS, key = lease.key, more = {}) {
   const headers = { "x-rid-daq": "page", "content-type": "application/json" };
   if (key) headers["x-rid-daq-lease"] = key;
@@ -38,9 +38,10 @@ export function ask(method, path, body = undefined, patienceMs = PATIENCE_MS, ke
   return request(`/api/v1${path}`, options, { patienceMs, urgent: method !== "GET", ...more });
 }
 
-// Listeners: "cell" (status), "job" (job), "event" (job id, event), "samples" (picture, job id),
-// "key" (job id and text: why a held key does not count), "reach" ({ values, requests }: true if the
-// channel works), "again" (after a gap: request everything that may have been missed).
+// Listeners by event, with their arguments: "cell" (status), "job" (job), "event" (job id, event),
+// "samples" (picture, job id), "key" (job id, reason why a held key does not count),
+// "reach" ({ values, requests }, true if the channel works),
+// "again" (no arguments; after a gap, request everything that may have been missed).
 const listeners = new Map();
 
 export function on(type, listener) {
@@ -66,7 +67,7 @@ function setStatus(status, from = performance.now()) {
   const another = holder(status) !== holder(now.status);
   now.status = fresh ? status : { ...status, preflight_age_s: status.not_ready_because ? null : age };
   if (fresh) now.ageFrom = performance.now();
-  if (lease.key && another) lease.renew(); // shows if the lease is still ours
+  if (lease.key && another) lease.renew(); // the service refuses this if the lease is no longer ours
   tell("cell", now.status);
   if (!fresh) look();
 }
@@ -76,8 +77,9 @@ export function preflightAge() {
   return age === null ? null : age + (performance.now() - now.ageFrom) / 1000;
 }
 
-// ---- connection: the WebSocket has a heartbeat; requests are probed. A channel without messages for
-// STALE_MS counts as lost until a message arrives. A background page is checked when it is visible again.
+// ---- connection: the WebSocket has a heartbeat; for requests, the page sends probe requests.
+// A channel without messages for STALE_MS counts as lost until a message arrives.
+// A background page is checked when it is visible again.
 let socket = null;
 let openedAt = 0;
 let valuesAt = 0;
@@ -198,8 +200,9 @@ document.addEventListener("stop-asked", ({ detail }) => {
   if (socket?.readyState === WebSocket.OPEN) socket.send(detail);
 });
 
-// ---- the lease: its key is stored in this tab. It is renewed while one of our pages is open, even in the
-// background (beat.js), but not by a sleeping device, nor by a copy of the tab
+// ---- the lease: its key is stored in this tab.
+// An open page of this tab renews the lease, even in the background (beat.js).
+// A sleeping device or a copy of the tab does not renew the lease.
 export const lease = {
   key: null,
   lost: false,

@@ -13,9 +13,12 @@ const LOST = {
   finish: "If this page is closed, its device sleeps, or the connection is lost, the motion continues to its end.",
 };
 
-// ---- requirements of elements: data-needs="lease" (we hold the cell and no job uses it), "ready" (in addition,
-// the cell may move), "held" (in addition, it may move while a key is held), or "role" (more than read-only
-// access). Elements with data-why="lease" or "ready" show what is missing.
+// ---- requirements of elements, in the attribute data-needs
+// "lease": this page holds the cell, and no job uses the cell.
+// "ready": in addition to "lease", the cell may move.
+// "held": in addition to "lease", the cell may move while a key is held.
+// "role": the user has more than read-only access.
+// An element with data-why="lease" or "ready" shows which requirement is not met.
 export function missing(need) {
   const status = now.status;
   if (!status) return "The service does not answer yet.";

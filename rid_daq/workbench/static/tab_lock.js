@@ -1,6 +1,6 @@
 // A duplicated tab receives a copy of the session storage; a lock distinguishes the two tabs.
 
-const PATIENCE_MS = 1000; // the next page in the same tab gets the lock once the previous page has closed
+const PATIENCE_MS = 1000; // maximum wait until the previous page in the same tab has released the lock
 
 let release = null;
 

@@ -8,8 +8,8 @@ import { ask } from "./service.js";
 
 export const wanted = new URLSearchParams(location.search);
 
-// A panel that also shows the newest intermediate result, such as the present estimate, and calls `heard`
-// for every event.
+// A panel that also shows the newest intermediate result, such as the present estimate.
+// The panel calls `heard` for every event.
 export class WorkPanel extends JobPanel {
   constructor(section, { heard = () => {}, begun = () => {}, ...options } = {}) {
     super(section, options);
@@ -62,7 +62,7 @@ function plots() {
   return library;
 }
 
-// Resolves once an element is visible, or nearly.
+// Resolves once an element is visible, or less than half a window away from the visible part.
 function seen(place, signal) {
   return new Promise((resolve) => {
     const watch = new IntersectionObserver((found) => {
@@ -78,7 +78,7 @@ function seen(place, signal) {
   });
 }
 
-const FIGURE_MS = 120000; // for a figure of a long run on a slow link
+const FIGURE_MS = 120000; // timeout of a figure: a long run on a slow link takes long
 
 // Cancel the loading of a figure.
 export function endFigure(place) {
@@ -87,8 +87,8 @@ export function endFigure(place) {
   delete place.dataset.again;
 }
 
-// Show a figure once its element is visible; the previous figure remains until the new one is drawn. A new
-// address cancels the present loading; the same address is drawn again after it.
+// Show a figure once its element is visible; the previous figure remains until the new one is drawn.
+// A new address cancels the present loading; if the address is the same, the figure is drawn again after it.
 export async function figureIn(place, url) {
   if (place.loading && place.dataset.url === url) {
     place.dataset.again = "yes";

@@ -1,4 +1,4 @@
-"""Clock check: find repeated rows, rebuild jittered time stamps, keep sound ones."""
+"""Clock check: find repeated rows, rebuild jittered time stamps, keep correct ones."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class TestSoundClock:
         np.testing.assert_array_equal(judged.time_s, stamps)
 
     def test_the_clock_of_a_robot_with_a_long_rest_has_no_repeats(self) -> None:
-        late = np.clip(row_times() - 5.0, 0.0, 2.0)  # it slows down for 2 s, then rests for 13 s
+        late = np.clip(row_times() - 5.0, 0.0, 2.0)  # slows down for 2 s, then rests
         samples = LoggedArm.of(3).at(
             np.minimum(row_times(), 5.0) + late - late**2 / 4.0, row_times()
         )

@@ -34,8 +34,8 @@ def test_a_row_that_no_drive_updated_is_counted_in_each_part() -> None:
         counter.add(whole.part(slice(first, first + 500)))
     assert counter.report().repeated_rows == 50
     assert counter.report().rows == 2500
-    (said,) = counter.notes()
-    assert "50 of 2500 rows (2.0 %)" in said
+    (note,) = counter.notes()
+    assert "50 of 2500 rows (2.0 %)" in note
 
 
 def test_a_sound_recording_has_no_repeats() -> None:

@@ -1,4 +1,4 @@
-"""Thread that reads the jog keys: it plans a key's line once, and one press moves one line."""
+"""Thread that reads the jog keys: it plans one straight motion (line) for each key press."""
 
 from __future__ import annotations
 
@@ -84,7 +84,9 @@ def test_a_key_released_while_its_line_is_planned_moves_nothing(
         desk.meanwhile = lambda: None
         desk.key = "+"
         wait_for(lambda: dead_man.press_count == 1)
-    assert desk.plans == ["+", "+"], "the meaning of the key may have changed"
+    assert desk.plans == ["+", "+"], (
+        "the second press is planned again: the key may have a new meaning"
+    )
 
 
 def test_a_second_press_between_two_reads_is_a_new_press(
@@ -96,7 +98,7 @@ def test_a_second_press_between_two_reads_is_a_new_press(
         wait_for(lambda: dead_man.press_count == 1)
         desk.press = 2
         desk.wait_for_two_reads()
-        assert dead_man.held_until_s == 0.0, "the first press is over"
+        assert dead_man.held_until_s == 0.0, "the first press no longer holds the key"
         dead_man.report_rest(POSE, 1)
         wait_for(lambda: dead_man.press_count == 2)
 
@@ -129,7 +131,7 @@ def test_no_key_is_planned_before_the_robot_rests(dead_man: DeadMan) -> None:
         desk.key = "+"
         desk.wait_for_two_reads()
         assert desk.plans == []
-        assert not desk.begun, "keys count once the robot rests"
+        assert not desk.begun, "a key has no effect before the robot is at rest"
         dead_man.report_rest(POSE, 1)
         wait_for(lambda: dead_man.press_count == 2)
 

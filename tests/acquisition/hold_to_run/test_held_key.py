@@ -123,9 +123,9 @@ def test_a_press_belongs_to_one_sender() -> None:
     worker.now_s += 0.1
     assert worker.receive("+", "b") is KeyVerdict.ELSEWHERE
     worker.now_s += 0.15
-    assert worker.held_key == "", "the other's message does not keep it"
+    assert worker.held_key == "", "a message of another sender does not keep the key held"
     assert worker.receive("+", "b") is KeyVerdict.UNRELEASED, (
-        "the key was pressed before the connection changed"
+        "sender b pressed the key while it still belonged to sender a"
     )
     worker.receive("", "b")
     assert worker.receive("+", "b") is KeyVerdict.COUNTS
@@ -198,7 +198,7 @@ CHALLENGE_MS = 30
 
 @dataclass(frozen=True)
 class MessageInTransit:
-    """A message on its way to the worker, with the number of the press that it reports."""
+    """A message on its way to the worker, with the number of the key press that it reports."""
 
     message: KeyMessage
     press: int
@@ -207,19 +207,23 @@ class MessageInTransit:
 @settings(max_examples=300, deadline=None)
 @given(
     presses=st.lists(st.tuples(st.integers(0, 60), st.integers(0, 200)), min_size=1, max_size=4),
-    there=st.lists(st.integers(0, 150), min_size=1, max_size=20),
-    back=st.lists(st.integers(0, 150), min_size=1, max_size=20),
+    delays_to_person=st.lists(st.integers(0, 150), min_size=1, max_size=20),
+    delays_to_worker=st.lists(st.integers(0, 150), min_size=1, max_size=20),
     replays=st.sets(st.integers(0, 200)),
     connections=st.lists(st.integers(0, 1), min_size=4, max_size=4),
 )
 @example(  # a link that stalls for a second while the key is held, and recovers
-    presses=[(0, 200)], there=[0], back=[0] * 20 + [100], replays=set(), connections=[0] * 4
+    presses=[(0, 200)],
+    delays_to_person=[0],
+    delays_to_worker=[0] * 20 + [100],
+    replays=set(),
+    connections=[0] * 4,
 )
 @pytest.mark.promise("held-key-fresh", "held-key-new-press")
 def test_with_late_lost_reordered_or_repeated_messages_a_key_counts_only_near_its_press(
     presses: list[tuple[int, int]],
-    there: list[int],
-    back: list[int],
+    delays_to_person: list[int],
+    delays_to_worker: list[int],
     replays: set[int],
     connections: list[int],
 ) -> None:
@@ -227,7 +231,7 @@ def test_with_late_lost_reordered_or_repeated_messages_a_key_counts_only_near_it
 
     The person answers each newer challenge.
     """
-    held_at: dict[int, int] = {}  # step: press held at that step
+    held_at: dict[int, int] = {}  # number of a step: number of the press held at that step
     step = 0
     for press, (pause, length) in enumerate(presses, start=1):
         step += pause + 1
@@ -235,7 +239,7 @@ def test_with_late_lost_reordered_or_repeated_messages_a_key_counts_only_near_it
         step += length
     on_the_way: dict[int, list[MessageInTransit]] = {}
     challenges: dict[int, list[int]] = {}
-    delays = itertools.cycle(back)
+    delays = itertools.cycle(delays_to_worker)
     newest, numbers, sent = -1, [0, 0], 0
 
     def send(key: str, press: int, at: int) -> None:
@@ -243,21 +247,23 @@ def test_with_late_lost_reordered_or_repeated_messages_a_key_counts_only_near_it
         connection = connections[press - 1]
         numbers[connection] += 1
         issued_s = 0.01 * newest if newest >= 0 else 0.0
-        told = MessageInTransit(
+        message = MessageInTransit(
             KeyMessage(key, False, str(connection), numbers[connection], issued_s), press
         )
         arrives = at + next(delays)
-        on_the_way.setdefault(arrives, []).append(told)
+        on_the_way.setdefault(arrives, []).append(message)
         if sent in replays:
-            on_the_way.setdefault(arrives + 7, []).append(told)
+            on_the_way.setdefault(arrives + 7, []).append(message)
         sent += 1
 
     key = HeldKey()
     key.set_accepting(True)
-    counted: dict[int, int] = {}  # number of the press that counted: press of the person
+    # number that the worker gave to a press: number of the person's press
+    counted: dict[int, int] = {}
     for now in range(step + 400):
         if now * STEP_MS % CHALLENGE_MS == 0:
-            challenges.setdefault(now + there[now % len(there)], []).append(now)
+            arrives = now + delays_to_person[now % len(delays_to_person)]
+            challenges.setdefault(arrives, []).append(now)
         known = newest
         newest = max([newest, *challenges.pop(now, [])])
         press, before = held_at.get(now, 0), held_at.get(now - 1, 0)
@@ -268,13 +274,17 @@ def test_with_late_lost_reordered_or_repeated_messages_a_key_counts_only_near_it
                 send("", press, now)
         if press and (newest > known or press != before):
             send("+", press, now)
-        for told in on_the_way.pop(now, []):
-            key.process(told.message, 0.01 * now)
+        for arrived in on_the_way.pop(now, []):
+            key.process(arrived.message, 0.01 * now)
             counts = key.held(0.01 * now)
             if counts is not None and counts.press not in counted:
-                counted[counts.press] = told.press
+                counted[counts.press] = arrived.press
         counts = key.held(0.01 * now)
         if counts is not None:
             near = range(now, now - round(CHALLENGE_LIMIT_S * 1000 / STEP_MS), -1)
-            assert any(each in held_at for each in near), "held 0.3 s after the release"
-    assert len(set(counted.values())) == len(counted), "a press that had ended counted again"
+            assert any(each in held_at for each in near), (
+                "the key still counts as held 0.3 s after its release"
+            )
+    assert len(set(counted.values())) == len(counted), (
+        "the worker counted one press of the person twice"
+    )

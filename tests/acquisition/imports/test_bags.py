@@ -94,7 +94,7 @@ def test_a_bag_becomes_a_table_and_the_map_that_reads_it(
     np.testing.assert_array_equal(recording.torque_nm, EFFORT)
     np.testing.assert_allclose(recording.time_s, T, atol=1e-9)
     assert report.velocity_ratio == pytest.approx((1.0, 1.0), abs=1e-3)
-    assert report.rows_read == len(T)  # messages of the gripper do not count
+    assert report.rows_read == len(T)  # messages of the gripper are ignored
 
 
 def test_joints_are_in_the_robots_order_for_any_order_in_the_messages(tmp_path: Path) -> None:

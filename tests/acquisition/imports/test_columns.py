@@ -1,4 +1,4 @@
-"""Import: meaning of a column by its side, its unit and the robot file."""
+"""Import: conversion of columns by side of the gear (motor or joint), unit and robot file."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def read(tmp_path: Path) -> Read:
 
 
 def table() -> np.ndarray:
-    """Time; two positions; their velocities; two torques or currents; two temperatures [C]."""
+    """Return columns: time; two positions; their velocities; two torques or currents; two [°C]."""
     t = 0.01 * np.arange(ROWS)
     warmth = np.linspace(20.0, 45.0, ROWS)
     return np.column_stack(
@@ -60,7 +60,7 @@ def table() -> np.ndarray:
 
 
 def motor_table() -> np.ndarray:
-    """The same with positions and velocities of the motors."""
+    """Return `table()` with positions and velocities of the motors instead of the joints."""
     motor = table()
     motor[:, 1:3] *= GEARS
     motor[:, 3:5] *= GEARS

@@ -36,7 +36,7 @@ def layout(**changes: Any) -> ImportMap:
 def write_merged_topics(
     path: Path, shift_s: float = 0.002, empty: str = "", stop: int = 300
 ) -> Path:
-    """Write positions and torques in rows of their own, torques `shift_s` later."""
+    """Write positions and torques in separate rows; the torques are `shift_s` later."""
     lines = []
     for row, t in enumerate(T.tolist()):
         lines.append(f"{t!r},{float(q(t))!r},{empty}\n")

@@ -175,11 +175,11 @@ class TestDamagedRows:
         lines[25::11] = ["ERR"] * len(lines[25::11])
         with pytest.raises(DataQualityError) as refused:
             import_csv(write(lines), two_joint_map())
-        said = str(refused.value)
-        assert "The first of each kind is row 21: " in said
-        assert "; row 26: " in said
-        assert len(re.findall(r"row \d", said)) == 3
-        assert len(said) < 500
+        message = str(refused.value)
+        assert "The first of each kind is row 21: " in message
+        assert "; row 26: " in message
+        assert len(re.findall(r"row \d", message)) == 3
+        assert len(message) < 500
 
     def test_rows_with_text_instead_of_a_number_are_removed(self, write: Write) -> None:
         found, _ = self.damage(write, {7: self.altered(7, 2, "ERR")})
@@ -212,13 +212,13 @@ class TestDamagedRows:
     def test_repeated_stamps_cost_one_row_each(self, write: Write) -> None:
         twice = self.altered(60, 0, f"{sound_table()[58, 0]:.6f}")
         found, _ = self.damage(write, {60: twice})
-        assert found == ["row 60: 1 with a doubled time stamp (row 60: time stamp is 5.65 s)"]
+        assert found == ["row 60: 1 with a repeated time stamp (row 60: time stamp is 5.65 s)"]
 
     def test_of_doubled_stamps_the_row_sampled_then_is_kept(self, write: Write) -> None:
         table = sound_table()
         table[5::50, 0] = table[4::50, 0]
         recording, report = import_csv(write(as_lines(table)), two_joint_map())
-        assert report.left_out == {"with a doubled time stamp": 8}
+        assert report.left_out == {"with a repeated time stamp": 8}
         np.testing.assert_allclose(
             recording.position, np.delete(table, np.s_[5::50], axis=0)[:, 1:3], atol=1e-6
         )

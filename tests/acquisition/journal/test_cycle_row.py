@@ -17,7 +17,7 @@ def test_a_row_has_the_fields_of_the_file_in_their_order() -> None:
 @pytest.mark.parametrize("joints", [1, 3, 16])
 def test_values_written_by_name_are_read_by_name(joints: int) -> None:
     dtype = row_dtype(joints)
-    fields: dict[str, Any] = {}  # each with the type of its dtype
+    fields: dict[str, Any] = {}  # name of a field: a list or a number, as its dtype requires
     for number, name in enumerate(CycleRow._fields):
         shape = dtype[name].shape
         fields[name] = [number + 1] * shape[0] if shape else number + 1

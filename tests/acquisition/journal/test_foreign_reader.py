@@ -41,7 +41,7 @@ def decode(definition: str, data: bytes) -> dict[str, Any]:
         items = struct.unpack_from(f"<{count or 1}{code}", body, place)
         place += size * int(count or 1)
         values[name] = list(items) if count else items[0]
-    assert place == len(body), "the definition says everything that is in the message"
+    assert place == len(body), "the message is longer than its definition"
     return values
 
 

@@ -27,7 +27,7 @@ def write_chunks(output: io.BytesIO, *, as_bytes: bool) -> int:
     room = output.tell()
     for number in range(CHUNKS):
         writer.add_message(channel, number, bytes(64), number, number)
-        output.seek(room)  # without the file itself
+        output.seek(room)  # overwrite the last chunk, so that the file needs no memory
     held = tracemalloc.get_traced_memory()[0]
     tracemalloc.stop()
     return held

@@ -93,5 +93,7 @@ class TestSamplesOfPeriod:
     )
     def test_every_whole_number_of_cycles_is_accepted(self, samples: int, cycle_ms: int) -> None:
         sample_period_s = cycle_ms / 1000.0
-        period_s = float(f"{samples * sample_period_s:.9g}")  # as a user enters it
+        period_s = float(
+            f"{samples * sample_period_s:.9g}"
+        )  # rounded to nine digits, as a user enters a period
         assert samples_of_period(period_s, sample_period_s) == samples

@@ -63,8 +63,8 @@ def test_every_speed_is_constant_in_both_directions_over_the_same_range() -> Non
             [np.take(motion.pose, others)] * (run.end - run.first),
         )
         assert run.end - run.first <= 4.0 / CYCLE_S + 1
-    there, back = (samples.position[r.first : r.end, 1] for r in runs[:2])
-    np.testing.assert_allclose(there.mean(), back.mean(), atol=0.1 * CYCLE_S)
+    forward, backward = (samples.position[r.first : r.end, 1] for r in runs[:2])
+    np.testing.assert_allclose(forward.mean(), backward.mean(), atol=0.1 * CYCLE_S)
     np.testing.assert_allclose(samples.position[[0, -1]], [motion.pose] * 2)
     assert samples.samples_per_period is None
 
@@ -95,7 +95,7 @@ def test_velocity_and_acceleration_are_the_derivatives_of_the_path(
         (samples.position, samples.velocity),
         (samples.velocity, samples.acceleration),
     ):
-        # Simpson's rule over two cycles, within the error of a jump of the rate in between
+        # Simpson's rule over two cycles; a jump of the rate between them causes a small error
         step = values[2:] - values[:-2]
         integral = (rate[2:] + 4.0 * rate[1:-1] + rate[:-2]) * cycle_s / 3.0
         assert np.abs(step - integral).max() < 0.4 * cycle_s * np.abs(np.diff(rate, axis=0)).max()

@@ -55,7 +55,7 @@ def test_a_curve_passes_its_poses_within_the_given_fraction_of_the_limits(fracti
     verify_limits(samples, ROBOT)
     for pose in POINTS:
         gap = np.abs(samples.position - pose).max(axis=1).min()
-        assert gap < 3.0 * T  # one cycle at the joints' velocity limits
+        assert gap < 3.0 * T  # moved in one cycle at the joints' velocity limits
     assert (samples.position[0] == POINTS[0]).all()
     np.testing.assert_allclose(samples.position[-1], POINTS[-1], atol=1e-12)
     speed = np.abs(samples.velocity).max(axis=0) / [j.limits.velocity for j in ROBOT.joints]
@@ -123,7 +123,7 @@ def test_an_invalid_table_is_refused_with_its_row(
 
 
 def test_a_table_that_accelerates_constantly_from_rest_is_accepted(tmp_path: Path) -> None:
-    """The first chord of a planner's rows of 0.1 s moves, although the motion begins at rest."""
+    """The motion begins at rest, although the first two rows (0.1 s apart) differ in position."""
     t = np.linspace(0.0, 2.0, 21)
     ramp = np.where(t < 1.0, 0.5 * t**2, 1.0 - 0.5 * (2.0 - t) ** 2)
     rows = [(0.0, time, place, 0.4) for time, place in zip(t.tolist(), ramp.tolist(), strict=True)]
@@ -143,7 +143,7 @@ def test_a_repeated_row_is_skipped(tmp_path: Path) -> None:
 
 
 PLANNED_S = np.array([0.0, 0.4, 0.7, 0.9, 1.2, 1.6, 2.0])
-"""Times of the few rows of a planner."""
+"""Times of the few rows of a planner's table [s]."""
 
 
 def planned_rows() -> tuple[FloatArray, FloatArray]:

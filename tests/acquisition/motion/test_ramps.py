@@ -41,7 +41,7 @@ class TestRunIn:
         np.testing.assert_allclose(central_difference(position), velocity[1:-1], atol=3e-3)
         np.testing.assert_allclose(central_difference(velocity), acceleration[1:-1], atol=2e-2)
         jerk = central_difference(acceleration)
-        # Class C3: the jerk changes little from row to row, at the join as elsewhere.
+        # Class C3: the jerk changes little from row to row, also where ramp and period join.
         assert np.abs(np.diff(jerk, axis=0)).max() < 0.1 * np.abs(jerk).max()
 
     def test_the_run_in_stays_on_the_path_and_below_the_speed_of_the_period(self) -> None:

@@ -53,7 +53,7 @@ def largest_rates(points: FloatArray) -> tuple[float, float, float]:
 
 
 def largest_distance(points: FloatArray, others: FloatArray) -> float:
-    """Return the largest distance of a point from the nearest of the others."""
+    """Return the largest distance between a point of `points` and its nearest point in `others`."""
     return max(float(np.linalg.norm(others - p, axis=1).min()) for p in points)
 
 

@@ -55,7 +55,7 @@ def record(periods: int = 8, seed: int = 0, noise: float = 1.0) -> Recording:
 
 
 def remove_rows(recording: Recording, rows: np.ndarray) -> Recording:
-    """Return the recording without these rows."""
+    """Return the recording without the given rows."""
     keep = np.ones(len(recording), dtype=bool)
     keep[rows] = False
     return replace(
@@ -71,14 +71,14 @@ def remove_rows(recording: Recording, rows: np.ndarray) -> Recording:
 
 
 def invalidate_rows(recording: Recording, rows: np.ndarray) -> Recording:
-    """Return the recording with these rows repeated from before and marked invalid."""
+    """Return the recording with the given rows marked invalid."""
     valid = recording.valid.copy()
     valid[rows] = False
     return replace(recording, valid=valid)
 
 
 def drop_answers(recording: Recording, rows: np.ndarray, joint: int) -> Recording:
-    """Return the recording with a joint's values repeated from before in these rows."""
+    """Return the recording with one joint's values absurd and unanswered in the given rows."""
     answered = np.array(recording.joint_valid)
     answered[rows, joint] = False
     position, torque = recording.position.copy(), recording.torque_nm.copy()
@@ -268,7 +268,7 @@ class TestOutOfFamily:
     def test_negligible_differences_reject_nothing(self) -> None:
         recording = record(noise=0.0)
         position = recording.position.copy()
-        position[main_row(2, 10), 0] += 5e-5  # one count, in a noise-free recording
+        position[main_row(2, 10), 0] += 5e-5  # one encoder count, in a recording without noise
         assert average_periods(replace(recording, position=position)).rejected == ()
 
     def test_a_joint_at_rest_that_creeps_by_a_count_rejects_nothing(self) -> None:

@@ -68,7 +68,7 @@ def test_positions_speeds_torques_and_losses_are_those_of_the_valid_rows(
 
 
 def end_early(recording: Recording) -> Recording:
-    """Return the recording stopped after 3 periods of 50: the motion continues at the seventh."""
+    """Return the recording stopped after 3 periods of 50 rows: the motion skips periods 4 to 6."""
     whole = replace(
         recording, answered=np.ones((ROWS, 2), dtype=np.bool_), valid=np.ones(ROWS, dtype=np.bool_)
     )
@@ -91,7 +91,7 @@ def test_rows_skipped_by_an_early_end_are_not_lost(recording: Recording, size: i
     assert tally.lost == (0, 0)
     assert tally.motion_rows == 371 - 150
     gap = replace(early, time_s=early.time_s + np.where(np.arange(len(early)) < 170, 0.0, 1.5))
-    assert RecordingTally(gap).lost == (150, 150)  # time passed without rows
+    assert RecordingTally(gap).lost == (150, 150)  # the time stamps show a gap of 150 rows
 
 
 def test_without_set_points_there_is_no_following_error(recording: Recording) -> None:

@@ -78,8 +78,8 @@ def test_the_finding_names_joint_rates_and_treatment() -> None:
     position, torque = motion()
     assert repeated_torque_sentence(recording(position, torque)) == ""
     torque[:, 1] = torque[np.arange(len(torque)) // 20 * 20, 1]
-    said = repeated_torque_sentence(recording(position, torque))
-    assert "b at 25 Hz" in said
-    assert "500 Hz" in said
+    sentence = repeated_torque_sentence(recording(position, torque))
+    assert "b at 25 Hz" in sentence
+    assert "500 Hz" in sentence
     periodic = replace(recording(position, torque), sample_period_s=STEP_S, samples_per_period=500)
-    assert repeated_torque_sentence(periodic) != said
+    assert repeated_torque_sentence(periodic) != sentence

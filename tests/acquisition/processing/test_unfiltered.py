@@ -1,4 +1,4 @@
-"""Signals before the low-pass, and the finite window filter for torque and regressor columns."""
+"""Signals without the low-pass, and the window filter for torque and regressor columns."""
 
 from __future__ import annotations
 

@@ -242,9 +242,9 @@ def test_a_label_of_several_runs_means_the_newest_and_the_dates_are_reported(
     old, new = (RunFolder.create(root, "same", now_ns=NOW_NS + i * 10**14) for i in range(2))
     RunFolder.create(root, "other", now_ns=NOW_NS + 10**15)
     assert find_run(root, "same") == new
-    (said,) = caplog.messages
-    assert said.startswith("2 runs have the label 'same': using the newest, " + new.run_id)
-    assert f"older: {old.run_id} ({old.manifest().created_utc[:10]} " in said
+    (message,) = caplog.messages
+    assert message.startswith("2 runs have the label 'same': using the newest, " + new.run_id)
+    assert f"older: {old.run_id} ({old.manifest().created_utc[:10]} " in message
 
 
 def test_an_id_start_of_several_runs_is_refused_with_their_dates(root: Path) -> None:

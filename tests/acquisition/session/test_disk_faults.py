@@ -1,4 +1,4 @@
-"""Effects of a bad disk on a running motion: faults 21 and 24.
+"""Effects of a bad disk on a running motion (docs/faults.md, rows 21 and 24).
 
 The disk is simulated by the file object that the journal writes to. The test controls the time, so
 that the load of the computer has no effect.
@@ -155,7 +155,7 @@ def test_a_full_disk_stops_the_motion_and_the_reserved_room_completes_the_file(
     assert len(journal.rows) < len(motion)
     assert bench.axes.calls[-2:] == ["quick_stop", "disable"]
     assert not np.any(journal.rows["velocity_command"][-1])
-    measured(f"0 of {len(journal.rows)} rows lost, those of the ramp and the summary too")
+    measured(f"0 of {len(journal.rows)} rows lost; ramp and summary are also in the file")
 
 
 @pytest.mark.fault(24)
@@ -180,7 +180,7 @@ def test_a_failing_disk_stops_the_motion_and_the_written_rows_are_kept(
         len(journal.rows) * (row_struct(3).size + 35) > size - 2 * journal_file.CHUNK_BYTES - 4000
     )
     assert bench.axes.calls[-2:] == ["quick_stop", "disable"]
-    measured("EIO: quick stop in the next cycle, every whole block before it kept")
+    measured("EIO: quick stop in the next cycle, every complete block before the error kept")
 
 
 class Recording:
@@ -254,7 +254,7 @@ def test_a_killed_recorder_loses_at_most_a_tenth_of_a_second(
     def look() -> None:
         if bench.now_s < 0.2:
             return
-        shutil.copy(path, snapshot)  # the file as a reader finds it if the process is killed now
+        shutil.copy(path, snapshot)  # the file that would remain if the process were killed now
         newest_s = float(read_journal(snapshot).rows["time_s"][-1])
         lost_s.append((bench.ring.written - 1) * bench.period_s - newest_s)
 
@@ -262,4 +262,4 @@ def test_a_killed_recorder_loses_at_most_a_tenth_of_a_second(
     bench.run(path, monkeypatch)
     assert len(lost_s) > 350
     assert max(lost_s) <= MOST_LOST_S
-    measured(f"at most {max(lost_s) * 1e3:.0f} ms lost, wherever it is killed")
+    measured(f"at most {max(lost_s) * 1e3:.0f} ms lost, at any time of the kill")

@@ -48,14 +48,14 @@ class Bench:
 
     def __init__(self, path: Path, rule: EarlyStopRule | None = None) -> None:
         self.control = ControlBlock.create()
-        self.asked: list[NewPeriods] = []
+        self.received: list[NewPeriods] = []
         self.answers = iter([False] * 100)
         self.stop = EarlyStop(path, motion(), self.control, rule or self._enough)
         self._writer = JournalWriter(path, HEADER)
         self._written = 0
 
     def _enough(self, new: NewPeriods) -> bool:
-        self.asked.append(new)
+        self.received.append(new)
         return next(self.answers)
 
     def write_up_to(self, row: int) -> None:
@@ -83,10 +83,10 @@ def bench(tmp_path: Path) -> Iterator[Bench]:
 def test_the_rule_receives_every_row_once_and_in_order(bench: Bench) -> None:
     for row in (end_of(1), end_of(2) + 3, end_of(3) + 7, end_of(4) - 1, end_of(5) + 2):
         bench.write_up_to(row)
-    assert [new.periods for new in bench.asked] == [3, 5]
-    assert [new.first_row for new in bench.asked] == [BEFORE, BEFORE + 3 * K]
-    seen = np.concatenate([new.recording.sample_index for new in bench.asked])
-    np.testing.assert_array_equal(seen, rows()["sample_index"][: end_of(5)])
+    assert [new.periods for new in bench.received] == [3, 5]
+    assert [new.first_row for new in bench.received] == [BEFORE, BEFORE + 3 * K]
+    received_rows = np.concatenate([new.recording.sample_index for new in bench.received])
+    np.testing.assert_array_equal(received_rows, rows()["sample_index"][: end_of(5)])
 
 
 def test_the_task_receives_the_verdict_of_the_rule(bench: Bench) -> None:
@@ -96,13 +96,13 @@ def test_the_task_receives_the_verdict_of_the_rule(bench: Bench) -> None:
     bench.write_up_to(end_of(4))
     assert (bench.control.program.periods_judged, bench.control.program.enough) == (4, True)
     bench.write_up_to(end_of(5))
-    assert len(bench.asked) == 2
+    assert len(bench.received) == 2
 
 
 def test_two_periods_are_never_enough_and_the_rule_is_not_called(bench: Bench) -> None:
     bench.write_up_to(end_of(2))
     assert bench.control.program.periods_judged == 2
-    assert bench.asked == []
+    assert bench.received == []
 
 
 def test_an_error_of_the_rule_is_raised_after_the_motion(tmp_path: Path) -> None:

@@ -68,10 +68,10 @@ def test_the_file_contains_every_frame_on_the_bus(
             outcome = record_motion(cell.cell, robot, samples, run)
             count = recorder.finish()
     recorded = frames(can.BLFReader(file))
-    # a simulated bus exists while its listener does
-    there = frames(can.CanutilsLogReader(log))[:count]
-    assert [frame[:2] for frame in recorded] == [frame[:2] for frame in there]
-    apart_us = np.array([a[2] - b[2] for a, b in zip(recorded, there, strict=True)])
+    # the bus can log frames after the recorder has finished
+    logged = frames(can.CanutilsLogReader(log))[:count]
+    assert [frame[:2] for frame in recorded] == [frame[:2] for frame in logged]
+    apart_us = np.array([a[2] - b[2] for a, b in zip(recorded, logged, strict=True)])
     assert np.ptp(apart_us) <= 2, "both are rounded"
     rows = read_journal(outcome.path).rows
     identifiers = [frame[0] for frame in recorded]
@@ -107,14 +107,14 @@ def test_a_failed_session_leaves_a_complete_file_and_no_traceback(
     simulated: SimulatedCell, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     file = tmp_path / "frames.blf"
-    own = DriverError("the session's own")
+    session_error = DriverError("the session's own")
     with (
         simulated as cell,
         pytest.raises(DriverError) as caught,
         FrameRecorder(cell.cell.can, file),
     ):
-        raise own
-    assert caught.value is own
+        raise session_error
+    assert caught.value is session_error
     assert capfd.readouterr().err == ""
     assert [frame[0] for frame in frames(can.BLFReader(file))].count(SYNC_COB_ID) == 0
 
@@ -132,11 +132,13 @@ def test_a_bus_that_cannot_be_recorded_is_refused_at_the_start(
         FrameRecorder(nobody, tmp_path / "frames.blf"),
     ):
         pass
-    taken = tmp_path / "taken.blf"
-    taken.touch()
+    existing = tmp_path / "taken.blf"
+    existing.touch()
     with (
         simulated as cell,
-        raises_code(RecordingError, "RID-RECORDING-LOST", f"{taken}: ", os.strerror(errno.EEXIST)),
-        FrameRecorder(cell.cell.can, taken),
+        raises_code(
+            RecordingError, "RID-RECORDING-LOST", f"{existing}: ", os.strerror(errno.EEXIST)
+        ),
+        FrameRecorder(cell.cell.can, existing),
     ):
         pass

@@ -1,4 +1,4 @@
-"""Rows 28 to 30 of the faults, end to end on the simulated cell with its amplifier."""
+"""Rows 28 to 30 of docs/faults.md, end to end on the simulated cell with its amplifier."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ def test_row_28_overloads_are_flagged_and_saturated_samples_are_not_averaged(
     assert good is not None
     off = np.abs(average.reaction.channels_n - good.channels_n)
     level = off.mean(axis=0)
-    assert (off - level).max() < 2.0, "a saturated sample among seven would add 700 N"
+    assert (off - level).max() < 2.0, "one saturated sample in the average of seven would add 700 N"
     measured(f"{saturated.sum()} saturated samples, all flagged, 0 averaged")
 
 
@@ -142,7 +142,10 @@ def test_row_28_more_than_three_overloaded_periods_stop_the_run(
 def test_row_29_exactly_the_periods_with_drift_beyond_the_limit_are_excluded(
     loaded: LoadedCell, healthy: Healthy, tmp_path: Path, measured: Measured
 ) -> None:
-    """Drift 1 N/s for two periods from 30 % of the second: 0.7, 1 and 0.3 N/s; limit 0.5 N/s."""
+    """Drift of 1 N/s begins at 30 % of period 2 and lasts two periods; the limit is 0.5 N/s.
+
+    Therefore the mean drifts of periods 2, 3 and 4 are 0.7, 1 and 0.3 N/s.
+    """
     begin = first_row_of(healthy[1], healthy[2], 2) + int(0.3 * PERIOD_S * RATE_HZ)
     fault = AmplifierFault(kind="drift", row=begin, count=1, duration_s=2 * PERIOD_S, channel=6)
     outcome, recording, rows = record(loaded, tmp_path, fault)
@@ -153,7 +156,7 @@ def test_row_29_exactly_the_periods_with_drift_beyond_the_limit_are_excluded(
         words = period.reason.split()
         assert period.reason.startswith("channel fz3 of the force plate drifted by")
         assert float(words[words.index("by") + 1]) == pytest.approx(rate, abs=0.1)
-    measured("2 of 2 periods beyond 0.5 N/s left out, no other")
+    measured("the 2 periods with more than 0.5 N/s left out, no other period")
 
 
 def test_row_29_the_simulated_plates_own_drift_rejects_no_period(healthy: Healthy) -> None:
@@ -190,7 +193,7 @@ def test_row_30_corrupted_bytes_lose_at_most_two_more_rows_than_they_hit(
     both = zip(rows.sequence.tolist(), rows.rows["counts"], strict=True)
     same = [np.array_equal(by_number[k], counts) for k, counts in both if k in by_number]
     assert all(same), "received rows equal sent rows"
-    measured(f"{len(lost)} rows lost, including {sum(hit.values())} hit; 0 wrong")
+    measured(f"{len(lost)} rows lost, {sum(hit.values())} damaged by the fault; 0 wrong values")
 
 
 @pytest.mark.fault(30)
@@ -232,7 +235,7 @@ def test_a_wired_trigger_aligns_the_rows_with_sync(loaded: LoadedCell, tmp_path:
     edges = rows.of_kind("trigger")
     assert len(edges) >= len(recording) - 5
     clock = stream_clock(recording, rows, 0)
-    # the plate's clock: 3 ms at switch-on at 0, 100 ppm fast; SYNC takes 50 us on the bus
+    # the plate's clock is 3 ms ahead at time 0 and 100 ppm fast; a SYNC takes 50 us on the bus
     sync_s = recording.time_s[len(recording) // 2 :: 50]
     device_s = 0.003 + 1.0001 * sync_s
     late_s = clock.to_sync(device_s) - sync_s

@@ -259,7 +259,7 @@ def plate_read(rows: int, events: int, first: int) -> PlateRead:
 def write(path: Path, head: PlateHeader, *, finish: bool) -> None:
     with PlateJournalWriter(path, head) as writer:
         for first in range(0, 600, 12):
-            writer.asked(first, 0.25)
+            writer.note_mark_request(first, 0.25)
             writer.append(plate_read(12, 1, first), 0)
             writer.flush()
         if not finish:

@@ -98,7 +98,7 @@ def test_a_feedforward_beyond_the_speed_limit_is_refused(
 def test_a_sum_of_motion_and_feedforward_beyond_the_limits_is_refused(
     try_to_record: Try, samples: MotionSamples
 ) -> None:
-    """The sum is within the speed limits, but it begins with a step."""
+    """Velocity plus feedforward is within the speed limits, but begins with a step."""
     ahead = samples.velocity.copy()
     ahead[0] = 0.3 * np.array([joint.limits.velocity for joint in ROBOT.joints])
     with raises_code(PreflightError, "RID-MOTION-COMMAND"):

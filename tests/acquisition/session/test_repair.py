@@ -32,7 +32,7 @@ from tests.builders.raised_codes import raises_code
 
 ROWS = 4000
 KILLS = 3
-CUTS, FLIPS = 200, 25  # benchmarks.recover uses 1000 of each
+CUTS, FLIPS = 200, 25  # number of tests; benchmarks.recover makes 1000 of each
 ROWS_BETWEEN_FLUSHES = 12
 
 
@@ -107,7 +107,7 @@ def test_a_truncated_file_gives_every_row_before_the_cut(
 ) -> None:
     ends = [whole.index(row.tobytes()) + row.nbytes for row in repairer.rows]
     cuts = random.Random(3).sample(range(len(whole)), CUTS)
-    there = kept = 0
+    expected = kept = 0
     for number, cut in enumerate(cuts):
         written = int(np.searchsorted(ends, cut, side="right"))
         if number % 25:
@@ -115,9 +115,9 @@ def test_a_truncated_file_gives_every_row_before_the_cut(
         else:
             found, _ = repairer.repair(whole[:cut])
         assert found <= written
-        there, kept = there + written, kept + found
-    assert kept >= 0.99 * there
-    measured(f"{kept / there:.2%} of the rows before {CUTS} cuts read, 0 wrong")
+        expected, kept = expected + written, kept + found
+    assert kept >= 0.99 * expected
+    measured(f"{kept / expected:.2%} of the rows before {CUTS} cuts read, 0 wrong")
 
 
 @pytest.mark.fault(25)

@@ -93,8 +93,11 @@ class TestMarks:
         random = np.random.default_rng(1)
         device = np.linspace(0.0, LENGTH_S, 60)
         true = on_sync(device)
-        there, back = random.uniform(0.0002, 0.004, 60), random.uniform(0.0002, 0.009, 60)
-        clock = clock_from_marks(true - there, device, true + back)
+        to_device_s, to_host_s = (
+            random.uniform(0.0002, 0.004, 60),
+            random.uniform(0.0002, 0.009, 60),
+        )
+        clock = clock_from_marks(true - to_device_s, device, true + to_host_s)
         error = np.abs(clock.to_sync(device) - true)
         assert error.max() < 0.4e-3
         assert (error < 2.0 * clock.sigma_s(device)).all()
@@ -116,11 +119,11 @@ class TestEdges:
         random = np.random.default_rng(2)
         device = device_time(125.0)
         late = np.abs(random.normal(0.0, 20e-6, len(device)))
-        late[::50] += 0.003  # a SYNC that was delayed on the bus
+        late[::50] += 0.003  # some SYNC frames were delayed on the bus
         clock = clock_from_edges(device, on_sync(device) + late)
         error = clock.to_sync(device) - on_sync(device)
         assert np.abs(error - error.mean()).max() < 5e-6
-        assert np.abs(error).max() < 30e-6  # the mean delay is that of SYNC
+        assert np.abs(error).max() < 30e-6  # the edge of SYNC is late by the mean delay
 
     def test_edges_are_matched_by_a_coarse_clock(self) -> None:
         sync = on_sync(device_time(125.0))

@@ -136,7 +136,7 @@ def test_a_feedforward_that_does_not_start_and_end_at_zero_is_refused(row: int) 
 
 
 def test_a_step_between_a_period_and_the_run_out_is_refused_if_periods_can_be_skipped() -> None:
-    """The complete feedforward is smooth; skipping periods makes a step."""
+    """The complete feedforward is smooth; it has a step if periods are skipped."""
     samples = motion(periods=4)
     rows = samples.samples_per_period
     assert rows is not None
@@ -166,7 +166,7 @@ def test_a_repeated_period_is_checked_like_a_stored_one() -> None:
 def test_an_accepted_feedforward_is_commanded_within_the_limits(
     size: float, pace: float, phase: float, joint: int
 ) -> None:
-    """Each feedforward is refused, or a simulated loop stays within every limit."""
+    """A feedforward is refused, or a simulated position loop with it stays within every limit."""
     samples = motion(periods=1)
     k = np.arange(len(samples), dtype=float)
     ahead = samples.velocity.copy()
@@ -177,8 +177,8 @@ def test_an_accepted_feedforward_is_commanded_within_the_limits(
     except LimitError:
         return
     at, before = samples.position[0].copy(), np.zeros(3)
-    for position, told in zip(samples.position, ahead, strict=True):
-        command = GAIN * (position - at) + told
+    for position, velocity in zip(samples.position, ahead, strict=True):
+        command = GAIN * (position - at) + velocity
         for number, limits in enumerate(LIMITS):
             assert limits.position_min - 2e-3 <= at[number] <= limits.position_max + 2e-3
             assert abs(command[number]) <= 1.01 * MARGIN * limits.velocity

@@ -1,4 +1,4 @@
-"""Limits of the lateness of cycles (faults: row 27)."""
+"""Limits of the lateness of cycles (docs/faults.md, row 27)."""
 
 from __future__ import annotations
 

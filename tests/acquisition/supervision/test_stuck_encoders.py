@@ -1,4 +1,4 @@
-"""Distinction between a stuck encoder and a joint in stiction (faults: row 14)."""
+"""Distinction between a stuck encoder and a joint in stiction (docs/faults.md, row 14)."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def cycle_of_stop_after_braking(
 def test_the_end_of_hard_braking_is_not_a_stuck_encoder(
     encoders: StuckEncoders, robot: RobotDescription
 ) -> None:
-    """The joint stops abruptly and sticks while the loop settles."""
+    """The joint stops abruptly and sticks while the velocity loop settles."""
     strain_nm = RULES.stuck_encoder_torque_fraction * robot.joints[1].limits.torque
     assert cycle_of_stop_after_braking(encoders, strain_nm, 0.0) is None
 

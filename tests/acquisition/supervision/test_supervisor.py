@@ -56,7 +56,7 @@ class Watch:
     def __init__(self, cell: CellConfig, robot: RobotDescription, start: float = 0.0) -> None:
         self.positions = HeldPositions(cell, robot)
         self.supervisor = Supervisor(cell, robot, self.positions)
-        answers = Answers.before_any(3)
+        answers = Answers.initial(3)
         answers.position[:] = start
         self.supervisor.begin(answers)
 
@@ -194,6 +194,7 @@ def doubled(at: Callable[[int], bool], *, differs: bool = False) -> Fault:
     return fault
 
 
+# The number before a colon is the row of the fault in docs/faults.md.
 STOPS: dict[str, tuple[Fault, StopCode, int]] = {
     "2: three frames of one drive are missed": (
         set_at("received", lambda k: k >= 10, 1, False), StopCode.MISSED_FRAMES, 12),

@@ -131,7 +131,7 @@ def test_a_robot_that_sagged_into_its_brakes_counts_as_not_displaced(started: St
 def test_no_drive_times_out_during_the_collision_check_of_a_long_path(
     started: Started, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The drives watch its heartbeat (1016h) and its commands (1400h:05), each for 80 ms."""
+    """A drive times out 80 ms after the master's last heartbeat (1016h) or command (1400h:05)."""
     started.use(ServoProfile())
     bus = started.bus
 
@@ -208,7 +208,7 @@ def test_without_a_recorder_no_device_is_opened(
 def test_a_drive_whose_watchdog_acts_too_late_is_not_moved(
     started: Started, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("drivers.servo.watchdog_test.acts_within_s", lambda _cell: 1e-3)
+    monkeypatch.setattr("drivers.servo.watchdog_test.reaction_limit_s", lambda _cell: 1e-3)
     started.run()
     error = started.control.task.error
     assert isinstance(error, PreflightError)

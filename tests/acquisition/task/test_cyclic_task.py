@@ -338,12 +338,12 @@ def test_in_lock_step_simulated_time_waits_for_the_recorder(
     bench: Bench, motion: MotionSamples, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bench.ring = Ring.create(3, 64)
-    taken: list[bytes] = []
+    blocks: list[bytes] = []
     sleep = "acquisition.task.lockstep.time.sleep"
-    monkeypatch.setattr(sleep, lambda _: taken.append(bench.ring.read()))
+    monkeypatch.setattr(sleep, lambda _: blocks.append(bench.ring.read()))
     assert bench.run(motion) is None
-    taken.append(bench.ring.read())
-    rows = np.frombuffer(b"".join(taken), dtype=row_dtype(3))
+    blocks.append(bench.ring.read())
+    rows = np.frombuffer(b"".join(blocks), dtype=row_dtype(3))
     assert np.unique(np.diff(rows["cycle"].astype(int))).tolist() == [1]
     np.testing.assert_allclose(np.diff(rows["time_s"]), T, rtol=1e-9)
 
@@ -358,11 +358,11 @@ def test_a_robot_outside_its_limits_is_not_moved(bench: Bench, motion: MotionSam
 def test_the_control_block_shows_the_progress_of_the_task(
     bench: Bench, motion: MotionSamples
 ) -> None:
-    seen = []
-    bench.axes.script = lambda axes, cycle: seen.append(bench.control.progress)
+    reports = []
+    bench.axes.script = lambda axes, cycle: reports.append(bench.control.progress)
     bench.run(motion)
-    assert {progress.state for progress in seen} == {TaskState.MOVING}
-    assert max(progress.sample_index for progress in seen) == len(motion) - 1
+    assert {progress.state for progress in reports} == {TaskState.MOVING}
+    assert max(progress.sample_index for progress in reports) == len(motion) - 1
     assert bench.control.recorder.state is RecorderState.STARTING
 
 

@@ -21,15 +21,15 @@ def test_a_kernel_without_this_request_is_not_reported(tmp_path: Path) -> None:
 
 
 def test_a_refusal_is_reported_with_its_effect_and_remedy(tmp_path: Path) -> None:
-    told = keep_processors_awake(tmp_path)
-    assert told == (
+    finding = keep_processors_awake(tmp_path)
+    assert finding == (
         f"processors may enter deep idle states between cycles ({tmp_path}: Is a directory);"
         " give this user write access to the file"
     )
 
 
 def report_refusals_and_wait(pipe: Connection) -> None:
-    """Send the refusal, then wait for a message."""
+    """Request low latency, send the refused requests, then wait for a message."""
     pipe.send(request_realtime())
     pipe.recv()
 

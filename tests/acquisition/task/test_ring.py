@@ -122,8 +122,10 @@ def test_another_program_reads_the_newest_rows_and_cannot_change_them() -> None:
             ring.read()
         with pytest.raises((TypeError, struct.error, BufferError)):
             ring._pack_into(ring._rows, 0, *a_row(2, 7))
-        told, _ = program.communicate("\n", timeout=120.0)
-    assert told == "4 5\n"
+        output, _ = program.communicate("\n", timeout=120.0)
+    assert output == "4 5\n"
     rows = np.frombuffer(ring.latest(2), dtype=row_dtype(2))
-    assert rows["cycle"].tolist() == [3, 4], "the reader keeps the last rows"
+    assert rows["cycle"].tolist() == [3, 4], (
+        "the last rows stay readable after their writer has ended"
+    )
     assert Ring.of_process(program.pid) is None

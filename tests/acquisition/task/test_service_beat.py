@@ -1,4 +1,4 @@
-"""A motion ordered by the service needs the service's signs of life and its client's lease."""
+"""A motion ordered by the service stops without the service's heartbeat or its client's lease."""
 
 from __future__ import annotations
 
@@ -108,8 +108,8 @@ def test_a_motion_continues_while_the_service_gives_signs_of_life(
     assert bench.run(motion) is None
 
 
-def report_signs_of_life(service: ServiceBeat, found: Any) -> None:
-    """Report the signs of life as another process sees them."""
+def report_heartbeat_verdicts(service: ServiceBeat, found: Any) -> None:
+    """Send the stop code that this process derives from the heartbeat, "" for none."""
     found.put([reason.code.name if (reason := service.reason(at_s)) else "" for at_s in (1.0, 9.0)])
 
 
@@ -119,7 +119,7 @@ def test_another_process_sees_the_same_signs_of_life() -> None:
     context = multiprocessing.get_context("spawn")
     found: Any = context.SimpleQueue()
     service.write(1.0, lease_end_s=inf)
-    process = context.Process(target=report_signs_of_life, args=(service, found))
+    process = context.Process(target=report_heartbeat_verdicts, args=(service, found))
     process.start()
     assert found.get() == ["", "SERVICE_LOST"]
     process.join()

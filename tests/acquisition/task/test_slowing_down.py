@@ -76,7 +76,7 @@ def test_two_positions_at_the_same_time_give_no_speed() -> None:
 
 @pytest.mark.parametrize("increment", [1e-6, 1e-4])
 def test_an_encoder_increment_is_not_a_speed(increment: float) -> None:
-    """The axis is at rest except for its last digit, at a cycle time of 1 ms."""
+    """The axis is at rest, but its encoder alternates between two counts every cycle of 1 ms."""
     slowing = DecelerationCheck([DECELERATION], 0.001, [0.0], 0.0)
     noise = [increment * (n % 2) for n in range(1, 500)]
     assert not any(slowing.too_slow(1e-3 * n, [x], [True]) for n, x in enumerate(noise, 1))

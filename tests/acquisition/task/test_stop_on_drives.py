@@ -21,11 +21,11 @@ Make = Callable[[], tuple[CellConfig, RobotDescription]]
 INCREMENTS = 65536
 GEAR = 100.0
 STATED = 2.0
-"""Deceleration of drives without a settable 6085h [rad/s²]; the cell's others have 12."""
+"""Deceleration of a drive whose 6085h cannot be set, stated in its profile [rad/s²]."""
 
 
 def cell_with_stated_deceleration() -> tuple[CellConfig, RobotDescription]:
-    """Return a cell whose one drive has its own deceleration, and its robot."""
+    """Return a cell of one drive whose profile states its deceleration, and its robot."""
     cell, robot = one_axis(deceleration=12.0, velocity=2.0, acceleration=6.0, limit=3.0)
     ramp = round(STATED * INCREMENTS * GEAR / (2.0 * math.pi))
     profile = ServoProfile(
@@ -79,7 +79,7 @@ def test_the_wait_for_rest_lasts_as_long_as_the_ramp_of_the_slowest_drive() -> N
         opened.axes.bring_up()
         opened.axes.start()
         opened.axes.enable()
-        bus.drives.clear()  # silent: the wait lasts to its end
+        bus.drives.clear()  # no drive answers, so that the wait lasts as long as allowed
         bus.axes.clear()
         bus.units.clear()
         began_s = bus.now_s

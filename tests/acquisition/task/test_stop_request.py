@@ -78,15 +78,15 @@ def test_every_axis_gets_its_quick_stop_before_the_next_sync(
         i for i, (name, _, data) in enumerate(frames)
         if name == set_points[0] and data.startswith(QUICK_STOP)
     )  # fmt: skip
-    told = [name for name, _, data in frames[first:] if data.startswith(QUICK_STOP)][:3]
-    assert sorted(told) == set_points
+    stopped = [name for name, _, data in frames[first:] if data.startswith(QUICK_STOP)][:3]
+    assert sorted(stopped) == set_points
     before = [name for name, _, _ in frames[:first]]
     last_set_point = len(before) - 1 - before[::-1].index(set_points[-1])
     syncs = before[last_set_point:].count(SYNC)
     between = [name for name, _, _ in frames[first : first + 6]].count(SYNC)
     assert syncs + between <= 1
     measured(
-        f"every axis told within {syncs + between} SYNC of the request; at rest"
+        f"every axis got the quick stop within {syncs + between} SYNC of the request; at rest"
         f" {control.task.ramp_s:.3f} s later"
     )
 

@@ -1,4 +1,4 @@
-"""Jumps of the wall clock: it is a label only, and no duration depends on it (faults: row 26)."""
+"""Jumps of the wall clock: it is a label, no duration depends on it (docs/faults.md, row 26)."""
 
 from __future__ import annotations
 
@@ -104,7 +104,9 @@ def test_runs_are_sorted_in_the_order_of_their_creation(
     made = [RunFolder.create(tmp_path, "run", now_ns=NOW_NS + step) for step in steps_ns]
     assert sorted(folder.run_id for folder in made) == [folder.run_id for folder in made]
     assert find_run(tmp_path, "latest").run_id == made[-1].run_id
-    assert made[2].manifest().created_utc.startswith("2027-01-15T07:00:00")  # by the wall clock
+    assert (
+        made[2].manifest().created_utc.startswith("2027-01-15T07:00:00")
+    )  # one hour earlier: the label shows the wall clock
     measured("run ids in order although the clock went back by an hour")
 
 
@@ -129,4 +131,4 @@ def test_no_computation_driver_or_task_reads_the_wall_clock(
                 assert not {alias.name for alias in node.names} & {"time", "time_ns"}, path
     assert readers == LABELS_ONLY | TO_READ_STAMPS
     assert len(files) > 150
-    measured("1 file reads the time of day for a label, 1 to turn a kernel's stamps into monotonic")
+    measured("1 file reads the date for a label, 1 to convert kernel stamps to monotonic time")

@@ -66,7 +66,7 @@ def driven_circle(plant: Plant) -> tuple[Recording, FloatArray]:
     motors, torques, joints = [], [], []
     on, off = [True] * 3, [False] * 3
     here = plant.position
-    for _ in range(150):  # to the start of the motion, slowly
+    for _ in range(150):  # move slowly to the start of the motion
         command = 4.0 * (planned.position[0] - plant.position_counts() * per_count)
         plant.advance(0.02, command, command, on, off)
     assert np.abs(plant.position_counts() * per_count - planned.position[0]).max() < 0.01, here
@@ -98,16 +98,16 @@ def test_the_estimate_has_the_size_of_the_true_deflection() -> None:
     motors, torques = recording.position[main], recording.torque_nm[main]
     true = np.linalg.norm(forward(chain, joints[main]) - forward(chain, motors), axis=1)
     true_rms = float(np.sqrt(np.mean(true**2)))
-    assert 1e-3 < true_rms < 3e-3  # the encoders' tracking error does not contain it
+    assert 1e-3 < true_rms < 3e-3  # the encoders do not measure this error
     robot = robot_with(*STIFFNESS)
     found = deflection(robot, motors, torques)
     assert found is not None
-    assert true_rms < found.rms_m < 1.3 * true_rms  # friction and rotors increase it
+    assert true_rms < found.rms_m < 1.3 * true_rms  # friction and rotors increase the estimate
     assert true.max() < found.max_m < 1.4 * true.max()
 
 
 def test_a_model_gives_the_torques_through_the_gears() -> None:
-    """Axis 3 has a rotor parameter; the rotors of the others are part of the link inertias."""
+    """Axis 3 has a rotor parameter; the rotors of axes 1 and 2 are part of the link inertias."""
     recording, joints = driven_circle(elastic_arm())
     main = recording.phase == Phase.MAIN
     true = (recording.position - joints)[main]

@@ -175,7 +175,7 @@ def proof() -> Proof:
 
 @pytest.mark.long
 def test_drives_are_identified_within_2_percent_and_within_two_sigma(proof: Proof) -> None:
-    """Current loop, tachometer ripple, delay, rounding and every unmodelled effect are on."""
+    """The plant has current loop, tachometer ripple, delay, rounding and all unmodelled effects."""
     assert np.abs(proof.error).max() < 0.02
     assert proof.held.min() >= 0.8
     assert np.mean(np.abs(proof.deviation)) > 0.3
@@ -191,7 +191,7 @@ def test_the_multisine_as_instrument_is_better_than_plain_spectra(proof: Proof) 
 def test_power_between_the_lines_is_distortion(
     cell: LoadedCell, recorded: tuple[MultisineMotion, Recording]
 ) -> None:
-    """Friction is an odd function of speed; a line is excited, odd without excitation, or even."""
+    """Friction is odd in speed: it makes more power on unexcited odd lines than on even lines."""
     motion, recording = recorded
     for measured in frequency_responses(recording, motion, cell.robot):
         assert measured.frd.omega == pytest.approx(2.0 * math.pi * measured.frequency_hz)

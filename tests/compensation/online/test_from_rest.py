@@ -85,7 +85,7 @@ def errors(
     samples: MotionSamples,
     start: tuple[float, ...],
 ) -> tuple[TrackingError, TrackingError, TrackingError]:
-    """Return the errors without compensation, with sign(v), and with hysteresis."""
+    """Return the errors without compensation, with sign(v) friction, and with hysteresis."""
     by_sign, with_memory = forwards
     pose = np.array(start)
     return (
@@ -112,7 +112,7 @@ def test_the_error_of_lines_and_a_spline_from_rest_is_a_tenth(
 def test_off_line_the_hysteresis_state_follows_the_plan(
     elastic: LoadedCell, models: tuple[Estimate, Estimate], loops: list[VelocityLoop]
 ) -> None:
-    """The presliding state at the start is unknown: the mean error improves, the first does not."""
+    """The mean error improves; the error at the start does not: its presliding state is unknown."""
     assert elastic.plant is not None
     path = PathMotion.model_validate_json(json.dumps(yaml.safe_load(PATH)))
     samples = path.plan(elastic.robot, elastic.config.cycle_time_s)

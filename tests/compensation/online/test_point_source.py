@@ -63,7 +63,7 @@ class TestGoodPoints:
     def test_the_feedforward_equals_that_of_the_whole_motion(
         self, forward: OnlineFeedforward
     ) -> None:
-        """The same inverse, off line with the whole motion, gives the same speeds."""
+        """The feedforward computed off line from the whole motion has the same values."""
         samples = planned()
         _, _, ahead = arrays(drive(source_of(forward, samples.position)))
         model, parameters = true_model(CELL)
@@ -121,9 +121,9 @@ class TestStops:
         position = arrays(points)[0]
         driven = position[:, np.newaxis, :] - path[np.newaxis]
         nearest = np.abs(driven).max(axis=2).min(axis=1)
-        assert nearest.max() < 1.1 * np.abs(np.diff(path, axis=0)).max(), "on the path"
+        assert nearest.max() < 1.1 * np.abs(np.diff(path, axis=0)).max(), "the axes left the path"
         assert points[-1].sample_index < len(path)
-        assert points[-1].sample_index > 400, "as late as the limits allow"
+        assert points[-1].sample_index > 400, "the stop came earlier than necessary"
 
     def test_an_endless_stream_of_points_is_driven(self, forward: OnlineFeedforward) -> None:
         path = waves(4, 3000)
@@ -173,7 +173,9 @@ class TestStops:
         needed = torque(model, path, speed, np.gradient(speed, T, axis=0), parameters)
         weak = np.array(forward.axes)
         weak[4, 0] = 0.95 * np.abs(needed[200:400, 0]).max()
-        weak.setflags(write=False)  # otherwise the kernels are compiled for this type separately
+        weak.setflags(
+            write=False
+        )  # as the original: a writeable array would compile the kernels again
         source = source_of(replace(forward, axes=weak), path, end=False)
         held_limits(drive(source))
         assert source.stop is not None
@@ -234,7 +236,7 @@ class TestFallback:
         held_limits(points)
         _, velocity, ahead = arrays(points)
         np.testing.assert_array_equal(velocity[40:], ahead[40:])
-        assert "no number" in " ".join(source.notes)
+        assert "invalid model torque" in " ".join(source.notes)
         assert source.stop is None
 
     def test_a_late_cycle_fades_to_plain_feedforward_and_back(
@@ -246,12 +248,12 @@ class TestFallback:
         rows = [row for row in range(len(plain) + 1) if row != 200]
         points = drive(source, rows)
         by_row = dict(zip(rows, points, strict=False))
-        assert by_row[201].position == plain[201].position, "the path keeps its time"
+        assert by_row[201].position == plain[201].position, "the lost cycle delayed the path"
         own, usual = by_row[220], plain[220]
         assert own.feedforward == own.velocity
         assert usual.feedforward != usual.velocity
         assert by_row[300] == plain[300]
-        assert "a cycle late 1 times" in " ".join(source.notes)
+        assert "1 late cycles" in " ".join(source.notes)
 
     def test_a_correction_that_is_too_large_is_limited_without_wind_up(
         self, forward: OnlineFeedforward
@@ -263,7 +265,7 @@ class TestFallback:
         source = source_of(replace(forward, axes=axes), samples.position)
         points = drive(source)
         held_limits(points)
-        assert "correction too large" in " ".join(source.notes)
+        assert "correction that was too large" in " ".join(source.notes)
 
 
 @settings(max_examples=600)
@@ -280,7 +282,7 @@ def test_set_points_keep_every_limit_and_come_to_rest_for_any_stream(
     capacity: int,
     forward: OnlineFeedforward,
 ) -> None:
-    """Draw random, discontinuous, late, stopped or not finite points."""
+    """Draw points that are random, discontinuous, late, incomplete or not finite."""
     path, pace, end, late = stream
     ring = PointRing.create(3, capacity)
     sent = ring.write(path[:prefill])
@@ -307,7 +309,7 @@ def test_set_points_keep_every_limit_and_come_to_rest_for_any_stream(
         points.append(point)
         cycles.append(row)
     else:
-        raise AssertionError("it never came to rest")
+        raise AssertionError("the axes never came to rest")
     if not late:
         held_limits(points)
     position, velocity, _ = arrays(points)

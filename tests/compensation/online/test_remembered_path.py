@@ -35,7 +35,7 @@ from tests.builders.point_streams import (
 
 START = planned().position[0]
 REST_ROWS = 40
-AT_ONCE = slice(20, -5)  # the compensation has its full strength by then
+AT_ONCE = slice(20, -5)  # rows in which the feedforward has its full strength
 
 
 def encoder_counts(position: Points) -> NDArray[np.int32]:
@@ -43,15 +43,15 @@ def encoder_counts(position: Points) -> NDArray[np.int32]:
     return np.rint(1e6 * position).astype(np.int32)
 
 
-def source_after_approach(points: Points, seen: Points) -> PointSource:
-    """Return a source that received the robot's positions on the way to the path's start."""
+def source_after_approach(points: Points, approach: Points) -> PointSource:
+    """Return a source that received the robot's positions during the approach."""
     ring = PointRing.create(3, len(points))
     ring.write(points)
     ring.end()
     source = PointSource(REMEMBERING, ring, prefill_patience_s=0.0)
     source.prepare()
-    source.begin(False, seen[0])
-    for position in seen:
+    source.begin(False, approach[0])
+    for position in approach:
         source.watch(position, encoder_counts(position))
     return source
 
@@ -69,11 +69,13 @@ def path_with_rests() -> tuple[Points, Points, Points]:
     return q, v, a
 
 
-def expected(q: Points, v: Points, a: Points, seen: Points) -> Points:
-    """Return the speeds for friction whose state follows the earlier positions, then the path."""
+def expected(q: Points, v: Points, a: Points, approach: Points) -> Points:
+    """Return the feedforward for friction whose state follows the approach and then the path."""
     model, parameters = remembering()
-    memory = Memory.along(presliding_of_model(model), np.concatenate([seen, q + (seen[-1] - q[0])]))
-    own = Conditions(memory=memory.part(slice(len(seen), None)))
+    memory = Memory.along(
+        presliding_of_model(model), np.concatenate([approach, q + (approach[-1] - q[0])])
+    )
+    own = Conditions(memory=memory.part(slice(len(approach), None)))
     return feedforward(loops_of(CELL), v, torque(model, q, v, a, parameters, own), T)
 
 
@@ -81,13 +83,13 @@ def expected(q: Points, v: Points, a: Points, seen: Points) -> Points:
 def test_the_speeds_match_friction_along_approach_and_path(way: float) -> None:
     """A pause on the path does not change the hysteresis state."""
     q, v, a = path_with_rests()
-    seen = START + way * np.linspace(0.02, 0.0, 30)[:, np.newaxis] * [1.0, -1.0, 1.0]
-    found = arrays(drive(source_after_approach(q, seen)))[2][1 : len(q) + 1]
-    difference = np.abs(found - expected(q, v, a, seen))[AT_ONCE]
+    approach = START + way * np.linspace(0.02, 0.0, 30)[:, np.newaxis] * [1.0, -1.0, 1.0]
+    found = arrays(drive(source_after_approach(q, approach)))[2][1 : len(q) + 1]
+    difference = np.abs(found - expected(q, v, a, approach))[AT_ONCE]
     assert np.median(difference) < 1e-5
     assert difference.max() < 2e-3
-    other = np.abs(found - expected(q, v, a, 2.0 * START - seen))[AT_ONCE]
-    assert other.max() > 0.02, "an approach from the other side gives other speeds"
+    other = np.abs(found - expected(q, v, a, 2.0 * START - approach))[AT_ONCE]
+    assert other.max() > 0.02, "an approach from the other side must give another feedforward"
 
 
 def test_without_earlier_positions_the_hysteresis_starts_unloaded() -> None:
@@ -98,12 +100,12 @@ def test_without_earlier_positions_the_hysteresis_starts_unloaded() -> None:
 
 
 def test_joints_that_settle_before_the_path_change_the_state_and_get_no_torque() -> None:
-    """The settling reverses joints while the path rests."""
+    """The joints reverse while they settle at the start of the path."""
     q, v, a = path_with_rests()
-    seen = START + np.linspace(0.02, 0.0, 30)[:, np.newaxis] * [1.0, 1.0, 1.0]
+    approach = START + np.linspace(0.02, 0.0, 30)[:, np.newaxis] * [1.0, 1.0, 1.0]
     settling = START - np.outer(np.linspace(0.0, 1.0, 20), DISTANCES)
     leaves = int(np.argmax((q != q[0]).any(axis=1)))
-    source, points = source_after_approach(q, seen), []
+    source, points = source_after_approach(q, approach), []
     for row, position in enumerate(settling):
         points.append(source.at(row))
         source.watch(position, encoder_counts(position))
@@ -112,16 +114,16 @@ def test_joints_that_settle_before_the_path_change_the_state_and_get_no_torque()
         if row >= leaves:
             source.watch(
                 START + 1.0, encoder_counts(START + 1.0)
-            )  # ignored after the start of the path
+            )  # positions are ignored after the start of the path
         points.append(source.at(row))
     found = np.array([p.feedforward for p in points if p is not None])[1:]
-    whole = np.concatenate([seen, settling])
+    whole = np.concatenate([approach, settling])
     wanted = expected(q, v, a, whole)[: len(found)]
     assert np.abs(found - wanted)[25:-5].max() < 2e-3
 
 
 def test_a_flickering_last_digit_does_not_reverse_a_joint() -> None:
-    """Part of the friction builds up within one count of a coarse encoder."""
+    """Presliding is so short that one count of a coarse encoder changes the friction."""
     axes = REMEMBERING.axes.copy()
     axes[PRESLIDING + 1] = 0.5
     forward, count = replace(REMEMBERING, axes=axes), 2e-5
@@ -131,21 +133,23 @@ def test_a_flickering_last_digit_does_not_reverse_a_joint() -> None:
     source = PointSource(forward, ring, prefill_patience_s=0.0)
     source.prepare()
     source.begin(False, START - 0.02)
-    told = [*range(-1000, 1), *([-1, 0] * 5), -1]
-    for counts in told:
+    count_sequence = [*range(-1000, 1), *([-1, 0] * 5), -1]
+    for counts in count_sequence:
         source.watch(START + count * counts, np.full(3, counts, dtype=np.int32))
         slides = source._found[:, DIRECTION].copy()
     np.testing.assert_allclose(slides, 1.0, atol=1e-3)
 
 
 def test_after_a_stop_the_hysteresis_state_follows_the_actual_positions() -> None:
-    """The path was braked between its points: the state depends on the positions alone."""
+    """The stop brakes between the points of the path: the state follows the positions."""
     source = source_of(REMEMBERING, waves(3, 320), end=False)
     points = drive(source)
     held_limits(points)
     assert source.stop is not None
     memory = Memory.along(presliding_of_model(remembering()[0]), arrays(points)[0])
-    assert 0.1 < abs(memory.direction[-1, 1]) < 0.9, "two joints have just reversed"
+    assert 0.1 < abs(memory.direction[-1, 1]) < 0.9, (
+        "joints 2 and 3 should be in presliding after a reversal"
+    )
     assert 0.1 < abs(memory.direction[-1, 2]) < 0.9
     np.testing.assert_allclose(source._found[:, DIRECTION], memory.direction[-1], atol=1e-9)
 

@@ -25,9 +25,9 @@ from tests.builders.point_streams import (
 pytestmark = pytest.mark.slow
 
 TORQUE = np.array([limit.torque for limit in LIMITS])
-SETTLE_ROWS, REST_ROWS = 60, 150  # the loops no longer ring
-FOLLOWING = 1.05  # a closed loop overshoots slightly
-JERKING = 2.5  # cogging and stick-slip, in addition to the command; 1.5 was measured
+SETTLE_ROWS, REST_ROWS = 60, 150  # rows until the loops have settled, and rows at rest
+FOLLOWING = 1.05  # factor on the velocity limit: a closed loop overshoots slightly
+JERKING = 2.5  # factor on the acceleration limit: cogging and stick-slip add up to 0.5
 AT_REST_RAD_S = 0.01
 GAIN_PER_S = CELL.config.position_gain_per_s
 
@@ -50,7 +50,7 @@ def test_no_axis_leaves_its_limits_and_all_come_to_rest(
     plant = plant_at(CELL, CELL.plant, pose)
     powered, free = np.ones(3, dtype=np.bool_), np.zeros(3, dtype=np.bool_)
     wanted, ahead = pose, np.zeros(3)
-    before = now = told = np.zeros(3)
+    before = now = newest = np.zeros(3)
     speeds, torques, resting, row = [], [], 0, -SETTLE_ROWS
     while resting < REST_ROWS:
         if row >= 0 and not resting:
@@ -68,7 +68,7 @@ def test_no_axis_leaves_its_limits_and_all_come_to_rest(
         elif resting:
             resting += 1
         speed = GAIN_PER_S * (wanted - plant.position) + ahead
-        before, now, told = now, told, speed
+        before, now, newest = now, newest, speed
         plant.advance(T, before, now, powered, free)
         if row >= 0:
             speeds.append(plant.velocity)

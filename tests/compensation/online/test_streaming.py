@@ -47,7 +47,7 @@ def gate() -> PointGate:
 
 def take_points(ring: PointRing, count: int) -> Points:
     """Take points out of the ring as the stage does."""
-    read = ring.taken
+    read = ring.points_read
     count = min(count, ring.written - read)
     rows = np.array([ring.rows[(read + k) % ring.capacity] for k in range(count)])
     ring.counters[READ] = read + count
@@ -125,17 +125,17 @@ class TestIterator:
 
     def test_a_full_ring_blocks_the_iterator(self) -> None:
         path, ring = path_of(500), PointRing.create(3, 20)
-        asked = 0
+        drawn = 0
 
         def points() -> Iterator[Points]:
-            nonlocal asked
+            nonlocal drawn
             for point in path:
-                asked += 1
+                drawn += 1
                 yield point
 
         with PointFeed(ring, gate(), points()) as fed:
             fed.wait(20, 120.0)
-            assert asked <= 21
+            assert drawn <= 21
             got: list[Points] = []
             while not ring.ended or ring.room < 20:
                 got.append(take_points(ring, 7))
@@ -171,7 +171,7 @@ class TestIterator:
         ring = PointRing.create(3, 10)
         feed(ring, gate(), [np.zeros((2, 6))])
         assert ring.failed is PointsFailed.REFUSED
-        assert "3 joints are needed" in ring.failure
+        assert "3 joint positions" in ring.failure
 
     def test_a_collision_is_refused_and_earlier_points_are_kept(self) -> None:
         workspace = Workspace(planes=(Plane(name="wall", normal=(-1.0, 0.0, 0.0), offset_m=-0.6),))
@@ -226,7 +226,7 @@ def wait_until(condition: Callable[[], bool]) -> None:
         if condition():
             return
         waiting.wait(0.01)
-    raise AssertionError("it did not happen")
+    raise AssertionError("the condition was not met in time")
 
 
 def guide_client() -> Any:
@@ -243,14 +243,16 @@ class TestSocket:
         self, served: tuple[Path, PointRing]
     ) -> None:
         path, ring = served
-        points, said, heard = path_of(500), [], []
+        points, hellos, outcomes = path_of(500), [], []
 
         def points_of(hello: dict[str, Any]) -> Iterator[Points]:
-            said.append(hello)
+            hellos.append(hello)
             yield points[:300]
             yield points[300:]
 
-        sender = threading.Thread(target=lambda: heard.append(guide_client()(str(path), points_of)))
+        sender = threading.Thread(
+            target=lambda: outcomes.append(guide_client()(str(path), points_of))
+        )
         sender.start()
         wait_until(lambda: ring.room == 0)
         got: list[Points] = []
@@ -262,8 +264,8 @@ class TestSocket:
 
         wait_until(take)
         np.testing.assert_array_equal(np.concatenate(got), points)
-        assert said == [json.loads(greeting(ROBOT.joint_names, 0.008, 64))]
-        assert not heard, "the outcome is sent after the motion"
+        assert hellos == [json.loads(greeting(ROBOT.joint_names, 0.008, 64))]
+        assert not outcomes, "the outcome was sent before the end of the motion"
 
     @pytest.mark.parametrize(
         ("data", "hang_up", "text"),
@@ -287,7 +289,7 @@ class TestSocket:
                 connection.close()
             wait_until(lambda: bool(ring.failed))
         assert ring.failed is PointsFailed.LOST
-        assert ring.written == (5 if good else 0), "points before the failure are kept"
+        assert ring.written == (5 if good else 0), "points before the failure were lost"
         assert re.search(text, ring.failure)
 
     def test_a_second_client_is_refused(self, served: tuple[Path, PointRing]) -> None:
@@ -313,15 +315,17 @@ class TestSocket:
                 )
             assert path.is_socket()
 
-        second_is_refused()  # while the first one waits
+        second_is_refused()  # while the first session waits for a client
         with client(path) as first:
             first.recv(500)
             wait_until(lambda: is_refused(path))
-            second_is_refused()  # during service: the socket no longer listens
+            second_is_refused()  # while it serves a client: its socket no longer listens
             first.sendall(HELLO + struct.pack("<I", 40) + points.tobytes() + struct.pack("<I", 0))
             wait_until(lambda: ring.ended)
         np.testing.assert_array_equal(take_points(ring, 50), points)
-        measured("refused while the first waits and while it is served; its points: 0 changed")
+        measured(
+            "second session refused before and while the first serves a client; 0 points changed"
+        )
 
     def test_the_socket_of_a_killed_session_is_reused(self, tmp_path: Path) -> None:
         tmp_path.chmod(0o700)

@@ -33,7 +33,7 @@ PICK_AND_PLACE = (
     (-0.9, 0.35, 0.2), (-0.85, 0.1, 0.35), (0.0, -0.15, 0.5), (0.75, 0.1, 0.35), (0.8, 0.35, 0.2)
 )  # fmt: skip
 MECHANICS = 3.0
-"""Mechanical limit of the acceleration, as a multiple of the robot file's pose-independent one."""
+"""Mechanical acceleration limit, as a multiple of the acceleration limit in the robot file."""
 RATE = 40.0
 """Torque rate that the velocity loops can follow [torque limits per second]."""
 
@@ -152,7 +152,7 @@ def test_a_timed_pick_and_place_keeps_its_torque_limits_and_its_path(
 def test_the_base_reaction_stays_within_its_limit(
     cell: LoadedCell, drive: Drive, model: Estimate, loops: list[VelocityLoop]
 ) -> None:
-    """The motion is timed with inertias known to 1 %; the plant's own reaction is compared."""
+    """The motion is timed with inertias known to 1 %; the simulated base reaction is compared."""
     assert cell.plant is not None
     robot = within_mechanics(cell.robot, 1.0)
     whole = RobotModel.from_description(robot)

@@ -105,7 +105,7 @@ def test_viscous_friction_limits_the_speed_exactly() -> None:
 
 
 def test_a_pendulum_swings_with_its_full_torque() -> None:
-    """The energy of the two torques gives the start of braking and the duration."""
+    """The work of the drive and braking torques gives the start of braking and the duration."""
     torque, inertia, weight = 20.0, MASS * ARM**2, MASS * ARM * 9.81
     timer = timer_of(arm(axis("swing", torque=torque)))
     begin, end = -1.2, 1.0
@@ -193,7 +193,7 @@ def test_a_circle_has_equal_speed_at_start_and_end() -> None:
 
 
 def test_a_tiny_motion_is_timed_and_a_joint_at_rest_is_ignored() -> None:
-    """A small motion is not ignored, and a rounding error is not a direction."""
+    """A small motion is timed; a rounding error of a resting joint is not a motion."""
     robot = arm(axis("one", torque=60.0), axis("two", torque=25.0, friction=("coulomb",)))
     timer = timer_of(robot, fc_two=3.0)
     for way in (1e-6, 1e-3, 1.0):

@@ -17,7 +17,7 @@ SHEET = "[DeviceInfo]\nVendorNumber=0xFB\nProductNumber=7\nRevisionNumber=0x1000
 
 
 def cell(folder: Path, *axes: str) -> str:
-    """Write a cell of three axes, each with these additional keys, and return its path."""
+    """Write a cell file of three axes with the given additional keys, and return its path."""
     text = load_cell("ir361").files["cell.yaml"].decode()
     for number, keys in enumerate(axes, start=1):
         old = f"{{joint: axis{number}, node_id: {number}}}"

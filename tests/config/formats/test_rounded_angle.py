@@ -21,14 +21,14 @@ DEGREE = math.pi / 180.0
 )
 def test_a_rounded_multiple_of_15_degrees_is_exact(written: float, degrees: float) -> None:
     reading = AngleReading.of(written)
-    assert reading.taken_rad == pytest.approx(degrees * DEGREE, abs=1e-15)
+    assert reading.used_rad == pytest.approx(degrees * DEGREE, abs=1e-15)
     assert not reading.is_doubtful
 
 
 @pytest.mark.parametrize("written", [1.5702964, 1.5701, 1.5711588, 1.57079634, 0.0005, 0.7858123])
 def test_a_calibrated_angle_is_unchanged_and_named(written: float) -> None:
     reading = AngleReading.of(written)
-    assert reading.taken_rad == written
+    assert reading.used_rad == written
     assert reading.is_doubtful
     assert angle_notes([("r.urdf:3", reading)])
 
@@ -36,5 +36,5 @@ def test_a_calibrated_angle_is_unchanged_and_named(written: float) -> None:
 @pytest.mark.parametrize("written", [0.0, math.pi, math.pi / 2, math.pi / 4, 0.3, 1.0, 1.6, 0.26])
 def test_an_exact_or_a_different_angle_is_not_mentioned(written: float) -> None:
     reading = AngleReading.of(written)
-    assert reading.taken_rad == written
+    assert reading.used_rad == written
     assert angle_notes([("r.urdf:3", reading)]) == []

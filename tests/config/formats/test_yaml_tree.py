@@ -99,7 +99,7 @@ def test_any_bytes_are_read_or_refused_with_a_config_error(text: bytes) -> None:
         tree = parse_yaml(text, "any")
     except ConfigError:
         return
-    assert json.loads(tree.json()) == tree.data, "the tree consists of plain data"
+    assert json.loads(tree.json()) == tree.data, "the tree contains other objects than plain data"
 
 
 _SCALARS = (

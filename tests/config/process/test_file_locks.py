@@ -55,7 +55,7 @@ def test_processes_started_meanwhile_do_not_inherit_the_lock(tmp_path: Path) -> 
             [sys.executable, "-c", "input()"], stdin=subprocess.PIPE, close_fds=False
         )
     with child, held_file(path):
-        assert file_holder(path) == os.getpid(), "the lock was free while the process ran"
+        assert file_holder(path) == os.getpid(), "the running child process holds the lock"
         child.communicate(b"\n")
 
 
@@ -71,7 +71,7 @@ def test_a_file_removed_by_its_holder_at_the_last_moment_is_not_locked(
 
     monkeypatch.setattr(fcntl, "flock", removed_first)
     with held_file(path):
-        assert file_holder(path) == os.getpid(), "the locked file is the one at the path"
+        assert file_holder(path) == os.getpid(), "the locked file is not the file at the path"
 
 
 def test_other_users_can_lock_the_file_with_any_umask(tmp_path: Path) -> None:
@@ -111,14 +111,14 @@ def test_the_kernels_identity_of_the_file_is_compared(tmp_path: Path) -> None:
         info = Path(f"/proc/self/fdinfo/{file.fileno()}").read_text()
         assert f" {os.getpid()} {file_locks._inode(file.fileno())} 0 EOF" in info
         fcntl.flock(file, fcntl.LOCK_SH)
-        assert file_holder(tmp_path / "lock") is None, "a reader is not a holder"
+        assert file_holder(tmp_path / "lock") is None, "a shared lock was reported as a holder"
 
 
 def test_a_lock_that_moved_during_the_reading_of_a_long_list_is_found(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Pages:
-        """A list whose first reading lacks a line."""
+        """List of locks that is empty when it is read for the first time."""
 
         read = 0
 

@@ -64,7 +64,7 @@ def test_a_program_in_motion_cannot_be_suspended(capfd: pytest.CaptureFixture[st
 
 
 def test_an_interrupt_also_stops_a_program_started_in_the_background() -> None:
-    """A shell starts it with SIGINT ignored; `nohup` ignores SIGHUP, which stays ignored."""
+    """A shell ignores SIGINT for background programs; a SIGHUP ignored by `nohup` stays ignored."""
     before = {number: signal.signal(number, signal.SIG_IGN) for number in TERMINATION}
     try:
         assert {*ending_signals()} == {signal.SIGINT, signal.SIGTERM}
@@ -102,8 +102,8 @@ def test_the_first_process_of_a_program_ignores_signals_too(tmp_path: Path) -> N
 def test_a_started_process_is_registered_before_a_signal_is_handled(
     by_another_thread: bool,
 ) -> None:
-    told: list[object] = []
-    signal.signal(signal.SIGHUP, lambda number, _frame: told.append(number))
+    events: list[object] = []
+    signal.signal(signal.SIGHUP, lambda number, _frame: events.append(number))
 
     def start_something() -> None:
         with signals_blocked():
@@ -112,15 +112,13 @@ def test_a_started_process_is_registered_before_a_signal_is_handled(
                     other.submit(signal.raise_signal, number).result()
                 else:
                     signal.raise_signal(number)
-            told.append("noted")
+            events.append("noted")
 
     with ThreadPoolExecutor(1) as other:
-        other.submit(int).result()  # it runs and handles signals
+        other.submit(int).result()  # the thread runs and can receive signals
         with pytest.raises(KeyboardInterrupt):
             start_something()
-    assert told == ["noted", signal.SIGHUP], (
-        "handled although the other program raised an exception"
-    )
+    assert events == ["noted", signal.SIGHUP], "SIGHUP was not handled after the exception"
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
     assert not signal.pthread_sigmask(signal.SIG_BLOCK, ())
 

@@ -28,15 +28,15 @@ def limits_of(
 
 def test_valid_limits_are_used_and_only_the_acceleration_is_reported() -> None:
     whole = limits_of(joint("revolute", WHOLE))
-    limits, taken = whole.limits, whole.replaced
+    limits, replaced_limits = whole.limits, whole.replaced
     assert (limits.position_min, limits.position_max, limits.torque) == (-2.0, 2.5, 50.0)
-    assert [str(one) for one in taken] == [
+    assert [str(one) for one in replaced_limits] == [
         "acceleration: 10 (default: five times the velocity, per second)"
     ]
 
 
 @pytest.mark.parametrize(
-    ("kind", "limits", "key", "expected", "told"),
+    ("kind", "limits", "key", "expected", "expected_text"),
     [
         ("revolute", {"effort": 0.0}, "torque", 200.0,
          "torque: 200 (default: the URDF states 0; twice the weight at full reach)"),
@@ -64,11 +64,11 @@ def test_valid_limits_are_used_and_only_the_acceleration_is_reported() -> None:
     ],
 )  # fmt: skip
 def test_invalid_limits_are_replaced_and_reported(
-    kind: str, limits: dict[str, float], key: str, expected: float, told: str
+    kind: str, limits: dict[str, float], key: str, expected: float, expected_text: str
 ) -> None:
     one = limits_of(joint(kind, WHOLE | limits))
     assert getattr(one.limits, key) == pytest.approx(expected)
-    assert any(told in str(taken) for taken in one.replaced)
+    assert any(expected_text in str(replacement) for replacement in one.replaced)
 
 
 @pytest.mark.parametrize(
@@ -106,7 +106,7 @@ def test_impossible_limits_are_refused_and_never_widened(
 def test_a_missing_bound_is_zero(limits: dict[str, float], expected: tuple[float, float]) -> None:
     one = limits_of(joint("revolute", {"velocity": 2.0, "effort": 50.0} | limits))
     assert (one.limits.position_min, one.limits.position_max) == expected
-    assert any(taken.key == "position" for taken in one.replaced)
+    assert any(replacement.key == "position" for replacement in one.replaced)
 
 
 def test_the_smaller_of_two_stated_accelerations_is_used() -> None:

@@ -62,7 +62,7 @@ def test_a_stream_left_running_is_stopped_first(plug: Plug, form: str) -> None:
     with open_amplifier(config, PROFILE) as amplifier:
         amplifier.connect()
         amplifier.start()
-        amplifier.stop = lambda until_s: ()  # type: ignore[method-assign] # killed, as it were
+        amplifier.stop = lambda until_s: ()  # type: ignore[method-assign] # as if the program were killed
     assert script.streaming
     with open_amplifier(config, PROFILE) as amplifier:
         assert amplifier.connect().startswith("Example")

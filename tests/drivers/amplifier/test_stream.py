@@ -96,7 +96,7 @@ def test_rows_are_decoded_as_sent(form: str) -> None:
     assert rows["ticks"].tolist() == [i * ROW_TICKS for i in range(500)]
     assert rows["counts"].tolist() == [counts_of(i) for i in range(500)]
     assert set(rows["status"].tolist()) == {1 << PROFILE.status_bits.operate}
-    assert (parser.counts.garbage_bytes, parser.counts.gaps, parser.held_bytes) == (0, 0, 0)
+    assert (parser.counts.garbage_bytes, parser.counts.gaps, parser.buffered_bytes) == (0, 0, 0)
 
 
 @form
@@ -153,7 +153,7 @@ def test_continuous_garbage_needs_bounded_memory(form: str, flood: bytes) -> Non
     parser = stream(form)
     for _ in range(200):
         assert len(parser.feed(flood * 500).rows) == 0
-        assert parser.held_bytes < 73
+        assert parser.buffered_bytes < 73
     parser.feed(b"".join(row(form, i) for i in range(3)))
     assert parser.feed(row(form, 3)).rows["sequence"].tolist() == [3]
 

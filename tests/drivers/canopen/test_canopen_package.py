@@ -1,7 +1,7 @@
 """SDO compared with the `canopen` package, as client and as server.
 
-It runs on python-can's ``virtual`` bus with its own receiving thread; every wait here ends with an
-answer and not after a time, so that nothing depends on the speed of the threads.
+The package runs on python-can's ``virtual`` bus with its own receiving thread. Every wait ends with
+an answer and not after a time, so that no test depends on the speed of the threads.
 """
 
 from __future__ import annotations
@@ -34,14 +34,14 @@ TYPES = {1: UNSIGNED8, 2: UNSIGNED16, 4: UNSIGNED32}
 @pytest.fixture
 def network() -> Iterator[canopen.Network]:
     network = canopen.Network()
-    network.NOTIFIER_CYCLE = 0.02  # time after which its thread notices the end
+    network.NOTIFIER_CYCLE = 0.02  # the receiving thread checks for its end in this interval [s]
     network.connect(interface="virtual", channel=CHANNEL)
     yield network
     network.disconnect()
 
 
 class OurDevice(threading.Thread):
-    """Our SDO server on a bus of its own, until a remote frame ends it."""
+    """Our SDO server on a separate bus object; a remote frame ends it."""
 
     def __init__(self) -> None:
         super().__init__(daemon=True)
@@ -135,7 +135,7 @@ def dictionary(objects: dict[tuple[int, int], tuple[int, int]]) -> canopen.Objec
             od.add_object(variable)
     name = ODVariable("name", 0x1008, 0)
     name.data_type = VISIBLE_STRING
-    name.default = name.value = "a drive made by the canopen package"  # type: ignore[assignment] # it takes text too
+    name.default = name.value = "a drive made by the canopen package"  # type: ignore[assignment] # accepts text too
     od.add_object(name)
     return od
 

@@ -109,8 +109,8 @@ class TestWordValues:
         }
         words = encode(drive, values)
         for read in plan_reads(drive, (*POLLED, *NAMEPLATE)):
-            taken = [words.get(read.address + i, 0) for i in range(read.count)]
-            for name, value in decode(drive, read, taken).items():
+            registers = [words.get(read.address + i, 0) for i in range(read.count)]
+            for name, value in decode(drive, read, registers).items():
                 assert value == pytest.approx(values[name], rel=1e-6, abs=0.05)
 
     def test_a_value_out_of_range_is_limited(self) -> None:

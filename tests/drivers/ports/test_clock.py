@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.ports.clock import MOST_WAKING_S, MonotonicClock
+from drivers.ports.clock import MAX_WAKE_UP_DELAY_S, MonotonicClock
 
 CYCLE_S = 0.001
 
@@ -32,7 +32,7 @@ class Computer:
 
 
 def lateness_s(waking_s: list[float]) -> list[float]:
-    """Return the lateness of cycles on a computer with these wake-up delays."""
+    """Return the lateness of each cycle on a computer with the given wake-up delays [s]."""
     computer = Computer(waking_s)
     clock = MonotonicClock(computer.now_s, computer.sleep)
     found = []
@@ -64,14 +64,14 @@ def test_a_stall_does_not_change_the_compensation() -> None:
 
 
 def test_busy_waiting_is_limited() -> None:
-    """After late wake-ups, a punctual one causes at most `MOST_WAKING_S` of busy waiting."""
+    """After late wake-ups, a punctual one causes at most `MAX_WAKE_UP_DELAY_S` of busy waiting."""
     computer = Computer([500e-6] * 3000)
     clock = MonotonicClock(computer.now_s, computer.sleep)
     for cycle in range(1, 3001):
         clock.sleep_until(1000.0 + cycle * CYCLE_S)
     computer.looks = 0
     clock.sleep_until(1000.0 + 3001 * CYCLE_S)
-    assert computer.looks < 2 + MOST_WAKING_S / 1e-7 + 2
+    assert computer.looks < 2 + MAX_WAKE_UP_DELAY_S / 1e-7 + 2
 
 
 def test_a_past_deadline_returns_at_once() -> None:

@@ -1,4 +1,4 @@
-"""Arrival times of frames that the kernel stamps with the date, which may jump (faults: row 26)."""
+"""Arrival times of frames, from kernel stamps of a date that can jump (docs/faults.md, row 26)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ WAITED_NS = st.integers(0, CYCLE_NS)
 
 
 def stamps() -> KernelStamps:
-    """Return stamps whose clocks were last compared a cycle ago, after all frames were read."""
+    """Return kernel stamps whose last comparison of date and monotonic clock was a cycle ago."""
     return KernelStamps(NOW_NS - CYCLE_NS + AHEAD_NS, NOW_NS - CYCLE_NS)
 
 

@@ -59,9 +59,9 @@ def test_a_past_deadline_still_returns_a_waiting_frame(link: CanLink, peer: can.
 
 def test_a_device_can_be_polled_by_a_remote_frame(link: CanLink, peer: can.BusABC) -> None:
     link.send(guard_request(3))
-    asked = peer.recv(1.0)
-    assert asked is not None
-    assert (asked.arbitration_id, asked.is_remote_frame, asked.dlc) == (0x703, True, 1)
+    request = peer.recv(1.0)
+    assert request is not None
+    assert (request.arbitration_id, request.is_remote_frame, request.dlc) == (0x703, True, 1)
     link.take_remote_frames()
     peer.send(message(0x703, is_remote_frame=True, dlc=1))
     assert link.receive(link.clock.now_s() + 1.0) == guard_request(3)
@@ -112,7 +112,7 @@ def test_an_ended_simulation_is_a_transport_error(
 def test_answers_of_the_previous_cycle_are_read_before_sync(
     link: CanLink, peer: can.BusABC, cell: CellConfig
 ) -> None:
-    """In real time frames have no stamp of this clock: a frame that waits at SYNC is late."""
+    """Without time stamps in real time, a frame that is already waiting at SYNC counts as late."""
     safety: DriveSafety = cell.drive_safety
     watch = DriveWatch(("base",), (1,), safety)
     exchange = CyclicExchange(link, (1,), watch)

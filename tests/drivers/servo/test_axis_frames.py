@@ -70,10 +70,10 @@ def join_frames(profile: ServoProfile, *batches: Sequence[Arrival]) -> tuple[lis
     frames = [AxisFrames.of_profile(1, profile)]
     joiner = AnswerJoiner(cast(CanLink, bus), [1], frames, cast(DriveWatch, watch))
     joiner.begin(1.0)
-    told: list[Arrival] = []
+    joined: list[Arrival] = []
     while bus.batches:
-        told += joiner.receive_all(2.0)
-    return told, watch
+        joined += joiner.receive_all(2.0)
+    return joined, watch
 
 
 def status_frame(time_s: float, word: int = 0x27) -> Arrival:
@@ -91,8 +91,8 @@ ANSWER_DATA = ANSWER.pack(0x27, -70_000, -5)
 def test_parts_in_any_order_are_one_answer_with_the_oldest_time(order: tuple[int, int]) -> None:
     parts = [status_frame(1.001 + 0.001 * order[0]), trace_frame(1.001 + 0.001 * order[1])]
     parts.sort(key=lambda part: part.time_s)
-    told, _ = join_frames(FIXED, [parts[0]], [parts[1]])
-    assert told == [Arrival(STATUS, ANSWER_DATA, 1.001)]
+    joined, _ = join_frames(FIXED, [parts[0]], [parts[1]])
+    assert joined == [Arrival(STATUS, ANSWER_DATA, 1.001)]
 
 
 def test_a_part_alone_is_not_an_answer() -> None:
@@ -108,8 +108,8 @@ def test_a_16_bit_current_may_lack_its_upper_half() -> None:
 
 
 def test_a_part_that_is_too_short_is_reported_and_not_used() -> None:
-    told, watch = join_frames(FIXED, [status_frame(1.001), Arrival(TRACE, bytes(5), 1.001)])
-    assert (told, watch.short) == ([], [(0, 5)])
+    joined, watch = join_frames(FIXED, [status_frame(1.001), Arrival(TRACE, bytes(5), 1.001)])
+    assert (joined, watch.short) == ([], [(0, 5)])
 
 
 def test_a_part_from_before_sync_is_not_joined_with_a_later_one() -> None:
@@ -125,8 +125,8 @@ def test_a_repeated_part_gives_a_second_answer(after: bool) -> None:
     again = status_frame(1.0005, word=0x1627)
     batch = [status_frame(1.0), trace_frame(1.001)]
     batch.insert(2 if after else 1, again)
-    told = join_frames(FIXED, batch)[0]
-    assert [ANSWER.unpack(each.data)[0] for each in told] == [0x27, 0x1627]
+    joined = join_frames(FIXED, batch)[0]
+    assert [ANSWER.unpack(each.data)[0] for each in joined] == [0x27, 0x1627]
 
 
 def test_other_frames_are_returned_unchanged() -> None:
@@ -144,7 +144,7 @@ POSITION = Arrival(0x181, struct.pack("<Hi", 0x27, -70_000), 1.001)
 def test_a_requested_torque_is_joined_with_the_position() -> None:
     frames = [AxisFrames.of_profile(1, ASKED)]
     joiner = AnswerJoiner(cast(CanLink, Bus()), [1], frames, cast(DriveWatch, Watch()))
-    assert joiner.questions == [(0x601, b"\x40\x77\x60\0\0\0\0\0")]
+    assert joiner.requests == [(0x601, b"\x40\x77\x60\0\0\0\0\0")]
     answer = sdo_answer(b"\x43\x77\x60\0" + struct.pack("<i", -5))
     assert [each.data for each in join_frames(ASKED, [POSITION, answer])[0]] == [ANSWER_DATA]
 
@@ -161,13 +161,13 @@ def test_a_requested_torque_is_joined_with_the_position() -> None:
     ],
 )
 def test_an_answer_other_than_the_torque_is_not_joined(data: bytes) -> None:
-    told = join_frames(ASKED, [POSITION, sdo_answer(data)])[0]
-    assert [each for each in told if each.cob_id == 0x181] == []
+    joined = join_frames(ASKED, [POSITION, sdo_answer(data)])[0]
+    assert [each for each in joined if each.cob_id == 0x181] == []
 
 
 def test_endless_parts_are_not_joined() -> None:
-    told, _ = join_frames(FIXED, *([status_frame(1.001)] for _ in range(3000)))
-    assert told == []
+    joined, _ = join_frames(FIXED, *([status_frame(1.001)] for _ in range(3000)))
+    assert joined == []
 
 
 @pytest.mark.parametrize("profile", [FIXED, ASKED])
@@ -188,11 +188,11 @@ arrivals = st.builds(
 def test_any_frames_become_answers_at_most_once_or_are_returned_unchanged(
     strange: list[Arrival], profile: ServoProfile
 ) -> None:
-    told, watch = join_frames(profile, strange)
-    answers = [each for each in told if each.cob_id == STATUS]
-    assert len(told) + len(watch.short) <= len(strange)
+    joined, watch = join_frames(profile, strange)
+    answers = [each for each in joined if each.cob_id == STATUS]
+    assert len(joined) + len(watch.short) <= len(strange)
     assert all(len(each.data) == ANSWER.size for each in answers)
     stamps = {each.time_s for each in strange}
     assert all(each.time_s in stamps for each in answers), (
-        "an answer has the time of one of its parts"
+        "an answer must have the arrival time of one of its parts"
     )

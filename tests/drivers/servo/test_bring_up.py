@@ -227,7 +227,7 @@ class TestMissingDevices:
         bench.drives[1].mute = True
         with raises_code(DeviceTimeoutError, "RID-DRIVE-SILENT"):
             bench.axes.bring_up()
-        assert bench.bus.sent_to(0x601) == [], "no other drive gets a request"
+        assert bench.bus.sent_to(0x601) == [], "another drive got a request"
 
     def test_a_drive_that_becomes_silent_is_reported(self, bench: Bench) -> None:
         drive = bench.drives[1]
@@ -311,9 +311,9 @@ class TestDriveIdentity:
     """Object 1018h of the scripted drives has vendor 1234h and nothing else."""
 
     def bring_up(
-        self, make_bench: Callable[[CellConfig], Any], cell: CellConfig, **said: int
+        self, make_bench: Callable[[CellConfig], Any], cell: CellConfig, **identity: int
     ) -> Any:
-        axis = cell.axes[1].model_copy(update={"identity": DeviceIdentity(**said)})
+        axis = cell.axes[1].model_copy(update={"identity": DeviceIdentity(**identity)})
         bench = make_bench(cell.model_copy(update={"axes": (cell.axes[0], axis, cell.axes[2])}))
         bench.drive = bench.drives[axis.node_id - 1]
         bench.drive.objects[0x1018, 3] = (0x0002_0005).to_bytes(4, "little")
@@ -325,11 +325,13 @@ class TestDriveIdentity:
         bench = self.bring_up(make_bench, cell, vendor=0x1234, revision=0x0002_0000)
         bench.axes.bring_up()
         own = [s for s in bench.axes.settings() if s.node_id == bench.drive.node_id]
-        said = {s.name: (s.required, s.found, s.verdict) for s in own if "1018h" in s.object_name}
-        assert said["vendor"] == ("1234h", "1234h", "ok")
-        assert said["product"] == ("", "not in this drive", "shown")
-        assert said["revision"] == ("", "20005h", "shown")
-        assert said["revision, upper 16 bits"] == ("20000h", "20000h", "ok")
+        verdicts = {
+            s.name: (s.required, s.found, s.verdict) for s in own if "1018h" in s.object_name
+        }
+        assert verdicts["vendor"] == ("1234h", "1234h", "ok")
+        assert verdicts["product"] == ("", "not in this drive", "shown")
+        assert verdicts["revision"] == ("", "20005h", "shown")
+        assert verdicts["revision, upper 16 bits"] == ("20000h", "20000h", "ok")
 
     @pytest.mark.parametrize(
         ("said", "told"),

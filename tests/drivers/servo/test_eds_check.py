@@ -33,10 +33,10 @@ def findings_on(
 ) -> tuple[EdsFinding, ...]:
     """Return the findings on a small complete sheet with some objects changed."""
     lines = ["[DeviceInfo]", "VendorNumber=1"]
-    for title, said in (COMMUNICATION | PROFILE | (objects or {})).items():
-        if said is not None:
-            said, *delivered = said.splitlines()
-            data_type, access, mapping, *limits = said.split()
+    for title, entry in (COMMUNICATION | PROFILE | (objects or {})).items():
+        if entry is not None:
+            entry, *delivered = entry.splitlines()
+            data_type, access, mapping, *limits = entry.split()
             lines += [f"[{title}]", f"DataType={data_type}", f"AccessType={access}"]
             lines += [f"PDOMapping={mapping}", f"ParameterName=the\x1b[31m {title}", *delivered]
             lines += [
@@ -63,7 +63,7 @@ def test_a_missing_reaction_object_is_left_to_the_test_on_the_drive(
 ) -> None:
     (finding,) = findings_on(cell, {title: None})
     assert (finding.found, finding.verdict) == (
-        "not in the EDS: the trial of the watches decides",
+        "not in the EDS: the watchdog test decides",
         "shown",
     )
 
@@ -79,7 +79,7 @@ def test_a_mode_missing_in_the_list_of_the_sheet_is_red(cell: CellConfig) -> Non
     assert findings_on(cell, {"6502": "7 ro 0\nDefaultValue=0"}) == ()
     assert findings_on(cell, {"6502": "7 ro 0\nDefaultValue=0x165"}) == ()
     (finding,) = findings_on(cell, {"6502": "7 ro 0\nDefaultValue=0x65"})
-    assert finding.found == "65h does not list it"
+    assert finding.found == "65h does not list this mode"
     assert finding.verdict == "red"
 
 
@@ -129,7 +129,7 @@ def test_missing_objects_are_reported_with_index_and_name(
         ("6060", "2 rw 0 1 7", "6060h:00", "takes 9", "limits 1 to 7"),
         ("605A", "3 rw 0 5 8", "605Ah:00", "takes 2", "limits 5 to 8"),
         ("60C2sub2", "2 rw 0 0xFC 0xFC", "60C2h:02", "takes -3", "limits -4 to -4"),
-        ("1016sub1", "7 rw 0 0 65535", "1016h:01", "takes 8323152", "limits 0 to 65535"),
+        ("1016sub1", "7 rw 0 0 65535", "1016h:01", "accepts 8323152", "limits 0 to 65535"),
     ],
 )
 def test_limits_are_shown_without_a_verdict(

@@ -41,7 +41,7 @@ class Computer:
         """Discard the frames."""
 
     def receive_frames(self, timeout_s: float) -> Sequence[Arrival] | None:
-        """Return the next waiting frame, with the time stamp of its bus or of its reader."""
+        """Return the next waiting frame, with the time of its arrival or of its reading."""
         if not self.waiting:
             self.now += timeout_s
             return None
@@ -65,7 +65,7 @@ def exchange_on(computer: Computer) -> tuple[CyclicExchange, DriveWatch]:
 
 @pytest.mark.parametrize("time_stamped", [False, True])
 def test_a_pause_of_the_computer_is_not_a_lost_heartbeat(time_stamped: bool) -> None:
-    """The heartbeat arrived during the pause: it waits behind the answers."""
+    """The heartbeat arrived during the pause, but the answers are read before it."""
     computer = Computer(time_stamped=time_stamped)
     exchange, watch = exchange_on(computer)
     computer.now = 0.05

@@ -34,7 +34,7 @@ def robot() -> RobotDescription:
 
 
 def cell_with(bits: ReferencedBits | None, zero_counts: int | None = None) -> CellConfig:
-    """Return a cell whose first drive has these bits, and optionally a stated zero."""
+    """Return a cell whose first drive has these referenced bits, and optionally a stated zero."""
     stated = {} if zero_counts is None else {"position_zero_counts": zero_counts}
     first = {"joint": "base", "node_id": 1, "servo": ServoProfile(referenced=bits)}
     return CellConfig(

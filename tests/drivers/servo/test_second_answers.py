@@ -42,7 +42,7 @@ def test_answers_after_the_last_expected_one_belong_to_the_same_cycle(bench: Ben
         bench.arrives(Frame(0x182, struct.pack("<Hih", 0x1027, 77, 0)), 0.004)
         bench.cycle(STILL)
         assert axes.answers.received.tolist() == [True, cycle == 1, True], (
-            "then the exchange waits for both answers"
+            "from cycle 2 on, the exchange waits for both answers"
         )
     bench.cycle(STILL)
     assert axes.answers.second_answers.tolist() == [0, 3, 0]

@@ -47,7 +47,7 @@ def test_duration_and_distance_of_a_ramp_are_computed() -> None:
 
 
 def test_the_stop_is_reported_with_duration_and_distance(bench: Bench) -> None:
-    """2 rad/s and 10 % more, at 10 rad/s², from the SYNC after the next."""
+    """The axis brakes from 1.1 times 2 rad/s at 10 rad/s², from the SYNC after the next."""
     bench.axes.bring_up()
     stop = setting(bench, "stop from top speed")
     assert stop.verdict == "ok"
@@ -96,15 +96,15 @@ def test_the_profile_deceleration_is_written_and_checked_if_a_stop_uses_it(
 @pytest.mark.parametrize(
     ("numbers", "told"),
     [
-        ({"master_heartbeat_timeout_ms": 5000}, "this computer dies"),
-        ({"drive_heartbeat_timeout_ms": 5000}, "another drive dies"),
+        ({"master_heartbeat_timeout_ms": 5000}, "this computer fails"),
+        ({"drive_heartbeat_timeout_ms": 5000}, "another drive fails"),
         ({"missed_frames_limit": 1000}, "answers are lost"),
         ({"late_by_cycles_limit": 1e6}, "this computer is late"),
         ({"stuck_encoder_cycles": 1000}, "an encoder is stuck"),
-        ({"following_error_min_rad": 6.0}, "following error"),
-        ({"following_error_per_velocity_s": 100.0}, "following error"),
-        ({"following_error_rad": 7.0}, "following error, by the drive"),
-        ({"following_error_timeout_ms": 65535}, "following error, by the drive"),
+        ({"following_error_min_rad": 6.0}, "following error, detected by this computer"),
+        ({"following_error_per_velocity_s": 100.0}, "following error, detected by this computer"),
+        ({"following_error_rad": 7.0}, "following error, detected by the drive"),
+        ({"following_error_timeout_ms": 65535}, "following error, detected by the drive"),
     ],
 )
 def test_a_fault_detected_too_late_is_refused_with_the_number_to_lower(

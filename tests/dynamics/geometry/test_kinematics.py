@@ -58,7 +58,7 @@ def test_the_tool_point_is_fixed_to_the_last_link(random_arm) -> None:
 
 @pytest.mark.parametrize("n", range(1, 8))
 def test_jacobians_agree_with_pinocchio(n, random_arm, judge, random_links) -> None:
-    """Of the tool point, and of a point on every link and on the base."""
+    """Compare the Jacobians of the tool point, and of a point on every link and on the base."""
     robot = random_arm(n, seed=n)
     chain, model = Chain.from_description(robot), judge(robot, random_links(n, n)).model
     q = np.random.default_rng(n).uniform(-2.0, 2.0, (4, n))

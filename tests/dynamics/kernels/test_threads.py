@@ -12,14 +12,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dynamics.kernels.threads import SHARE, share_out
+from dynamics.kernels.threads import RANGE_SAMPLES, run_in_ranges
 from dynamics.model.inverse_dynamics import regressor_gradient, torque_derivatives
 from dynamics.model.robot_model import RobotModel, base_wrench_regressor, regressor
 
 pytestmark = pytest.mark.slow
 
-SAMPLES = 4 * SHARE + 3
-PIECE = SHARE - 5  # too small for several threads, and not a multiple of eight
+SAMPLES = 4 * RANGE_SAMPLES + 3
+PIECE = RANGE_SAMPLES - 5  # too small for several threads, and not a multiple of eight
 
 
 @pytest.fixture(autouse=True)
@@ -75,37 +75,37 @@ def test_concurrent_callers_get_their_own_results(model, motion) -> None:
             np.testing.assert_array_equal(call.result(), expected)
 
 
-@given(st.integers(0, 10 * SHARE))
+@given(st.integers(0, 10 * RANGE_SAMPLES))
 def test_every_sample_belongs_to_one_share(samples) -> None:
-    seen = np.zeros(samples, dtype=int)
+    computed = np.zeros(samples, dtype=int)
 
     def fill(first: int, last: int) -> None:
-        seen[first:last] += 1
+        computed[first:last] += 1
 
-    share_out(samples, fill)
-    assert (seen == 1).all()
+    run_in_ranges(samples, fill)
+    assert (computed == 1).all()
 
 
 def test_the_caller_does_not_wait_for_a_busy_core(monkeypatch) -> None:
-    """The caller computes every share that no other thread has started."""
+    """The caller computes every range of samples that no other thread has started."""
     busy, idle = threading.Event(), ThreadPoolExecutor(1)
     monkeypatch.setattr("dynamics.kernels.threads._pool", lambda: idle)
     idle.submit(busy.wait, 60.0)
-    seen = []
-    share_out(SAMPLES, lambda first, _: seen.append(first))
+    computed = []
+    run_in_ranges(SAMPLES, lambda first, _: computed.append(first))
     busy.set()
     idle.shutdown()
-    assert seen == list(range(0, SAMPLES, SHARE))
+    assert computed == list(range(0, SAMPLES, RANGE_SAMPLES))
 
 
 def test_few_samples_are_computed_in_the_callers_thread() -> None:
     threads = set()
-    share_out(2 * SHARE - 1, lambda *_: threads.add(threading.current_thread()))
+    run_in_ranges(2 * RANGE_SAMPLES - 1, lambda *_: threads.add(threading.current_thread()))
     assert threads == {threading.current_thread()}
 
 
 class ShareError(Exception):
-    """Raised in one share."""
+    """Raised while one range of samples is computed."""
 
 
 @pytest.mark.parametrize("where", ["first", "last"])
@@ -115,7 +115,7 @@ def test_an_error_in_a_share_is_raised(where) -> None:
             raise ShareError
 
     with pytest.raises(ShareError):
-        share_out(SAMPLES, fill)
+        run_in_ranges(SAMPLES, fill)
 
 
 FORK = """
@@ -123,12 +123,12 @@ import os, sys
 import dynamics.kernels.threads as threads
 threads._cores = lambda: 3
 seen = []
-threads.share_out(8192, lambda first, last: seen.append(first))  # now the threads are there
+threads.run_in_ranges(8192, lambda first, last: seen.append(first))  # now the threads are there
 child = os.fork()
 seen.clear()
-threads.share_out(8192, lambda first, last: seen.append(first))
+threads.run_in_ranges(8192, lambda first, last: seen.append(first))
 if child == 0:
-    os._exit(0 if sorted(seen) == list(range(0, 8192, threads.SHARE)) else 1)
+    os._exit(0 if sorted(seen) == list(range(0, 8192, threads.RANGE_SAMPLES)) else 1)
 _, status = os.waitpid(child, 0)
 sys.exit(os.waitstatus_to_exitcode(status))
 """

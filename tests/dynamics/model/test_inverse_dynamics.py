@@ -107,7 +107,7 @@ def test_the_mass_matrix_agrees_with_pinocchio(
 
 @pytest.mark.parametrize("coupling", [None, WRIST], ids=["plain", "coupled"])
 def test_the_mass_matrix_contains_rotors_and_armatures_but_no_payload(ir361, coupling) -> None:
-    """The kinetic energy is v M v / 2 for any drive; friction and spring have none."""
+    """The kinetic energy is v M v / 2 for any drive; friction and spring do not contribute."""
     model = all_terms(ir361, coupling)
     rng = np.random.default_rng(2)
     theta, q, v = rng.standard_normal(len(model.parameter_names)), *rng.standard_normal((2, 4, 3))

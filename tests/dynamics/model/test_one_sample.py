@@ -36,7 +36,7 @@ def assert_same_torque(model: RobotModel, motion: np.ndarray, seed: int) -> None
 
 @pytest.mark.parametrize("name", ["ir361", "kr15", "ur10e"])
 def test_the_torque_of_bundled_robots_agrees(name: str, random_motion: Motions) -> None:
-    """They have rotors on links, a spring and a coupled wrist."""
+    """The robots have rotors on links, a spring and a coupled wrist."""
     robot = load_robot(name)
     assert_same_torque(RobotModel.from_description(robot), random_motion(len(robot.joints), 3), 4)
 

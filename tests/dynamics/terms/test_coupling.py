@@ -94,7 +94,7 @@ def test_the_base_wrench_of_coupled_rotors_agrees_with_bodies(
 def test_torques_obey_lagranges_equations_in_the_actuators_coordinates(
     random_arm, judge, random_links
 ) -> None:
-    """d/dt dL/d(alpha.) - dL/d(alpha), L from Pinocchio's energies, by central differences."""
+    """Compare with d/dt dL/d(alpha.) - dL/d(alpha), by differences of Pinocchio's energies."""
     robot = with_coupling(random_arm(3, 8, "RPR"), 8)
     matrix = np.array(robot.coupling)
     links, polar = random_links(3, 8), np.array([0.02, 0.05, 0.03])
@@ -143,7 +143,7 @@ class TestWristOfTheThesis:
     def test_the_links_columns_are_multiplied_by_the_transposed_coupling(
         self, model, ir361, random_motion
     ) -> None:
-        """(5.18), (5.19) for the columns of the links."""
+        """Check equations (5.18) and (5.19) for the columns of the links."""
         q, v, a = random_motion(3, 0)
         uncoupled = regressor(RobotModel.from_description(ir361), q, v, a)[:, :, :30]
         expected = np.einsum("ji,sjp->sip", np.array(self.COUPLING), uncoupled)

@@ -18,7 +18,7 @@ ALL_TERMS = ("coulomb", "viscous", "offset", "cubic", "cube_root")
 
 @pytest.fixture
 def robot(ir361):
-    """Axis 1 with every term, axis 2 prismatic with one, axis 3 without."""
+    """Axis 1 has all friction terms, axis 2 (prismatic) has one, axis 3 has none."""
     chosen = (ALL_TERMS, ("viscous",), ())
     kinds = ("revolute", "prismatic", "revolute")
     joints = tuple(
@@ -117,7 +117,7 @@ class TestAsymmetric:
         assert names == ("fcp_axis1", "fcn_axis1", "fv_axis1")
 
     def test_asymmetric_friction_equals_coulomb_friction_with_an_offset(self, ir361) -> None:
-        """As derived in theory, section 4, with and without smoothing."""
+        """Compare as derived in docs/theory.md, section 4, with and without smoothing."""
         speed = np.array([-1.0, -0.01, -1e-3, 1e-3, 0.02, 1.0])
         for smoothing in (0.0, 0.02):
             options = {"sign_smoothing_rad_s": smoothing}

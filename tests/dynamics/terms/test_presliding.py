@@ -12,10 +12,10 @@ from config.errors import EstimationError
 from config.load import load_robot
 from config.robot.friction_terms import FrictionTerm
 from dynamics.kernels.presliding import (
-    AT_ONCE,
     DIRECTION,
     FOUND,
     KNOWN,
+    RIGID_SLIP,
     STATE,
     drive_presliding,
     initial_state,
@@ -97,8 +97,8 @@ def test_a_joint_slides_fully_one_distance_after_rest_and_two_after_a_reversal()
 
 
 def test_the_rigid_fraction_changes_at_once() -> None:
-    turned = direction(np.array([0.0, 2.0 * D, 2.0 * D - 2.0 * AT_ONCE, D]), share=0.25)
-    whole = direction(np.array([0.0, 2.0 * D, 2.0 * D - 2.0 * AT_ONCE, D]))[:, DIRECTION]
+    turned = direction(np.array([0.0, 2.0 * D, 2.0 * D - 2.0 * RIGID_SLIP, D]), share=0.25)
+    whole = direction(np.array([0.0, 2.0 * D, 2.0 * D - 2.0 * RIGID_SLIP, D]))[:, DIRECTION]
     np.testing.assert_allclose(turned[1, DIRECTION], 1.0)
     np.testing.assert_allclose(turned[2:, DIRECTION], 0.25 * whole[2:] - 0.75)
 
@@ -107,8 +107,8 @@ def test_the_rigid_fraction_is_unknown_up_to_its_own_distance() -> None:
     path = 1e-6 * np.arange(40.0)
     out = np.empty((len(path), FOUND))
     drive_presliding(path, 1e-6, 0.5, initial_state(), out)
-    assert not out[path < 1.99 * AT_ONCE, KNOWN].any()
-    assert out[path > 2.01 * AT_ONCE, KNOWN].all()
+    assert not out[path < 1.99 * RIGID_SLIP, KNOWN].any()
+    assert out[path > 2.01 * RIGID_SLIP, KNOWN].all()
 
 
 TERMS: tuple[tuple[FrictionTerm, ...], ...] = (

@@ -99,7 +99,7 @@ class TestAppendixD:
 
 
 def test_a_motor_on_the_base_acts_on_it_without_its_gear_ratio(ir361, random_motion) -> None:
-    """Rotor 1 spins about -z of the base at mu q.: the base supplies that momentum only."""
+    """Rotor 1 spins about -z of the base at mu q.: the base supplies only this momentum."""
     q, v, a = random_motion(3, 1)
     model = with_rotors(ir361)
     wrench = base_wrench_regressor(model, q, v, a)[:, :, model.parameter_names.index("Im1")]

@@ -39,7 +39,7 @@ def test_the_torque_is_the_derivative_of_the_springs_energy(model, ir361) -> Non
 
 
 def test_the_stiffness_column_is_collinear_with_the_gravity_of_link_2(model) -> None:
-    """So the two merge into one parameter, grav1 = l r k - g b2z (3.38)."""
+    """Therefore stiffness and gravity merge into one parameter, grav1 = l r k - g b2z (3.38)."""
     q = np.zeros((7, 3))
     q[:, 1] = np.linspace(-1.4, 1.0, 7)
     phi = regressor(model, q, 0 * q, 0 * q)[:, 1]
@@ -77,7 +77,7 @@ def test_an_invalid_spring_is_refused(ir361) -> None:
 
 
 class TestFourierForm:
-    """(3.37): three harmonics of the angle replace the unknown distances."""
+    """Equation (3.37): three harmonics of the angle replace the unknown distances l and r."""
 
     @pytest.fixture
     def model(self, ir361) -> RobotModel:

@@ -89,7 +89,7 @@ def test_a_motion_of_all_joints_leaves_fewer_weak_parameters(
 
 
 def test_a_presliding_share_at_its_bound_is_reported_with_the_term_to_remove() -> None:
-    """The finding names the term `presliding` if the data show no presliding, else its share."""
+    """The finding names `presliding` if the data show none, and `presliding_share` otherwise."""
     way = motion(20.0, 1)
     for gives_way, term in ((False, "presliding"), (True, "presliding_share")):
         directions = {1: iwan(way[0][:, 1], 0.01)} if gives_way else {}
@@ -112,7 +112,7 @@ def stribeck(start_rad_s: float) -> RobotDescription:
 
 @pytest.mark.parametrize("start_rad_s", [0.1, 0.4, 10.0])
 def test_a_start_value_that_the_data_do_not_change_is_not_an_estimate(start_rad_s: float) -> None:
-    # No Stribeck friction: the data do not determine the final speed.
+    # The arm has no Stribeck friction: the data do not determine the Stribeck speed.
     estimate = estimate_from_sines((0.4, 0.4, 0.4), stribeck(start_rad_s), {"fs_axis2": 0.0})
     assert estimate.nonlinear_unseen == ("vs_axis2",)
     assert [each.split()[0] for each in unseen_findings(estimate)] == ["vs_axis2"]

@@ -95,7 +95,7 @@ def test_a_weighed_load_determines_the_drive_gains(
     assert np.abs((gains.values - TRUE_GAINS) / gains.sigma).max() < 2.5
     assert gains.sigma.max() < 0.05
     assert gains.wrong[:2] == (True, True)
-    assert "multiply its torque constant by it" in gains.sentences()[0]
+    assert "multiply the joint's torque constant by this factor" in gains.sentences()[0]
 
 
 def test_least_squares_and_total_least_squares_have_larger_errors(

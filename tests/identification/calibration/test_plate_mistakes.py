@@ -63,7 +63,7 @@ def fit(average: PeriodAverage, arm: KnownArm) -> Fit:
 
 @pytest.fixture(scope="module")
 def find_mistake(average: PeriodAverage, arm: KnownArm) -> Described:
-    """Find the mistake from equations before delays are estimated: a fit may refuse its delay."""
+    """Find the mistake from equations without estimated delays: a fit may refuse such delays."""
 
     def found(kind: ModelKind, channels: Channels = _as_they_are, **stated: object) -> PlateMistake:
         averages, plate = _described(average, channels, **stated)

@@ -111,7 +111,7 @@ def test_a_check_that_is_impossible_states_its_reason(arm: KnownArm, measure: Me
 
 @pytest.mark.parametrize("late_s", [0.006, -0.004])
 def test_a_delayed_torque_gives_no_false_alarm(late_s: float) -> None:
-    """Columns of the joint equations have the same delay; energies and simulations are skipped."""
+    """The joint equations include the delay; checks by energy and simulation are skipped."""
     way = motion(40.0, 3)
     channel = TorqueChannel.of_delays(np.full(3, late_s), np.full(3, 1e-5))
     on_time = written({}, way)

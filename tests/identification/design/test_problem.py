@@ -55,7 +55,7 @@ def test_the_problems_gradient_agrees_with_central_differences(problem, criterio
 
 def test_a_motion_within_every_limit_has_no_penalty(problem) -> None:
     x = 0.1 * problem.start(0)
-    x.reshape(6, -1)[:, 0] *= 10.0  # the pose is kept, only the motion is reduced
+    x.reshape(6, -1)[:, 0] *= 10.0  # keep the mean pose and reduce only the amplitudes
     none = problem.no_shifts()
     assert problem.value(x, 1e6, none)[0] == pytest.approx(problem.value(x, 0.0, none)[0])
     for shift in problem.next_shifts(x, none):

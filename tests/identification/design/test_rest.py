@@ -77,7 +77,7 @@ def test_a_weak_arm_starts_and_moves_where_its_motor_can_hold_it() -> None:
 
 
 def test_a_rare_feasible_pose_is_found_by_descent() -> None:
-    """The motor holds 1/50 of the weight: few random poses are close enough to hanging."""
+    """The motor can hold the arm only near hanging; few random poses are near enough."""
     robot = swinging_arm(0.004 * WEIGHT_NM)
     task = problem(robot)
     pose = task.motion(task.start(1), task._coarse)[0].mean(axis=0)
@@ -123,7 +123,7 @@ def test_a_motion_between_bodies_is_reduced_until_it_is_free() -> None:
 
 def test_fewer_harmonics_are_tried_before_longer_periods() -> None:
     task = problem(swinging_arm(WEIGHT_NM))
-    said = [words for words, _ in easier_problems(task)]
-    assert said == ["2 harmonics", "2 harmonics of 10 s", "2 harmonics of 20 s"]
-    said = [words for words, _ in easier_problems(replace(task, harmonics=2))]
-    assert said == ["2 harmonics of 10 s", "2 harmonics of 20 s"]
+    changes = [words for words, _ in easier_problems(task)]
+    assert changes == ["2 harmonics", "2 harmonics of 10 s", "2 harmonics of 20 s"]
+    changes = [words for words, _ in easier_problems(replace(task, harmonics=2))]
+    assert changes == ["2 harmonics of 10 s", "2 harmonics of 20 s"]

@@ -49,7 +49,7 @@ def refined(problem):
 
 @pytest.mark.parametrize("acceleration", [100.0, 2.0], ids=["by range", "by acceleration"])
 def test_one_axis_and_one_harmonic_reach_the_closed_form(acceleration: float) -> None:
-    """A turntable with viscous friction depends on mean a^2 and v^2 of the largest sine only."""
+    """For a turntable with viscous friction, only the mean a^2 and v^2 of the sine matter."""
     limits = JointLimits(
         position_min=-1.0, position_max=1.0, velocity=50.0, acceleration=acceleration, torque=10.0
     )

@@ -136,7 +136,9 @@ def test_torque_near_standstill_is_free_and_the_time_counted(pendulum: RobotMode
     equations = equations_of(pendulum, average, standstill_rad_s=0.1)
     share = 2.0 * np.arcsin(0.1 / np.pi) / np.pi
     assert equations.left_out_fraction[0] == pytest.approx(share, abs=0.003)
-    assert equations.free[0].shape[1] >= 4  # two passages, at least two parts each
+    assert (
+        equations.free[0].shape[1] >= 4
+    )  # two passages through standstill, at least two free parts each
     # The constant column sums up to the free time.
     assert equations.free[0][0].sum() == pytest.approx(share, abs=0.003)
 

@@ -27,8 +27,8 @@ def test_a_delay_of_87_ms_is_removed_and_reported() -> None:
     np.testing.assert_array_equal(kept.delay_s, [0.004, 0.0])
     np.testing.assert_array_equal(kept.delay_sigma_s, [0.001, 0.0])
     np.testing.assert_array_equal(refused_s, [0.0, -0.087])
-    (said,) = refused_delay_findings(("a", "b"), refused_s.tolist())
-    assert "b seems to be 87 ms early" in said
+    (finding,) = refused_delay_findings(("a", "b"), refused_s.tolist())
+    assert "b seems to be 87 ms early" in finding
 
 
 @given(st.floats(-0.2, 0.2), st.floats(1e-4, 0.05))

@@ -219,7 +219,7 @@ class TestImprovement:
     def test_no_parameter_is_less_certain_with_both_models(
         self, arm: KnownArm, recordings: list[Recording]
     ) -> None:
-        """The result of table 4.1."""
+        """Table 4.1 of the thesis has the same result."""
         found = improvement(fit_recording(arm, recordings[0]))
         assert len(found.parameters) == 23 + 9
         for parameter in found.parameters:
@@ -252,7 +252,7 @@ class TestImprovement:
         self, arm: KnownArm, recordings: list[Recording]
     ) -> None:
         sentence = improvement(fit_recording(arm, recordings[0])).sentence
-        assert "the determinant of the 12 shared ones" in sentence
+        assert "of the 12 parameters that torques and plate each determine" in sentence
 
 
 class TestTorqueConstants:

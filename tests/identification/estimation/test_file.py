@@ -206,12 +206,12 @@ def test_a_changed_model_causes_only_our_errors(
     document = json.loads(path.read_text())
     where = places(document)[1:]
     path.write_bytes(changed(document, where[number % len(where)], nasty))
-    said = str(path)
+    message = str(path)
     try:
         read_estimate(path)
     except ConfigError as error:
-        said = str(error)
-    assert said.startswith(str(path))
+        message = str(error)
+    assert message.startswith(str(path))
 
 
 @dataclass(frozen=True)

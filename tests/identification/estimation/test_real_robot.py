@@ -50,8 +50,7 @@ def test_a_model_of_one_motion_predicts_another(long_run: Estimate, read: Read) 
     other = read("20_01_17-ptp_10_points", 700, 4200)
     result = validate_torques(long_run, other, cutoff_hz=CUTOFF_HZ, limits_percent=LIMITS_PERCENT)
     assert result.passed, result.relative_percent
-    # Joint 6 is at rest for half of the time, in stiction: that error is no error of the
-    # model.
+    # Joint 6 is at rest in stiction for half of the time; this error is not counted.
     assert result.counted_fraction[5] < 0.6
     assert result.all_samples_percent[5] > 30.0
 
@@ -66,7 +65,7 @@ def test_two_motions_agree_within_their_intervals(long_run: Estimate, short_run:
 def test_presliding_hysteresis_predicts_the_holding_torque_at_rest(
     long_run: Estimate, read: Read
 ) -> None:
-    """The last wrist joint is at rest for half of the other motion, held by friction."""
+    """Friction holds the last wrist joint at rest for half of the validation motion."""
     robot = load_robot("ur10e")
     friction = ("coulomb", "viscous", "offset", "presliding")
     partly = {"friction": friction, "presliding_distance": 1e-3, "presliding_share": 0.5}
@@ -79,8 +78,10 @@ def test_presliding_hysteresis_predicts_the_holding_torque_at_rest(
     assert np.all((distances > 7e-4) & (distances < 2.5e-3)), distances
     assert np.all((shares > 0.3) & (shares < 0.6)), "half of the friction is rigid"
     assert np.all(found > 5.0 * sigma)
-    assert np.all(estimate.left_out_fraction[3:] < 0.06), "only the middle of pauses counts"
-    # Rest and reversals count here, but not in the other.
+    assert np.all(estimate.left_out_fraction[3:] < 0.06), (
+        "more than the middle of each pause is left out"
+    )
+    # This residual includes rest and reversals; that of `long_run` does not.
     assert np.all(estimate.residual_nm[3:] < 1.25 * long_run.residual_nm[3:])
     other = read("20_01_17-ptp_10_points", 700, 4200)
     result = validate_torques(estimate, other, cutoff_hz=CUTOFF_HZ, limits_percent=LIMITS_PERCENT)

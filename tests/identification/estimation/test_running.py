@@ -60,9 +60,7 @@ def test_more_periods_reduce_the_error(arm: KnownArm, measure: Measure) -> None:
         now = running.current_values()
         sigma.append(np.median(now.sigma))
         error.append(np.sqrt(np.mean(((now.values - arm.base) / now.sigma) ** 2)))
-    assert len(running.stretches) == 5, (
-        "one stretch per second of the period: the number does not grow"
-    )
+    assert len(running.stretches) == 5, "the number of stretches grows with the number of periods"
     assert sigma[15] < 0.5 * sigma[0]
     assert max(error[1:]) < 3.0
 

@@ -175,7 +175,7 @@ class TestNonlinearParameters:
             found = fit_smoothed(arm, [signals], EstimationOptions(model=options)).estimate()
             assert found.options.nonlinear is not None
             off = np.abs(np.array(found.options.nonlinear) - shape) / found.nonlinear_sigma
-            # The first axis is vertical: it carries no gravity, so that its data show little.
+            # Skip axis 1: it is vertical; without gravity its data hardly show losses.
             assert (off[1:] < 3.0).all()
             assert np.abs(np.array(found.options.nonlinear) - shape)[1:].max() < 0.02
 

@@ -236,7 +236,7 @@ def test_the_pinocchio_file_builds_the_robot_with_its_armatures(tmp_path: Path) 
 
 
 def test_a_motor_on_its_moved_link_is_counted_with_both_speeds() -> None:
-    # (D.27): tau2 = I (1 + mu)^2 a2, of which I itself is part of the link's inertia.
+    # (D.27): tau2 = I (1 + mu)^2 a2; the link's inertia already contains I.
     robot = random_robot(1, "RR")
     rotor = Rotor(link=2, axis=(0.0, 0.0, 1.0))
     joints = (robot.joints[0], replace_fields(robot.joints[1], rotor=rotor, gear_ratio=100.0))
@@ -247,7 +247,7 @@ def test_a_motor_on_its_moved_link_is_counted_with_both_speeds() -> None:
 
 
 def test_signs_and_frames_of_an_inertia_agree_with_values_by_hand() -> None:
-    # One link that rotates about its own z; its numbers are written by hand.
+    # One link that rotates about its z axis; the expected values are computed by hand.
     robot = random_robot(0, "R")
     mass, centre, (xx, xy, xz, yy, yz, zz) = GOLDEN
     x, y, z = centre
@@ -262,7 +262,7 @@ def test_signs_and_frames_of_an_inertia_agree_with_values_by_hand() -> None:
     origin = child_of(link, "origin")
     assert origin.get("rpy") == "0 0 0"
     written = [float(word) for word in origin.attrib["xyz"].split()]
-    assert written == pytest.approx(centre)  # the centre of gravity, not the axis
+    assert written == pytest.approx(centre)  # the origin is the centre of gravity and not the axis
     inertia = {key: float(value) for key, value in child_of(link, "inertia").attrib.items()}
     assert inertia == pytest.approx(
         {"ixx": 0.4, "ixy": 0.03, "ixz": -0.02, "iyy": 0.5, "iyz": 0.05, "izz": 0.6}
@@ -285,7 +285,7 @@ def test_nonlinear_friction_is_exported_as_the_best_line_with_a_note() -> None:
     assert (straight.friction, straight.damping) == pytest.approx(tuple(nearest))
     assert straight.offset == pytest.approx(model.of("fo_j1"))
     head = urdf(model).partition("<robot")[0]
-    assert "friction of j1 is a line through the model's cube root" in head
+    assert "the curve of the friction of j1 (cube root): the file has a straight line" in head
     assert "constant part of the friction of j1" in head
     assert "friction of j2" not in head
 

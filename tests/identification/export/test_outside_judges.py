@@ -86,9 +86,9 @@ def test_mujoco_computes_the_same_torques_from_the_urdf(model: ExportModel) -> N
 
 
 def has_libsdformat() -> bool:
-    asked = ["pkg-config", "--exists", "sdformat12"]
+    command = ["pkg-config", "--exists", "sdformat12"]
     tools = shutil.which("c++") and shutil.which("pkg-config")
-    return bool(tools) and subprocess.run(asked, check=False).returncode == 0
+    return bool(tools) and subprocess.run(command, check=False).returncode == 0
 
 
 @pytest.mark.skipif(not has_libsdformat(), reason="libsdformat-dev is not installed")
@@ -96,8 +96,8 @@ def test_libsdformat_accepts_the_sdf(tmp_path: Path) -> None:
     model = with_bodies(random_robot(4, "RPR"), 4)
     (tmp_path / "listing.cc").write_text(LISTING)
     (tmp_path / "arm.sdf").write_text(sdf(model))
-    asked = ["pkg-config", "--cflags", "--libs", "sdformat12"]
-    flags = subprocess.run(asked, capture_output=True, text=True, check=True).stdout.split()
+    command = ["pkg-config", "--cflags", "--libs", "sdformat12"]
+    flags = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
     program = str(tmp_path / "listing")
     subprocess.run(
         ["c++", "-std=c++17", str(tmp_path / "listing.cc"), "-o", program, *flags], check=True

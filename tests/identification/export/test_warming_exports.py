@@ -124,13 +124,13 @@ def test_descriptions_state_that_their_friction_is_for_a_cold_robot(
 ) -> None:
     text = write(ExportModel.consistent(consistent(warming)))
     assert (
-        "the change of the friction of axis1 as it warms up (time constant 60 s): the file has that"
-        " of a cold robot" in text
+        "the change of the friction of axis1 as it warms up (time constant 60 s): the file contains"
+        " the friction of a cold robot" in text
     )
     measured = consistent(by_temperature(cell, measured=True))
     text = write(ExportModel.consistent(measured))
     assert (
-        "the change of the friction of axis1 with its drive's temperature: the file has that at"
-        " 298.15 K" in text
+        "the change of the friction of axis1 with its drive's temperature: the file has the"
+        " friction at 298.15 K" in text
     )
-    assert "a line through the model's temperature" not in text
+    assert "(temperature): the file has a straight line" not in text

@@ -1,4 +1,4 @@
-"""Suggestion of a friction term that the robot has and its file lacks, from held-out data."""
+"""Suggestion of friction terms that the robot has and its file lacks, from held-out data."""
 
 from __future__ import annotations
 

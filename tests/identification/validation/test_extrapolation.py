@@ -36,8 +36,8 @@ def test_positions_inside_the_range_are_no_extrapolation(fourier: Estimate) -> N
 
 
 def test_positions_outside_the_range_are_reported_with_their_joint(fourier: Estimate) -> None:
-    (said,) = extrapolation_findings(fourier, 2.0 * motion(20.0, 1)[0])
-    assert "axis2" in said
+    (finding,) = extrapolation_findings(fourier, 2.0 * motion(20.0, 1)[0])
+    assert "axis2" in finding
 
 
 def test_a_physical_spring_can_be_extrapolated(fourier: Estimate) -> None:

@@ -62,10 +62,10 @@ THIN: Terms = ("coulomb", ("shear_thinning", 0.5))
 
 @dataclass(frozen=True, eq=False)
 class HiddenByLinks(Grams):
-    """Two joints of which the first one's term lowers the error of the second one only.
+    """Two joints: a term of the first joint lowers only the error of the second joint.
 
     Attributes:
-        sigmas: The term's value divided by its standard deviation.
+        sigmas: Estimate of the term divided by its standard deviation.
     """
 
     sigmas: float = 0.0

@@ -32,7 +32,7 @@ def test_a_true_model_leaves_only_noise(arm: KnownArm, measure: Callable[..., Re
     assert comparison.residual_spectrum_nm.shape == (bins, 3)
 
     error = comparison.measured_nm - comparison.predicted_nm
-    # The spectrum has the same energy as the signal over time.
+    # Parseval: the spectrum has the same energy as the signal.
     for signal, spectrum in (
         (error, comparison.residual_spectrum_nm),
         (comparison.measured_nm, comparison.measured_spectrum_nm),
@@ -67,11 +67,11 @@ def test_the_prediction_includes_gear_losses(
     signals = period_signals(average, 10.0)
     motion = (signals.position, signals.velocity, signals.acceleration)
     rows = slice(0, average.samples_per_period)
-    told, without = (
+    lossy_torque, lossless_torque = (
         from_bins(to_bins(predict(each, *motion)[rows], 50), len(drawn))
         for each in (lossy, estimate)
     )
-    assert np.std(drawn - told) < 0.1 * np.std(told - without)
+    assert np.std(drawn - lossy_torque) < 0.1 * np.std(lossy_torque - lossless_torque)
 
 
 def test_the_fitted_torque_leaves_the_residual_of_the_estimate(
@@ -87,7 +87,7 @@ def test_the_fitted_torque_leaves_the_residual_of_the_estimate(
     )
     assert (estimate.left_out_fraction > 0.0).any()
     resting = np.where(comparison.counted, 0.0, left)
-    assert np.sum(resting**2) < 0.1 * np.sum(left**2)  # the torque is free there
+    assert np.sum(resting**2) < 0.1 * np.sum(left**2)  # the fit leaves the torque free at rest
 
 
 def test_the_figure_states_the_rms_of_its_counted_samples(

@@ -86,7 +86,7 @@ def test_the_residual_of_wrong_friction_is_not_a_delay(
 def test_a_delay_beyond_a_quarter_of_the_shortest_period_is_rejected(
     cell: LoadedCell, sticking: Recording
 ) -> None:
-    """The band ends at 10 Hz; 96 ms are a whole period at that frequency."""
+    """The band ends at 10 Hz, with a period of 100 ms; 96 and -40 ms exceed a quarter of it."""
     average = average_periods(late(sticking, (96.0, -40.0, 4.0)))
     channel = choose_period_delays(robot_of(cell), [average])
     assert np.all(channel.delay_s[:2] == 0.0)
@@ -159,5 +159,5 @@ def test_torque_at_reversals_is_free_over_the_presliding_distance(
         if distance is None:
             np.testing.assert_array_equal(shares[0], fitted.equations[0].left_out_fraction)
     assert np.all(np.diff(shares, axis=0) > 0.0)
-    # Twice the longest distance, at the speed of a reversal
+    # Time for twice the longest distance at the speed of a reversal
     assert np.all(shares[2] < 0.2)

@@ -8,7 +8,7 @@ import pytest
 from acquisition.processing.smoothing import SmoothedSignals
 from config.arrays import FloatArray
 from config.errors import EstimationError
-from dynamics.kernels.presliding import AT_ONCE
+from dynamics.kernels.presliding import RIGID_SLIP
 from identification.estimation.estimate import Estimate
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.validation.presliding_choice import PreslidingChoice, choose_presliding
@@ -34,7 +34,7 @@ EXPERIMENTS = [
 
 @pytest.fixture(scope="module")
 def choice() -> PreslidingChoice:
-    """Axis 2 has Iwan presliding, axis 3 follows Dahl's law, axis 1 slides at once."""
+    """Axis 1 has rigid friction, axis 2 Iwan presliding, axis 3 Dahl presliding."""
     q = WAY[0]
     directions = {1: iwan(q[:, 1], DISTANCE), 2: dahl(q[:, 2], DISTANCE / 3.0)}
     return choose_presliding(arm(), [recording(directions, WAY)])
@@ -61,12 +61,12 @@ def test_the_presliding_fraction_is_1_without_evidence_for_rigid_friction(
     choice: PreslidingChoice,
 ) -> None:
     assert choice.shares[:2] == (1.0, 1.0)
-    assert choice.shares[2] > 0.9, "Dahl's law is steeper at first"
+    assert choice.shares[2] > 0.9, "below 1, because Dahl's law is steeper near the reversal"
 
 
 def partial_presliding(q: FloatArray, share: float) -> FloatArray:
-    """Return the friction direction of a joint with a presliding share."""
-    return share * iwan(q, DISTANCE) + (1.0 - share) * iwan(q, AT_ONCE, elements=1)
+    """Return the friction direction of a joint with the presliding fraction `share`."""
+    return share * iwan(q, DISTANCE) + (1.0 - share) * iwan(q, RIGID_SLIP, elements=1)
 
 
 def test_a_rigid_fraction_of_friction_is_recovered() -> None:

@@ -74,8 +74,8 @@ def test_an_exceeded_limit_fails_the_run(identified: Estimate, other_run: Record
 def test_the_lag_of_the_anti_alias_filter_is_compensated(
     identified: Estimate, other_run: Recording, validation: Validation
 ) -> None:
-    believed = validate_torques(identified, replace(other_run, torque_filter=None))
-    assert (believed.rms_nm > 3.0 * validation.rms_nm).all()
+    without_filter = validate_torques(identified, replace(other_run, torque_filter=None))
+    assert (without_filter.rms_nm > 3.0 * validation.rms_nm).all()
 
 
 def test_the_noise_floor_is_the_noise_within_the_band(
@@ -85,7 +85,7 @@ def test_the_noise_floor_is_the_noise_within_the_band(
         identified, other_run, cutoff_hz=10.0, noise_nm=np.array([1.0, 2.0, 3.0])
     )
     assert result.noise_nm is not None
-    # 10 Hz of the 62.5 Hz over which white noise is spread
+    # the cut-off keeps 10 Hz of the 62.5 Hz of the white noise
     np.testing.assert_allclose(result.noise_nm, np.sqrt(0.16) * np.array([1.0, 2.0, 3.0]))
 
 

@@ -69,7 +69,7 @@ def test_exactly_the_warming_joints_are_found(found: Warming) -> None:
 def test_the_time_constant_includes_the_feedback_of_falling_friction(
     found: Warming, warm: SmoothedSignals
 ) -> None:
-    """With heat P (1 - k x), a rise x settles 1 + k P R times faster than the motor alone."""
+    """With heat P (1 - k x), a temperature rise x settles 1 + k P R times faster than without k."""
     factor = settled_factor(warm, TIME_CONSTANTS_S)
     for joint in (0, 2):
         own = TIME_CONSTANTS_S[joint]

@@ -188,7 +188,7 @@ def test_proposals_keep_the_limits_of_the_robot_file(arm: WiredSignals) -> None:
 def test_a_common_factor_of_torques_must_keep_their_limits(
     arm: WiredSignals, times: float, found: tuple[float, ...]
 ) -> None:
-    """Axis 2 is at 0.9 of its limit: no motor has 5 times that torque."""
+    """Axis 2 uses 0.9 of its torque limit: a factor of 5 would exceed the limit."""
     links = tuple(
         link.model_copy(update={"mass_kg": times * link.mass_kg}) for link in arm.robot.cad or ()
     )
@@ -201,7 +201,7 @@ def test_a_common_factor_of_torques_must_keep_their_limits(
 
 
 def test_a_small_motion_does_not_determine_the_weight(arm: WiredSignals) -> None:
-    """The main axes move by 3°, as in payload sessions; the friction has terms unknown here."""
+    """The main axes move by 3°, as in payload sessions; the fit lacks some friction terms."""
     middle = arm.position.mean(axis=0)
     reach = np.array([0.02, 0.02, 0.02, 0.3, 0.3, 0.3])
     q = middle + reach * (arm.position - middle)

@@ -72,7 +72,7 @@ def test_the_file_of_a_kuka_fails_on_held_out_parts_of_a_ur10e(
 def test_no_torque_factor_is_proposed_if_the_estimated_weight_is_noise(
     real_robot: Path,
 ) -> None:
-    """With another robot's file the weight is zero within its noise; its inverse is no factor."""
+    """With another robot's file the weight is zero within its noise, so 1 / weight is no factor."""
     signals = of_ur10e(real_robot, "ur-20_02_10-30sec_12harm", 635, 1500)
     other = {"kinematics": load_robot("kr15").kinematics, "cad": None}
     robot = signals.robot.model_copy(update=other)

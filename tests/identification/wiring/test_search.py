@@ -36,7 +36,7 @@ def arm() -> WiredSignals:
 def with_mistake(
     arm: WiredSignals, kind: MistakeKind, *joints: int, factor: float | None = None
 ) -> WiredSignals:
-    """Return signals with a mistake that reversing it on these joints (from 0) corrects."""
+    """Return signals with a mistake of the given kind on the given joints (counted from 0)."""
     return mistake_of(arm, kind, *joints, factor=factor).corrected(arm)
 
 

@@ -75,7 +75,8 @@ class TestDriver:
         reading = monitor(config, workshop, units=(1, 77, 9)).read()
         assert reading.temperature_k[[0, 2]].tolist() == pytest.approx([293.15, 373.15])
         (problem,) = reading.problems
-        why = "exception 11: it does not answer its gateway" if kind == "tcp" else "no answer"
+        gateway = "exception 11: the drive does not answer the gateway"
+        why = gateway if kind == "tcp" else "no answer"
         assert "unit 77" in problem
         assert why in problem
 

@@ -243,7 +243,7 @@ def test_check_reads_every_drive_without_motion(
     ]  # fmt: skip
     assert all(line["required"] == line["found"] == "3" for line in watchdogs)
     whats = {line["what"]: line["verdict"] for line in told["lines"]}
-    assert whats["reaction without this computer after"] == "ok"
+    assert whats["reaction time if this computer fails"] == "ok"
     assert whats["drive heartbeat loss detected after"] == "ok"
     assert whats["writing to disk"] == "ok"
     assert whats["date"] == "ok"

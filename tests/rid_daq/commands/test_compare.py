@@ -117,7 +117,7 @@ def test_a_change_gives_an_exit_code_and_a_sentence(
     said = capsys.readouterr().out
     assert "differ: fc_axis2 by" in said
     assert said.count("Torque errors on run") == 1
-    assert "by dry (identified from it) [%]" in said
+    assert "by dry (identified from this run) [%]" in said
 
 
 @pytest.mark.usefixtures("monday")

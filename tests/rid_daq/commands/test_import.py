@@ -82,9 +82,9 @@ def shift_by_half_turn(table: np.ndarray) -> None:
 @pytest.mark.parametrize(
     ("mistake", "change", "said"),
     [
-        ("stamps doubled", doubled(10), r"80 with a doubled time stamp.*too coarse for the rows"),
+        ("stamps doubled", doubled(10), r"80 with a repeated time stamp.*too coarse for the rows"),
         ("degrees", times(slice(1, 5), 57.3), r"probably in degrees: put `units: \{position: deg"),
-        ("motor side", times(slice(1, 5), 100.0), r"those of the motors: put `side: motor`"),
+        ("motor side", times(slice(1, 5), 100.0), r"measured at the motors: put `side: motor`"),
         ("zero elsewhere", shift_by_half_turn, r"set zero_offset of b in the map"),
         ("torque constant", times(6, 60.0), r"torques of b reach 240, but the robot file's limit"),
     ],
@@ -129,8 +129,8 @@ def test_omitted_rows_are_counted_by_reason_and_the_map_sets_their_limit(
 ) -> None:
     imported = import_changed(doubled(10), left_out_limit=0.1)
     assert imported.code == 0
-    assert imported.left_out == {"with a doubled time stamp": 80}
-    assert "80 with a doubled time stamp" in Path(imported.report).read_text()
+    assert imported.left_out == {"with a repeated time stamp": 80}
+    assert "80 with a repeated time stamp" in Path(imported.report).read_text()
 
 
 def test_each_range_of_rows_becomes_a_run(import_changed: Callable[..., SimpleNamespace]) -> None:

@@ -71,8 +71,8 @@ def test_a_short_recording_gives_wide_intervals_and_a_finding(
     assert code in (0, 6)
     said = [each for each in document["estimate"]["findings"] if "only 9 seconds of motion" in each]
     assert said == [
-        "The intervals are computed from only 9 seconds of motion. They are 1.2 times wider for"
-        " this reason, and rough: record longer (30 are enough)."
+        "The intervals are inaccurate, because they are computed from only 9 seconds of motion."
+        " They were made 1.2 times wider to allow for this. Record longer (30 are enough)."
     ]
 
 
@@ -167,14 +167,14 @@ def test_the_recording_without_a_mistake_has_no_findings(
 @pytest.mark.parametrize(
     "name",
     [
-        "axis 2: turns the other way",
+        "axis 2: position and torque backwards",
         "axis 2: position backwards",
         "axis 2: position times 2",
         "axis 3: position times 0.5",
         "axis 2: torque times 0.5",
         "axis 2: torque times 10",
-        "axis 2: zero off by 90 degrees",
-        "axis 2: zero off by 30 degrees",
+        "axis 2: zero position off by 90 degrees",
+        "axis 2: zero position off by 30 degrees",
         "positions: axes 2 and 3 swapped",
         "torques: axes 1 and 2 swapped",
         "columns: axes 2 and 3 swapped",
@@ -183,7 +183,7 @@ def test_the_recording_without_a_mistake_has_no_findings(
         "every row twice",
         "axis 2: torque stuck",
         "the other convention",
-        "a coupling that is not there",
+        "a wrist coupling that the robot does not have",
         "a link in mm",
         "gravity in cm",
         "limits in degrees",

@@ -126,7 +126,7 @@ def test_the_section_is_json_and_draws_both_figures(capsys: pytest.CaptureFixtur
         ratio = np.array(measured.magnitude)[inside] / modelled[inside]
         np.testing.assert_allclose(np.median(ratio), 1.0, atol=0.1)
         svg = plot_svg(bode_plot(axis), f"b{number}")
-        for words in ("odd distortion", "even distortion", "frequency [Hz]", "σ by noise"):
+        for words in ("odd distortion", "even distortion", "frequency [Hz]", "σ from noise"):
             assert words in svg
         assert "position loop, measured" in svg
     response = section.axes[0].response

@@ -138,7 +138,7 @@ def test_a_report_contains_only_sections_of_the_latest_model(workshop: Path) -> 
     [
         ("2805", 2, "2805 g would be 2.805 kg"),
         ("2400", 6, "grams were given as kilograms"),
-        ("1.4", 6, "has twice that mass"),
+        ("1.4", 6, "has twice the stated mass"),
     ],
 )
 def test_a_load_mass_that_needs_an_implausible_drive_gain_is_refused(

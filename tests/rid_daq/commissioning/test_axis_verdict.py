@@ -56,7 +56,7 @@ def test_an_encoder_resolution_from_the_cell_file_is_suspected_before_the_gear(
     servo = ServoProfile(encoder_increments=16384.0, velocity_unit=unit)
     # a wrong resolution also scales the velocity command, unless it is in increments
     share = 1.0 if unit == "increments_per_s" else factor
-    wrong = replace(MOTION, command_share=share)
+    wrong = replace(MOTION, command_ratio=share)
     found = problems(ObservedMotion("axis2", -2.05 * factor), wrong, with_servo(servo))
     assert f"servo: encoder_increments: {16384 / factor:.4g} (is 16384)" in found
     assert "gear_ratio" not in found
@@ -65,7 +65,7 @@ def test_an_encoder_resolution_from_the_cell_file_is_suspected_before_the_gear(
 
 @pytest.mark.parametrize("factor", [1e-3, 0.1, 10.0, 60.0])
 def test_a_wrong_velocity_unit_is_named_even_if_the_motion_was_too_short(factor: float) -> None:
-    slow = replace(MOTION, measured=-0.8, command_share=factor)
+    slow = replace(MOTION, measured=-0.8, command_ratio=factor)
     servo = ServoProfile(velocity_units=0.1)
     found = problems(ObservedMotion("axis2", -0.87), slow, with_servo(servo))
     assert f"velocity_units: {0.1 * factor:.4g} (is 0.1 increments_per_s)" in found
@@ -74,14 +74,14 @@ def test_a_wrong_velocity_unit_is_named_even_if_the_motion_was_too_short(factor:
 
 
 def test_two_wrong_scales_name_all_candidate_keys() -> None:
-    both = replace(MOTION, command_share=10.0)
+    both = replace(MOTION, command_ratio=10.0)
     found = problems(ObservedMotion("axis2", -8.0), both)
     assert all(key in found for key in ("encoder_increments", "velocity_unit", "velocity_units"))
     assert "gear_ratio" not in found
 
 
 def test_a_stuck_encoder_is_named() -> None:
-    dead = replace(MOTION, measured=0.0, counts=0, command_share=math.inf)
+    dead = replace(MOTION, measured=0.0, counts=0, command_ratio=math.inf)
     assert "6064h" in problems(ObservedMotion("axis2", -2.0), dead)
 
 
@@ -100,13 +100,13 @@ def test_counts_without_visible_motion_are_reported() -> None:
 
 
 def test_a_drive_faster_than_commanded_is_reported_with_its_factor() -> None:
-    fast = replace(MOTION, command_share=0.1)
+    fast = replace(MOTION, command_ratio=0.1)
     assert "10 times as fast as commanded" in problems(ObservedMotion("axis2", -2.0), fast)
 
 
 def test_a_drive_that_does_not_follow_is_reported_with_both_distances() -> None:
     stuck = replace(MOTION, measured=-0.3)
-    assert "commanded -2.00°, measured by its drive -0.30°" in problems(
+    assert "commanded -2.00°, measured by the drive -0.30°" in problems(
         ObservedMotion("axis2", -0.3), stuck
     )
 

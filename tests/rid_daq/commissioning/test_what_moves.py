@@ -16,7 +16,7 @@ from acquisition.journal.cycle_row import row_dtype
 from config.arrays import FloatArray
 from config.errors import PreflightError
 from config.load import load_cell
-from rid_daq.commissioning.axis_motion import AxisMotion, travelled_share
+from rid_daq.commissioning.axis_motion import AxisMotion, travelled_fraction
 from rid_daq.commissioning.axis_verdict import ObservedMotion, check_axis_motion
 from rid_daq.commissioning.held_run import HeldRun
 from rid_daq.operations.cell import axis_tester
@@ -164,7 +164,7 @@ def test_an_axis_motion_contains_distance_and_encoder_counts() -> None:
     assert (moved.joint, moved.unit) == ("axis2", "°")
     assert moved.commanded == pytest.approx(2.0)
     assert moved.measured == pytest.approx(2.0)
-    assert moved.command_share == pytest.approx(1.0)
+    assert moved.command_ratio == pytest.approx(1.0)
     assert moved.increments_per_rev == pytest.approx(PER_REV, rel=1e-3)
 
 
@@ -172,7 +172,7 @@ def test_the_command_share_shows_a_drive_that_moves_ten_times_too_far() -> None:
     moved = AxisMotion.of(axis_test_rows(math.radians(20.0), told_rad=math.radians(2.0)), ROBOT, 1)
     assert moved.commanded == pytest.approx(2.0)
     assert moved.measured == pytest.approx(20.0)
-    assert moved.command_share == pytest.approx(0.1)
+    assert moved.command_ratio == pytest.approx(0.1)
 
 
 def test_rows_without_an_answer_are_ignored() -> None:
@@ -193,7 +193,7 @@ def test_the_travelled_share_is_computed_from_the_set_points() -> None:
     start, goal = np.zeros(N), np.zeros(N)
     start[1], goal[1] = 0.3, 0.3 + math.radians(2.0)
     half = axis_test_rows(math.radians(2.0))[:101]
-    assert travelled_share(HoldLine(start, goal, 1.0), half, 1) == pytest.approx(0.5)
+    assert travelled_fraction(HoldLine(start, goal, 1.0), half, 1) == pytest.approx(0.5)
 
 
 def test_the_visible_motion_is_the_largest_one_above_a_tenth_of_a_degree() -> None:

@@ -61,7 +61,7 @@ def test_a_motion_continues_if_the_output_cannot_be_written(
     ("output", "code", "complains"),
     [
         ("| true", 0, ""),
-        ("> /dev/full", 7, "rid-daq: standard output: No space left on device\n"),
+        ("> /dev/full", 7, "rid-daq: cannot write to standard output: No space left on device\n"),
         (">&-", 0, ""),
     ],
 )

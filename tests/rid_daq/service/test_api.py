@@ -112,7 +112,7 @@ def test_a_simulated_cell_is_marked(api: Api) -> None:
     assert told["simulated"] is True
     assert told["pace"] == 20.0
     assert told["state"] == "closed"
-    assert told["not_ready_because"] == "it has had no preflight yet: run the preflight."
+    assert told["not_ready_because"] == "the cell has had no preflight yet: run the preflight."
 
 
 def test_a_job_on_the_cell_needs_its_lease(api: Api) -> None:

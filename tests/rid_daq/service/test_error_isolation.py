@@ -103,7 +103,8 @@ def test_a_job_that_cannot_be_monitored_is_stopped_once(service: CellService) ->
     for _ in range(3):
         asyncio.run(service.job_runner.poll())
     assert running.told == (StopCode.INTERRUPTED,)
-    assert running.stopping == "could not be supervised: see the service's log"
+    why = "the service could not supervise the job: see the service's log"
+    assert running.stopping == why
 
 
 def test_the_end_of_a_job_is_written_when_the_disk_has_space_again(
@@ -136,10 +137,11 @@ def test_a_cell_with_a_deleted_folder_is_not_ready(tmp_path: Path) -> None:
     cell.reload_if_changed()
     status = service.status(cell)
     assert status.state is CellState.CLOSED
-    assert "its files have errors" in status.not_ready_because
+    assert "the cell's files have errors" in status.not_ready_because
     assert "cell.yaml: cannot read" in status.not_ready_because
     (tmp_path / "away").rename(folder)
     cell.reload_if_changed()
     assert (
-        service.status(cell).not_ready_because == "it has had no preflight yet: run the preflight."
+        service.status(cell).not_ready_because
+        == "the cell has had no preflight yet: run the preflight."
     )

@@ -58,7 +58,7 @@ def test_a_jump_of_the_date_neither_extends_nor_voids_a_preflight(
         monkeypatch.setattr("time.time", lambda date_s=date_s: date_s)
         assert readiness.obstacle(cell) == ""
     clock.now_s += PREFLIGHT_LIMIT_S + 1.0
-    assert readiness.obstacle(cell).startswith("its preflight is 30 min old")
+    assert readiness.obstacle(cell).startswith("the preflight is 30 min old")
     assert readiness.age_s(cell) == PREFLIGHT_LIMIT_S + 1.0
 
 

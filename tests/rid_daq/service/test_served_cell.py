@@ -98,7 +98,7 @@ def test_a_check_is_void_if_files_changed_during_it(cell_file: Path, readiness: 
     halve_velocity_limit(cell_file)
     cell.reload_if_changed()
     readiness.note_check(cell, document)
-    assert readiness.obstacle(cell).startswith("its files have changed after the preflight")
+    assert readiness.obstacle(cell).startswith("the cell's files have changed after the preflight")
     readiness.note_check(cell, check_document(cell_file))
     assert readiness.obstacle(cell) == ""
 
@@ -106,4 +106,4 @@ def test_a_check_is_void_if_files_changed_during_it(cell_file: Path, readiness: 
 def test_a_check_without_a_hash_of_its_files_is_void(cell_file: Path, readiness: Readiness) -> None:
     cell = ServedCell(str(cell_file), 1.0)
     readiness.note_check(cell, {**check_document(cell_file), "files_hash": None})
-    assert readiness.obstacle(cell).startswith("its files have changed after the preflight")
+    assert readiness.obstacle(cell).startswith("the cell's files have changed after the preflight")

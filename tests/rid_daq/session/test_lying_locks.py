@@ -223,7 +223,7 @@ def test_a_session_with_invalid_shared_memory_is_ended_by_a_signal(
     assert run(["stop"]) == code
     assert session.wait(120.0) == 143
     said = capsys.readouterr().out
-    assert ("it was not observed if its axes are at rest" in said) == bool(code)
+    assert ("the axes could not be observed" in said) == bool(code)
 
 
 def test_an_error_with_one_session_does_not_prevent_stopping_others(

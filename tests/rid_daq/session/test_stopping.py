@@ -184,7 +184,8 @@ def test_an_unobservable_session_is_terminated_and_not_reported_as_stopped(
     (result,) = stop_all(guarded)
     assert guarded.terminated == 1
     assert result == SessionStop(
-        False, "termination requested; it was not observed if its axes are at rest"
+        False,
+        "termination requested; the axes could not be observed: check that they are at rest",
     )
 
 

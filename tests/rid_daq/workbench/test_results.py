@@ -137,7 +137,7 @@ def test_a_model_with_warming_requires_the_joint_temperature(
     page.locator("#make").click()
     expect(page.locator("#job .verdict.end")).to_have_text("Compensate: done")
     assert newest(served_pages).request["temperature"] == "warm"
-    page.get_by_text("Optional: time the motion first").click()
+    page.get_by_text("Optional: first retime the motion").click()
     page.locator("#retime").click()
     expect(page.locator("#job .verdict.end")).to_have_text("Retime: done")
     assert newest(served_pages).request["temperature"] == "warm"
@@ -216,7 +216,7 @@ def test_loops_are_measured_and_a_path_is_compensated_compared_refined_and_strea
     give_back(page)
 
     page.locator("#motion").select_option("pick.yaml")
-    page.get_by_text("Optional: time the motion first").click()
+    page.get_by_text("Optional: first retime the motion").click()
     page.locator("#retime").click()
     expect(page.locator("#job .verdict.end")).to_have_text("Retime: done")
     expect(page.locator("#job .said")).to_contain_text("% shorter")

@@ -22,7 +22,8 @@ class DrivesFitRequest(Request):
     """Print the keys of the cell file that adapt rid-daq to the drive of a data sheet.
 
     Numbers that no data sheet contains are printed as '?'; a cell file is refused until they are
-    replaced. The exit code is 1 if the drive cannot be used; the reason says if it concerns safety.
+    replaced. The exit code is 1 if the drive cannot be used; the printed reason states whether it
+    concerns safety.
     """
 
     eds: Annotated[

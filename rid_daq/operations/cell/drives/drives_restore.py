@@ -16,8 +16,8 @@ class DrivesRestoreRequest(RestoreRequest):
     """Restore the settings of a cell's drives from a backup.
 
     Settings that differ are written and read back. The command is refused while a session runs, if
-    a drive is powered, or if a drive is not the one in the backup (1018h). The exit code is 3 if a
-    drive does not contain the saved settings afterwards.
+    a drive is powered, or if a drive's identity (1018h) differs from that in the backup. The exit
+    code is 3 if a drive does not contain the saved settings afterwards.
     """
 
     file: Annotated[

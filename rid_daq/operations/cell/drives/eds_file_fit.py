@@ -28,7 +28,7 @@ class EdsFileFit:
 
     @property
     def identity(self) -> dict[str, int]:
-        """Identity of the drive by its data sheet, as it answers at 1018h."""
+        """Vendor and product number by the data sheet; the drive states them in object 1018h."""
         known = {"vendor": self.eds.vendor, "product": self.eds.product}
         return {name: value for name, value in known.items() if value is not None}
 

@@ -52,7 +52,7 @@ def backup_drives(cell: str, path: Path, *, overwrite: bool) -> DriveBackup:
 
 
 def restore_backup(path: Path, request: RestoreRequest) -> RestoredDrives:
-    """Restore the settings of drives from a backup; parameters and errors as `roll_back`."""
+    """Restore the settings of drives from a backup. Parameters and errors are as in `roll_back`."""
     return _restore_settings(DriveBackup.read(path).drives, request)
 
 
@@ -64,7 +64,7 @@ def roll_back(run: str, request: RestoreRequest) -> RestoredDrives:
         request: Options of the command.
 
     Raises:
-        ConfigError: There is no such run, or it is of drives that the cell does not have.
+        ConfigError: There is no such run, or its drives are not those of the cell.
         PreflightError: A drive was replaced by another one, or is powered; nothing was written. Or
             a drive does not store its settings.
         RidDaqError: Another session holds the cell, or a drive does not answer.
