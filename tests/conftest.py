@@ -4,7 +4,7 @@ import os
 import tempfile
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-# short paths for sockets
+# the paths of sockets must be short
 os.environ["XDG_RUNTIME_DIR"] = tempfile.mkdtemp(prefix="rid", dir="/tmp")
 os.environ["XDG_STATE_HOME"] = tempfile.mkdtemp(prefix="rid", dir="/tmp")
 
@@ -47,9 +47,9 @@ LONG_TESTS = [
         "rid_daq",
     )
 ]
-"""Started first, in this order: a long test that starts last leaves the other workers idle."""
+"""Tests that start first, in this order: other workers would wait for a long test at the end."""
 
-# The same examples in each run, without time limits, so that neither chance nor load decides.
+# Hypothesis uses the same examples in each run and no time limits, so that results are repeatable.
 settings.register_profile(
     "repeatable",
     derandomize=True,
@@ -90,7 +90,7 @@ def end_by_signals() -> None:
 
 @pytest.fixture(autouse=True)
 def signals() -> Iterator[None]:
-    """Restore the signal handlers: a command that is ending ignores further signals."""
+    """Restore the signal handlers, because a command that is ending ignores further signals."""
     yield
     end_by_signals()
 
@@ -186,7 +186,7 @@ class ServedAmplifier(threading.Thread):
         os.close(self._woken)
 
     def run(self) -> None:
-        streamed_s, told, port_fd, greeted = 0.0, False, self._port.fileno(), False
+        streamed_s, has_ended, port_fd, greeted = 0.0, False, self._port.fileno(), False
         while True:
             streams = self._port._device.physics.converting
             moves = streams and streamed_s < self.stream_s and (greeted or self._port.fileno() < 0)
@@ -195,7 +195,10 @@ class ServedAmplifier(threading.Thread):
             if self._wake in ready:
                 return
             if self._port.fileno() != port_fd:
-                port_fd, greeted = self._port.fileno(), False  # a new port waits to be opened
+                port_fd, greeted = (
+                    self._port.fileno(),
+                    False,
+                )  # the new port has not been opened yet
             data = self._port.read() if ports else b""
             if data:
                 greeted = True
@@ -204,8 +207,8 @@ class ServedAmplifier(threading.Thread):
                 end_s = self._port.time_s + STEP_S
                 self._port.apply_loads(end_s, [end_s], [self.base_wrench])
                 streamed_s += STEP_S
-            elif streams and streamed_s >= self.stream_s and not told:
-                told = True
+            elif streams and streamed_s >= self.stream_s and not has_ended:
+                has_ended = True
                 self.on_end()
 
 

@@ -1,4 +1,4 @@
-"""docs/architecture.md: its diagram agrees with the imports, its walks with the code's calls."""
+"""docs/architecture.md: its diagram, walk and paths agree with the imports and calls."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def architecture_page() -> ModuleType:
 
 
 def walks() -> list[tuple[str, list[tuple[str, str]]]]:
-    """Return each walk's title and its stations: relation to the previous one, and file."""
+    """Return each walk's title and stations (boundary to the previous station, file)."""
     page = (ROOT / "docs/architecture.md").read_text()
     walks = page[page.index("## One walk") : page.index("## Three paths")]
     parts = re.split(r"^### ", walks, flags=re.MULTILINE)[1:]
@@ -42,7 +42,7 @@ def walks() -> list[tuple[str, list[tuple[str, str]]]]:
 
 
 def paths() -> list[tuple[str, list[tuple[str, str, str, str]]]]:
-    """Return each path's title and its stations: branch, crossing, file, function."""
+    """Return each path's title and stations (branch, boundary, file, function)."""
     page = (ROOT / "docs/architecture.md").read_text()
     parts = re.split(r"^### ", page[page.index("## Three paths") :], flags=re.MULTILINE)[1:]
     return [(part.splitlines()[0], FUNCTION.findall(part)) for part in parts]
@@ -81,7 +81,9 @@ def test_the_diagram_agrees_with_the_imports(architecture_page: ModuleType) -> N
 def test_every_file_named_on_a_page_exists(page: str) -> None:
     text = (ROOT / page).read_text()
     named = re.findall(r"`((?:\w+/)+\w+\.(?:py|md|html|yaml))`", text)
-    written = set(re.findall(r"^`([\w/.]+)`:$", text, re.MULTILINE))  # added by the reader
+    written = set(
+        re.findall(r"^`([\w/.]+)`:$", text, re.MULTILINE)
+    )  # the reader of the page creates these files
     gone = sorted({name for name in named if not (ROOT / name).exists()} - written)
     assert gone == [], f"{page} names files that have moved: enter their new paths"
 
@@ -94,7 +96,7 @@ def test_the_page_has_one_walk() -> None:
 def test_each_station_is_connected_to_an_earlier_one(
     architecture_page: ModuleType, walk: tuple[str, list[tuple[str, str]]]
 ) -> None:
-    """By an import in either direction, or it is declared as another process or a file."""
+    """Connected means: one imports the other, or the page states a process or file between them."""
     title, stations = walk
     modules = {path: path.removesuffix(".py").replace("/", ".") for _, path in stations}
     imports = {path: architecture_page.imported(ROOT / path) for path in modules}
@@ -107,8 +109,8 @@ def test_each_station_is_connected_to_an_earlier_one(
         if not (joined or boundary):
             lonely.append(path)
     assert lonely == [], (
-        f"walk '{title}' of docs/architecture.md: these stations import none before them and are"
-        " imported by none: the code goes another way now; walk it again and write it down"
+        f"walk '{title}' of docs/architecture.md: no import connects these stations with an earlier"
+        " one; change the walk to follow the present code"
     )
     counted = re.search(r"(\d+) files", title)
     assert counted is not None
@@ -142,7 +144,7 @@ def test_the_button_for_a_recording_starts_one() -> None:
 
 
 def test_a_click_is_checked_by_the_service_and_by_the_worker() -> None:
-    """The form fields in the browser are a third check."""
+    """The browser's form fields are a third check, which this test does not cover."""
     stations = [(file, function) for _, _, file, function in paths()[0][1] if file.endswith("py")]
     check = re.compile(r"\b(?:check_request|parse_request|of_json)\b")
     found = [function for file, function in stations if check.search(source_of(file, function))]

@@ -30,12 +30,12 @@ def test_every_fault_has_a_test(page: Any) -> None:
 
 def test_the_page_names_existing_tests(page: Any) -> None:
     text = page.PAGE.read_text(encoding="utf-8")
-    told, declared = page.read(text), page.declared()
-    assert page.render(told) == text, HOW
-    for number, entries in told.items():
+    entries_by_row, declared = page.read(text), page.declared()
+    assert page.render(entries_by_row) == text, HOW
+    for number, entries in entries_by_row.items():
         for entry in entries:
             assert entry.function in declared.get(number, set()), HOW
-    assert all(told[number] for number in page.ROWS), HOW
+    assert all(entries_by_row[number] for number in page.ROWS), HOW
 
 
 def test_the_page_keeps_lines_of_tests_that_did_not_run_and_replaces_the_others(page: Any) -> None:

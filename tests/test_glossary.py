@@ -53,7 +53,7 @@ REPLACED = {
 
 
 SITE = ROOT / "rid_daq" / "site"
-"""The documentation site that a developer may have built."""
+"""Folder of the documentation site, which exists if a developer has built the site."""
 
 
 @pytest.fixture(scope="module")

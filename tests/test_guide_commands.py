@@ -31,12 +31,12 @@ PAGES = [README, *GUIDES, *sorted((ROOT / "docs" / "tutorial").glob("*.md"))]
 EACH_GUIDE = pytest.mark.parametrize("page", GUIDES, ids=lambda page: page.stem)
 EACH_PAGE = pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 MOST_WORDS = 5
-"""Longest text in a file that a guide shows; an output has longer ones."""
+"""Maximum words of a text in a data file that a guide shows; longer texts mark an output."""
 PARTS = ("What you need", "What can go wrong", "Next")
 OF_A_SCRIPT = {"--unsigned"}
-"""Options of scripts in the repository."""
+"""Options on the pages that belong to scripts in the repository, not to rid-daq."""
 NO_COMMANDS = ("rid-daq re", "rid-daq points 1")
-"""A word that is completed, and the first line of a protocol."""
+"""Texts on the pages that are no commands: a word to complete, and a line of a protocol."""
 
 
 @pytest.fixture
@@ -116,7 +116,7 @@ def texts_in(value: object) -> Iterator[str]:
 
 
 def is_data(text: str) -> bool:
-    """Return True for Python, and for YAML and JSON without sentences."""
+    """Return True for Python code, and for YAML or JSON without long texts."""
     try:
         found = yaml.safe_load(text)
     except yaml.YAMLError:
@@ -175,7 +175,7 @@ def test_commands_are_in_console_blocks(page: Path) -> None:
 
 @pytest.mark.parametrize("page", [README, *GUIDES], ids=lambda page: page.stem)
 def test_an_output_names_the_test_that_compares_it(page: Path) -> None:
-    """The tutorials need no names: `tests/test_tutorials.py` runs them."""
+    """Tutorials need not name their test, because `tests/test_tutorials.py` runs them all."""
     for step in console_steps(page):
         if step.shown:
             assert step.test, f"{step.place}: name the test that compares this output"

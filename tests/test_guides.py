@@ -50,7 +50,7 @@ def test_the_changelog_of_the_unreleased_version_is_at_most_one_page() -> None:
     text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
     unreleased = re.split(r"^## ", text, flags=re.MULTILINE)[1]
     assert len(unreleased.splitlines()) <= LONGEST_CHANGELOG, (
-        "a union merge brought deleted lines back: keep the summary and your own lines"
+        "CHANGELOG.md: a merge has restored deleted lines; keep the summary and your own lines"
     )
 
 

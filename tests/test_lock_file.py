@@ -35,14 +35,14 @@ def needed_packages(minor: int) -> list[dict[str, Any]]:
     ours = next(package for package in locked if package["name"] == "rid-daq")
     queue = [*ours["dependencies"]]
     while queue:
-        wanted = queue.pop()
-        if "marker" in wanted and not Marker(wanted["marker"]).evaluate(environment):
+        name = queue.pop()
+        if "marker" in name and not Marker(name["marker"]).evaluate(environment):
             continue
         package = next(
             each
             for each in locked
-            if each["name"] == wanted["name"]
-            and each["version"] == wanted.get("version", each["version"])
+            if each["name"] == name["name"]
+            and each["version"] == name.get("version", each["version"])
         )
         if package not in found:
             found.append(package)

@@ -1,4 +1,4 @@
-"""Minimum share of lines that the fast tests must reach: its computation and its check."""
+"""Minimum percentage of lines that the fast tests must execute: its computation and check."""
 
 from __future__ import annotations
 

@@ -138,7 +138,7 @@ def loaded_by(module: str, heavy: tuple[str, ...]) -> str:
 
 
 def test_only_test_files_contain_marks() -> None:
-    """.ci/run searches for marks in the files of tests, and collects no others."""
+    """`.ci/run` finds marks only in `test_*.py`; a test with a mark elsewhere would not run."""
     marks = ("mark" + ".slow", "mark" + ".alone")
     found = [
         str(path.relative_to(ROOT))
@@ -181,7 +181,7 @@ def test_a_function_has_at_most_eight_parameters() -> None:
 
 
 def test_the_program_has_few_untyped_dictionaries() -> None:
-    """Data with a known structure have a class; dictionaries are only for data passed on."""
+    """Data with a known structure have a class; dictionaries only hold data that are passed on."""
     found = {
         str(path.relative_to(ROOT)): count
         for path in (ROOT / "rid_daq").rglob("*.py")
@@ -191,7 +191,7 @@ def test_the_program_has_few_untyped_dictionaries() -> None:
 
 
 def test_the_kind_of_a_motion_is_hardly_ever_queried() -> None:
-    """Differences between the kinds of motion are in their classes."""
+    """Differences between the kinds of motion belong into their classes."""
     kinds = ROOT / "acquisition" / "motion" / "kinds"
     names = {
         node.name
@@ -199,7 +199,7 @@ def test_the_kind_of_a_motion_is_hardly_ever_queried() -> None:
         for node in ast.walk(tree_of(path))
         if isinstance(node, ast.ClassDef) and node.name.endswith("Motion")
     }
-    asked = {
+    queries = {
         f"{path.relative_to(ROOT)}: {ast.unparse(node)}"
         for package in PACKAGES
         for path in (ROOT / package).rglob("*.py")
@@ -209,11 +209,11 @@ def test_the_kind_of_a_motion_is_hardly_ever_queried() -> None:
         if names & set(re.findall(r"\w+", ast.unparse(node.args[1])))
     }
     assert len(names) > 8
-    assert len(asked) <= 3, asked
+    assert len(queries) <= 3, queries
 
 
 def test_the_help_of_a_command_imports_no_numerical_library() -> None:
-    """The module of a command has its options; the implementation is imported by its call."""
+    """The module of a command contains only its options; a call imports the implementation."""
     program = (
         "import io, sys, contextlib\n"
         "from rid_daq.app import run\n"
@@ -232,5 +232,5 @@ def test_the_help_of_a_command_imports_no_numerical_library() -> None:
     imported = set(ast.literal_eval(shown.stdout.splitlines()[-1]))
     numerics = {"numpy", "scipy", "numba", "casadi", "pinocchio", "coal", "clarabel", "control"}
     others = {"can", "fastapi", "httpx", "jinja2", "matplotlib", "mcap", "pymodbus", "serial"}
-    own = {"drivers", "dynamics", "mock_hw"}
-    assert not imported & (numerics | others | own | {"starlette", "uvicorn", "yaml"})
+    packages = {"drivers", "dynamics", "mock_hw"}
+    assert not imported & (numerics | others | packages | {"starlette", "uvicorn", "yaml"})

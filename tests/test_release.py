@@ -16,7 +16,7 @@ import pytest
 from tests.test_packages import PACKAGES
 
 ROOT = Path(__file__).resolve().parent.parent
-UV = shutil.which("uv") or str(ROOT / ".uv" / "bin" / "uv")  # as ./environment.sh does it
+UV = shutil.which("uv") or str(ROOT / ".uv" / "bin" / "uv")  # like ./environment.sh
 
 
 @pytest.mark.skipif(sys.version_info >= (3, 12), reason="the page is made on Python 3.11")
@@ -63,7 +63,7 @@ def test_a_release_contains_the_files_to_install_and_to_verify(release: Path) ->
     pinned, hashed = (
         (release / f"{name}.txt").read_text() for name in ("constraints", "requirements")
     )
-    # with a hash for one package, pip and pipx require a hash of the wheel too
+    # if one package has a hash, pip and pipx also require a hash of rid-daq's wheel
     assert "--hash" not in pinned
     assert [line for line in pinned.splitlines() if line.split(" ")[0] not in hashed] == []
     bill = json.loads((release / "rid-daq.cdx.json").read_text())
@@ -79,8 +79,8 @@ def test_the_wheel_contains_every_file_of_the_packages(release: Path) -> None:
     with zipfile.ZipFile(next(release.glob("rid_daq-*.whl"))) as wheel:
         packed = set(wheel.namelist())
     words = ("git", "ls-tree", "-r", "--name-only", "HEAD", *PACKAGES)
-    told = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
-    kept = set(told.stdout.splitlines())
+    finished = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
+    kept = set(finished.stdout.splitlines())
     assert len(kept) > 300
     assert kept <= packed
     assert "rid_daq/site/index.html" in packed

@@ -9,7 +9,7 @@ from tests.builders.sentence_assertions import ROOT, sentence_assertions
 
 TESTS: Final = ROOT / "tests"
 AT_MOST: Final = 71
-"""Number of such assertions, including 60 in variables; it must only decrease."""
+"""Maximum number of assertions on sentences, 60 of them in variables; it must only decrease."""
 
 
 def test_the_number_of_assertions_on_sentences_does_not_grow() -> None:

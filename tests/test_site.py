@@ -66,21 +66,21 @@ def test_a_page_uses_the_width_of_its_window(site: Path, browser: Browser, width
 
 def test_diagrams_are_rendered_and_not_shown_as_text(site: Path) -> None:
     for source in (ROOT / "docs").rglob("*.md"):
-        wanted = source.read_text(encoding="utf-8").count("```mermaid")
+        expected = source.read_text(encoding="utf-8").count("```mermaid")
         page = site / source.relative_to(ROOT / "docs").with_suffix(".html")
         shown = page.read_text(encoding="utf-8")
-        assert shown.count('<div class="drawing"') == wanted, page
+        assert shown.count('<div class="drawing"') == expected, page
         assert "flowchart LR" not in shown
     assert "acquisition/session/plate_recorder.py" in (site / "architecture.html").read_text()
 
 
 def test_pictures_are_small_and_used() -> None:
-    taken = {path.name: path for path in (ROOT / "docs" / "pictures").iterdir()}
+    pictures = {path.name: path for path in (ROOT / "docs" / "pictures").iterdir()}
     pages = "".join(
         page.read_text() for page in (ROOT / "README.md", *(ROOT / "docs").rglob("*.md"))
     )
-    assert set(re.findall(r"pictures/([\w-]+\.png)\)", pages)) == set(taken)
-    assert all(path.stat().st_size <= 150_000 for path in taken.values())
+    assert set(re.findall(r"pictures/([\w-]+\.png)\)", pages)) == set(pictures)
+    assert all(path.stat().st_size <= 150_000 for path in pictures.values())
 
 
 def test_a_topic_opens_its_page_or_lists_the_candidates(site: Path) -> None:

@@ -32,8 +32,8 @@ def files_of(page: Path) -> Iterator[tuple[str, str]]:
     + [pytest.param(name, marks=pytest.mark.long) for name in NAMES[1:]],
 )
 def test_a_tutorial_shows_the_output_of_its_commands(name: str, tmp_path: Path) -> None:
-    own = Path(sys.executable).parent
-    environment = {**os.environ, "PATH": f"{own}:{os.environ['PATH']}", "COLUMNS": "200"}
+    bin_folder = Path(sys.executable).parent
+    environment = {**os.environ, "PATH": f"{bin_folder}:{os.environ['PATH']}", "COLUMNS": "200"}
     page = TUTORIALS / f"{name}.md"
     found = list(console_steps(page))
     assert len(found) >= 4

@@ -11,9 +11,9 @@ from tests.builders.code_lines import PACKAGES
 
 ROOT: Final = Path(__file__).parents[1]
 SHARED: Final = {"main", "run", "EstimationOptions", "ModelOptions"}
-"""Entry points of processes, functions of operations, requests with the name of their result."""
+"""Names that may occur twice: entry points, functions of operations, requests and their results."""
 API: Final = ROOT / "rid_daq" / "api"
-"""Its names are those that users of Python expect; no module of rid-daq imports them."""
+"""Folder of the Python interface; it may reuse names, because no module of rid-daq imports it."""
 
 
 def test_no_two_classes_or_public_functions_have_one_name() -> None:

@@ -98,8 +98,10 @@ class ObedientCell(can.BusABC):
             rated_mnm = max(1, round(1000.0 * joint.limits.torque / abs(joint.gear_ratio) / 3.0))
             gear = Fraction(abs(joint.gear_ratio)).limit_denominator(1_000_000)
             profile = cell.servo_of(axis)
-            own = round(profile.encoder_increments or increments)
-            identity = SimulatedIdentity(axis.node_id, own, gear, rated_mnm, profile, referenced)
+            motor_increments = round(profile.encoder_increments or increments)
+            identity = SimulatedIdentity(
+                axis.node_id, motor_increments, gear, rated_mnm, profile, referenced
+            )
             units = AxisUnits.of_motor(identity.motor, profile, joint.gear_ratio, axis.direction)
             middle = 0.5 * (joint.limits.position_min + joint.limits.position_max)
             self.units.append(units)
@@ -130,7 +132,7 @@ class ObedientCell(can.BusABC):
             self._advance(time_s)
 
     def _advance(self, until_s: float) -> None:
-        """Advance at most to `until_s`: to the next arrival of a frame or action of a drive."""
+        """Advance to the next arrival of a frame or action of a drive, at most to `until_s`."""
         due_s = min((drive.next_s for drive in self.drives), default=until_s)
         if self._events:
             due_s = min(due_s, self._events[0][0])

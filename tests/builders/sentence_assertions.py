@@ -80,8 +80,8 @@ def _held_texts(scope: ast.Module | ast.FunctionDef | ast.AsyncFunctionDef) -> T
     if not isinstance(scope, ast.Module):
         for decorator in scope.decorator_list:
             found |= _parameters(decorator)
-    own = (node for child in scope.body if not _is_scope(child) for node in ast.walk(child))
-    for node in own:
+    nodes = (node for child in scope.body if not _is_scope(child) for node in ast.walk(child))
+    for node in nodes:
         names: Sequence[ast.expr]
         match node:
             case ast.Assign(targets=names, value=value):

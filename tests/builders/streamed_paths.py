@@ -47,10 +47,10 @@ def streamed(
     """Stream batches of a client; return exit code, answer to the client, and document."""
     path = workshop / "points"
     capsys.readouterr()
-    with sending(path, batches, end=end) as heard:
+    with sending(path, batches, end=end) as answers:
         words = ["stream", str(workshop / "arm.yaml"), "--socket", str(path), "--json"]
         code = run([*words, *model_of(workshop)])
-    return code, heard[0] if heard else None, document(capsys)
+    return code, answers[0] if answers else None, document(capsys)
 
 
 def require_rest_on(path: NDArray[np.float64], printed: dict[str, Any]) -> None:

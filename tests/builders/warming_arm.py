@@ -28,25 +28,25 @@ def motors(time_constant_s: tuple[float | None, ...], copper_w: float) -> MotorT
     axes = tuple(
         UnmodelledAxis(
             thermal=None
-            if own is None
+            if each is None
             else SimulatedThermal(
-                time_constant_s=own,
+                time_constant_s=each,
                 rise_k_per_w=1.0,
                 loss_at_rated_w=copper_w,
                 friction_share=1.0,
                 friction_per_k=-FALL_PER_K,
             )
         )
-        for own in time_constant_s
+        for each in time_constant_s
     )
     friction = {"coulomb_nm": COULOMB_NM, "viscous_nm_s": VISCOUS_NM_S}
-    own = plant.model_copy(
+    each = plant.model_copy(
         update={
             "axes": tuple(axis.model_copy(update=friction) for axis in plant.axes[:3]),
             "unmodelled": UnmodelledEffects(axes=axes),
         }
     )
-    return MotorTemperatures(arm(), own)
+    return MotorTemperatures(arm(), each)
 
 
 def motion(seconds: float, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -110,5 +110,5 @@ def settled_factor(
     """Return the factors by which decreasing friction changes the time constants, shape (n,)."""
     speed = np.abs(signals.velocity)
     power_w = np.mean((COULOMB_NM + VISCOUS_NM_S * speed) * speed, axis=0)
-    heated = np.array([own is not None for own in time_constant_s])
+    heated = np.array([each is not None for each in time_constant_s])
     return 1.0 / (1.0 + heated * FALL_PER_K * power_w)

@@ -38,18 +38,18 @@ def followed(cell: LoadedCell) -> Estimate:
 
 
 @pytest.mark.parametrize(
-    ("asked", "celsius"), [("40", [40.0, 40.0, 40.0]), ("-5,61.5,20", [-5.0, 61.5, 20.0])]
+    ("temperatures", "celsius"), [("40", [40.0, 40.0, 40.0]), ("-5,61.5,20", [-5.0, 61.5, 20.0])]
 )
 def test_measured_temperatures_are_given_in_degrees_celsius(
-    measured: Estimate, asked: str, celsius: list[float]
+    measured: Estimate, temperatures: str, celsius: list[float]
 ) -> None:
-    found = at_operating_temperature(measured, asked, None)
-    there = Conditions(temperature_k=np.array(celsius) + 273.15)
+    found = at_operating_temperature(measured, temperatures, None)
+    conditions = Conditions(temperature_k=np.array(celsius) + 273.15)
     np.testing.assert_allclose(
-        predict(found.estimate, *WAY), predict(measured, *WAY, there), rtol=1e-9, atol=1e-7
+        predict(found.estimate, *WAY), predict(measured, *WAY, conditions), rtol=1e-9, atol=1e-7
     )
     assert found.notes == [
-        f"Friction at {', '.join(f'{c:g} °C' for c in map(float, asked.split(',')))}."
+        f"Friction at {', '.join(f'{c:g} °C' for c in map(float, temperatures.split(',')))}."
     ]
 
 
@@ -123,26 +123,26 @@ def test_a_temperature_without_effect_is_refused(cell: LoadedCell) -> None:
         at_operating_temperature(plain, "40", None)
 
 
-@pytest.mark.parametrize("asked", [None, "warm", "cold"])
+@pytest.mark.parametrize("temperatures", [None, "warm", "cold"])
 def test_a_model_with_measured_temperatures_needs_them_in_degrees(
-    measured: Estimate, asked: str | None
+    measured: Estimate, temperatures: str | None
 ) -> None:
     with raises_code(ConfigError, "RID-MODEL-TEMPERATURE", "axis1", "axis2"):
-        at_operating_temperature(measured, asked, WAY[1])
+        at_operating_temperature(measured, temperatures, WAY[1])
 
 
-@pytest.mark.parametrize("asked", ["", "hot", "40,41", "500", "nan", "40;41;42", "1,2,"])
-def test_an_invalid_temperature_is_refused(measured: Estimate, asked: str) -> None:
+@pytest.mark.parametrize("temperatures", ["", "hot", "40,41", "500", "nan", "40;41;42", "1,2,"])
+def test_an_invalid_temperature_is_refused(measured: Estimate, temperatures: str) -> None:
     with raises_code(ConfigError, "RID-OPTION-SYNTAX", "-40", "200"):
-        at_operating_temperature(measured, asked, WAY[1])
+        at_operating_temperature(measured, temperatures, WAY[1])
 
 
-@pytest.mark.parametrize("asked", [None, "40"])
+@pytest.mark.parametrize("temperatures", [None, "40"])
 def test_degrees_are_refused_for_a_model_without_measured_temperatures(
-    followed: Estimate, asked: str | None
+    followed: Estimate, temperatures: str | None
 ) -> None:
     with raises_code(ConfigError, "RID-MODEL-TEMPERATURE", "--temperature"):
-        at_operating_temperature(followed, asked, WAY[1])
+        at_operating_temperature(followed, temperatures, WAY[1])
 
 
 def test_warm_is_refused_for_points_from_another_program(followed: Estimate) -> None:

@@ -80,7 +80,7 @@ def test_a_heartbeat_timeout_above_100_ms_is_refused_for_a_real_cell(
             load_cell(str(path))
     with raises_code(ConfigError, "RID-FILE-VALUE", f"{side}_heartbeat_timeout_ms is", "100"):
         load_cell(str(path))
-    measured("a heartbeat's time-out above 100 ms on a real cell: refused")
+    measured("a heartbeat timeout above 100 ms on a real cell: refused")
 
 
 def write_edited_cell(tmp_path: Path, old: str, new: str) -> str:

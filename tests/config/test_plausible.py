@@ -284,14 +284,14 @@ WITHOUT_RANGE = {
 """Keys that need no range: numbers without a unit, directions, matrices, simulated values."""
 
 
-def numbers(model: type[BaseModel], seen: set[type[BaseModel]]) -> Iterator[tuple[str, Any]]:
+def numbers(model: type[BaseModel], visited: set[type[BaseModel]]) -> Iterator[tuple[str, Any]]:
     """Yield every number that a file may contain: its key and its annotation."""
-    seen.add(model)
+    visited.add(model)
     for name, field in model.model_fields.items():
         parts = [*pieces(field.annotation), *field.metadata]
         for part in parts:
-            if inspect.isclass(part) and issubclass(part, BaseModel) and part not in seen:
-                yield from numbers(part, seen)
+            if inspect.isclass(part) and issubclass(part, BaseModel) and part not in visited:
+                yield from numbers(part, visited)
         if float in parts:
             yield name, parts
 
@@ -305,12 +305,12 @@ def pieces(annotation: Any) -> Iterator[Any]:
 
 def test_every_physical_key_of_every_file_has_a_range() -> None:
     # Excluded: numbers of a timed path have other units; the robot's limits apply to its rows.
-    seen: set[type[BaseModel]] = {TimedWay}
+    visited: set[type[BaseModel]] = {TimedWay}
     files = (CellConfig, RobotDescription, PlantConfig, MotionFile, ImportMap)
     lacking = {
         name
         for file in files
-        for name, parts in numbers(file, seen)
+        for name, parts in numbers(file, visited)
         if not any(isinstance(part, Plausible | Le | Lt) for part in parts)
     }
     assert lacking - WITHOUT_RANGE == set()

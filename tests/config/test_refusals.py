@@ -24,18 +24,20 @@ def test_every_pattern_of_the_models_has_a_description() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "said"),
+    ("name", "ending"),
     [
         ("my arm", "at most 64; 'my_arm' is valid"),
         ("_arm", "at most 64"),
         ("kräftig (neu)", "at most 64; 'kräftig_neu_' is valid"),
     ],
 )
-def test_a_refused_name_is_reported_with_a_valid_one(name: str, said: str, tmp_path: Path) -> None:
+def test_a_refused_name_is_reported_with_a_valid_one(
+    name: str, ending: str, tmp_path: Path
+) -> None:
     path = tmp_path / "map.yaml"
     path.write_text(f"name: {name}\nrobot: ir361\ncolumns: 4\nrate_hz: 100\njoints: []\n")
     with pytest.raises(ConfigError) as refused:
         load_import_map(str(path))
     first = str(refused.value).splitlines()[0]
     assert first.startswith(f"{path}:1:1: name: {name!r}: a name begins with a letter")
-    assert first.endswith(said)
+    assert first.endswith(ending)

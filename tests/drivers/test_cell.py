@@ -131,19 +131,19 @@ def test_unconfirmed_power_off_is_reported_with_the_first_error(
 def test_power_off_counts_as_confirmed_by_the_last_request_only(
     bench: Bench, opened: Callable[[], Cell]
 ) -> None:
-    seen: list[bool] = []
+    unpowered: list[bool] = []
     with opened() as cell:
-        seen.append(cell.axes.without_power)
+        unpowered.append(cell.axes.without_power)
         bench.enabled()
         cell.axes.disable()
-        seen.append(cell.axes.without_power)
+        unpowered.append(cell.axes.without_power)
         bench.enabled()
         bench.bus.broken = True
         with pytest.raises(TransportError):
             cell.axes.disable()
-        seen.append(cell.axes.without_power)
+        unpowered.append(cell.axes.without_power)
         bench.bus.broken = False
-    assert seen == [False, True, False]
+    assert unpowered == [False, True, False]
 
 
 def test_an_error_of_leaving_alone_is_reported(bench: Bench, opened: Callable[[], Cell]) -> None:

@@ -15,18 +15,8 @@ from config.robot.kinematic_table import KinematicRow, Kinematics
 from config.robot.robot import Joint, JointLimits, RobotDescription, Rotor
 
 X, Y, Z = np.eye(3)
-PINOCCHIO_ORDER = [
-    0,
-    1,
-    2,
-    3,
-    4,
-    5,
-    7,
-    6,
-    8,
-    9,
-]  # we: Ixx Ixy Ixz Iyy ...; Pinocchio: Ixx Ixy Iyy ...
+# Pinocchio: Ixx Ixy Iyy Ixz Iyz Izz; rid-daq: Ixx Ixy Ixz Iyy Iyz Izz
+PINOCCHIO_ORDER = [0, 1, 2, 3, 4, 5, 7, 6, 8, 9]
 
 
 def turn(axis: np.ndarray, angle: float) -> pin.SE3:

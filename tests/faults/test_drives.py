@@ -55,11 +55,11 @@ def test_an_emergency_message_stops_all_axes_and_is_explained(
     assert (run.reason.code, run.reason.joint) == (StopCode.EMERGENCY, "axis3")
     assert "4310h" in run.reason.text
     assert "temperature" in run.reason.text
-    (told_s,) = [f.time_s for f in run.frames if f.can_id == 0x083 and f.data[:2] == b"\x10\x43"]
-    late = (max(run.quick_stops().values()) - told_s) / T
+    (sent_s,) = [f.time_s for f in run.frames if f.can_id == 0x083 and f.data[:2] == b"\x10\x43"]
+    late = (max(run.quick_stops().values()) - sent_s) / T
     assert late <= 2.0
     run.assert_at_rest()
-    measured(f"{late:.2f} T after the message")
+    measured(f"quick stop {late:.2f} T after the message")
 
 
 @pytest.mark.fault(9)
@@ -72,7 +72,7 @@ def test_a_fault_of_one_drive_stops_all_axes(
     cycles = run.quick_stop_cycle() - AT + 1
     assert cycles <= 2
     run.assert_at_rest()
-    measured(f"a drive in fault: {cycles} T")
+    measured(f"a drive in fault: quick stop in {cycles} T")
 
 
 class CallCounter:
@@ -151,7 +151,7 @@ def test_a_flood_of_emergency_messages_causes_one_stop_and_no_late_cycle(
 def test_a_lost_heartbeat_stops_all_axes(
     serve: Any, motion: MotionSamples, loaded: LoadedCell, timeout_ms: int, measured: Measured
 ) -> None:
-    """Each timeout ends at another phase of the cycle."""
+    """Each timeout ends at a different phase of the cycle."""
     update = {"drive_heartbeat_timeout_ms": timeout_ms}
     safety = loaded.config.drive_safety.model_copy(update=update)
     rig = serve(drives=[{"kind": "heartbeat_stops", "joint": "axis1", "at_cycle": AT}])
@@ -245,7 +245,7 @@ def test_a_stuck_encoder_stops_the_motion(
     cycles = run.quick_stop_cycle() - AT + 1
     assert cycles <= 8
     run.assert_at_rest()
-    measured(f"{cycles} T")
+    measured(f"quick stop in {cycles} T")
 
 
 @pytest.mark.fault(14)

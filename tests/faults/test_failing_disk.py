@@ -25,11 +25,11 @@ Start = Callable[[list[str]], subprocess.Popen[str]]
 
 SECTORS = 2 * 1048576
 NAME, DEVICE, RAM_DISK = "failing", "/dev/dm-0", "/dev/ram0"
-PATIENCE_S = 400.0  # a guest is slow beside a busy host
+PATIENCE_S = 400.0  # a virtual machine is slow on a busy host
 ENOUGH_BYTES = 40_000
 JOURNAL = "*/recording.mcap"
 GONE = "(Input/output error|Read-only file system)"
-"""Error of ext4, and its error up to 5 s later, after it failed to write its own journal."""
+"""Errors of ext4: the first at once, the second up to 5 s later, when its own journal fails."""
 
 pytestmark = pytest.mark.skipif(
     "User Mode Linux" not in Path("/proc/cpuinfo").read_text() or not Path(RAM_DISK).exists(),

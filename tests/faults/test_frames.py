@@ -217,4 +217,4 @@ def test_damaged_frames_of_any_kind_end_in_a_typed_error(
     assert not any(run.truth.powered[-1])
     assert np.abs(run.truth.velocity[-1]).max() < 1e-3
     how = run.error if run.reason is None else run.reason.code
-    measured(f"{'in motion' if when else 'at bring-up'}: {type(how).__name__}")
+    measured(f"damaged frames {'in motion' if when else 'at bring-up'}: {type(how).__name__}")

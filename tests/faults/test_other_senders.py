@@ -171,4 +171,4 @@ def test_the_preflight_reports_foreign_senders(
     assert [line.verdict for line in lines] == verdicts
     red = [line for line in lines if line.verdict == "red"]
     assert all(line.next_action for line in red)
-    measured(f"preflight, {fault.get('kind', 'none')}: {len(red)} red of {len(lines)}")
+    measured(f"preflight, fault {fault.get('kind', 'none')}: {len(red)} of {len(lines)} lines red")

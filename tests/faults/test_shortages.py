@@ -73,7 +73,7 @@ def test_an_oversized_file_is_refused_before_it_is_read(
     assert code in (2, 7), message
     assert "larger than" in message
     assert peak < LITTLE
-    measured("5 GB refused unread")
+    measured("a file of 5 GB is refused before it is read")
 
 
 @pytest.mark.fault(50)

@@ -146,7 +146,7 @@ def test_a_motion_beyond_a_limit_is_refused_without_a_frame(
     with raises_code(PreflightError, "RID-MOTION-LIMIT"):
         record_motion(rig.config, loaded.robot, wild, folder)
     assert rig.frames() == [] or not any(f.can_id < 0x700 for f in rig.frames())
-    measured(f"{what}: refused, 0 frames")
+    measured(f"{what}: refused, 0 frames sent")
 
 
 @pytest.mark.fault(17)

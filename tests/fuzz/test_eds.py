@@ -117,7 +117,7 @@ def test_sheets_with_random_changes_are_read_or_refused_with_their_line(sheets: 
         counts[outcome(change_bytes(SMALL, chance))] += 1
     assert counts["read"] > 0.2 * sheets
     assert counts.total() - counts["read"] > 0.2 * sheets
-    # At least this many kinds of refusals occurred; a fault of one object does not refuse a sheet.
+    # At least this many kinds of refusals occurred; a faulty object does not refuse the sheet.
     assert len(counts) > (44 if sheets == 100_000 else 34)
 
 

@@ -1,4 +1,4 @@
-"""Fixtures: the bundled arm with known parameters, and measurements of it."""
+"""Fixtures: the bundled arm with known parameters, and simulated measurements."""
 
 from __future__ import annotations
 

@@ -115,15 +115,15 @@ def test_every_function_has_a_row_and_a_case() -> None:
 
 @pytest.mark.parametrize("function", TERMS)
 def test_the_backends_agree(function: FrictionFunction) -> None:
-    own = case(function)
-    expected = torque(own.model, Q, V, A, own.parameters, WARM)
+    single = case(function)
+    expected = torque(single.model, Q, V, A, single.parameters, WARM)
     assert np.abs(expected).max() > 0.1
-    found = regressor(own.model, Q, V, A, WARM) @ own.parameters
+    found = regressor(single.model, Q, V, A, WARM) @ single.parameters
     np.testing.assert_allclose(found, expected, rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(exported_torque(own), expected, rtol=1e-9, atol=1e-9)
+    np.testing.assert_allclose(exported_torque(single), expected, rtol=1e-9, atol=1e-9)
     if FRICTION_FUNCTIONS[function].kernel is not None:
-        np.testing.assert_allclose(one_sample(own), expected, rtol=1e-9, atol=1e-9)
-    assert not_negative(own.model, own.robot).shape[1] == len(own.parameters)
+        np.testing.assert_allclose(one_sample(single), expected, rtol=1e-9, atol=1e-9)
+    assert not_negative(single.model, single.robot).shape[1] == len(single.parameters)
 
 
 @pytest.mark.parametrize("function", ["coulomb_by_temperature", "viscous_by_temperature"])

@@ -1,4 +1,4 @@
-"""Recordings without a period of an arm simulated by Pinocchio: friction without bias."""
+"""Friction is estimated without bias from aperiodic recordings, simulated by Pinocchio."""
 
 from __future__ import annotations
 

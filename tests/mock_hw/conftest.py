@@ -109,7 +109,7 @@ class Bench:
         self.sent: list[tuple[float, Frame]] = []
 
     def run_to(self, time_s: float) -> None:
-        """Let time pass in small steps, with everything that is due in between."""
+        """Advance time in small steps; the drive acts whenever an action is due."""
         while True:
             due_s = max(self.now_s, min(self.drive.next_s, time_s))
             while self.now_s < due_s:
@@ -144,7 +144,7 @@ class Bench:
     def _collect(self) -> None:
         self.sent += self.drive.take_frames()
 
-    # SDO, as a client sends it
+    # SDO access of a client on the bus
 
     def sdo(self, request: bytes) -> bytes:
         self.take()

@@ -2,9 +2,9 @@
 
 The tests run alone and in real time; failures during a stall of the computer do not count
 (tests/builders/stalls.py). Tests that a bus cannot support are omitted: `virtual` works within one
-process, so that it cannot serve a session of several processes, or a single dying one. SocketCAN is
-tested if RID_DAQ_SOCKETCAN names an interface that is up; tests/socketcan provides a kernel with
-one.
+process, so it can serve neither a session of several processes nor a process that dies. SocketCAN
+is tested if RID_DAQ_SOCKETCAN names an interface that is up; tests/socketcan provides a kernel with
+such an interface.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ CHANNELS = {
     "virtual": "accept",
 }
 SESSIONS = ["socketcan"] if SOCKETCAN else ["rid_sim", "udp_multicast", "slcan"]
-SHARED = [name for name in SESSIONS if name != "slcan"]  # its port is used by one program only
+SHARED = [name for name in SESSIONS if name != "slcan"]  # only one program can open a port
 RECORDED = [name for name in SESSIONS if name != "rid_sim"]  # tests/acquisition records on this bus
 
 MOVE_FOR_EVER = f"""
@@ -153,7 +153,7 @@ def serve(interface: str, folder: Path) -> Iterator[Served]:
 
 
 def on(*interfaces: str) -> Callable[[Scenario], Callable[..., None]]:
-    """Return a decorator: the test runs once per bus, each time with new simulated drives."""
+    """Return a decorator that runs a test once per bus, each time with new simulated drives."""
 
     def decorate(scenario: Scenario) -> Callable[..., None]:
         @pytest.mark.parametrize("interface", interfaces)
@@ -212,7 +212,7 @@ def assert_moves(served: Served) -> None:
 @on(*SESSIONS)
 def test_drives_are_brought_up_moved_and_disabled(served: Served) -> None:
     assert_moves(served)
-    assert_moves(served)  # a second master after the first one
+    assert_moves(served)  # a second master can follow the first one
 
 
 @on(*SESSIONS)

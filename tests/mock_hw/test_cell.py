@@ -136,7 +136,7 @@ def test_a_lock_step_run_is_repeatable_to_the_byte(loaded: LoadedCell, tmp_path:
         assert set(multiprocessing.active_children()) <= set(others)
     one, two = sorted((log.read_bytes() for log in logs), key=len)
     assert len(one.splitlines()) > 1000
-    assert two.startswith(one), "they differ only in the time without a master"
+    assert two.startswith(one), "the logs must differ only at the end, without a master"
     assert len(two) - len(one) < 1000
 
 
@@ -208,7 +208,7 @@ def test_the_axes_of_a_killed_master_are_at_rest_in_time(loaded: LoadedCell) -> 
             at_rest = simulated.axes()
         frames += watch(observer, 0.5)
         observer.close()
-    assert np.abs(at_rest.position - before).min() > 0.05, "the axes had moved"
+    assert np.abs(at_rest.position - before).min() > 0.05, "the axes must have moved before"
     last_sync_s = max(f.time_ns for f in frames if f.can_id == 0x080) * 1e-9
     cut = [f for f in frames if 0x081 <= f.can_id <= 0x083]
     assert [parse_emcy(f.data).code for f in cut] == [0x8130] * 3

@@ -1,4 +1,4 @@
-"""Contract of time that every simulated device keeps: `next_s` and `advance`."""
+"""Every simulated device keeps the rules of simulated time: `next_s` and `advance`."""
 
 from __future__ import annotations
 

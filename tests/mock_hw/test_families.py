@@ -51,7 +51,7 @@ def robot() -> RobotDescription:
 
 
 def cell_of(*profiles: ServoProfile, **safety: object) -> CellConfig:
-    told = {"quick_stop_deceleration_rad_s2": 20.0, "following_error_rad": 0.3}
+    limits = {"quick_stop_deceleration_rad_s2": 20.0, "following_error_rad": 0.3}
     return CellConfig(
         name="families",
         robot="two",
@@ -62,7 +62,7 @@ def cell_of(*profiles: ServoProfile, **safety: object) -> CellConfig:
             for node, (name, profile) in enumerate(zip(NAMES, profiles, strict=True), start=1)
         ),
         position_gain_per_s=10.0,
-        drive_safety=DriveSafety.model_validate(told | safety),
+        drive_safety=DriveSafety.model_validate(limits | safety),
     )
 
 
@@ -86,13 +86,13 @@ def move_both_axes(cell: CellConfig) -> None:
         axes.start()
         due_s = axes.enable()
         start = axes.answers.position.copy()
-        wanted, moved = start.copy(), []
+        target, moved = start.copy(), []
         for cycle in range(100):
             clock.sleep_until(due_s := due_s + cell.cycle_time_s)
             axes.exchange()
             velocity = np.array([0.5, -0.3]) * math.sin(math.pi * min(1.0, cycle / 75))
-            moved.append(axes.answers.position - wanted)
-            wanted += velocity * cell.cycle_time_s
+            moved.append(axes.answers.position - target)
+            target += velocity * cell.cycle_time_s
             assert axes.command(velocity)
             axes.send_heartbeat(clock.now_s())
         assert np.abs(moved).max() < 0.01
@@ -115,7 +115,9 @@ WITHOUT_REACTIONS = ServoProfile(lacks=("6007h", "605Ah", "605Eh", "1029h"))
 def test_a_drive_without_reaction_objects_is_tested_for_its_stop() -> None:
     cell = cell_of(WITHOUT_REACTIONS, ServoProfile())
     trials = try_all_watches(cell)
-    assert all(trial.powered for trial in trials), "its emergency message alone proves no stop"
+    assert all(trial.powered for trial in trials), (
+        "a drive that only sends an emergency message has not stopped"
+    )
     assert all(trial.reacted_s <= 0.088 for trial in trials)
     assert [trial.how for trial in trials] == ["fault", "switch on disabled"]
     move_both_axes(cell)
@@ -157,7 +159,7 @@ def test_a_drive_that_does_not_stop_without_this_computer_is_never_moved() -> No
 def test_a_drive_that_only_reports_the_silent_computer_is_never_moved(
     commands: str, rate: float
 ) -> None:
-    """It stays in the exchange; its report can come before the stops of the others."""
+    """The drive continues its cyclic exchange; its report can come before the other drives stop."""
     cell = cell_of(ServoProfile(), WITHOUT_REACTIONS.model_copy(update={"commands": commands}))
     with opened(cell) as (open_cell, bus):
         make_report_only(bus.drives[1])
@@ -213,7 +215,9 @@ def test_a_drive_with_life_guarding_instead_of_heartbeats_is_moved(
     assert all(trial.reacted_s <= 0.088 for trial in trials), trials
     assert all(trial.detected_s <= 0.108 for trial in trials), trials
     assert trials[0].how == "fault"
-    measured(f"life guarding: stops {1e3 * trials[0].reacted_s:.0f} ms after the last question")
+    measured(
+        f"life guarding: stop {1e3 * trials[0].reacted_s:.0f} ms after the last guarding request"
+    )
 
 
 def test_life_guarding_is_tested_before_every_motion() -> None:
@@ -246,7 +250,7 @@ def test_the_watchdog_test_of_a_guarded_drive_with_a_fault_is_completed(
         monkeypatch.setattr(drive, "_lose_master", fail_otherwise)
         with raises_code(
             PreflightError, "RID-PREFLIGHT-RED", "3210h"
-        ):  # a fault with another cause than the test
+        ):  # the fault has another cause than the test
             run_watchdog_test(open_cell.axes, open_cell.clock, cell)
 
 
@@ -326,7 +330,7 @@ def test_enabling_moves_no_position_mode_axis() -> None:
     with opened(cell) as (open_cell, bus):
         open_cell.axes.bring_up()
         open_cell.axes.start()
-        bus.axes[0].counts += 12345.0  # by hand, before it has power
+        bus.axes[0].counts += 12345.0  # moved by hand, before the axis has power
         open_cell.axes.enable()
         stood = bus.axes[0].counts
         for _ in range(20):
@@ -340,14 +344,14 @@ def test_enabling_moves_no_position_mode_axis() -> None:
 def bundled(name: str) -> ServoProfile:
     """Return a bundled profile with the values that its drives do not state."""
     profile = load_bundled_or_path(name, "servos", ServoProfile)
-    own: dict[str, float] = {}
+    values: dict[str, float] = {}
     if profile.encoder_increments is None:
-        own["encoder_increments"] = INCREMENTS
+        values["encoder_increments"] = INCREMENTS
     if profile.torque.of == "rated_torque" and "6076h" in profile.lacks:
-        own["rated_torque_nm"] = 1.0
+        values["rated_torque_nm"] = 1.0
     if profile.torque.of != "rated_torque":
-        own["torque_constant_nm_per_a"] = 0.3
-    return ServoProfile.model_validate(own).on(profile)
+        values["torque_constant_nm_per_a"] = 0.3
+    return ServoProfile.model_validate(values).on(profile)
 
 
 @pytest.mark.parametrize("name", bundled_names("servos"))

@@ -74,7 +74,7 @@ def dictionary(loaded: LoadedCell, number: int) -> canopen.ObjectDictionary:
 
 def reset(node: canopen.RemoteNode, command: str) -> None:
     """Send an NMT command that causes a boot-up message, and wait for the message."""
-    # The boot-up can be that of power-on before the reset: a lost request is repeated.
+    # The message can be the boot-up of power-on. Requests that the reset then loses are repeated.
     node.sdo.RESPONSE_TIMEOUT, node.sdo.MAX_RETRIES = RETRIED_S, round(PATIENCE_S / RETRIED_S)
     booted = threading.Event()
     node.nmt.add_heartbeat_callback(lambda state: booted.set() if state == 0 else None)
@@ -182,7 +182,7 @@ def test_tsharks_canopen_dissector_accepts_the_log(loaded: LoadedCell, tmp_path:
     rows = [row.split("\t") for row in dissected]
     assert {protocol for protocol, _, _ in rows} == {"CANopen"}
     assert {expert for _, expert, _ in rows} == {""}
-    said = {info.split(" [")[0].strip() for _, _, info in rows}
+    decoded = {info.split(" [")[0].strip() for _, _, info in rows}
     assert {
         "NMT Error Control: Boot-up",
         "NMT: Start remote node",
@@ -191,4 +191,4 @@ def test_tsharks_canopen_dissector_accepts_the_log(loaded: LoadedCell, tmp_path:
         "SYNC",
         "PDO1 (tx)",
         "PDO1 (rx)",
-    } <= said, said
+    } <= decoded, decoded

@@ -124,7 +124,7 @@ def test_a_lock_step_stream_is_repeatable_to_the_byte(loaded: LoadedCell) -> Non
     assert (events == two[2]).all()
     assert rows["sequence"].tolist() == list(range(len(rows)))
     assert len(rows) >= 1.4 * 0.008 * 125 * 1000
-    # The device is 100 ppm fast and starts at 3 ms; a row takes 0.6 ms on the line.
+    # The amplifier's clock is 100 ppm fast and starts at 3 ms; a row takes 0.6 ms on the line.
     late_s = arrivals - (rows["ticks"] * 1e-6 - 0.003) / 1.0001
     assert (np.diff(arrivals) >= 0.0).all()
     assert late_s.min() == pytest.approx(28 * 10 / 460800, abs=2e-4)
@@ -178,7 +178,7 @@ def test_trigger_edges_have_the_times_of_sync(loaded: LoadedCell) -> None:
     assert edges["detail"].tolist() == list(range(len(edges)))
     assert len(edges) >= 58
     edge_s = (edges["ticks"] * 1e-6 - 0.003) / 1.0001
-    # SYNC takes about 50 us on the CAN bus; edges may miss the first or last cycles.
+    # SYNC takes about 50 us on the CAN bus; edges of the first or last cycles can be missing.
     late_s = [
         edge_s - np.array(syncs_s[first : first + len(edge_s)])
         for first in range(3)

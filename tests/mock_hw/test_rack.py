@@ -124,7 +124,9 @@ def test_the_torque_limit_is_kept(loaded: LoadedCell) -> None:
         master.run([0, 0, 0])
         torques = [master.cycle(0x0F, [50_000] * 3) for _ in range(60)]
         highest.append(max(abs(raw) for answers in torques for _, _, raw in answers))
-    assert highest[0] < 130, "0.1 of rated torque, and the anti-alias filter's overshoot"
+    assert highest[0] < 130, (
+        "at most 0.1 of the rated torque, plus the overshoot of the anti-alias filter"
+    )
     assert highest[1] > 200
 
 

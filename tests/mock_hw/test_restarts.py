@@ -46,7 +46,7 @@ def rig() -> Iterator[Rig]:
 
 
 def act_at_next_write(drive: SimulatedDrive, act: Callable[[], None]) -> None:
-    """Call a function once, when a drive is written to next."""
+    """Call a function once, just before the next write to a drive."""
     write = drive._sdo._write
 
     def act_and_write(index: int, subindex: int, data: bytes) -> None:
@@ -61,13 +61,15 @@ def test_a_restart_while_another_drive_is_set_up_is_detected(rig: Rig) -> None:
     act_at_next_write(rig.elbow, rig.restart_base)
     with raises_code(DeviceFaultError, "RID-DRIVE-RESTARTED", "(node 1)"):
         rig.cell.axes.bring_up()
-    assert {s.node_id for s in rig.cell.axes.settings()} == {1, 2}, "found drives are reported too"
+    assert {s.node_id for s in rig.cell.axes.settings()} == {1, 2}, (
+        "settings of all found drives must be reported"
+    )
     rig.cell.axes.bring_up()
     rig.cell.axes.start()
 
 
 def test_a_restart_of_a_drive_that_stores_everything_except_watchdogs_is_detected(rig: Rig) -> None:
-    """Such a drive answers SYNC and sends its heartbeat as if nothing had happened."""
+    """After the restart, the drive answers SYNC and sends its heartbeat as before."""
     rig.cell.axes.bring_up()
     rig.base.objects.store()
     rig.base.objects._stored |= {WATCH_ON_COMPUTER: 0, od.ABORT_CONNECTION: 0}
@@ -81,7 +83,7 @@ def test_a_restart_between_setup_and_start_is_detected(rig: Rig) -> None:
     rig.cell.axes.bring_up()
     rig.restart_base()
     rig.pass_time(0.05)
-    rig.cell.axes.service.power_states()  # reads the boot-up message too
+    rig.cell.axes.service.power_states()  # this call also reads the boot-up message
     with raises_code(DeviceFaultError, "RID-DRIVE-RESTARTED", "(node 1)"):
         rig.cell.axes.start()
     assert rig.elbow.nmt is NmtState.PRE_OPERATIONAL, "no drive was started"

@@ -52,7 +52,7 @@ def test_torque_and_position_in_several_frames_are_those_of_the_axis(name: str) 
         assert answers.position_counts[0] == 12345
         shown = [s.found for s in open_cell.axes.settings() if s.name == "torque"]
         assert len(shown) == (name == "trinamic_tmcm16xx"), (
-            "the rate of the requested torque is stated"
+            "only drives whose torque is requested have a line with its rate"
         )
 
 
@@ -79,7 +79,9 @@ def test_a_trace_with_other_settings_gives_no_position() -> None:
         bus.axes[0].counts = 777.0
         open_cell.axes.start()
         open_cell.axes.exchange()
-        assert open_cell.axes.answers.position_counts[0] != 777, "the trace contains other signals"
+        assert open_cell.axes.answers.position_counts[0] != 777, (
+            "the trace contains other signals, so it must not give a position"
+        )
 
 
 def test_a_drive_that_does_not_answer_its_request_counts_as_missing() -> None:

@@ -46,11 +46,11 @@ class Terminal:
         line, _, self._text = self._text.partition(b"\r")
         return line.decode("ascii").lstrip("\n")
 
-    def say(self, said: str) -> None:
-        os.write(self._fd, said.encode() + b"\r")
+    def say(self, text: str) -> None:
+        os.write(self._fd, text.encode() + b"\r")
 
-    def ask(self, said: str) -> str:
-        self.say(said)
+    def ask(self, text: str) -> str:
+        self.say(text)
         return self.line()
 
     def close(self) -> None:

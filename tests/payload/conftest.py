@@ -42,7 +42,7 @@ MEDIUM = PayloadBody.of_reported(
 
 @dataclass(frozen=True)
 class PayloadPlant:
-    """The arm in Pinocchio: links as drawn, no rotors, friction at the motors.
+    """Model of the arm in Pinocchio: links by their CAD data, no rotors, friction at the motors.
 
     `tool` is the position of the flange frame in the last link's frame.
     """
@@ -78,8 +78,8 @@ class PayloadPlant:
         joint = np.array([pin.rnea(self.model, data, *row) for row in zip(q, v, a, strict=True)])
         coupling = np.eye(6) if self.robot.coupling is None else np.array(self.robot.coupling)
         speed = v @ np.linalg.inv(coupling).T
-        own = COULOMB * np.sign(speed) + VISCOUS * speed
-        return np.asarray(joint @ coupling + friction * own)
+        friction_nm = COULOMB * np.sign(speed) + VISCOUS * speed
+        return np.asarray(joint @ coupling + friction * friction_nm)
 
 
 def six_axes(**update: object) -> RobotDescription:
@@ -168,7 +168,7 @@ def measured(
 
 
 def averaged(*arguments: object, **options: object) -> PeriodAverage:
-    """Return the average of what `measured` returns."""
+    """Return the period average of a recording by `measured`."""
     return average_periods(measured(*arguments, **options))  # type: ignore[arg-type]
 
 
@@ -197,7 +197,7 @@ def motion(robot: RobotDescription) -> FourierMotion:
 
 @pytest.fixture(scope="session")
 def unloaded(robot: RobotDescription, motion: FourierMotion) -> PeriodAverage:
-    """Run without payload, with a tenth more friction, which must not be carried over."""
+    """Run without payload, with 10 % more friction, which the loaded run must not take over."""
     return averaged(robot, motion, None, seed=1, friction=1.1)
 
 

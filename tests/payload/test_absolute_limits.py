@@ -30,7 +30,7 @@ SIZES = st.floats(0.0, 1e3) | st.just(0.0)
 
 
 def camera() -> PayloadEstimate:
-    """Return a camera of 0.1 kg, weighed to 24 g (2σ), with moments to 0.004 kg m²."""
+    """Return the estimate of a camera: 0.1 kg ± 24 g, moments of inertia ± 0.004 kg m² (2σ)."""
     body = PayloadBody.of_reported(np.array([0.1, 0.0, 0.0, 0.02, 1e-4, 1e-4, 1e-4, 0.0, 0.0, 0.0]))
     estimate = estimate_of(load_cell("kr15"), ())
     sigma = np.array([0.012, *[4e-4] * 3, *[0.002] * 6])

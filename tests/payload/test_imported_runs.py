@@ -24,7 +24,7 @@ IMPORTED = ("empty", "first", "second", "third", "left on", "heavy left on")
 
 @pytest.fixture(scope="module")
 def imported(lab: SimpleNamespace, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Imported periodic runs of six axes: empty, loaded three times, and with a body left on."""
+    """Imported periodic runs: one unloaded, three loaded, one with a body left on the flange."""
     place = tmp_path_factory.mktemp("imported")
     robot = lab.six_axes(name="six")
     motion = lab.motion_of(robot)
@@ -59,7 +59,7 @@ def imported(lab: SimpleNamespace, tmp_path_factory: pytest.TempPathFactory) -> 
 def test_repeated_periodic_runs_from_csv_files_of_another_manufacturer(
     lab: SimpleNamespace, imported: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """Three runs with the payload, one without; the scatter is reported."""
+    """Three runs are with the payload and one is without; the scatter of the three is reported."""
     capsys.readouterr()
     words = ["payload", "identify", "--unloaded", "empty", "--no-rotors", "--json"]
     for label in ("first", "second", "third"):
@@ -82,13 +82,15 @@ def test_a_body_left_on_the_flange_is_found_with_a_model_of_the_robot(
     write_estimate(Path(model), estimate_runs([empty], how).estimate)
     words = ["payload", "identify", "--loaded", "first", "--procedure", "together", *runs]
     capsys.readouterr()
-    # With the torques of both runs alone the check passes and states its assumption.
+    # Without a model of the robot, the check passes and states its assumption.
     assert run([*words, "--no-rotors", "--unloaded", "left on"]) == 0
     capsys.readouterr()
     assert run([*words, "--unloaded", "left on", "--model", model]) == 1
-    said = " ".join(capsys.readouterr().out.split())
-    assert "Failed: mass on the flange in the runs without payload, according to the model" in said
-    assert "Remove it and record these runs again." in said
+    output = " ".join(capsys.readouterr().out.split())
+    assert (
+        "Failed: mass on the flange in the runs without payload, according to the model" in output
+    )
+    assert "Remove it and record these runs again." in output
 
 
 def test_a_heavy_body_left_on_the_flange_is_named_as_the_likely_mistake(
@@ -97,6 +99,6 @@ def test_a_heavy_body_left_on_the_flange_is_named_as_the_likely_mistake(
     words = ["payload", "identify", "--no-rotors", "--unloaded", "heavy left on"]
     capsys.readouterr()
     assert run([*words, "--loaded", "first", "--runs", str(imported / "runs")]) == 1
-    said = " ".join(capsys.readouterr().out.split())
-    assert "Failed: probability that a physically consistent body explains the data" in said
-    assert "A heavy object on the flange in the unloaded runs is subtracted" in said
+    output = " ".join(capsys.readouterr().out.split())
+    assert "Failed: probability that a physically consistent body explains the data" in output
+    assert "A heavy object on the flange in the unloaded runs is subtracted" in output

@@ -21,12 +21,12 @@ from identification.payload.controllers.formats import (
 from identification.payload.controllers.text import number_writer
 from tests.builders.raised_codes import raises_code
 
-# A body that is computed by hand. Mass 4 kg, centre of gravity at
-# (10, -20, 100) mm. Principal moments 0.03, 0.05 and 0.06 kg m^2, their axes turned by +30 degrees
-# about z against the flange's. With cos^2 30 = 3/4, sin^2 30 = 1/4, sin 30 cos 30 = sqrt(3)/4:
+# A body whose values are computed by hand: mass 4 kg, centre of gravity at (10, -20, 100) mm,
+# principal moments 0.03, 0.05 and 0.06 kg m^2. The principal axes are the flange's axes, turned by
+# +30 degrees about z. With cos^2 30 = 3/4, sin^2 30 = 1/4, sin 30 cos 30 = sqrt(3)/4:
 #   Ixx = 0.03 * 3/4 + 0.05 * 1/4 = 0.035
 #   Iyy = 0.03 * 1/4 + 0.05 * 3/4 = 0.045
-#   Ixy = (0.03 - 0.05) * sqrt(3)/4 = -0.00866025403784   (the small moment lies along +x +y)
+#   Ixy = (0.03 - 0.05) * sqrt(3)/4 = -0.00866025403784   (axis of the small moment: +x +y)
 #   Izz = 0.06, Ixz = Iyz = 0
 TURNED_ABOUT_Z = PayloadBody.of_reported(
     np.array([4.0, 0.01, -0.02, 0.1, 0.035, 0.045, 0.06, -0.02 * np.sqrt(3.0) / 4.0, 0.0, 0.0])
@@ -38,7 +38,7 @@ def last_lines(text: str, mark: str) -> list[str]:
 
 
 def test_kuka_load_data_agree_with_values_by_hand() -> None:
-    # mm; A is the rotation about z: 30 degrees; J are the principal moments in axis order.
+    # Lengths in mm; A is the rotation about z: 30 degrees; J are the principal moments by axis.
     text = load_data(TURNED_ABOUT_Z, LoadFormat.KUKA)
     assert last_lines(text, ";") == [
         "LOAD_DATA[1]={M 4,CM {X 10,Y -20,Z 100,A 30,B 0,C 0},J {X 0.03,Y 0.05,Z 0.06}}"
@@ -48,7 +48,7 @@ def test_kuka_load_data_agree_with_values_by_hand() -> None:
 
 
 def test_kuka_rotates_b_about_y_and_c_about_x() -> None:
-    # Axes turned by +20 degrees about y: x' = (cos, 0, -sin), z' = (sin, 0, cos), so
+    # Principal axes turned by +20 degrees about y: x' = (cos, 0, -sin), z' = (sin, 0, cos), so
     #   Ixz = 0.03 * cos * (-sin) + 0.06 * sin * cos = 0.03 sin 20 cos 20 = 0.015 sin 40.
     sin2, s, c = np.sin(np.radians(40.0)), np.sin(np.radians(20.0)), np.cos(np.radians(20.0))
     about_y = PayloadBody.of_reported(
@@ -68,7 +68,7 @@ def test_kuka_rotates_b_about_y_and_c_about_x() -> None:
         )
     )
     assert "A 0,B 20,C 0},J {X 0.03,Y 0.05,Z 0.06}}" in load_data(about_y, LoadFormat.KUKA)
-    # By +20 degrees about x: y' = (0, cos, sin), z' = (0, -sin, cos), so
+    # Principal axes turned by +20 degrees about x: y' = (0, cos, sin), z' = (0, -sin, cos), so
     #   Iyz = 0.05 * cos * sin - 0.06 * sin * cos = -0.005 sin 40.
     about_x = PayloadBody.of_reported(
         np.array(
@@ -101,7 +101,7 @@ def test_abb_loaddata_agrees_with_values_by_hand() -> None:
 
 
 def test_a_fanuc_schedule_agrees_with_values_by_hand() -> None:
-    # cm: 1, -2, 10. One kgf cm s^2 is 9.80665 * 0.01 = 0.0980665 kg m^2:
+    # Centre in cm: 1, -2, 10. One kgf cm s^2 is 9.80665 * 0.01 = 0.0980665 kg m^2:
     # 0.035 / 0.0980665 = 0.356900674, 0.045 / 0.0980665 = 0.458872296, 0.06 / ... = 0.611829728.
     text = load_data(TURNED_ABOUT_Z, LoadFormat.FANUC)
     rows = [line.rsplit(maxsplit=1) for line in last_lines(text, "#")]
@@ -117,13 +117,13 @@ def test_a_fanuc_schedule_agrees_with_values_by_hand() -> None:
     assert [float(value) for _, value in rows] == pytest.approx(
         [4.0, 1.0, -2.0, 10.0, 0.356900674, 0.458872296, 0.611829728], rel=3e-9
     )
-    # Values that do not fit the schedule are reported.
+    # Values for which the schedule has no field are reported.
     assert "-0.00866025403784" in text
     assert "left out" in text
 
 
 def test_a_universal_robots_call_agrees_with_values_by_hand() -> None:
-    # Ixx, Iyy, Izz, Ixy, Ixz, Iyz about the centre of gravity, m and kg m^2.
+    # The order is Ixx, Iyy, Izz, Ixy, Ixz, Iyz about the centre of gravity; units m and kg m^2.
     text = load_data(TURNED_ABOUT_Z, LoadFormat.UR)
     assert last_lines(text, "#") == [
         "set_target_payload(4, [0.01, -0.02, 0.1],"
@@ -198,7 +198,7 @@ def test_a_thousand_bodies_are_read_back_as_written(
         body = random_body(seed)
         worst = max(worst, deviation(body, read_load_data(load_data(body, form), form), form))
     assert worst < 2e-9
-    measured("1000 bodies read back the same")
+    measured("1000 bodies are read back unchanged")
 
 
 @pytest.mark.parametrize("form", LoadFormat)
@@ -223,12 +223,12 @@ def test_text_that_is_not_load_data_is_refused(form: LoadFormat) -> None:
 def test_an_impossible_body_is_not_written(
     form: LoadFormat, measured: Callable[[str], None]
 ) -> None:
-    # One moment larger than the other two together.
+    # One moment of inertia is larger than the sum of the other two.
     with raises_code(EstimationError, "RID-PAYLOAD-IMPOSSIBLE"):
         load_data(PayloadBody(1.0, np.zeros(3), np.diag([0.1, 0.1, 0.3])), form)
     with raises_code(EstimationError, "RID-PAYLOAD-IMPOSSIBLE"):
         load_data(PayloadBody(-1.0, np.zeros(3), np.diag([0.1, 0.1, 0.1])), form)
-    measured("refused: negative mass, triangle of inertias")
+    measured("refused: negative mass, inertias that violate the triangle inequality")
 
 
 def test_an_inertia_beyond_the_controllers_limit_is_refused() -> None:
@@ -258,7 +258,7 @@ def test_only_the_known_digits_are_written(form: LoadFormat) -> None:
     found = read_load_data(text, form)
     assert deviation(body, found, form) <= sure
     assert found.is_consistent
-    values = re.findall(r"\d[\d.]*\d", text.split("9.6", 1)[1])  # starting with the mass
+    values = re.findall(r"\d[\d.]*\d", text.split("9.6", 1)[1])  # from the mass on
     assert all(len(each.replace(".", "").lstrip("0")) <= 5 for each in values), values
     assert len(load_data(body, form)) > len(text)
 

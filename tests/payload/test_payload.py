@@ -79,7 +79,7 @@ def test_apart_gives_the_payloads_part_of_each_axis_torque(
     with_payload = lab.averaged(robot, motion, lab.medium, seed=3, noise_nm=0.0)
     without = lab.averaged(robot, motion, None, seed=3, noise_nm=0.0)
     made = np.sqrt(np.mean((with_payload.torque_nm - without.torque_nm) ** 2, axis=0))
-    # At a reversal the joint's friction is undetermined, and absorbs part of the difference.
+    # At reversals friction is undetermined, and takes up part of the payload's torque.
     np.testing.assert_allclose(found.payload_nm, made, rtol=0.08)
 
 
@@ -127,7 +127,7 @@ def test_friction_may_differ_between_the_runs(
     found = identify_payload(
         robot, runs((warm, False), (loaded, True)), PayloadOptions("difference", OPTIONS)
     )
-    # On the wrist's axes, 40 % of the friction exceeds the torque of the payload.
+    # In the wrist's axes, 40 % of the friction is more than the torque due to the payload.
     assert 0.4 * lab.coulomb_nm[3] > 3.0
     assert np.max(np.abs(sigmas_off(found, lab.medium))) < 3.0
 
@@ -146,7 +146,7 @@ def test_a_known_mass_is_fixed_and_improves_the_other_values(
     assert np.all(held.sigma[1:4] <= 1.1 * free.sigma[1:4])
     by_scales = PayloadOptions("together", OPTIONS, known=(KnownPayloadValue("m", 9.6, 0.002),))
     weighed = identify_payload(robot, both, by_scales)
-    # Between both, closer to the more certain one.
+    # The result is between the free estimate and the weighed mass.
     assert free.reported[0] < weighed.reported[0] < 9.6
     assert weighed.sigma[0] < min(0.002, free.sigma[0])
 
@@ -280,7 +280,7 @@ def test_parameters_not_identifiable_with_axes_at_rest_are_named(
     lab: SimpleNamespace,
     robot: RobotDescription,
 ) -> None:
-    # Axis 1 alone, vertical: it rotates the payload about one line, without gravity.
+    # Only axis 1 moves. It is vertical: the payload turns about one line, and gravity does no work.
     still = lab.motion_of(robot, axes=(0,))
     pair = runs(
         (lab.averaged(robot, still, None, seed=1), False),
@@ -298,7 +298,7 @@ def test_parameters_not_identifiable_with_axes_at_rest_are_named(
 def test_the_last_four_axes_identify_all_ten_parameters(
     lab: SimpleNamespace, robot: RobotDescription
 ) -> None:
-    # As in the thesis: axes 3 to 6 move, 1 and 2 are at rest.
+    # As in the thesis, axes 3 to 6 move, and axes 1 and 2 are at rest.
     wrist = lab.motion_of(robot, axes=(2, 3, 4, 5))
     pair = runs(
         (lab.averaged(robot, wrist, None, seed=1), False),
@@ -326,7 +326,7 @@ def test_a_wrong_torque_constant_has_the_effect_that_gain_effects_predicts(
     )
     change = wrong.values - right.values
     assert np.allclose(change, 0.02 * right.gain_slopes[:, 2], atol=0.1 * np.abs(change).max())
-    # An equal error of all constants is an equal error of the payload.
+    # If all torque constants have the same relative error, the mass has this relative error too.
     assert right.gain_effects[0].sum() == pytest.approx(right.reported[0], rel=0.02)
     wide = identify_payload(
         robot, both, PayloadOptions("difference", OPTIONS, torque_constant_sigma=0.02)
@@ -362,7 +362,7 @@ def test_runs_of_different_motions_are_refused(
 def test_an_impossible_estimate_is_replaced_by_the_closest_possible_body(
     lab: SimpleNamespace, robot: RobotDescription, motion: FourierMotion
 ) -> None:
-    # A thin plate is on the limit of possible bodies; the noise is large.
+    # A thin plate is at the limit of physically possible bodies; large noise exceeds the limit.
     plate = PayloadBody.of_reported(
         np.array([3.0, 0.0, 0.0, 0.1, 0.02, 0.02, 0.0399, 0.0, 0.0, 0.0])
     )

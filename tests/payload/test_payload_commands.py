@@ -61,12 +61,12 @@ def test_a_real_payload_is_identified_within_two_percent_and_its_interval(
     assert mass["name"] == "m"
     assert abs(mass["value"] - WEIGHED_KG) < 0.02 * WEIGHED_KG
     assert abs(mass["value"] - WEIGHED_KG) < 2.0 * mass["std"]
-    # With white noise the interval would be several times too narrow.
+    # If the noise were assumed white, the interval would be several times too narrow.
     assert mass["std"] > 3.0 * mass["std_noise"]
     assert document["verdict"]["passed"] is True
     command = "rid-daq payload identify --unloaded empty --loaded gripper"
     assert_shown("payload", command, "\n".join(document["payload"]["findings"]), same_numbers=False)
-    # The run and its report contain the payload too.
+    # The run folder and its report also contain the payload.
     report = Path(document["report"]).read_text(encoding="utf-8")
     assert "Torque" in report or "torque of the payload" in report
     assert (Path(document["report"]).parent / "payload.json").exists()
@@ -99,7 +99,7 @@ def test_every_procedure_identifies_a_real_payload_within_its_interval(
     section = json.loads(capsys.readouterr().out)["payload"]
     mass = section["parameters"][0]
     assert abs(mass["value"] - WEIGHED_KG) < 2.0 * mass["std"] < 0.05 * WEIGHED_KG
-    # Payload torque of each axis; `apart` gives no mass per percent of an axis.
+    # Torque due to the payload, and change of mass per 1 % of an axis's torque (none for `apart`).
     felt = [(axis["payload"], axis["mass_per_percent"]) for axis in section["axes"]]
     assert felt[1][0] == pytest.approx(25.0, rel=0.1)
     assert all((share is None) is (procedure == "apart") for _, share in felt)
@@ -108,7 +108,7 @@ def test_every_procedure_identifies_a_real_payload_within_its_interval(
 def test_a_model_with_its_own_friction_terms_identifies_a_payload(
     workshop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """As with `identify --choose`: load-dependent friction in the joints that carry the load."""
+    """As after `identify --choose`, joints that carry the load have load-dependent friction."""
     data = RunData.load(find_run(workshop / "runs", "other motion"))
     joints = tuple(
         joint.model_copy(update={"friction": (*joint.friction, "load")})
@@ -167,9 +167,9 @@ def test_a_mass_in_grams_is_refused_before_any_file_is_read(
 ) -> None:
     words = identify(workshop, "--unloaded", "unloaded", "--loaded", "loaded", "--known", "m=2805")
     assert run(words) == 2
-    said = capsys.readouterr().err
-    assert said.startswith("rid-daq: --known m: 2805 kg")
-    assert said.endswith("[RID-OPTION-RANGE]\n")
+    output = capsys.readouterr().err
+    assert output.startswith("rid-daq: --known m: 2805 kg")
+    assert output.endswith("[RID-OPTION-RANGE]\n")
 
 
 def test_the_mass_of_another_payload_fails_the_verdict(
@@ -188,7 +188,7 @@ def test_the_mass_of_another_payload_fails_the_verdict(
 def test_a_session_with_swapped_currents_of_two_axes_fails(
     workshop: Path, real_robot: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    second, third = 14, 15  # the columns of their currents
+    second, third = 14, 15  # the columns of the currents of joints 2 and 3
     for label in ("unloaded", "loaded"):
         name, rows = FILES[label]
         with (real_robot / name).open(newline="") as file:
@@ -203,9 +203,9 @@ def test_a_session_with_swapped_currents_of_two_axes_fails(
     words = identify(workshop, "--unloaded", "unloaded swapped", "--loaded", "loaded swapped")
     capsys.readouterr()
     assert run([*words, "-o", str(workshop / "swapped.json")]) == 6
-    said = " ".join(capsys.readouterr().out.split())
-    assert "Failed: residual of joint2 (RMS, relative to its torque); residual of joint3" in said
-    assert "look for swapped torques of two axes" in said
+    output = " ".join(capsys.readouterr().out.split())
+    assert "Failed: residual of joint2 (RMS, relative to its torque); residual of joint3" in output
+    assert "look for swapped torques of two axes" in output
 
 
 @pytest.mark.fault(34)
@@ -224,14 +224,14 @@ def test_every_export_is_read_back_and_a_changed_one_is_detected(
     text = file.read_text(encoding="utf-8")
     mass_kg = read_payload(workshop / "payload.json").estimate.body.mass_kg
     mass = next(m for n in range(12, 2, -1) if (m := f"{mass_kg:.{n}g}") in text)
-    assert len(mass) <= 7  # only the known digits
+    assert len(mass) <= 7  # only digits that the uncertainty justifies
     assert text.count(mass) == 1
     file.write_text(text.replace(mass, f"{float(mass) * 1.01:.6g}"), encoding="utf-8")
     capsys.readouterr()
     assert run(["payload", "read-back", payload, str(file), "--from", form.value]) == 1
-    said = re.search(r"differs from the payload by ([\d.]+) %", capsys.readouterr().out)
-    assert said is not None
-    assert float(said[1]) == pytest.approx(1.0, abs=0.05)  # after rounding
+    output = re.search(r"differs from the payload by ([\d.]+) %", capsys.readouterr().out)
+    assert output is not None
+    assert float(output[1]) == pytest.approx(1.0, abs=0.05)  # after rounding
     measured("a mass changed by 1 % is red in every format")
 
 
@@ -247,12 +247,12 @@ def test_a_failed_payload_is_not_exported(
     assert run(["payload", "export", str(payload), "--to", "ur", "-o", str(out)]) == 6
     assert "[RID-PAYLOAD-FAILED]" in capsys.readouterr().err
     assert not out.exists()
-    # Nor is one with an edited verdict.
+    # A payload file with an edited verdict is not exported either.
     edited = payload.read_text(encoding="utf-8").replace('"passed": false', '"passed": true')
     payload.write_text(edited, encoding="utf-8")
     assert run(["payload", "export", str(payload), "--to", "ur", "-o", str(out)]) == 2
     assert "[RID-PAYLOAD-UNSOUND]" in capsys.readouterr().err
-    measured("exit 6, no file")
+    measured("exit code 6, no file written")
 
 
 def test_an_inertia_that_fails_in_percent_is_exported_by_its_limit_in_kg_m2(
@@ -281,7 +281,7 @@ def test_a_payload_file_with_an_edited_mass_is_refused(workshop: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["--unloaded", "loaded", "--loaded", "loaded"], "named twice"),
         (["--loaded", "loaded"], "cannot be distinguished from the robot"),
@@ -299,11 +299,11 @@ def test_a_payload_file_with_an_edited_mass_is_refused(workshop: Path) -> None:
     ],
 )
 def test_contradictory_options_are_refused(
-    workshop: Path, words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+    workshop: Path, words: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     capsys.readouterr()
     assert run(identify(workshop, *words)) in (2, 6)
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 def test_a_model_of_another_robot_is_refused_with_any_torque_channel(

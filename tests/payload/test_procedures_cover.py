@@ -57,5 +57,5 @@ def test_two_sigma_intervals_cover_the_truth_in_at_least_nine_of_ten_cases(
         off.append((found.reported - lab.medium.reported) / found.sigma)
     inside = np.abs(np.array(off)) < 2.0
     assert inside.mean() >= 0.9
-    # The intervals are not too wide: ratio of scatter and stated sigma, all parameters together.
+    # The intervals are not too wide: ratio of RMS error and stated sigma, over all parameters.
     assert 0.7 < float(np.sqrt(np.mean(np.square(off)))) < 1.4

@@ -77,8 +77,8 @@ def test_correct_assumptions_give_the_true_payload(
 def test_the_table_has_the_signs_and_magnitudes_of_the_thesis(
     table: dict[tuple[str, str], dict[str, float]],
 ) -> None:
-    # Table 5.3, percent: torque constant 3 too large by 10 %: m 10.2, cy -6.3, cz -7.4, Ixx 9.4,
-    # Iyy 78.8, Izz 1.0; with the payload's torques alone (the difference), ours are the same.
+    # Comments state the changes in table 5.3 of the thesis, in percent. Torque constant 3 is 10 %
+    # too large: m 10.2, cy -6.3, cz -7.4, Ixx 9.4, Iyy 78.8, Izz 1.0. Our changes are similar.
     row = table["difference", "torque constant 3"]
     assert 7.0 < row["m"] < 18.0
     assert -16.0 < row["cy"] < -3.0
@@ -86,13 +86,13 @@ def test_the_table_has_the_signs_and_magnitudes_of_the_thesis(
     assert 5.0 < row["Ixx"] < 40.0
     assert 40.0 < row["Iyy"] < 300.0
     assert abs(row["Izz"]) < 3.0
-    # Torque constants 3 to 6: m 11.3, Ixx 19.3. If all of the payload's torques are 10 % too large,
-    # the payload is 10 % too heavy, with the same centre.
+    # Torque constants 3 to 6 (thesis: m 11.3, Ixx 19.3): if all torques of the payload are 10 % too
+    # large, the payload becomes 10 % too heavy, with the same centre.
     row = table["difference", "torque constants 3-6"]
     assert row == pytest.approx(
         {name: 0.0 if name in ("cx", "cy", "cz") else 10.0 for name in REPORTED}, abs=1e-3
     )
-    # Torque constant 3 with all axes moving: m 2.5, less than without.
+    # Torque constant 3, if all axes move: m 2.5, less than if only axes 3 to 6 move.
     assert 0.0 < table["difference", "all axes move, torque constant 3"]["m"] < 10.0
     # Robot links 10 % too heavy: m -30.5, cx 48.6, cy 49.5, cz 36.8, Izz -8.6.
     row = table["model", "robot links"]
@@ -101,7 +101,7 @@ def test_the_table_has_the_signs_and_magnitudes_of_the_thesis(
     assert 20.0 < row["cy"] < 90.0
     assert 20.0 < row["cz"] < 100.0
     assert -15.0 < row["Izz"] < 0.0
-    # Rotor inertia: m 2.6, Ixx 37.2, Iyy 365.9.
+    # Rotor inertia 25 % too small: m 2.6, Ixx 37.2, Iyy 365.9.
     row = table["model", "rotor inertia 25 % too small"]
     assert 0.0 < row["m"] < 5.0
     assert 10.0 < row["Ixx"] < 90.0
@@ -110,9 +110,9 @@ def test_the_table_has_the_signs_and_magnitudes_of_the_thesis(
     for words in ("efficiency 90 %", "efficiency 95 %", "25 % of friction acts in the joints"):
         assert abs(table["model", words]["m"]) < 4.0
     assert abs(table["model", "25 % of friction acts in the joints"]["Ixx"]) < 10.0
-    # The wrist's coupling: m 0.4, Ixx 2.8, Iyy 26.4.
+    # The wrist's coupling is neglected: m 0.4, Ixx 2.8, Iyy 26.4.
     assert abs(table["model", "wrist coupling neglected"]["m"]) < 2.0
-    # A torque bias: m 16.5.
+    # Torque bias in axis 3: m 16.5.
     assert 8.0 < table["model", "torque bias -12 Nm, axis 3"]["m"] < 25.0
 
 
@@ -158,10 +158,10 @@ def test_the_same_seed_gives_the_same_draws_on_any_computer(
         problems["wrist"],
         PriorUncertainty(torque_constants=0.02, links=0.05, rotors=0.05),
     )
-    here = join_batches(list(monte_carlo(problem, doubt, "difference", 12, seed=3, jobs=1)))
-    assert here.shape == (12, 10)
+    local = join_batches(list(monte_carlo(problem, doubt, "difference", 12, seed=3, jobs=1)))
+    assert local.shape == (12, 10)
     assert np.array_equal(
-        here, join_batches(list(monte_carlo(problem, doubt, "difference", 12, seed=3, jobs=1)))
+        local, join_batches(list(monte_carlo(problem, doubt, "difference", 12, seed=3, jobs=1)))
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # messages of Dask about ports and sockets
@@ -171,10 +171,10 @@ def test_the_same_seed_gives_the_same_draws_on_any_computer(
             n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None
         ) as cluster:
             address = cluster.scheduler_address
-            there = join_batches(
+            remote = join_batches(
                 list(monte_carlo(problem, doubt, "difference", 12, seed=3, scheduler=address))
             )
-    assert np.allclose(here, there, rtol=1e-12, atol=1e-14)
+    assert np.allclose(local, remote, rtol=1e-12, atol=1e-14)
 
 
 def test_the_command_writes_the_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -191,7 +191,7 @@ def test_the_command_writes_the_table(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (
             ["--payload", "huge"],
@@ -204,10 +204,10 @@ def test_the_command_writes_the_table(tmp_path: Path, capsys: pytest.CaptureFixt
 )
 def test_invalid_options_are_refused(
     words: list[str],
-    said: str,
+    message: str,
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("identification.design.search.SCHEDULER_TIMEOUT_S", 0.5)
     assert run(["sensitivity", "kr15", *words]) == 2
-    assert said in " ".join(capsys.readouterr().err.split())
+    assert message in " ".join(capsys.readouterr().err.split())

@@ -15,7 +15,7 @@ from identification.design.two_harmonic import TwoHarmonicOptions, design_two_ha
 from tests.builders.invented import whole_result
 
 PATIENCE_MS = 180_000
-"""Timeout of a page test that fails; a test that passes never waits so long."""
+"""Timeout of page tests [ms]; a test that passes never waits so long."""
 QUIET = (
     *("--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"),
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
@@ -24,10 +24,11 @@ QUIET = (
 
 @pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    """Start Debian's chromium once for each file; without it tests are skipped, in CI they fail.
+    """Start Debian's chromium once for each test file.
 
-    The package chromium-headless-shell is used if it is installed: it takes half the CPU time.
-    Playwright keeps an event loop running until the end: its process must not start another one.
+    Without chromium the tests are skipped; in CI they fail. The package chromium-headless-shell is
+    used if it is installed, because it needs half the CPU time. Playwright's event loop runs until
+    the process ends, so the process must not start another event loop.
     """
     chromium = shutil.which("chromium-headless-shell") or shutil.which("chromium")
     if chromium is None and not os.environ.get("CI"):
@@ -46,7 +47,7 @@ def six_axis_motion(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int],
 
     def written(periods: int) -> Path:
         cell = load_cell("kr15")
-        asked = design_two_harmonic(
+        motion = design_two_harmonic(
             cell.robot,
             TwoHarmonicOptions(
                 3.216, highest_harmonic=4, limit_fraction=0.35, tries=8, seed=3, periods=periods
@@ -54,7 +55,7 @@ def six_axis_motion(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int],
             cell.config.cycle_time_s,
         )
         path = tmp_path_factory.mktemp("motion") / "motion.yaml"
-        path.write_text(to_yaml(asked), encoding="utf-8")
+        path.write_text(to_yaml(motion), encoding="utf-8")
         return path
 
     return written
@@ -62,7 +63,7 @@ def six_axis_motion(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int],
 
 @pytest.fixture
 def runs(workshop: Path) -> list[str]:
-    """Return the option for the runs folder of the file's `workshop`."""
+    """Return the option `--runs` for the folder of the test file's fixture `workshop`."""
     return ["--runs", str(workshop / "runs")]
 
 

@@ -76,7 +76,7 @@ def test_the_list_of_commands_is_shown_without_importing_any(
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["rusn"], "Did you mean 'runs'"),
         (["record"], "Missing argument 'CELL'"),
@@ -84,18 +84,18 @@ def test_the_list_of_commands_is_shown_without_importing_any(
     ],
 )
 def test_a_mistyped_command_line_gives_exit_code_2(
-    words: list[str], said: str, capsys: pytest.CaptureFixture[str]
+    words: list[str], message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(words) == ExitCode.USAGE
     captured = capsys.readouterr()
-    assert said in captured.err
+    assert message in captured.err
     assert captured.out == ""
     assert run([*words, "--json"]) == ExitCode.USAGE
     assert json.loads(capsys.readouterr().out)["error"]["kind"] == "UsageError"
 
 
 class EmptyRequest(Request):
-    """Do what a test needs."""
+    """Request without options, for an operation that a test replaces."""
 
 
 def replace_command(does: Callable[[], object], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -177,17 +177,17 @@ def test_with_json_a_signal_is_a_document(
 def test_ctrl_c_during_the_import_of_a_command_takes_effect_afterwards(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    heard: list[int] = []
-    signal.signal(signal.SIGINT, lambda number, _frame: heard.append(number))
+    received: list[int] = []
+    signal.signal(signal.SIGINT, lambda number, _frame: received.append(number))
 
     def imported(name: str) -> Operation:
         signal.raise_signal(signal.SIGINT)
-        assert not heard
+        assert not received
         return operation(name)
 
     monkeypatch.setattr("rid_daq.command_line.root.operation", imported)
     run(["recover", "--help"])
-    assert heard == [signal.SIGINT]
+    assert received == [signal.SIGINT]
 
 
 def test_ctrl_c_while_the_program_is_imported_leaves_no_traceback() -> None:

@@ -142,13 +142,13 @@ def test_completion_is_installed_once_and_for_one_user(
     assert {name: (tmp_path / name).read_bytes() for name in files} == written
     if shutil.which(shell) is None:
         pytest.skip(f"{shell} is not installed")
-    asked = {
+    questions = {
         "bash": "complete -p rid-daq",
         "zsh": "print $_comps[rid-daq]",
         "fish": "complete -C 'rid-daq reco'",
     }
     done = subprocess.run(
-        [shell, *typed, "-i", "-c", asked[shell]],
+        [shell, *typed, "-i", "-c", questions[shell]],
         capture_output=True,
         text=True,
         timeout=60.0,

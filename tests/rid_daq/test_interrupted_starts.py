@@ -26,7 +26,7 @@ pytestmark = pytest.mark.slow
 
 
 def wait_as_device(pipe: Any) -> None:
-    """Run as a device that waits."""
+    """Wait for a message, as a device's process."""
     leave_signals_to_parent()
     pipe.recv()
 
@@ -48,9 +48,10 @@ def start_stories(folder: Path) -> None:
 
 @pytest.fixture
 def started(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
-    """Raise SIGINT after the start of each process; list the processes.
+    """Raise SIGINT after the start of each process; yield the list of their process ids.
 
-    The kernel delivers a signal to any thread: here not to the one that starts processes.
+    The kernel can deliver a signal to any thread. Here another thread than the one that starts
+    processes receives it.
     """
     pids: list[int] = []
     start = SpawnProcess.start

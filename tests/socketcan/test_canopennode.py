@@ -53,14 +53,14 @@ class Device:
         self.link = link
         self.port = SdoPort(link, DEVICE, lambda frame, now_s: None, timeout_s=PATIENCE_S)
 
-    def wait(self, wanted: Callable[[Frame], bool], beat_s: float = 0.0) -> Frame:
+    def wait(self, matches: Callable[[Frame], bool], beat_s: float = 0.0) -> Frame:
         """Return the first frame that matches; until then send our heartbeat every `beat_s`."""
         end_s = time.monotonic() + PATIENCE_S
         while time.monotonic() < end_s:
             if beat_s:
                 self.link.send(heartbeat_frame(OURS, NmtState.OPERATIONAL))
             frame = self.link.receive(self.link.clock.now_s() + (beat_s or 1.0))
-            if frame is not None and wanted(frame):
+            if frame is not None and matches(frame):
                 return frame
         raise AssertionError("no matching frame arrived")
 
@@ -216,10 +216,10 @@ def test_a_foreign_master_starts_and_stops_our_drives(
             tmp_path, "3 write 0x1017 0 u16 20", "3 start", "3 stop", "3 preop"
         )
         assert answers == ["OK"] * 4
-        seen: list[int] = []
+        states: list[int] = []
         end_s = time.monotonic() + PATIENCE_S
-        while time.monotonic() < end_s and seen[-1:] != [NmtState.PRE_OPERATIONAL]:
+        while time.monotonic() < end_s and states[-1:] != [NmtState.PRE_OPERATIONAL]:
             frame = link.receive(link.clock.now_s() + 1.0)
             if frame is not None and frame.cob_id == heartbeat_cob_id(3):
-                seen.append(frame.data[0])
-        assert seen[-1] == NmtState.PRE_OPERATIONAL
+                states.append(frame.data[0])
+        assert states[-1] == NmtState.PRE_OPERATIONAL

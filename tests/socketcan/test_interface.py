@@ -119,9 +119,9 @@ def test_cansend_is_received_and_candump_sees_what_is_sent(link: CanLink) -> Non
     assert received == Frame(0x181, bytes.fromhex("3706E803"))
     while witness.poll() is None and time.monotonic() < until_s:
         link.send_frames([(0x201, b"\x0f\x00"), (0x202, bytearray(8))])
-    seen = {line.split()[-1] for line in witness.communicate()[0].splitlines()}
-    assert seen & {"201#0F00", "202#0000000000000000"}
-    assert seen <= {"201#0F00", "202#0000000000000000", "181#3706E803"}
+    received_data = {line.split()[-1] for line in witness.communicate()[0].splitlines()}
+    assert received_data & {"201#0F00", "202#0000000000000000"}
+    assert received_data <= {"201#0F00", "202#0000000000000000", "181#3706E803"}
 
 
 def test_a_frame_read_late_has_its_arrival_time(link: CanLink, raw: socket.socket) -> None:
@@ -179,7 +179,7 @@ def test_lost_frames_are_counted(raw: socket.socket) -> None:
         received = 0
         while link.receive(0.0) is not None:
             received += 1
-        raw.send(FRAME.pack(0x181, 0, b""))  # the count arrives with the next frame that fits
+        raw.send(FRAME.pack(0x181, 0, b""))  # the number of lost frames comes with the next frame
         assert link.receive(1.0 + link.clock.now_s()) is not None
         assert received < 200
         assert link.lost_frames == 200 - received
@@ -213,18 +213,18 @@ def blocked() -> Iterator[None]:
 def test_few_set_points_are_queued_on_a_dead_bus_and_none_is_sent_later(
     link: CanLink, raw: socket.socket, blocked: None
 ) -> None:
-    taken, text = fill(link)
+    queued, text = fill(link)
     assert "transmit queue is full" in text
-    assert 18 <= taken <= 32, "the frames of one cycle of sixteen axes fit, and few more"
+    assert 18 <= queued <= 32, "the queue must hold one cycle of sixteen axes and few more frames"
     link.close()
     run("ip", "link", "set", CHANNEL, "down")  # as in bus-off: the carrier is lost
     assert "backlog 0b 0p" in run("tc", "-s", "qdisc", "show", "dev", CHANNEL)
-    set_points(raw)  # those sent before
+    set_points(raw)  # reads the set-points that were sent before
     run("tc", "qdisc", "del", "dev", CHANNEL, "root")
     run("ip", "link", "set", CHANNEL, "up")
     assert set_points(raw) == 0
     sys.stdout.write(
-        f"MEASURED full queue: {taken} frames wait at most, 0 go out when the bus is back\n"
+        f"MEASURED full queue: at most {queued} frames wait, 0 are sent when the bus returns\n"
     )
 
 
@@ -254,7 +254,9 @@ def test_setting_the_date_does_not_disturb_a_motion(
         assert simulated.axes().enabled.all()
         assert (cell.axes.answers.late_frames, cell.axes.cyclic.duplicate_frames) == (0, 0)
         assert not cell.axes.take_events()
-    sys.stdout.write("MEASURED date set in motion: 20 times, 0 answers missing, late or twice\n")
+    sys.stdout.write(
+        "MEASURED date set in motion: 20 times, 0 answers missing, late or duplicated\n"
+    )
 
 
 @pytest.mark.parametrize("fault", ["bus-off", "interface down"])
@@ -279,7 +281,7 @@ def test_a_bus_lost_during_a_motion_is_an_error_and_nothing_is_sent_later(
     while (axes := simulated.axes()).enabled.any() or np.abs(axes.velocity).max() > 1e-3:
         assert time.monotonic() < until_s, "the drives did not stop by themselves"
         time.sleep(0.05)
-    set_points(raw)  # those sent before
+    set_points(raw)  # reads the set-points that were sent before
     run("ip", "link", "set", CHANNEL, "down")
     run("ip", "link", "set", CHANNEL, "up")
     assert set_points(raw) == 0
@@ -328,18 +330,18 @@ def set_points(raw: socket.socket, listen_s: float = 0.5) -> int:
             waiting += time.monotonic() >= until_s
         except TimeoutError:
             waiting = 0
-        except OSError:  # reported once that the interface was down
+        except OSError:  # the socket reports once that the interface was down
             continue
     return count
 
 
 def fill(link: CanLink) -> tuple[int, str]:
     """Return the number of set-points queued until the bus refused one, and the error text."""
-    for taken in range(1000):
+    for queued in range(1000):
         try:
-            link.send(Frame(0x201, taken.to_bytes(8, "little")))
+            link.send(Frame(0x201, queued.to_bytes(8, "little")))
         except TransportError as error:
-            return taken, str(error)
+            return queued, str(error)
     return 1000, ""
 
 

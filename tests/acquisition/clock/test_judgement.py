@@ -90,10 +90,10 @@ class TestRepeatedRows:
 
     def test_nine_of_ten_rows_are_repeats_if_a_50_hz_source_is_read_at_500_hz(self) -> None:
         source = np.arange(0.0, 20.0, 0.02)
-        seen = source + np.random.default_rng(4).uniform(0.0, 0.012, len(source))
-        seen[0] = -1.0
+        published = source + np.random.default_rng(4).uniform(0.0, 0.012, len(source))
+        published[0] = -1.0
         stamps = np.arange(0.0, 19.9, 0.002)
-        true_s = source[np.searchsorted(seen, stamps, side="right") - 1]
+        true_s = source[np.searchsorted(published, stamps, side="right") - 1]
         judged = judge_clock(LoggedArm.of(5).at(true_s, stamps))
         assert judged.report.repeated_share == pytest.approx(0.9, abs=1e-3)
         assert judged.report.tick_s == pytest.approx(0.02)

@@ -62,8 +62,8 @@ def write_bag(
             if split:
                 for j in range(len(names)):
                     head = header(stamp=time(sec=ns // 10**9, nanosec=ns % 10**9), frame_id="")
-                    own = {quantity: values[[j]] for quantity, values in arm.items()}
-                    message = state(header=head, name=[names[j]], **own)
+                    quantities = {quantity: values[[j]] for quantity, values in arm.items()}
+                    message = state(header=head, name=[names[j]], **quantities)
                     writer.write(connection, ns, TYPES.serialize_cdr(message, kind))
                     ns += 2_000_000
                 continue

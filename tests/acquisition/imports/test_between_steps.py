@@ -43,8 +43,8 @@ def round_to_steps(values: FloatArray, step: float, seed: int = 1) -> FloatArray
 def test_the_step_of_a_position_is_found_in_any_unit() -> None:
     time_s, position, velocity = creeping_joint()
     for factor in (1.0, np.pi / 180.0, 1.0 / 121.0):
-        seen = rows(time_s, factor * round_to_steps(position, STEP), velocity)
-        assert position_steps(seen) == pytest.approx((factor * STEP,))
+        samples = rows(time_s, factor * round_to_steps(position, STEP), velocity)
+        assert position_steps(samples) == pytest.approx((factor * STEP,))
 
 
 @pytest.mark.parametrize("offset", [0.0, 0.3, -123.4])
@@ -52,12 +52,12 @@ def test_a_creeping_joint_reverses_where_it_did_and_not_where_its_position_flick
     offset: float,
 ) -> None:
     time_s, position, velocity = creeping_joint()
-    seen = rows(time_s, round_to_steps(position, STEP) + offset, round_to_steps(velocity, STEP))
-    found = refine_between_steps(seen, position_steps(seen))[:, 0] - offset
-    assert np.std(found - position) < 0.4 * np.std(seen.position[:, 0] - offset - position)
+    samples = rows(time_s, round_to_steps(position, STEP) + offset, round_to_steps(velocity, STEP))
+    found = refine_between_steps(samples, position_steps(samples))[:, 0] - offset
+    assert np.std(found - position) < 0.4 * np.std(samples.position[:, 0] - offset - position)
     true, recorded, refined = (
         np.count_nonzero(np.diff(np.sign(np.diff(path))))
-        for path in (position, seen.position[:, 0], found)
+        for path in (position, samples.position[:, 0], found)
     )
     assert recorded > 10 * true
     assert refined <= true + 4
@@ -66,8 +66,8 @@ def test_a_creeping_joint_reverses_where_it_did_and_not_where_its_position_flick
 def test_a_joint_at_rest_that_flickers_between_two_steps_does_not_move() -> None:
     time_s = np.arange(0.0, 4.0, 0.01)
     flicker = STEP * np.random.default_rng(3).integers(0, 2, len(time_s)).astype(float)
-    seen = rows(time_s, 0.5 + flicker, np.zeros(len(time_s)))
-    found = refine_between_steps(seen, position_steps(seen))[50:-50, 0]
+    samples = rows(time_s, 0.5 + flicker, np.zeros(len(time_s)))
+    found = refine_between_steps(samples, position_steps(samples))[50:-50, 0]
     assert np.ptp(found) < 0.02 * STEP
 
 
@@ -75,12 +75,12 @@ def test_a_joint_at_rest_before_and_after_a_gap_does_not_move() -> None:
     time_s, position, velocity = creeping_joint()
     rest_s = time_s[-1] + 0.008 * np.arange(1, 501)
     moving = round_to_steps(position, STEP)
-    seen = rows(
+    samples = rows(
         np.concatenate([time_s, rest_s, rest_s + 10.0]),
         np.concatenate([moving, np.full(500, moving[-1]), np.full(500, moving[-1] + 0.2)]),
         np.concatenate([velocity, np.zeros(1000)]),
     )
-    found = refine_between_steps(seen, position_steps(seen))[:, 0]
+    found = refine_between_steps(samples, position_steps(samples))[:, 0]
     assert np.ptp(found[-900:-500]) < 0.02 * STEP
     assert np.ptp(found[-500:]) < 0.02 * STEP
 
@@ -90,8 +90,8 @@ def test_the_steps_of_an_encoder_are_found_in_rounded_numbers(counts: int, digit
     step = 2.0 * np.pi / counts
     time_s = np.arange(0.0, 20.0, 0.008)
     position = round_to_steps(0.8 * np.sin(0.6 * time_s), step)
-    seen = rows(time_s, np.round(position, digits), 0.48 * np.cos(0.6 * time_s))
-    assert position_steps(seen) == pytest.approx((step,), rel=0.01)
+    samples = rows(time_s, np.round(position, digits), 0.48 * np.cos(0.6 * time_s))
+    assert position_steps(samples) == pytest.approx((step,), rel=0.01)
 
 
 def test_a_steady_speed_and_a_jump_are_not_steps() -> None:
@@ -104,9 +104,9 @@ def test_a_steady_speed_and_a_jump_are_not_steps() -> None:
 
 def test_a_wrong_velocity_moves_no_position_by_more_than_a_step() -> None:
     time_s, position, velocity = creeping_joint()
-    seen = rows(time_s, round_to_steps(position, STEP), -3.0 * velocity)
-    found = refine_between_steps(seen, position_steps(seen))
-    assert np.abs(found - seen.position).max() <= STEP * (1.0 + 1e-9)
+    samples = rows(time_s, round_to_steps(position, STEP), -3.0 * velocity)
+    found = refine_between_steps(samples, position_steps(samples))
+    assert np.abs(found - samples.position).max() <= STEP * (1.0 + 1e-9)
 
 
 def test_positions_without_steps_or_velocity_are_unchanged() -> None:

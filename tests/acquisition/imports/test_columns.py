@@ -41,7 +41,7 @@ def read(tmp_path: Path) -> Read:
 
 
 def table() -> np.ndarray:
-    """Return columns: time; two positions; their velocities; two torques or currents; two [°C]."""
+    """Return time, two positions, two velocities, two torques or currents, two values in °C."""
     t = 0.01 * np.arange(ROWS)
     warmth = np.linspace(20.0, 45.0, ROWS)
     return np.column_stack(
@@ -157,8 +157,8 @@ class TestCurrents:
     def test_currents_use_the_maps_constant_first_on_the_side_of_its_columns(
         self, read: Read
     ) -> None:
-        own = tuple(joint | {"torque_constant_nm_per_a": 0.5} for joint in CURRENTS)
-        recording, _ = read(motor_table(), layout(*own, side="motor"), robot())
+        joints = tuple(joint | {"torque_constant_nm_per_a": 0.5} for joint in CURRENTS)
+        recording, _ = read(motor_table(), layout(*joints, side="motor"), robot())
         np.testing.assert_allclose(recording.torque_nm, table()[:, 5:7] * GEARS / 2, atol=1e-6)
 
     def test_currents_need_a_constant_in_the_robot_or_the_map(self, read: Read) -> None:
@@ -180,12 +180,14 @@ class TestDriveUnits:
     def test_a_drives_own_units_give_the_same_recording(
         self, read: Read, unit: str, whole: float
     ) -> None:
-        own = motor_table()
-        own[:, 1:5] = np.rint(own[:, 1:5] * 131072 / (2.0 * np.pi))
-        own[:, 5:7] *= whole / 4.0
+        increments = motor_table()
+        increments[:, 1:5] = np.rint(increments[:, 1:5] * 131072 / (2.0 * np.pi))
+        increments[:, 5:7] *= whole / 4.0
         units = {"position": "increments", "velocity": "increments/s", "torque": unit}
         joint = self.TURN | {"rated_torque_nm": 4.0}
-        recording, report = read(own, layout(joint, joint, side="motor", units=units), robot())
+        recording, report = read(
+            increments, layout(joint, joint, side="motor", units=units), robot()
+        )
         step = 2.0 * np.pi / 131072 / 20.0
         np.testing.assert_allclose(recording.position, table()[:, 1:3], atol=step)
         np.testing.assert_allclose(recording.torque_nm, table()[:, 5:7] * GEARS, atol=1e-6)

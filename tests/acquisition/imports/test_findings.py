@@ -94,9 +94,11 @@ class TestClock:
         table[:, 3:5] += np.random.default_rng(1).normal(scale=0.02, size=(len(t), 2))
         assert report_of(tmp_path, table).findings == ()
 
-    @pytest.mark.parametrize(("clock", "noise", "told"), [(1.0, 1.0, False), (1.06, 0.1, True)])
+    @pytest.mark.parametrize(
+        ("clock", "noise", "is_reported"), [(1.0, 1.0, False), (1.06, 0.1, True)]
+    )
     def test_the_clock_has_a_finding_if_velocity_noise_does_not_explain_the_difference(
-        self, tmp_path: Path, clock: float, noise: float, told: bool
+        self, tmp_path: Path, clock: float, noise: float, is_reported: bool
     ) -> None:
         table = sound_table(150)
         table[:, 3:5] += np.random.default_rng(0).normal(scale=noise, size=(150, 2))
@@ -104,7 +106,7 @@ class TestClock:
         report = report_of(tmp_path, table)
         off = max(abs(ratio - 1.0) for ratio in report.velocity_ratio if ratio is not None)
         assert off > 0.05
-        assert any("clock is wrong" in found for found in report.findings) is told
+        assert any("clock is wrong" in found for found in report.findings) is is_reported
 
 
 class TestStuck:

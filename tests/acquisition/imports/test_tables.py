@@ -71,8 +71,8 @@ def test_with_decimal_commas_a_point_as_thousands_separator_is_damage(
     lines = [line.replace(",", ";").replace(".", ",") for line in path.read_text().splitlines()]
     lines[100] = ";".join([*lines[100].split(";")[:2], field])
     path.write_text("\n".join(lines))
-    own = '"columns": 3, "time": {"column": 0}, "decimal": ",", "delimiter": ";"'
-    recording, report = import_csv(path, layout(own))
+    keys = '"columns": 3, "time": {"column": 0}, "decimal": ",", "delimiter": ";"'
+    recording, report = import_csv(path, layout(keys))
     assert report.rows_damaged == damaged
     if not damaged:
         assert recording.torque_nm[100, 0] == 0.5
@@ -92,9 +92,9 @@ class TestTwoFiles:
     def test_a_second_file_with_other_stamps_is_interpolated_at_those_of_the_first(
         self, tmp_path: Path
     ) -> None:
-        own = np.arange(0.0, 3.0, 0.002)
+        torque_times_s = np.arange(0.0, 3.0, 0.002)
         positions = save(tmp_path / "q.csv", T, POSITION)
-        torques = save(tmp_path / "tau.csv", np.cos(5.0 * own), 1e3 * own)
+        torques = save(tmp_path / "tau.csv", np.cos(5.0 * torque_times_s), 1e3 * torque_times_s)
         torques.write_text(torques.read_text().replace("\n", "\nbroken\n", 1))
         further = '"further_files": [{"columns": 2, "time": {"column": 1, "unit": "ms"}}]'
         import_map = layout(f'"columns": 2, "time": {{"column": 0}}, {further}', 2)

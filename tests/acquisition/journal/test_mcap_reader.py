@@ -36,17 +36,17 @@ def write(path: Path, rows: np.ndarray) -> None:
 
 def test_rows_written_during_reading_are_read_once(tmp_path: Path) -> None:
     rows, path = some_rows(3000), tmp_path / "r.mcap"
-    seen: list[np.ndarray] = []
+    blocks: list[np.ndarray] = []
     with JournalWriter(path, HEADER) as writer, CycleReader(path) as reader:
         assert list(reader.rows(growing=True)) == []
         for start in range(0, 3000, 500):
             writer.append(rows[start : start + 500].tobytes())
             writer.flush()
-            seen += reader.rows(growing=True)
-            assert sum(map(len, seen)) == start + 500
+            blocks += reader.rows(growing=True)
+            assert sum(map(len, blocks)) == start + 500
             assert list(reader.rows(growing=True)) == []
     assert reader.header == HEADER
-    np.testing.assert_array_equal(np.concatenate(seen), rows)
+    np.testing.assert_array_equal(np.concatenate(blocks), rows)
 
 
 def test_a_half_written_chunk_is_read_when_it_is_complete(tmp_path: Path) -> None:

@@ -105,18 +105,22 @@ def test_velocity_and_acceleration_are_the_derivatives_of_the_path(
 def test_the_return_path_is_the_forward_path_reversed() -> None:
     samples = WAVES.plan(IR361, CYCLE_S)
     hold = np.flatnonzero(samples.phase == Phase.HOLD)
-    there, back = slice(0, hold[0]), slice(hold[-1] + 1, None)
+    forward_part, reversed_part = slice(0, hold[0]), slice(hold[-1] + 1, None)
     period = round(2.0 / CYCLE_S)
-    main = [np.flatnonzero(samples.phase[part] == Phase.MAIN) for part in (there, back)]
+    main = [
+        np.flatnonzero(samples.phase[part] == Phase.MAIN) for part in (forward_part, reversed_part)
+    ]
     assert [len(rows) for rows in main] == [3 * period] * 2
-    forward = samples.position[there][main[0][:period]]
-    backward = samples.position[back][main[1][:period]]
+    forward = samples.position[forward_part][main[0][:period]]
+    backward = samples.position[reversed_part][main[1][:period]]
     k = -np.arange(period) % period
     np.testing.assert_allclose(backward, forward[k], atol=1e-12)
     for name, sign in (("velocity", -1.0), ("acceleration", 1.0)):
         values = getattr(samples, name)
         np.testing.assert_allclose(
-            values[back][main[1][:period]], sign * values[there][main[0][:period]][k], atol=1e-12
+            values[reversed_part][main[1][:period]],
+            sign * values[forward_part][main[0][:period]][k],
+            atol=1e-12,
         )
     np.testing.assert_allclose(samples.position[hold], samples.position[[hold[0]] * len(hold)])
     assert samples.samples_per_period is None

@@ -144,9 +144,9 @@ class TestMultipointPlan:
         motion = multipoint(points=20)
         samples = motion.plan(ROBOT, T)
         for pose in motion.poses(ROBOT):
-            here = (samples.position == pose).all(axis=1)
-            assert here.any()
-            np.testing.assert_array_equal(samples.velocity[here], 0.0)
+            at_pose = (samples.position == pose).all(axis=1)
+            assert at_pose.any()
+            np.testing.assert_array_equal(samples.velocity[at_pose], 0.0)
         assert (samples.phase == Phase.MAIN).all()
         assert samples.samples_per_period is None
         assert 20.0 < samples.duration_s < 60.0

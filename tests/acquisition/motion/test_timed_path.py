@@ -1,4 +1,4 @@
-"""Timed path: driven row by row, only by the robot and at the cycle time that it was made for."""
+"""Timed path: driven row by row, only with the robot and cycle time for which it was made."""
 
 from __future__ import annotations
 

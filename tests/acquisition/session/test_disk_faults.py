@@ -262,4 +262,4 @@ def test_a_killed_recorder_loses_at_most_a_tenth_of_a_second(
     bench.run(path, monkeypatch)
     assert len(lost_s) > 350
     assert max(lost_s) <= MOST_LOST_S
-    measured(f"at most {max(lost_s) * 1e3:.0f} ms lost, at any time of the kill")
+    measured(f"at most {max(lost_s) * 1e3:.0f} ms lost, whenever it is killed")

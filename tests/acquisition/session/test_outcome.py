@@ -1,4 +1,4 @@
-"""Outcome of a motion: late stops are kept, and unconfirmed states are not claimed."""
+"""Outcome of a motion: late stops are kept, and only confirmed states are reported."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def test_a_stop_request_after_the_end_of_the_motion_stops_the_sequence(
 def test_a_signal_after_the_end_stops_the_sequence_despite_an_earlier_request(
     outcome: Outcome, control: ControlBlock
 ) -> None:
-    # the recorder ends as soon as the task has finished
+    # an earlier stop request, from the recorder that ends after the task
     control.program.request_stop(StopCode.RECORDER)
     with signals_handled(lambda: control.program.request_stop(StopCode.INTERRUPTED)) as came:
         signal.raise_signal(signal.SIGTERM)
@@ -107,17 +107,17 @@ def test_a_stop_during_the_motion_is_not_a_late_stop(
 
 
 @pytest.mark.parametrize(
-    ("power_off", "said"),
+    ("power_off", "expected"),
     [(True, "disabled the drives"), (False, "without confirmation")],
 )
 def test_the_text_of_a_failed_task_states_if_power_off_was_confirmed(
-    outcome: Outcome, control: ControlBlock, power_off: bool, said: str
+    outcome: Outcome, control: ControlBlock, power_off: bool, expected: str
 ) -> None:
     control.task.power_off = power_off
     ended = outcome(exit_code=1)
     assert ended.stop is not None
     assert ended.stop.code is StopCode.TASK_DIED
-    assert said in ended.stop.text
+    assert expected in ended.stop.text
 
 
 def test_a_task_that_did_not_finish_has_died_with_any_exit_code(

@@ -135,7 +135,7 @@ def test_row_28_more_than_three_overloaded_periods_stop_the_run(
     assert outcome.stop is not None
     assert outcome.stop.code is StopCode.PLATE_OVERLOAD
     assert any("fx12 was overloaded" in note and "larger" in note for note in outcome.notes)
-    measured("more than 3 periods: stopped, a larger range suggested")
+    measured("more than 3 overloaded periods: stopped, a larger range suggested")
 
 
 @pytest.mark.fault(29)
@@ -206,7 +206,7 @@ def test_row_30_an_unplugged_amplifier_stops_the_run(
     assert outcome.stop.code is StopCode.PLATE_LINE
     assert np.abs(np.diff(recording.position[-3:], axis=0)).max() < 1e-4
     assert len(rows.rows) <= 7000
-    measured("unplugged: stopped, at rest")
+    measured("amplifier unplugged: run stopped, axes at rest")
 
 
 def test_the_same_seed_gives_the_same_file_up_to_the_last_sync(

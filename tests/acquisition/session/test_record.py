@@ -138,8 +138,8 @@ def at_rest(simulated: SimulatedCell) -> bool:
 def test_a_complete_motion_is_recorded(
     record: Record, short: MotionSamples, simulated: SimulatedCell, folder: RunFolder
 ) -> None:
-    seen: list[TaskProgress] = []
-    outcome = record(short, seen.append)
+    reports: list[TaskProgress] = []
+    outcome = record(short, reports.append)
     assert outcome.complete
     assert outcome.notes == ()
     assert outcome.statistics.overruns == 0
@@ -153,7 +153,7 @@ def test_a_complete_motion_is_recorded(
     assert recording.valid.all()
     assert recording.target_position is not None
     assert np.abs(recording.target_position - recording.position).max() < 0.02
-    assert {progress.state for progress in seen} >= {TaskState.MOVING, TaskState.FINISHED}
+    assert {progress.state for progress in reports} >= {TaskState.MOVING, TaskState.FINISHED}
     assert_at_rest(simulated)
 
 
@@ -194,7 +194,7 @@ def test_five_interrupts_stop_the_motion_once_and_the_file_is_closed(
     assert outcome.stop.code is StopCode.INTERRUPTED
     assert read_journal(outcome.path).damage.notes == ()
     assert_at_rest(simulated)
-    measured(f"5 times {number.name}: at rest, file closed {1e3 * closed_s:.0f} ms after the first")
+    measured(f"{number.name} 5 times: at rest, file closed {1e3 * closed_s:.0f} ms after the first")
 
 
 @pytest.mark.fault(21)
@@ -364,7 +364,7 @@ def test_killing_all_processes_leaves_the_axes_at_rest_and_a_recoverable_recordi
     repair = repair_journal(folder.file("recording.mcap"), tmp_path / "new.mcap")
     assert repair.kept_rows > 100
     assert repair.lost_rows == 0
-    measured(f"axes at rest by their heartbeat consumer ({timeout_ms} ms) and ramp")
+    measured(f"axes at rest by the drives' heartbeat timeout ({timeout_ms} ms) and ramp")
 
 
 def test_a_motion_of_another_cycle_time_or_beyond_the_limits_moves_nothing(

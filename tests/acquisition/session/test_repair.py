@@ -117,7 +117,7 @@ def test_a_truncated_file_gives_every_row_before_the_cut(
         assert found <= written
         expected, kept = expected + written, kept + found
     assert kept >= 0.99 * expected
-    measured(f"{kept / expected:.2%} of the rows before {CUTS} cuts read, 0 wrong")
+    measured(f"{kept / expected:.2%} of the rows before the cut read in {CUTS} cut files, 0 wrong")
 
 
 @pytest.mark.fault(25)

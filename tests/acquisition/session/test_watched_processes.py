@@ -66,7 +66,7 @@ def watch(task: Process, recorder: Process, control: ControlBlock) -> None:
 def test_a_task_without_a_sign_of_life_is_killed(
     make: Make, monkeypatch: pytest.MonkeyPatch, state: TaskState
 ) -> None:
-    """Then the heartbeat timeout of each drive stops it."""
+    """The end of the task's heartbeat makes each drive stop its axis."""
     patience = "START" if state is TaskState.BRING_UP else "BEAT"
     monkeypatch.setattr(f"acquisition.session.record.{patience}_PATIENCE_S", -1.0)
     control = ControlBlock.create()

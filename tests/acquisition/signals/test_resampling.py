@@ -51,10 +51,10 @@ def test_more_rows_than_samples_reduce_noise() -> None:
 
 def test_short_gaps_are_filled() -> None:
     times = rows(960.0)
-    there = np.ones(len(times), dtype=bool)
-    there[[3000, 4000, 4001, 5000, 5001, 5002]] = False
+    received = np.ones(len(times), dtype=bool)
+    received[[3000, 4000, 4001, 5000, 5001, 5002]] = False
     found, good = resample(
-        times[there], sine(5.0, times[there]), all_valid(times[there]), AT, 1.0 / CYCLE_S
+        times[received], sine(5.0, times[received]), all_valid(times[received]), AT, 1.0 / CYCLE_S
     )
     assert good.all()
     np.testing.assert_allclose(found, sine(5.0, AT), atol=3e-4)
@@ -62,10 +62,10 @@ def test_short_gaps_are_filled() -> None:
 
 def test_long_gaps_stay_empty() -> None:
     times = rows(960.0)
-    there = np.ones(len(times), dtype=bool)
-    there[4000 : 4001 + LONGEST_FILLED_GAP] = False
+    received = np.ones(len(times), dtype=bool)
+    received[4000 : 4001 + LONGEST_FILLED_GAP] = False
     _, good = resample(
-        times[there], sine(5.0, times[there]), all_valid(times[there]), AT, 1.0 / CYCLE_S
+        times[received], sine(5.0, times[received]), all_valid(times[received]), AT, 1.0 / CYCLE_S
     )
     bad_s = AT[~good[:, 0]]
     assert bad_s.min() == pytest.approx(times[4000] - 0.1, abs=0.02)

@@ -30,14 +30,14 @@ def test_joints_that_follow_stop_nothing(watch: Watch) -> None:
 
 def test_a_joint_is_unknown_while_one_of_its_motors_is_silent(watch: Watch) -> None:
     fault = set_at("received", lambda number: number in (10, 11), 1, False)
-    seen: dict[int, list[int]] = {}
+    valid_of_cycle: dict[int, list[int]] = {}
     for number in range(1, 21):
         cycle = cycle_at(number, SPEED * T * number)
         fault(cycle)
         assert watch.judge(cycle) is None
-        seen[number] = cycle.valid
-    assert seen[10] == seen[11] == [1, 0, 0]
-    assert seen[12] == [1, 1, 1]
+        valid_of_cycle[number] = cycle.valid
+    assert valid_of_cycle[10] == valid_of_cycle[11] == [1, 0, 0]
+    assert valid_of_cycle[12] == [1, 1, 1]
 
 
 def test_missed_answers_are_counted_for_the_silent_drive(watch: Watch) -> None:

@@ -332,7 +332,7 @@ def test_of_two_faults_of_a_joint_the_first_checked_is_reported(
 
 def test_without_a_plausible_position_the_following_error_is_kept(watch: Watch) -> None:
     behind = 0.001
-    seen: dict[int, tuple[list[int], list[float]]] = {}
+    cycles: dict[int, tuple[list[int], list[float]]] = {}
     for number in range(1, 14):
         cycle = cycle_at(number, SPEED * T * number)
         cycle.position = [place - behind for place in cycle.position]
@@ -341,10 +341,10 @@ def test_without_a_plausible_position_the_following_error_is_kept(watch: Watch) 
         if number == 11:
             cycle.position[2] = 1e9
         assert watch.judge(cycle) is None
-        seen[number] = (cycle.valid, list(watch.positions.position))
+        cycles[number] = (cycle.valid, list(watch.positions.position))
     for number, valid in ((9, [1, 1, 1]), (10, [1, 0, 1]), (11, [1, 0, 0]), (12, [1, 1, 1])):
-        assert seen[number][0] == valid
-        assert seen[number][1] == pytest.approx([SPEED * T * number - behind] * 3)
+        assert cycles[number][0] == valid
+        assert cycles[number][1] == pytest.approx([SPEED * T * number - behind] * 3)
 
 
 def test_a_position_beyond_its_limit_stops_the_motion(

@@ -1,4 +1,4 @@
-"""Before the motion: a stop order keeps drives without power, and every drive is kept alive."""
+"""Before the motion: a stop request keeps the drives unpowered, and no drive times out."""
 
 from __future__ import annotations
 

@@ -107,10 +107,10 @@ def test_the_first_set_point_is_the_robots_position(bench: Bench, motion: Motion
 class Watching(PlannedMotion):
     """A motion that stores the data that it receives about the robot."""
 
-    seen: list[NDArray[np.float64]] = field(default_factory=list)
+    positions_seen: list[NDArray[np.float64]] = field(default_factory=list)
 
     def watch(self, position: NDArray[np.float64], counts: NDArray[np.int32]) -> None:
-        self.seen.append(position.copy())
+        self.positions_seen.append(position.copy())
 
 
 def test_a_source_receives_every_position_during_approach_and_motion(
@@ -120,7 +120,7 @@ def test_a_source_receives_every_position_during_approach_and_motion(
     assert bench.run(source) is None
     positions = bench.rows()["position"]
     assert (bench.rows()["phase"][:20] == Phase.APPROACH).all()
-    np.testing.assert_array_equal(source.seen[1 : len(positions)], positions[:-1])
+    np.testing.assert_array_equal(source.positions_seen[1 : len(positions)], positions[:-1])
 
 
 def test_the_command_of_the_position_loop_acts_one_cycle_later(

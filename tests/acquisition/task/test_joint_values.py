@@ -36,14 +36,14 @@ def test_the_latest_values_are_shown_with_their_limits(
     assert watch.look() is None
     for cycle in range(40):
         write(ring, cycle)
-    seen = watch.look()
-    assert seen is not None
-    assert seen.time_s == pytest.approx(39 * T)
-    np.testing.assert_allclose(seen.velocity, 0.5)
-    np.testing.assert_allclose(seen.torque_share, (0.4, 0.0, 0.1))
-    np.testing.assert_allclose(seen.following_error, 0.01)
-    np.testing.assert_allclose(seen.following_error_share, (0.5, 0.01 / 0.07, 0.01 / 0.07))
-    assert seen.valid.tolist() == [True, False, True]
+    values = watch.look()
+    assert values is not None
+    assert values.time_s == pytest.approx(39 * T)
+    np.testing.assert_allclose(values.velocity, 0.5)
+    np.testing.assert_allclose(values.torque_share, (0.4, 0.0, 0.1))
+    np.testing.assert_allclose(values.following_error, 0.01)
+    np.testing.assert_allclose(values.following_error_share, (0.5, 0.01 / 0.07, 0.01 / 0.07))
+    assert values.valid.tolist() == [True, False, True]
 
 
 def test_reading_removes_no_row(ring: Ring, cell: CellConfig, robot: RobotDescription) -> None:

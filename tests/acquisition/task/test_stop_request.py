@@ -1,4 +1,4 @@
-"""Stop request (button of the live page, `rid-daq stop`) in the frames of a real exchange."""
+"""Stop request (button of the live page, `rid-daq stop`) in the frames on the bus."""
 
 from __future__ import annotations
 
@@ -113,6 +113,6 @@ def test_another_program_finds_the_running_motion_of_a_process() -> None:
         control = ControlBlock.of_process(program.pid)
         assert control is not None
         control.program.request_stop(StopCode.STOP_COMMAND)
-        told, _ = program.communicate("\n", timeout=120.0)
-    assert told == f"{int(StopCode.STOP_COMMAND)} 0\n"
+        output, _ = program.communicate("\n", timeout=120.0)
+    assert output == f"{int(StopCode.STOP_COMMAND)} 0\n"
     assert ControlBlock.of_process(program.pid) is None

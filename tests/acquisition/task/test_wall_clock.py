@@ -93,7 +93,7 @@ def test_jumps_of_the_wall_clock_have_no_effect_on_a_recording(
     np.testing.assert_allclose(steps_s, 0.008, rtol=1e-9)
     periods = np.count_nonzero(recording.phase == Phase.MAIN) / 100
     assert periods == 2
-    measured(f"{np.sum(steps_s <= 0)} steps back in time, {periods:.0f} of 2 periods")
+    measured(f"{np.sum(steps_s <= 0)} steps back in time, {periods:.0f} of 2 periods recorded")
 
 
 @pytest.mark.fault(26)

@@ -65,11 +65,11 @@ def driven_circle(plant: Plant) -> tuple[Recording, FloatArray]:
     per_count = 2.0 * math.pi / (16384 * np.array(ratios))
     motors, torques, joints = [], [], []
     on, off = [True] * 3, [False] * 3
-    here = plant.position
+    start = plant.position
     for _ in range(150):  # move slowly to the start of the motion
         command = 4.0 * (planned.position[0] - plant.position_counts() * per_count)
         plant.advance(0.02, command, command, on, off)
-    assert np.abs(plant.position_counts() * per_count - planned.position[0]).max() < 0.01, here
+    assert np.abs(plant.position_counts() * per_count - planned.position[0]).max() < 0.01, start
     for q, v in zip(planned.position, planned.velocity, strict=True):
         at = plant.position_counts() * per_count
         motors.append(at)

@@ -154,12 +154,12 @@ class TestCompensation:
         main = np.flatnonzero(samples.phase == Phase.MAIN)
         rows = samples.samples_per_period
         period = slice(int(main[0]), int(main[0]) + (rows or 0))
-        own = periodic_feedforward(
+        ahead_of_period = periodic_feedforward(
             loops, samples.velocity[period], wanted_torque[period], samples.sample_period_s
         )
         ahead = np.array(samples.velocity)
         turning = (samples.phase == Phase.MAIN) | (samples.phase == Phase.TRANSIENT)
-        ahead[turning] = np.tile(own, (int(turning.sum()) // len(own), 1))
+        ahead[turning] = np.tile(ahead_of_period, (int(turning.sum()) // len(ahead_of_period), 1))
         after = error_of(cell, drive, samples, ahead)
         assert after.mean_m < before.mean_m / 20.0
         assert after.max_m < before.max_m / 12.0

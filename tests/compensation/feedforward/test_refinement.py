@@ -36,7 +36,7 @@ pytestmark = pytest.mark.slow
 Drive = Callable[..., Recording]
 
 SPRING_DELAY_S = 2e-4
-"""Largest error of a delay [s]: presliding at reversals resembles up to 0.1 ms of delay."""
+"""Allowed error of a delay [s]: presliding at reversals resembles up to 0.1 ms of delay."""
 CIRCLE = CircleMotion(
     kind="circle",
     robot="ir361",
@@ -181,7 +181,7 @@ class TestRefinement:
         model: Estimate,
         planned: MotionSamples,
     ) -> None:
-        """All unmodelled effects are on; the error falls by 200 (mean) and 50 (maximum)."""
+        """With all unmodelled effects, the error falls by factors of 200 (mean), 50 (maximum)."""
         before = error_of(cell, drive, planned)
         sizes, samples, found = repeat(cell, drive, loops, model, planned)
         after = error_of(cell, drive, samples)

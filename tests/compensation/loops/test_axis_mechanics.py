@@ -14,7 +14,7 @@ FREQUENCY_HZ = np.linspace(0.5, 20.0, 4000)
 
 
 def fit_mechanics(resonance_hz: float | None = None) -> AxisMechanics:
-    """Return the fit to an inertia (with a spring if `resonance_hz` is given) with noise."""
+    """Return the fit to a noisy response of an inertia (with a spring if `resonance_hz`)."""
     s = 2j * np.pi * FREQUENCY_HZ
     truth = 1.0 / (s * INERTIA + DAMPING)
     if resonance_hz is not None:

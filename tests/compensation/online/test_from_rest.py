@@ -34,7 +34,7 @@ pytestmark = pytest.mark.slow
 
 PRESLIDING_RAD = 1e-3
 FROM = ((0.10, -0.15, 0.20), (-0.30, 0.30, 0.60))
-"""Poses of the arm before the path, from which it reaches the start in other directions."""
+"""Poses of the arm before the path; from each, the joints approach in other directions."""
 
 
 @pytest.fixture(scope="module")

@@ -249,9 +249,9 @@ class TestFallback:
         points = drive(source, rows)
         by_row = dict(zip(rows, points, strict=False))
         assert by_row[201].position == plain[201].position, "the lost cycle delayed the path"
-        own, usual = by_row[220], plain[220]
-        assert own.feedforward == own.velocity
-        assert usual.feedforward != usual.velocity
+        faded, compensated = by_row[220], plain[220]
+        assert faded.feedforward == faded.velocity
+        assert compensated.feedforward != compensated.velocity
         assert by_row[300] == plain[300]
         assert "1 late cycles" in " ".join(source.notes)
 

@@ -75,8 +75,8 @@ def expected(q: Points, v: Points, a: Points, approach: Points) -> Points:
     memory = Memory.along(
         presliding_of_model(model), np.concatenate([approach, q + (approach[-1] - q[0])])
     )
-    own = Conditions(memory=memory.part(slice(len(approach), None)))
-    return feedforward(loops_of(CELL), v, torque(model, q, v, a, parameters, own), T)
+    conditions = Conditions(memory=memory.part(slice(len(approach), None)))
+    return feedforward(loops_of(CELL), v, torque(model, q, v, a, parameters, conditions), T)
 
 
 @pytest.mark.parametrize("way", [-1.0, 1.0])

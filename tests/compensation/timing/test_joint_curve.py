@@ -76,9 +76,9 @@ def test_a_path_that_reverses_is_split_there() -> None:
     first, turn = POINTS[:2]
     samples = planned(points=(first, turn, first))
     _, ways = curves_of(samples, SPEEDS)
-    there, back = (way.curve for way in ways)
-    np.testing.assert_allclose(there.at(np.array(there.ends))[0], [first, turn], atol=1e-6)
-    np.testing.assert_allclose(back.at(np.array(back.ends))[0], [turn, first], atol=1e-6)
+    forward, backward = (way.curve for way in ways)
+    np.testing.assert_allclose(forward.at(np.array(forward.ends))[0], [first, turn], atol=1e-6)
+    np.testing.assert_allclose(backward.at(np.array(backward.ends))[0], [turn, first], atol=1e-6)
     assert ways[0].rest_s == 0.0
 
 

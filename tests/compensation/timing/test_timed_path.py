@@ -49,20 +49,20 @@ def arm(*joints: Joint, alpha: float = math.pi / 2) -> RobotDescription:
     )
 
 
-def torque_of(robot: RobotDescription, **own: float) -> SampleTorque:
+def torque_of(robot: RobotDescription, **parameters: float) -> SampleTorque:
     """Return a model of point masses at the link ends with the given friction."""
     model = RobotModel.from_description(robot)
     theta = np.zeros(len(model.parameter_names))
     for link in range(len(robot.joints)):
         theta[10 * link : 10 * link + 2] = MASS, MASS * ARM
         theta[10 * link + 7] = theta[10 * link + 9] = MASS * ARM**2
-    for name, value in own.items():
+    for name, value in parameters.items():
         theta[model.parameter_names.index(name)] = value
     return SampleTorque.of(model, theta)
 
 
-def timer_of(robot: RobotDescription, cycle_s: float = 0.002, **own: float) -> PathTimer:
-    return PathTimer(robot, torque_of(robot, **own), TimingLimits.of_robot(robot), cycle_s)
+def timer_of(robot: RobotDescription, cycle_s: float = 0.002, **parameters: float) -> PathTimer:
+    return PathTimer(robot, torque_of(robot, **parameters), TimingLimits.of_robot(robot), cycle_s)
 
 
 def scan_curve(timer: PathTimer, curve: JointCurve, intervals: int = 1000) -> SpeedOverPath:
@@ -254,11 +254,11 @@ def test_no_row_exceeds_a_limit_for_any_friction_and_gears(
     ]
     robot = arm(*joints)
     model = RobotModel.from_description(robot)
-    own = {
+    parameters = {
         name: float(rng.uniform(0.02, 0.1) if name.startswith("cl") else rng.uniform(0.1, 1.5))
         for name in model.parameter_names[30:]
     }
-    timer = timer_of(robot, 1e-3 * cycle_ms, **own)
+    timer = timer_of(robot, 1e-3 * cycle_ms, **parameters)
     limits = replace(timer.limits, acceleration=np.full(3, 60.0), speed=np.full(3, 4.0))
     points = rng.uniform(-1.5, 1.5, (int(rng.integers(2, 6)), 3))
     timer = replace(timer, limits=limits, intervals=200)

@@ -191,7 +191,7 @@ def test_limits_and_gear_ratios_are_imported() -> None:
 
 
 @pytest.mark.parametrize(
-    ("transmission", "ratio", "told"),
+    ("transmission", "ratio", "expected_text"),
     [
         ('<joint name="lift"/><mechanicalReduction>-50</mechanicalReduction>', 50.0, "is -50"),
         (
@@ -211,20 +211,20 @@ def test_limits_and_gear_ratios_are_imported() -> None:
     ],
 )
 def test_reductions_in_every_notation_are_read_and_placeholders_reported(
-    transmission: str, ratio: float, told: str
+    transmission: str, ratio: float, expected_text: str
 ) -> None:
     data = arm(f'<transmission name="t">{transmission}</transmission>')
     made = robot_of_urdf(read_urdf(data, "arm.urdf"))
     assert made.robot.joints[1].gear_ratio == ratio
     notes = [note for note in made.notes if note.startswith("gear_ratio of lift")]
-    assert all(told in note for note in notes)
-    assert bool(notes) == bool(told)
+    assert all(expected_text in note for note in notes)
+    assert bool(notes) == bool(expected_text)
 
 
 def test_visual_elements_may_stay_unexpanded_and_shapes_without_size_are_reported() -> None:
     shape = "<collision><geometry><box size='0 0 0'/></geometry></collision>"
-    seen = f'<link name="tool"><visual><xacro:grey/></visual>{shape}</link>'
-    data = arm(seen, tool=joint("mount", "fixed", "fore", "tool"))
+    link = f'<link name="tool"><visual><xacro:grey/></visual>{shape}</link>'
+    data = arm(link, tool=joint("mount", "fixed", "fore", "tool"))
     made = robot_of_urdf(read_urdf(data, "arm.urdf"))
     assert made.robot.bodies == ()
     assert "tool: a <box> without size is ignored" in made.notes

@@ -44,7 +44,7 @@ class Script:
     operating: bool = False
     moods: dict[str, Callable[[AmplifierCommand], bytes | None]] = field(default_factory=dict)
     settings: dict[tuple[str, int], str] = field(default_factory=dict)
-    heard: list[bytes] = field(default_factory=list)
+    received_lines: list[bytes] = field(default_factory=list)
     rows: bytes = b""
     streaming: bool = False
     noise_before_answers: bytes = b""
@@ -87,7 +87,7 @@ class Device(threading.Thread):
                 continue
             self._lines.feed(data)
             while (line := self._lines.next_line()) is not None:
-                self.script.heard.append(line)
+                self.script.received_lines.append(line)
                 answer = self._answer(line)
                 if answer is not None:
                     os.write(self._ours, answer)

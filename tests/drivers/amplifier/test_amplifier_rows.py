@@ -49,7 +49,7 @@ def test_a_session_sends_the_transcripts_commands(plug: Plug) -> None:
         amplifier.start()
         read_rows(amplifier, 3)
         amplifier.stop(time.monotonic() + ENOUGH_S)
-    assert script.heard == [
+    assert script.received_lines == [
         b"ST0", b"ID?", b"RO0", b"RO?", b"RO1", b"RO?", b"OV?", b"ST1", b"ST0",
     ]  # fmt: skip
 

@@ -62,7 +62,9 @@ def test_settings_that_agree_are_not_written(plug: Plug) -> None:
         assert not amplifier.configure()
         assert {setting.verdict for setting in amplifier.settings()} == {"ok"}
         assert len(amplifier.settings()) == 21
-    assert not [line for line in script.heard if not line.endswith(b"?") and line != b"ST0"]
+    assert not [
+        line for line in script.received_lines if not line.endswith(b"?") and line != b"ST0"
+    ]
 
 
 def test_a_changed_range_is_written_alone_and_clears_the_charge(plug: Plug) -> None:
@@ -76,9 +78,9 @@ def test_a_changed_range_is_written_alone_and_clears_the_charge(plug: Plug) -> N
         ]
         assert amplifier.configure()
         assert not amplifier.configure()
-    assert [line for line in script.heard if b"RG" in line and not line.endswith(b"?")] == [
-        b"3:RG2500"
-    ]
+    assert [
+        line for line in script.received_lines if b"RG" in line and not line.endswith(b"?")
+    ] == [b"3:RG2500"]
 
 
 def test_a_setting_that_is_not_kept_is_an_error(plug: Plug) -> None:

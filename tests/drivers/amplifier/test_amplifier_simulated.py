@@ -58,10 +58,10 @@ def test_operate_shifts_the_zero_and_reset_removes_the_shift(serve_amplifier: Se
         assert amplifier.is_operating()
         amplifier.start()
         served.stream_s = 0.2
-        seen = 0
+        row_count = 0
         until_s = time.monotonic() + 120.0
-        while seen < 200:
-            seen += len(amplifier.read(until_s).rows)
+        while row_count < 200:
+            row_count += len(amplifier.read(until_s).rows)
         amplifier.stop(until_s)
         assert np.abs(amplifier.forces_n() + 10.0 * np.array([1.0] * 4 + [75 / 38] * 4)).max() < 1.0
 

@@ -1,4 +1,4 @@
-"""Signals of a drive in several frames: their positions, and answers joined from parts."""
+"""Signals of a drive in several frames: commands spread over frames, answers joined from frames."""
 
 from __future__ import annotations
 

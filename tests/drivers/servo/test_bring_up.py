@@ -334,7 +334,7 @@ class TestDriveIdentity:
         assert verdicts["revision, upper 16 bits"] == ("20000h", "20000h", "ok")
 
     @pytest.mark.parametrize(
-        ("said", "told"),
+        ("identity", "details"),
         [
             ({"vendor": 0x1235}, ("1018h:01", "1234h", "required: 1235h")),
             ({"vendor": 0x1234, "product": 7}, ("1018h:02", "required: 7h")),
@@ -345,12 +345,12 @@ class TestDriveIdentity:
         self,
         make_bench: Callable[[CellConfig], Any],
         cell: CellConfig,
-        said: dict[str, int],
-        told: tuple[str, ...],
+        identity: dict[str, int],
+        details: tuple[str, ...],
     ) -> None:
-        bench = self.bring_up(make_bench, cell, **said)
+        bench = self.bring_up(make_bench, cell, **identity)
         node = f"(node {bench.drive.node_id}): "
-        with raises_code(PreflightError, "RID-PREFLIGHT-RED", node, *told):
+        with raises_code(PreflightError, "RID-PREFLIGHT-RED", node, *details):
             bench.axes.bring_up()
         assert bench.drive.writes == []
         assert all(drive.writes for drive in bench.drives if drive is not bench.drive)

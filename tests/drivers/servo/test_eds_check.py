@@ -84,7 +84,7 @@ def test_a_mode_missing_in_the_list_of_the_sheet_is_red(cell: CellConfig) -> Non
 
 
 @pytest.mark.parametrize(
-    ("title", "said", "address", "name", "required", "is_found"),
+    ("title", "entry", "address", "name", "required", "is_found"),
     [
         ("6077", None, "6077h:00", "in TPDO 1", "16 bit, mappable", "not in the EDS"),
         ("6077", "3 ro 0", "6077h:00", "in TPDO 1", "16 bit, mappable", "PDOMapping 0"),
@@ -107,24 +107,24 @@ def test_a_mode_missing_in_the_list_of_the_sheet_is_red(cell: CellConfig) -> Non
 def test_missing_objects_are_reported_with_index_and_name(
     cell: CellConfig,
     title: str,
-    said: str | None,
+    entry: str | None,
     address: str,
     name: str,
     required: str,
     is_found: str,
 ) -> None:
-    (finding,) = findings_on(cell, {title: said})
+    (finding,) = findings_on(cell, {title: entry})
     assert (finding.object_name, finding.required) == (address, required)
     assert finding.found.startswith(is_found.replace("LINE", str(finding.line + 5)))
     assert name in finding.name
     assert finding.verdict == "red"
-    assert (finding.line > 0) == (said is not None)
-    if said is not None:
+    assert (finding.line > 0) == (entry is not None)
+    if entry is not None:
         assert finding.name.endswith(rf"(the\x1b[31m {title})")
 
 
 @pytest.mark.parametrize(
-    ("title", "said", "address", "required", "is_found"),
+    ("title", "entry", "address", "required", "is_found"),
     [
         ("6060", "2 rw 0 1 7", "6060h:00", "takes 9", "limits 1 to 7"),
         ("605A", "3 rw 0 5 8", "605Ah:00", "takes 2", "limits 5 to 8"),
@@ -133,9 +133,9 @@ def test_missing_objects_are_reported_with_index_and_name(
     ],
 )
 def test_limits_are_shown_without_a_verdict(
-    cell: CellConfig, title: str, said: str, address: str, required: str, is_found: str
+    cell: CellConfig, title: str, entry: str, address: str, required: str, is_found: str
 ) -> None:
-    (finding,) = findings_on(cell, {title: said})
+    (finding,) = findings_on(cell, {title: entry})
     assert (finding.object_name, finding.required, finding.found) == (address, required, is_found)
     assert finding.verdict == "shown"
 

@@ -18,9 +18,9 @@ WITHOUT_TORQUE = {"6072": None, "6076": None, "6077": None}
 def sheet(objects: dict[str, str | None], device_type: str = "") -> ElectronicDataSheet:
     """Return a small complete sheet with some objects changed."""
     lines = ["[DeviceInfo]", "VendorNumber=1"]
-    for title, said in (COMMUNICATION | PROFILE | objects).items():
-        if said is not None:
-            data_type, access, mapping, *name = said.split(maxsplit=3)
+    for title, entry in (COMMUNICATION | PROFILE | objects).items():
+        if entry is not None:
+            data_type, access, mapping, *name = entry.split(maxsplit=3)
             lines += [f"[{title}]", f"DataType={data_type}", f"AccessType={access}"]
             lines += [f"PDOMapping={mapping}", f"ParameterName={(*name, title)[0]}"]
             lines += [f"DefaultValue={device_type}"] * (title == "1000" and device_type != "")

@@ -105,8 +105,8 @@ def test_an_object_that_the_drive_lacks_is_refused() -> None:
 
 
 def test_an_axis_can_disable_the_bits_of_its_profile() -> None:
-    own = ServoProfile.model_validate({"referenced": None})
-    assert own.on(ServoProfile(referenced=STATUS_BIT)).referenced is None
+    drive_profile = ServoProfile.model_validate({"referenced": None})
+    assert drive_profile.on(ServoProfile(referenced=STATUS_BIT)).referenced is None
     assert ServoProfile().on(ServoProfile(referenced=STATUS_BIT)).referenced == STATUS_BIT
 
 

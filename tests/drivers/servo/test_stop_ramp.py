@@ -94,7 +94,7 @@ def test_the_profile_deceleration_is_written_and_checked_if_a_stop_uses_it(
 
 
 @pytest.mark.parametrize(
-    ("numbers", "told"),
+    ("numbers", "cause"),
     [
         ({"master_heartbeat_timeout_ms": 5000}, "this computer fails"),
         ({"drive_heartbeat_timeout_ms": 5000}, "another drive fails"),
@@ -108,13 +108,13 @@ def test_the_profile_deceleration_is_written_and_checked_if_a_stop_uses_it(
     ],
 )
 def test_a_fault_detected_too_late_is_refused_with_the_number_to_lower(
-    make_bench: MakeBench, cell: CellConfig, numbers: dict[str, Any], told: str
+    make_bench: MakeBench, cell: CellConfig, numbers: dict[str, Any], cause: str
 ) -> None:
     bench = make_bench(with_numbers(cell, **numbers))
     with raises_code(PreflightError, "RID-PREFLIGHT-RED") as refused:
         bench.axes.bring_up()
     (name,) = numbers
-    assert f"({told})" in str(refused.value)
+    assert f"({cause})" in str(refused.value)
     assert f".{name}" in str(refused.value)
 
 

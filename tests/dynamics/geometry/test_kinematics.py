@@ -68,9 +68,9 @@ def test_jacobians_agree_with_pinocchio(n, random_arm, judge, random_links) -> N
         pin.computeJointJacobians(model, data, sample)
 
         def expected(link: int, point: np.ndarray, data=data) -> np.ndarray:
-            here = pin.SE3(np.eye(3), point)
+            frame = pin.SE3(np.eye(3), point)
             world = pin.getJointJacobian(model, data, link, pin.ReferenceFrame.WORLD)
-            return here.toActionMatrixInverse() @ np.reshape(world, (6, n))
+            return frame.toActionMatrixInverse() @ np.reshape(world, (6, n))
 
         tool = forward(chain, q)[k]
         ours = jacobian(chain, q)[k]

@@ -74,7 +74,7 @@ def test_coupled_rotors_agree_with_separate_bodies(
 def test_the_base_wrench_of_coupled_rotors_agrees_with_bodies(
     random_arm, judge, random_links, random_motion
 ) -> None:
-    """All rotors are on moving links, so that the base carries none of them directly."""
+    """All rotors are on moving links, so that the base carries no rotor directly."""
     robot = with_coupling(random_arm(4, 5, "RRPR"), 5)
     joints = [
         joint.model_copy(update={"rotor": joint.rotor.model_copy(update={"link": max(i, 1)})})

@@ -1,4 +1,4 @@
-"""Mistakes in the description of a force plate are found, and torque constants not blamed."""
+"""Mistakes in the description of a force plate are found, not taken for wrong torque constants."""
 
 from __future__ import annotations
 

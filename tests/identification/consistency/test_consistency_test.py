@@ -71,7 +71,7 @@ def test_every_tested_parameter_is_positive_for_possible_robots(estimate: Estima
 
 @pytest.mark.parametrize("number", range(3))
 def test_robots_on_the_boundary_pass(estimate: Estimate, number: int) -> None:
-    # No viscous friction, no rotor inertia, links without thickness; one noise draw each.
+    # True robots without viscous friction, rotor inertia or thickness of links, plus noise.
     _, robot = border_robots(estimate)[number]
     sigma, factor = jackknife_metric(estimate)
     error = sigma * (factor @ np.random.default_rng(number).normal(size=len(sigma)))

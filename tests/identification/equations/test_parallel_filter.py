@@ -130,8 +130,8 @@ def test_temperature_is_filtered_with_its_columns() -> None:
         robot, [smooth_nonperiodic(recording, 10.0)], EstimationOptions()
     ).estimate()
     expected = found.base.from_standard(truth)
-    own = [i for i, name in enumerate(found.base.names) if name.startswith("f")]
-    np.testing.assert_allclose(found.values[own], expected[own], rtol=1e-4)
+    friction = [i for i, name in enumerate(found.base.names) if name.startswith("f")]
+    np.testing.assert_allclose(found.values[friction], expected[friction], rtol=1e-4)
 
 
 @pytest.mark.parametrize("rows", [4, 20])

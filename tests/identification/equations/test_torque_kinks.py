@@ -29,8 +29,8 @@ def torque_with_kink(phi: float) -> FloatArray:
     """Return the torques of both joints, with a kink when the first one reverses."""
     since = np.arange(ROWS) - (TURN + phi)
     after = np.maximum(since, 0.0)
-    own = 5.0 + 0.2 * since + 0.01 * since**2 + 3.0 * after - 0.4 * after**2 + 0.02 * after**3
-    return np.stack([own, own], axis=1)
+    torque = 5.0 + 0.2 * since + 0.01 * since**2 + 3.0 * after - 0.4 * after**2 + 0.02 * after**3
+    return np.stack([torque, torque], axis=1)
 
 
 @pytest.mark.parametrize("phi", [0.0, 0.1, 0.5, 0.62, 0.99])

@@ -50,16 +50,16 @@ def test_torques_and_intervals_equal_those_at_that_temperature(
     assert depends_on_temperature(estimate).tolist() == [True, False, True]
     assert not depends_on_temperature(plain).any()
     q, v, a = motion(10.0, 3)
-    there = Conditions(temperature_k=WARM_K)
+    warm = Conditions(temperature_k=WARM_K)
     np.testing.assert_allclose(
-        predict(plain, q, v, a), predict(estimate, q, v, a, there), rtol=1e-9, atol=1e-7
+        predict(plain, q, v, a), predict(estimate, q, v, a, warm), rtol=1e-9, atol=1e-7
     )
     few = slice(0, 500, 10)
     sigmas = []
-    for own, given in ((plain, None), (estimate, there)):
-        conditions = with_presliding_history(own.model, q[few], given)
-        phi = own.base.columns(regressor(own.model, q[few], v[few], a[few], conditions))
-        sigmas.append(np.einsum("sjb,bc,sjc->sj", phi, own.covariance_jackknife, phi))
+    for each, given in ((plain, None), (estimate, warm)):
+        conditions = with_presliding_history(each.model, q[few], given)
+        phi = each.base.columns(regressor(each.model, q[few], v[few], a[few], conditions))
+        sigmas.append(np.einsum("sjb,bc,sjc->sj", phi, each.covariance_jackknife, phi))
     np.testing.assert_allclose(sigmas[0], sigmas[1], rtol=1e-6, atol=1e-9)
 
 

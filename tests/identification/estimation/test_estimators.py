@@ -35,7 +35,7 @@ FILTER = ButterworthFilter(order=8, cutoff_hz=40.0)
 
 
 def deviations(estimates: list[Estimate], truth: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return errors over the standard deviations from the measured noise, (estimates, b)."""
+    """Return errors divided by standard deviations from the measured noise, (estimates, b)."""
     found = []
     for estimate in estimates:
         assert estimate.sigma_noise is not None
@@ -82,7 +82,7 @@ class TestPeriodic:
     def test_residual_intervals_are_wider_for_a_wrong_model(
         self, arm: KnownArm, measure: Measure
     ) -> None:
-        """A robot with a spring is identified without one: noise alone would be too optimistic."""
+        """The model lacks the robot's spring: intervals from noise alone would be too narrow."""
         average = average_periods(measure(1))
         estimate = fit_periodic(
             arm.robot, [average], EstimationOptions(model=ModelOptions(spring=False))

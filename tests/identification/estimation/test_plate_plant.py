@@ -216,7 +216,7 @@ def test_torque_constants_agree_unless_one_is_5_percent_wrong(
 def test_unmodelled_effects_blame_no_torque_constant(
     cell: LoadedCell, samples: MotionSamples
 ) -> None:
-    """Load-dependent friction of 1 % resembles a wrong torque constant, but is too small."""
+    """Load-dependent friction of 1 % resembles a torque scale, but is too small to be reported."""
     real = RobotOnPlate(cell, unmodelled=True)
     scale = np.array([1.0, 1.0, 1.05])
     for factor, wrong in ((np.ones(3), []), (scale, ["axis3"])):

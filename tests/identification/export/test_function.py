@@ -128,7 +128,7 @@ def case(name: str) -> tuple[ExportModel, np.ndarray, Conditions]:
     rng = np.random.default_rng(7)
     values = rng.uniform(-2.0, 2.0, len(model.parameter_names))
     motion = rng.uniform(-2.0, 2.0, (3, 40, model.chain.n))
-    motion[1, 0] = 0.0  # at rest, where the sign functions are zero
+    motion[1, 0] = 0.0  # at rest the sign functions are zero
     warmth = rng.uniform(280.0, 320.0, motion.shape[1:])
     conditions = Conditions(temperature_k=warmth, payload=options.payload)
     return (

@@ -148,7 +148,7 @@ def test_the_same_path_in_both_directions_gives_friction() -> None:
 
 
 def test_small_differences_between_the_two_paths_are_corrected() -> None:
-    # 0.2 mrad at 3 Hz are 0.07 rad/s^2; an inertia of 16 kg m^2 makes 1.1 N m of it.
+    # 0.2 mrad at 3 Hz are 0.07 rad/s^2; that times 16 kg m^2 is 1.1 N m.
     recording = recording_of(THERE_AND_BACK, wobble=2e-4)
     for curve in reversed_curves(recording, THERE_AND_BACK, IR361):
         truth = stribeck(curve.speed) - 1.5

@@ -63,14 +63,14 @@ def test_a_robot_that_can_collide_with_itself_gets_a_pose_without_collision() ->
 
 
 def test_a_periodic_motion_is_extended_by_its_reversal() -> None:
-    there = FourierMotion(
+    forward_motion = FourierMotion(
         kind="fourier",
         robot="r",
         period_s=4.0,
         periods=5,
         joints=(FourierJoint(joint="a", offset=0.1, sine=(0.2, 0.3), cosine=(0.4, -0.1)),),
     )
-    both = reversed_motion(there)
-    assert both.forward() == there
+    both = reversed_motion(forward_motion)
+    assert both.forward() == forward_motion
     back = both.reversed().joints[0]
     assert (back.offset, back.sine, back.cosine) == (0.1, (-0.2, -0.3), (0.4, -0.1))

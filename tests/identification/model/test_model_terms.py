@@ -85,7 +85,7 @@ def test_a_coupled_robot_is_identified_from_actuator_torques(arm: KnownArm) -> N
 
 
 def test_a_coupled_actuator_is_at_rest_when_its_own_speed_is_zero(arm: KnownArm) -> None:
-    """Only while the actuator is at rest, arbitrary torques must have no effect."""
+    """Only the rows at rest are left out: arbitrary torques in these rows have no effect."""
     robot = arm.robot.model_copy(update={"coupling": COUPLING})
     model = RobotModel.from_description(robot)
     signals = signals_of(arm, model, truth(arm, model))

@@ -1,4 +1,4 @@
-"""Torque channel of single joints: values within bounds, and a decision by most joints."""
+"""Torque channel of single joints: values within bounds, and a decision by majority."""
 
 from __future__ import annotations
 

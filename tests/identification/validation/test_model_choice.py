@@ -60,7 +60,7 @@ def friction(choice: ModelChoice) -> list[tuple[str, ...]]:
 @pytest.mark.slow
 def test_load_and_stribeck_friction_are_found_together() -> None:
     choice = choose_model(robot(), signals(Case("three", "both", "none", 1)))
-    assert [set(own) for own in friction(choice)] == [{*PLAIN, "load", "stribeck"}] * 3
+    assert [set(terms) for terms in friction(choice)] == [{*PLAIN, "load", "stribeck"}] * 3
     assert not choice.channel.changes
     assert np.all(choice.error_nm[1] < 0.5 * choice.error_nm[0])
     assert choice.stribeck_rad_s == pytest.approx([0.08] * 3, rel=0.5)
@@ -119,7 +119,7 @@ def shear_thinning_recording(share: float, duration_s: float) -> SmoothedSignals
 @pytest.mark.parametrize("duration_s", [14.0, DURATION_S])
 def test_shear_thinning_replaces_viscous_friction(duration_s: float) -> None:
     choice = choose_model(robot(), [shear_thinning_recording(2.0, duration_s)])
-    assert [set(own) for own in friction(choice)] == [{"coulomb", "shear_thinning"}] * 3
+    assert [set(terms) for terms in friction(choice)] == [{"coulomb", "shear_thinning"}] * 3
     assert choice.thinning_rad_s == pytest.approx([0.4] * 3, rel=0.3)
     assert np.all(choice.error_nm[1] < choice.error_nm[0])
 

@@ -100,8 +100,8 @@ def test_the_figure_states_the_rms_of_its_counted_samples(
         counted = np.array(axis.counted, dtype=bool)
         left = (np.array(axis.measured) - axis.predicted)[counted]
         rms = float(np.sqrt(np.mean(left**2)))
-        said = re.match(r"RMS residual \(counted\) (\S+) N m$", axis.caption)
-        assert said is not None
-        assert float(said[1]) == pytest.approx(rms, rel=0.01)
+        matched = re.match(r"RMS residual \(counted\) (\S+) N m$", axis.caption)
+        assert matched is not None
+        assert float(matched[1]) == pytest.approx(rms, rel=0.01)
         share = float(counted.mean())
         assert rms == pytest.approx(residual / math.sqrt(share), rel=0.02)

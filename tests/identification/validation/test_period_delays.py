@@ -86,7 +86,7 @@ def test_the_residual_of_wrong_friction_is_not_a_delay(
 def test_a_delay_beyond_a_quarter_of_the_shortest_period_is_rejected(
     cell: LoadedCell, sticking: Recording
 ) -> None:
-    """The band ends at 10 Hz, with a period of 100 ms; 96 and -40 ms exceed a quarter of it."""
+    """The band ends at 10 Hz; 96 and -40 ms exceed a quarter of that period of 100 ms."""
     average = average_periods(late(sticking, (96.0, -40.0, 4.0)))
     channel = choose_period_delays(robot_of(cell), [average])
     assert np.all(channel.delay_s[:2] == 0.0)

@@ -69,7 +69,7 @@ def whole(identified: Estimate) -> Validation:
 
 @pytest.fixture(scope="module")
 def begun_in_motion(identified: Estimate) -> Validation:
-    """The same recording, but it starts while the second axis is sliding."""
+    """The recording of `whole` without its beginning: it starts while the second axis slides."""
     later = measured(directions(WAY[0]), WAY, rows=slice(BEGIN, None))
     return validate_torques(identified, later, cutoff_hz=CUTOFF_HZ)
 
@@ -81,11 +81,11 @@ def error(validation: Validation) -> FloatArray:
 def test_a_recording_that_starts_in_motion_is_judged_after_the_state_is_known(
     whole: Validation, begun_in_motion: Validation
 ) -> None:
-    own, rows = error(begun_in_motion)[:, 1], len(begun_in_motion.time_s)
+    residual, rows = error(begun_in_motion)[:, 1], len(begun_in_motion.time_s)
     truly = error(whole)[-rows:, 1]
     counted = begun_in_motion.counted[:, 1]
     assert not counted[:2].any()
-    assert np.abs(own - truly)[counted].max() < 0.1
+    assert np.abs(residual - truly)[counted].max() < 0.1
     np.testing.assert_allclose(
         begun_in_motion.rms_nm[1], np.sqrt(np.mean(truly[counted] ** 2)), rtol=0.05
     )
@@ -93,9 +93,9 @@ def test_a_recording_that_starts_in_motion_is_judged_after_the_state_is_known(
 
 def test_the_error_of_all_samples_uses_all_known_samples(begun_in_motion: Validation) -> None:
     known = begun_in_motion.known[:, 1]
-    own, torque = error(begun_in_motion)[known, 1], begun_in_motion.measured_nm[known, 1]
+    residual, torque = error(begun_in_motion)[known, 1], begun_in_motion.measured_nm[known, 1]
     assert begun_in_motion.all_samples_percent[1] == pytest.approx(
-        100.0 * np.sqrt(np.mean(own**2) / np.mean(torque**2))
+        100.0 * np.sqrt(np.mean(residual**2) / np.mean(torque**2))
     )
     assert 0 < np.count_nonzero(~known) < len(known) / 10
     assert known[-1]

@@ -1,4 +1,4 @@
-"""Warming joints are detected by their friction only if it shows the warming."""
+"""Warming of joints is detected from their friction, but only if the data show the warming."""
 
 from __future__ import annotations
 
@@ -72,9 +72,9 @@ def test_the_time_constant_includes_the_feedback_of_falling_friction(
     """With heat P (1 - k x), a temperature rise x settles 1 + k P R times faster than without k."""
     factor = settled_factor(warm, TIME_CONSTANTS_S)
     for joint in (0, 2):
-        own = TIME_CONSTANTS_S[joint]
-        assert own is not None
-        expected_s = own * factor[joint]
+        motor_s = TIME_CONSTANTS_S[joint]
+        assert motor_s is not None
+        expected_s = motor_s * factor[joint]
         off_s = abs(found.time_constant_s[joint] - expected_s)
         assert off_s < 3.0 * found.time_constant_sigma_s[joint] + 0.1 * expected_s
 
@@ -99,8 +99,8 @@ def test_measured_temperatures_are_not_replaced(warm: SmoothedSignals) -> None:
 
 def test_rise_and_slope_follow_from_the_friction_power() -> None:
     signals = recording(30.0, (None, None, None))
-    own = np.full(3, 12.0)
-    still = Warming(own, np.zeros(3), np.full(3, COULOMB_NM), np.full(3, VISCOUS_NM_S))
+    constants_s = np.full(3, 12.0)
+    still = Warming(constants_s, np.zeros(3), np.full(3, COULOMB_NM), np.full(3, VISCOUS_NM_S))
     rise = still.with_temperatures(arm(), signals).temperature_k
     assert rise is not None
     speed = np.abs(signals.velocity)
@@ -112,7 +112,9 @@ def test_rise_and_slope_follow_from_the_friction_power() -> None:
     reference = np.array([joint.reference_temperature_k for joint in arm().joints])
     np.testing.assert_allclose(rise - reference, expected, atol=2e-3 * expected.max())
     longer = (
-        replace(still, time_constant_s=own + 1e-4).with_temperatures(arm(), signals).temperature_k
+        replace(still, time_constant_s=constants_s + 1e-4)
+        .with_temperatures(arm(), signals)
+        .temperature_k
     )
     slope = still.with_temperature_slopes(arm(), signals).temperature_k
     assert longer is not None

@@ -1,4 +1,4 @@
-"""Torques that no such robot can have are reported; a proposed correction gives possible ones."""
+"""Torques that are impossible for the robot are reported; a correction makes them possible."""
 
 from __future__ import annotations
 
@@ -91,10 +91,10 @@ def test_a_tilted_base_is_found_with_its_direction(arm: WiredSignals, degrees: f
     gravity = (0.0, 9.81 * math.sin(tilt), -9.81 * math.cos(tilt))
     tilted = arm.robot.model_copy(update={"gravity_m_s2": gravity})
     rigid = plain_model(arm)
-    own = rigid.parameter_groups["rigid_body"]
+    link_columns = rigid.parameter_groups["rigid_body"]
     values = _fitted(arm)
     moved = regressor(plain_model(replace(arm, robot=tilted)), *arm.joints())
-    more = (moved - regressor(rigid, *arm.joints()))[:, :, own] @ values[own]
+    more = (moved - regressor(rigid, *arm.joints()))[:, :, link_columns] @ values[link_columns]
     (found,) = find_mistakes(replace(arm, torque_nm=arm.torque_nm + more))
     assert found.mistake.kind is MistakeKind.MOUNTING
     assert found.mistake.robot is not None
@@ -108,9 +108,9 @@ def test_a_wrong_zero_of_the_first_joint_is_preferred_to_a_tilted_base(
     """On a wall, a zero error of 40 degrees rotates gravity about the first joint."""
     wall = replace(arm, robot=arm.robot.model_copy(update={"gravity_m_s2": (9.81, 0.0, 0.0)}))
     model = plain_model(wall)
-    own = model.parameter_groups["rigid_body"]
+    link_columns = model.parameter_groups["rigid_body"]
     change = regressor(model, *arm.joints()) - regressor(plain_model(arm), *arm.joints())
-    torque_nm = arm.torque_nm + change[:, :, own] @ _fitted(arm)[own]
+    torque_nm = arm.torque_nm + change[:, :, link_columns] @ _fitted(arm)[link_columns]
     off = arm.position - math.radians(40.0) * np.eye(6)[0]
     found = find_mistakes(replace(wall, torque_nm=torque_nm, position=off))
     assert [(each.mistake.kind, each.mistake.joints) for each in found] == [
@@ -122,9 +122,9 @@ def test_a_wrong_zero_of_the_first_joint_is_preferred_to_a_tilted_base(
 
 def test_torques_without_gravity_are_found(arm: WiredSignals) -> None:
     model = plain_model(arm)
-    own = model.parameter_groups["rigid_body"]
+    link_columns = model.parameter_groups["rigid_body"]
     q, still = arm.position, np.zeros_like(arm.position)
-    gravity_nm = regressor(model, q, still, still)[:, :, own] @ _fitted(arm)[own]
+    gravity_nm = regressor(model, q, still, still)[:, :, link_columns] @ _fitted(arm)[link_columns]
     found = find_mistakes(replace(arm, torque_nm=arm.torque_nm - gravity_nm))
     assert [each.mistake.kind for each in found] == [MistakeKind.GRAVITY_REMOVED]
 

@@ -62,7 +62,7 @@ def parse_stream(data: bytes, form: str = "binary") -> tuple[StreamPiece, Amplif
 
 
 @pytest.mark.parametrize(
-    ("said", "answered"),
+    ("command", "answer"),
     [
         (b"ID?\r", IDENTITY.encode() + b"\r"),
         (b"RO?\r", b"0\r"),
@@ -97,10 +97,10 @@ def parse_stream(data: bytes, form: str = "binary") -> tuple[StreamPiece, Amplif
         (b"ST0\r", b"OK\r"),
     ],
 )
-def test_commands_and_answers(said: bytes, answered: bytes) -> None:
-    assert Bench().say(said) == answered
+def test_commands_and_answers(command: bytes, answer: bytes) -> None:
+    assert Bench().say(command) == answer
     bench = Bench()
-    assert b"".join(bench.say(said[i : i + 1]) for i in range(len(said))) == answered
+    assert b"".join(bench.say(command[i : i + 1]) for i in range(len(command))) == answer
 
 
 def test_changing_a_range_in_operate_clears_the_charge_with_a_note() -> None:
@@ -108,7 +108,7 @@ def test_changing_a_range_in_operate_clears_the_charge_with_a_note() -> None:
     bench.configured("binary")
     bench.say(b"RO1\r")
     bench.run(0.5, 400.0)
-    assert bench.say(b"1:RG1250\r") == b"OK\r", "the value is unchanged"
+    assert bench.say(b"1:RG1250\r") == b"OK\r", "setting the same range must not clear the charges"
     assert bench.say(b"VA?\r").startswith(b"400.")
     assert bench.say(b"1:RG2500\r") == b"OK,CL\r"
     bench.run(0.5, 400.0)
@@ -130,7 +130,7 @@ def test_a_stream_contains_sequence_time_forces_and_status(form: str) -> None:
     rows = block.rows
     assert rows["sequence"].tolist() == list(range(1000))
     assert rows["ticks"].tolist() == list(range(601_000, 1_601_000, 1000))
-    assert (rows["status"] == 1 << 8).all(), "the status is operating only"
+    assert (rows["status"] == 1 << 8).all(), 'only the status bit "operating" must be set'
     newtons = rows["counts"][-1] * np.array([1250.0] * 4 + [5000.0] * 4) / 2**15
     np.testing.assert_allclose(newtons, [100, 200, -100, 50, 400, 300, 200, 100], atol=0.1)
     counts = stream.counts

@@ -1,4 +1,4 @@
-"""Physics of the simulated amplifier at given times."""
+"""Analogue part of the simulated amplifier: charge, drift, filter, noise and range."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Amplifier at a real serial port: line time, baud rates and every fault of the line.
+"""Simulated amplifier at a serial port: transmission times, baud rates, every fault of the line.
 
 The bytes come from a pseudo-terminal and are checked by the driver's parser.
 """
@@ -66,12 +66,12 @@ class Bench:
 
     def run(self, duration_s: float, step_s: float = 0.008) -> bytes:
         """Let time pass; return the bytes received meanwhile."""
-        heard = b""
+        received = b""
         for step in range(round(duration_s / step_s)):
             end_s = self.port.time_s + step_s
             self.port.apply_loads(end_s, [end_s], [REST])
-            heard += self.heard() if step % 8 == 7 else b""
-        return heard + self.heard()
+            received += self.heard() if step % 8 == 7 else b""
+        return received + self.heard()
 
     def heard(self) -> bytes:
         """Return all bytes received since the last call."""
@@ -82,7 +82,7 @@ class Bench:
                 more = os.read(self.computer.fileno(), 65536)
             except OSError:
                 more = b""
-            if not more:  # hung up: the remaining bytes are lost
+            if not more:  # the port was closed: the remaining bytes are lost
                 self._seen = self.port.passed_bytes
             self._seen += len(more)
             data += more
@@ -133,7 +133,7 @@ def test_a_healthy_line_transmits_every_row(make: Any) -> None:
     block, stream = parse_stream(bench.run(0.4))
     assert block.rows["sequence"].tolist() == list(range(400))
     assert stream.counts.garbage_bytes == stream.counts.bad_frames == 0
-    assert abs(block.rows["counts"]).max() == 0, "the force at operate is the zero"
+    assert abs(block.rows["counts"]).max() == 0, "the force at the command operate must be the zero"
 
 
 def test_a_row_arrives_after_its_time_on_the_line(make: Any) -> None:
@@ -166,7 +166,7 @@ def test_arrivals_do_not_depend_on_time_steps_or_time_requests(make: Any) -> Non
 def test_in_real_time_bytes_are_withheld_until_their_arrival(make: Any) -> None:
     bench = make(realtime=True)
     assert not arrivals_path(str(bench.path)).exists()
-    assert bench.say(b"RO?\r") == b"", "two bytes take 43 us"
+    assert bench.say(b"RO?\r") == b"", "no answer yet: its two bytes take 43 us"
     assert bench.port.next_s < 0.002
     bench.port.advance(0.0005)
     assert bench.heard() == b"0\r"
@@ -244,7 +244,7 @@ def test_an_unplugged_amplifier_continues_and_returns_at_its_path(make: Any) -> 
     bench = make(faults=fault_script(AmplifierFault(kind="unplug", row=100, duration_s=0.1)))
     bench.start()
     before = parse_stream(bench.run(0.15))[0].rows
-    assert 64 <= len(before) <= 100, "unread bytes are lost with the port"
+    assert 64 <= len(before) <= 100, "bytes that were not read before the unplugging are lost"
     assert not bench.path.exists()
     bench.run(0.072)
     bench.computer.close()
@@ -289,9 +289,9 @@ def test_faults_are_reproducible(make: Any) -> None:
             AmplifierFault(kind="bad_checksum", row=50, count=4),
         ),
     )
-    heard = []
+    outputs = []
     for _ in range(2):
         bench = make(faults=faults)
         bench.start()
-        heard.append(bench.run(0.2))
-    assert heard[0] == heard[1]
+        outputs.append(bench.run(0.2))
+    assert outputs[0] == outputs[1]

@@ -76,13 +76,13 @@ def test_a_displaced_and_rotated_plate_measures_the_same_wrench(seed: int) -> No
 
 
 def test_the_plate_distributes_a_force_like_equal_springs() -> None:
-    """Minimum energy: no other forces with the same sum are smaller."""
+    """Of all sensor forces with the same wrench, the simulated ones have the least energy."""
     sensors = PlateSensors(plate(), SimulatedPlate(sensitivity_pc_n=PC_N))
     wrench = np.array([100.0, -50.0, -900.0, 30.0, 20.0, 10.0])
     forces = sensors.forces_n(wrench)
     columns = np.array([formulas(unit) for unit in np.eye(8)]).T
     np.testing.assert_allclose(forces, np.linalg.pinv(columns) @ -wrench, atol=1e-9)
-    # A weight at +y of the middle: sensors 1 and 2 carry more.
+    # The weight is on the +y side of the middle, so sensors 1 and 2 carry more.
     weight = sensors.forces_n([0.0, 0.0, -800.0, -80.0, 0.0, 0.0])
     np.testing.assert_allclose(weight[4:], [300.0, 300.0, 100.0, 100.0])
 

@@ -1,4 +1,4 @@
-"""Transmission time of bytes, at given times."""
+"""Times at which bytes arrive over the simulated serial line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Requirements of python-can on every interface: two buses back to back, and own frames.
+"""Python-can's requirements on every interface: two connected buses, reception of own frames.
 
 Source: the back-to-back suite in python-can's repository (not part of its package), clause by
 clause for classic CAN; the messages pass through python-can's own classes.
@@ -68,12 +68,12 @@ def test_time_stamps_increase(pair: Pair) -> None:
 def test_a_bus_can_receive_its_own_messages_unchanged(serve: Serve, realtime: bool) -> None:
     hub = serve(realtime=realtime)
     with (
-        open_bus(hub, receive_own_messages=True, participant=not realtime) as own,
+        open_bus(hub, receive_own_messages=True, participant=not realtime) as echoing,
         open_bus(hub) as other,
     ):
         message = can.Message(arbitration_id=0x123, is_extended_id=False, data=[1, 2, 3])
-        own.send(message)
-        mine, theirs = own.recv(PATIENCE_S), other.recv(PATIENCE_S)
+        echoing.send(message)
+        mine, theirs = echoing.recv(PATIENCE_S), other.recv(PATIENCE_S)
         assert mine is not None
         assert theirs is not None
         for got in (mine, theirs):
@@ -83,7 +83,7 @@ def test_a_bus_can_receive_its_own_messages_unchanged(serve: Serve, realtime: bo
         assert mine.timestamp == pytest.approx(theirs.timestamp, abs=0.01)
         if realtime:
             other.send(message)
-            got_from_other = own.recv(PATIENCE_S)
+            got_from_other = echoing.recv(PATIENCE_S)
             assert got_from_other is not None
             assert got_from_other.is_rx
 

@@ -67,10 +67,14 @@ def test_frames_have_their_time_on_the_wire(serve: Serve, join: Join) -> None:
     bus = join(hub, participant=True)
     bus.send(message(0x181, b"\x01\x02"))
     assert bus.recv(0.01) is None, "a sender does not receive its own frame"
-    seen = observer.recv(5.0)
-    assert seen is not None
-    assert (seen.arbitration_id, bytes(seen.data), seen.is_extended_id) == (0x181, b"\1\2", False)
-    assert seen.timestamp == pytest.approx((wire_bits(0x181, b"\1\2") - 3) * 1e-6)
+    received = observer.recv(5.0)
+    assert received is not None
+    assert (received.arbitration_id, bytes(received.data), received.is_extended_id) == (
+        0x181,
+        b"\1\2",
+        False,
+    )
+    assert received.timestamp == pytest.approx((wire_bits(0x181, b"\1\2") - 3) * 1e-6)
 
 
 def test_all_kinds_of_classic_frames_are_transmitted(serve: Serve, join: Join) -> None:
@@ -136,9 +140,9 @@ def test_the_drivers_transport_joins_as_a_participant(serve: Serve, join: Join) 
         assert link.receive(0.008) is None
         assert link.clock.now_s() == 0.008
         for can_id in (0x080, 0x201):
-            seen = observer.recv(5.0)
-            assert seen is not None
-            assert seen.arbitration_id == can_id
+            received = observer.recv(5.0)
+            assert received is not None
+            assert received.arbitration_id == can_id
 
 
 def test_a_notifier_receives_in_its_own_thread(serve: Serve, join: Join) -> None:
@@ -149,9 +153,9 @@ def test_a_notifier_receives_in_its_own_thread(serve: Serve, join: Join) -> None
     for number in range(50):
         sender.send(message(0x100 + number))
         receiver.send(message(0x300 + number))
-    seen = [reader.get_message(5.0) for _ in range(50)]
+    received = [reader.get_message(5.0) for _ in range(50)]
     notifier.stop()
-    assert [m.arbitration_id for m in seen if m] == list(range(0x100, 0x132))
+    assert [m.arbitration_id for m in received if m] == list(range(0x100, 0x132))
     replies = [sender.recv(5.0) for _ in range(50)]
     assert [m.arbitration_id for m in replies if m] == list(range(0x300, 0x332))
 
@@ -224,8 +228,8 @@ def test_python_cans_logger_receives_frames(serve: Serve, join: Join) -> None:
             bus.send(message(0x80))
             clock.sleep_until(cycle * 0.008)
         frames = (line for line in logger.stdout if "ID:" in line)
-        seen = [next(frames) for _ in range(100)]
+        received = [next(frames) for _ in range(100)]
         logger.send_signal(signal.SIGINT)
         logger.stdout.read()
-    assert all("ID:      080" in line for line in seen)
-    assert f"Timestamp: {99 * 0.008 + 48e-6:15.6f}" in seen[99]
+    assert all("ID:      080" in line for line in received)
+    assert f"Timestamp: {99 * 0.008 + 48e-6:15.6f}" in received[99]

@@ -59,6 +59,6 @@ def test_a_client_can_join_while_no_wait_of_the_devices_pauses_time(hub_path: Pa
     master = HubClient(hub_path, HubRole.MASTER)
     master.begin_wait(
         on_frames=False
-    )  # for ever: time runs from one wait of the devices to the next
+    )  # the master waits for ever, so time advances from one wait of the devices to the next
     HubClient(hub_path, HubRole.OBSERVER, timeout_s=30.0).close()
     master.close()

@@ -106,10 +106,10 @@ def test_an_observer_receives_everything_and_never_stops_time(serve: Serve) -> N
     for cycle in range(2000):
         master.post(0x080, b"", 0)
         master.wait((cycle + 1) * 8 * MS)
-    seen: list[WireFrame] = []
-    while len(seen) < 2000 and (frames := observer.wait(time.monotonic_ns() + 2000 * MS)):
-        seen += frames
-    assert [f.time_ns for f in seen] == [k * 8 * MS + SYNC_END_NS for k in range(2000)]
+    received: list[WireFrame] = []
+    while len(received) < 2000 and (frames := observer.wait(time.monotonic_ns() + 2000 * MS)):
+        received += frames
+    assert [f.time_ns for f in received] == [k * 8 * MS + SYNC_END_NS for k in range(2000)]
 
 
 def test_without_a_master_time_continues_in_real_time_and_then_stops(serve: Serve) -> None:
@@ -127,7 +127,7 @@ def test_without_a_master_time_continues_in_real_time_and_then_stops(serve: Serv
     master = hub.join(HubRole.MASTER)
     assert master.now_ns == AFTER_RUN_NS
     assert time.monotonic_ns() - start_ns < AFTER_RUN_NS, (
-        "time does not wait for the clock while a master waits"
+        "simulated time must run ahead of real time while a master waits"
     )
 
 
@@ -166,7 +166,7 @@ def test_the_computing_time_of_a_device_does_not_delay_its_frames(serve: Serve) 
     wire_ns = 1000 * (wire_bits(0x181, b"", 0) - INTERMISSION_BITS)
 
     def backdated() -> int:
-        """Deliver a frame some time after its time stamp; return its delay on the bus."""
+        """Post a frame 0.5 ms after its time stamp; return how late it then arrives [ns]."""
         answered_ns = time.monotonic_ns()
         while time.monotonic_ns() < answered_ns + MS // 2:
             pass
@@ -177,7 +177,7 @@ def test_the_computing_time_of_a_device_does_not_delay_its_frames(serve: Serve) 
 
     later_ns = [backdated() for _ in range(50)]
     assert all(late >= 0 for late in later_ns)
-    assert 0 in later_ns, "some frame must be exactly on time"
+    assert 0 in later_ns, "at least one frame must be exactly on time"
 
 
 def test_real_time_waits_end_on_the_clock(serve: Serve) -> None:

@@ -75,13 +75,13 @@ def test_hostile_clients_do_not_affect_others(serve: Serve, realtime: bool) -> N
                 except OSError:
                     break  # the hub has disconnected the client
     master, observer = join(hub, HubRole.MASTER), join(hub, HubRole.OBSERVER)
-    seen = b""
+    received = b""
     for _ in range(PATIENCE):
         master.post(0x123, b"still on", 8)
         master.wait(master.now_ns + 5_000_000)
         frames = observer.wait(time.monotonic_ns() + 100_000_000)
-        seen += b"".join(frame.data for frame in frames)
-        if b"still on" in seen:
+        received += b"".join(frame.data for frame in frames)
+        if b"still on" in received:
             return
     raise AssertionError("the honest clients were not served")
 

@@ -27,7 +27,7 @@ def adapter() -> LawicelAdapter:
 
 
 @pytest.mark.parametrize(
-    ("said", "answered"),
+    ("command", "answer"),
     [
         (b"V\r", b"V1013\r"),
         (b"N\r", b"NA123\r"),
@@ -55,10 +55,10 @@ def adapter() -> LawicelAdapter:
         (b"what\r", b"\a"),
     ],
 )
-def test_commands_and_answers(adapter: LawicelAdapter, said: bytes, answered: bytes) -> None:
-    assert adapter.feed(said)[0] == answered
+def test_commands_and_answers(adapter: LawicelAdapter, command: bytes, answer: bytes) -> None:
+    assert adapter.feed(command)[0] == answer
     other = LawicelAdapter(BITRATE, lambda: 0)
-    assert b"".join(other.feed(said[i : i + 1])[0] for i in range(len(said))) == answered
+    assert b"".join(other.feed(command[i : i + 1])[0] for i in range(len(command))) == answer
 
 
 def test_frames_are_decoded_and_encoded(adapter: LawicelAdapter) -> None:

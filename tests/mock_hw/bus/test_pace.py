@@ -1,4 +1,4 @@
-"""Pacing of simulated time: even, compensates small delays, does not catch up after long ones."""
+"""Pacing of simulated time: even; small delays are compensated, long ones are not caught up."""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ def objects(draw: st.DrawFn) -> EdsObject:
 
 
 def compare_with_canopen(sheet: ElectronicDataSheet, text: str) -> int:
-    """Compare every object with canopen's reading of the same text; return their number."""
+    """Compare every object with canopen's reading of the text; return the number of objects."""
     dictionary = canopen.import_od(_named(text), node_id=NODE)
     compared = 0
     for item in sheet.objects:
@@ -79,7 +79,8 @@ def compare_with_canopen(sheet: ElectronicDataSheet, text: str) -> int:
         if not isinstance(judged, ODVariable):
             judged = judged[item.subindex]
         default, value = (
-            None if said is None else said.of_node(NODE) for said in (item.default, item.value)
+            None if stated is None else stated.of_node(NODE)
+            for stated in (item.default, item.value)
         )
         assert (judged.name, judged.data_type) == (item.name, item.data_type)
         assert (judged.access_type, judged.pdo_mappable) == (item.access, item.mappable)
@@ -94,7 +95,7 @@ def compare_with_canopen(sheet: ElectronicDataSheet, text: str) -> int:
 
 def _named(text: str) -> io.StringIO:
     file = io.StringIO(text)
-    file.name = "sheet.eds"  # it recognises the format by the name
+    file.name = "sheet.eds"  # canopen recognises the format by the file's name
     return file
 
 
@@ -119,9 +120,9 @@ def test_every_object_of_a_simulated_drive_is_in_its_sheet_as_canopen_reads_it(c
             if entry.code != "s":
                 assert item.bits == entry.bits
             if item.default is not None:
-                said = item.default.of_node(axis.node_id)
+                default = item.default.of_node(axis.node_id)
                 held = entry.default
-                assert said == (held.decode() if isinstance(held, bytes) else held)
+                assert default == (held.decode() if isinstance(held, bytes) else held)
         assert eds_findings(sheet, loaded.config, axis) == ()
         exchange = loaded.config.model_copy(update={"exchange": "trimmed"})
         assert eds_findings(sheet, exchange, axis) == ()
@@ -164,7 +165,9 @@ def test_a_sheet_rewritten_by_canopen_has_the_same_content(tmp_path: Path) -> No
     text = drive_eds(SimulatedIdentity(NODE, 4096, Fraction(100), 1500), "drive.eds", CREATED)
     path = tmp_path / "again.eds"
     with path.open("w") as file, warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # it uses a deprecated clock function
+        warnings.simplefilter(
+            "ignore", DeprecationWarning
+        )  # canopen calls a deprecated clock function
         canopen.export_od(canopen.import_od(_named(text), node_id=NODE), file, "eds")
     again = parse_eds(path.read_bytes(), "again.eds")
     first = parse_eds(text.encode(), "drive.eds")
@@ -203,7 +206,11 @@ def write_sheet(
             "HighLimit": item.high,
         }
         lines.append(f"[{item.index:04{case}}sub{item.subindex:{case}}]")
-        lines += [f"{key}{equals}{said}{comment}" for key, said in keys.items() if said is not None]
+        lines += [
+            f"{key}{equals}{value_text}{comment}"
+            for key, value_text in keys.items()
+            if value_text is not None
+        ]
     return newline.join([*lines, ""])
 
 
@@ -224,8 +231,8 @@ def test_a_written_sheet_is_read_back_equal_as_canopen_reads_it(
     text = write_sheet(items, number, equals, comment, newline, case)
     sheet = parse_eds(text.encode(), "sheet.eds")
     assert sheet.vendor == 31
-    wanted = sorted(items, key=lambda item: (item.index, item.subindex))
-    for found, item in zip(sheet.objects, wanted, strict=True):
+    expected = sorted(items, key=lambda item: (item.index, item.subindex))
+    for found, item in zip(sheet.objects, expected, strict=True):
         for field in ("index", "subindex", "name", "data_type", "access", "mappable"):
             assert getattr(found, field) == getattr(item, field)
         assert (found.default, found.value) == (item.default, item.value)

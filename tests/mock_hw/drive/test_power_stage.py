@@ -32,7 +32,7 @@ def objects() -> ObjectDictionary:
 
 @pytest.fixture
 def running(objects: ObjectDictionary) -> PowerStage:
-    """A power stage at velocity 1000 from time 0."""
+    """A power stage that runs at velocity 1000 from time 0 on."""
     power = PowerStage(objects)
     power.boot()
     for word in (0x06, 0x07, 0x0F):
@@ -46,12 +46,12 @@ def test_the_states_up_to_operation_enabled_and_their_status_words(
     objects: ObjectDictionary,
 ) -> None:
     power = PowerStage(objects)
-    seen = [state_of(power.statusword())]
+    states = [state_of(power.statusword())]
     power.boot()
     for word in (0x00, 0x06, 0x07, 0x0F):
         power.command(word, 0.0)
-        seen.append(state_of(power.statusword()))
-    assert seen == [
+        states.append(state_of(power.statusword()))
+    assert states == [
         PowerState.NOT_READY_TO_SWITCH_ON,
         PowerState.SWITCH_ON_DISABLED,
         PowerState.READY_TO_SWITCH_ON,

@@ -1,4 +1,4 @@
-"""Simulated hardware in its own process: it survives signals to the group, but not its program."""
+"""Process of simulated hardware: ignores signals to the process group, ends with its program."""
 
 from __future__ import annotations
 
@@ -72,8 +72,8 @@ def test_signals_to_the_whole_group_do_not_end_the_hardware(start: Start, tmp_pa
     program = start()
     for number in (signal.SIGHUP, signal.SIGINT, signal.SIGTERM):
         os.killpg(program.pid, number)
-    said, _ = program.communicate(timeout=120.0)
-    assert said == "wound up, 0 left\n"
+    output, _ = program.communicate(timeout=120.0)
+    assert output == "wound up, 0 left\n"
     assert program.returncode == 0
     assert [*tmp_path.iterdir()] == []
 
@@ -90,7 +90,7 @@ def test_killing_the_group_finally_ends_the_hardware(start: Start, tmp_path: Pat
 
 
 def test_a_process_that_ends_without_a_message_has_not_started() -> None:
-    process = DeviceProcess(os._exit)  # it does not accept a pipe as argument
+    process = DeviceProcess(os._exit)  # os._exit fails, because it accepts no pipe as argument
     try:
         with raises_code(TransportError, "RID-MOCK-ENDED", "start"):
             wait_until_ready("amplifier", process.pipe)

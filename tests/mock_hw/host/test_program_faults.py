@@ -84,7 +84,7 @@ def start() -> Iterator[Callable[..., Child]]:
 
 
 class Faults:
-    """Active faults, which the test triggers as the drives do."""
+    """Faults of a program's processes, which the test triggers instead of the simulated drives."""
 
     def __init__(self, *faults: dict[str, Any]) -> None:
         self.drives: Connection
@@ -136,7 +136,7 @@ def test_at_the_end_no_process_is_frozen_and_no_file_or_thread_is_left(
     with Faults(stall, {"kind": "freeze", "process": "task", "duration_s": 1.0}) as faults:
         faults.begin(0)
         recorder.wait_for(os.WSTOPPED)
-        faults.begin(1)  # there is no task yet: the fault waits for it
+        faults.begin(1)  # the fault waits for the start of the cyclic task
     recorder.wait_for(os.WCONTINUED)
     assert recorder.write(3) == "3"
     assert set(os.listdir("/proc/self/fd")) == before
@@ -168,7 +168,7 @@ def test_a_file_with_a_size_limit_fails_in_the_middle_of_a_write(
     with Faults({"kind": "disk_error", "after_bytes": 50}) as faults:
         faults.begin()
         assert recorder.write(30) == "30"
-        assert recorder.write(30) == "20", "up to the free space"
+        assert recorder.write(30) == "20", "only bytes that fit on the disk are written"
         assert recorder.write(30) == "File too large"
     assert (tmp_path / "recording.mcap").stat().st_size == 156
 

@@ -109,7 +109,7 @@ def test_files_of_a_killed_cell_are_removed_at_the_next_start(
     with private_folder("next") as folder:
         assert [*runtime_directory().iterdir()] == [folder]
     assert [*runtime_directory().iterdir()] == []
-    measured(f"1 program and {len(hardware)} processes killed: 0 folders after the next start")
+    measured(f"1 program and {len(hardware)} processes killed: 0 old folders after the next start")
 
 
 def test_a_folder_is_kept_as_long_as_it_is_used(base: Path) -> None:

@@ -133,7 +133,7 @@ def test_the_base_wrench_changes_the_momentum_and_carries_the_weight(
 def test_a_rotor_acts_on_the_plate_with_the_gear_ratio_and_on_its_motor_with_the_square(
     robot: RobotDescription, truth: PlantConfig
 ) -> None:
-    """Rotor 1 is on the base: I mu on the plate, and I mu^2 at its motor."""
+    """Rotor 1 is on the base. Its inertia has the effect I mu on the plate, I mu^2 at its motor."""
     axes = tuple(axis.model_copy(update={"rotor_inertia_kg_m2": 0.0}) for axis in truth.axes)
     one = axes[0].model_copy(update={"rotor_inertia_kg_m2": 0.0005})
     without = BaseWrench(robot, truth.model_copy(update={"axes": axes}))
@@ -144,7 +144,7 @@ def test_a_rotor_acts_on_the_plate_with_the_gear_ratio_and_on_its_motor_with_the
 
 
 def with_elastic_gears(truth: PlantConfig) -> PlantConfig:
-    """Return the arm with presliding, and two gears with springs, dampers and play."""
+    """Return the arm with presliding in all joints; two gears have spring, damper and play."""
     assert truth.unmodelled is not None
     first, second, third = (
         extra.model_copy(update={"presliding_rad": 0.001}) for extra in truth.unmodelled.axes
@@ -157,7 +157,7 @@ def with_elastic_gears(truth: PlantConfig) -> PlantConfig:
 
 
 def check_impulse(robot: RobotDescription, plant: PlantConfig, brake_at_s: float = 9.0) -> None:
-    """Run one second in uneven steps; check that the base's impulse equals the gain of momentum."""
+    """Run one second in uneven steps; compare the base's impulse with the change of momentum."""
     simulated = Plant(robot, plant, seed=2)
     simulated.advance(0.1, STILL, [0.4, -0.3, 0.5], ON, OFF)
     simulated.watch_base(True)

@@ -68,7 +68,7 @@ def test_the_load_lags_its_motor_by_torque_over_stiffness_and_half_the_play() ->
 
 def test_within_its_play_a_load_moves_freely() -> None:
     plant = plant_with_gear(damping=50.0, play=0.05)
-    for k in range(200):  # the accelerating motor pushes from behind
+    for k in range(200):  # the accelerating motor pushes the load to one end of the play
         plant.advance(0.005, [0.0025 * k], [0.0025 * (k + 1)], ON, OFF)
     speeds = []
     for _ in range(60):

@@ -119,7 +119,7 @@ def test_finely_logged_motion_satisfies_the_equations_with_friction(
 def test_sampled_motion_at_8_ms_satisfies_the_equations_on_every_bin(
     robot: RobotDescription, truth: PlantConfig
 ) -> None:
-    """The filter is compensated, and the position differentiated on the bins: no delay, no bias."""
+    """The filter is compensated, the position differentiated on the bins: no delay and no bias."""
     plant = change_plant(truth.without_unmodelled(), coulomb_nm=0.0, torque_noise_nm=0.0)
     simulated = Plant(robot, plant, FILTER)
     samples, finer = 500, 4
@@ -336,7 +336,7 @@ def test_velocity_feedforward_alone_leaves_millimetres_of_path_error(
     actual = []
     for k in range(3 * count):
         actual.append(simulated.position)
-        feedforward = v[(k + 1) % count]  # of the SYNC at which the drives apply it
+        feedforward = v[(k + 1) % count]  # for the SYNC at which the drives apply the command
         commands.append(feedforward + gain * (q[k % count] - actual[-1]))
         simulated.advance(CYCLE, commands[-3], commands[-2], ON, OFF)
     error = np.linalg.norm(tool(q) - tool(np.array(actual[-count:])), axis=1)

@@ -1,4 +1,4 @@
-"""Presliding friction by the bristle model of its authors, on one axis about the vertical."""
+"""Presliding friction of the plant (elasto-plastic bristle model) on one vertical axis."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_a_joint_springs_back_when_the_motor_releases_it() -> None:
 
 
 def test_a_vibrating_load_below_the_friction_does_not_drift() -> None:
-    """The elasto-plastic model has an elastic part; LuGre's model would creep."""
+    """The plant's elasto-plastic model stays elastic; the LuGre model would creep."""
     plant = plant_with_bristles(2.0)
     for _ in range(30):
         plant.advance(0.001, [0.002], [0.002], ON, OFF)

@@ -77,7 +77,7 @@ def without_rotors(
 @settings(max_examples=30)
 @given(seed=st.integers(0, 10_000), joints=st.integers(1, 7))
 def test_a_rotor_adds_the_kinetic_energy_of_its_spin(seed: int, joints: int) -> None:
-    """½ I (e·ω + mu q̇)², with ω of the link that carries it, including the link that it moves."""
+    """Energy ½ I (e·ω + mu q̇)²; ω of the link that carries the rotor, maybe the one it moves."""
     robot, plant = random_arm(seed, joints)
     bodies = build_rigid_bodies(robot, plant)
     coupling = bodies.gearing
@@ -141,7 +141,7 @@ def test_an_armature_acts_on_its_own_joint_only_and_not_on_the_base() -> None:
 
 
 def test_the_bundled_arm_has_the_rotor_terms_of_appendix_d() -> None:
-    """(D.27)-(D.29): motors 2 (+) and 3 (-) are both on link 2."""
+    """Compare with (D.27)-(D.29): motors 2 (sign +) and 3 (sign -) are both on link 2."""
     cell = load_cell("ir361")
     assert cell.plant is not None
     plant = cell.plant.without_unmodelled()

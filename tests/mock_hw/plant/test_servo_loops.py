@@ -68,7 +68,7 @@ def one_axis(
 @pytest.mark.parametrize("viscous", [0.0, 40.0])
 def test_a_velocity_step_response_agrees_with_linear_theory(viscous: float) -> None:
     plant = one_axis(viscous=viscous)
-    # States: velocity, integral of the error, torque, and the constant command.
+    # The states are velocity, integral of the velocity error, torque, and the constant command.
     system = np.array(
         [
             [-viscous / INERTIA, 0.0, 1.0 / INERTIA, 0.0],
@@ -108,7 +108,7 @@ def test_the_torque_is_limited_without_integrator_windup() -> None:
         velocities.append(plant.velocity[0])
     assert fastest <= 40.0 + 1e-9
     assert velocities[29] == pytest.approx(30 * CYCLE * 40.0 / INERTIA, rel=0.02)
-    # At the limit the axis brakes as fast as it accelerated, with hardly any overshoot.
+    # At the torque limit the axis brakes as fast as it accelerated, and hardly overshoots.
     assert min(velocities) > -0.1 * max(velocities)
     assert abs(velocities[-1]) < 1e-3
 
@@ -121,7 +121,7 @@ def test_the_motor_is_limited_to_its_peak_torque() -> None:
 
 def test_friction_holds_an_axis_exactly_up_to_its_size() -> None:
     plant = one_axis(coulomb=20.0)
-    for _ in range(100):  # the velocity command pushes with at most 0.05 * 300 = 15 Nm at first
+    for _ in range(100):  # at first the velocity command causes at most 0.05 * 300 = 15 Nm
         plant.advance(0.0005, [0.05], [0.05], ON, OFF)
         if plant.torque[0] < 20.0:
             assert plant.velocity[0] == 0.0
@@ -139,7 +139,7 @@ def test_coulomb_friction_stops_a_coasting_axis_after_the_expected_distance() ->
     for _ in range(40):
         plant.advance(CYCLE, [0.0], [0.0], OFF, OFF)
     assert plant.velocity[0] == 0.0
-    # ½ J v² / f_C, plus the decay of the current: 20 Nm at 300 Hz
+    # The distance is ½ J v² / f_C; the decaying motor torque (20 Nm, 300 Hz) counts as more v.
     decay = 20.0 / BANDWIDTH / INERTIA
     assert plant.position[0] - before == pytest.approx(
         0.5 * INERTIA * (1.0 + decay) ** 2 / 20.0, rel=2e-4

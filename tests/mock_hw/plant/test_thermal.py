@@ -70,7 +70,7 @@ def test_friction_and_torque_constant_change_with_temperature(
 def test_a_warm_motor_reports_a_higher_torque_than_it_has(
     loaded: LoadedCell, truth: PlantConfig
 ) -> None:
-    """Friction is lower, gravity is not: at rest only the torque constant has an effect."""
+    """Warming reduces friction, but not gravity; at rest only the torque constant has an effect."""
     assert truth.unmodelled is not None
     reported = []
     for initial_k in (298.15, 338.15):
@@ -120,7 +120,7 @@ def test_without_unmodelled_effects_no_motor_warms_up(
 def test_a_payload_adds_its_weight_to_the_motors_that_carry_it(
     loaded: LoadedCell, truth: PlantConfig
 ) -> None:
-    """At rest, the difference with and without payload is the model's payload term, including V."""
+    """At rest, the payload adds the model's payload term, which includes the coupling matrix V."""
     plant = robot_at_rest(loaded, truth)
     alone = plant.torque
     plant.attach("large")

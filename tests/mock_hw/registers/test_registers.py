@@ -90,7 +90,7 @@ class TestDriver:
             with raises_code(ProtocolError, "RID-MODBUS-PROFILE", "100", "103"):
                 link.read(1, read)
         assert workshop.requests == 1
-        measured(f"{kind}, a refusal: one request, the exception in words")
+        measured(f"{kind}, a refusal: one request, the message explains the exception")
 
     @pytest.mark.fault(31)
     def test_the_driver_reports_silence_as_a_timeout(
@@ -103,7 +103,7 @@ class TestDriver:
             line._link.read(1, read)
         assert workshop.requests == 1
         assert line.read().problems == ()
-        measured(f"{kind}, silence: one request, and the next one is answered")
+        measured(f"{kind}, silence: one request, the next request is answered")
 
     @pytest.mark.fault(31)
     @pytest.mark.parametrize("fault", ["short", "wrong_unit", "garbage"])
@@ -116,13 +116,13 @@ class TestDriver:
         assert first.temperature_k[1:].tolist() == pytest.approx([303.15, 373.15])
         assert second.problems == ()
         assert workshop.requests == 2 * len(UNITS)
-        measured(f"{kind}, {fault}: 1 of 6 values missing, 6 requests for 6")
+        measured(f"{kind}, {fault}: 1 of 6 values missing, 6 requests for 6 values")
 
     @pytest.mark.fault(31)
     def test_the_driver_does_not_use_a_late_answer_for_the_next_request(
         self, workshop: Workshop, kind: str, measured: Measured
     ) -> None:
-        """Unit 1 is read twice: only the second answer may count, the first has other registers."""
+        """Unit 1 is read twice; its late first answer must not count as the second one."""
         line = monitor(workshop.serve(kind, fault=at_first("late")), workshop)
         workshop.late = True
         first = line.read()
@@ -130,7 +130,7 @@ class TestDriver:
         assert first.temperature_k[1:].tolist() == pytest.approx([303.15, 373.15])
         assert line.read().temperature_k.tolist() == pytest.approx([293.15, 303.15, 373.15])
         assert workshop.requests == 2 * len(UNITS)
-        measured(f"{kind}, late: 1 of 6 values missing, 0 wrong, 6 requests for 6")
+        measured(f"{kind}, late: 1 of 6 values missing, 0 wrong, 6 requests for 6 values")
 
 
 def test_an_implausible_motor_temperature_is_refused(workshop: Workshop) -> None:
@@ -297,17 +297,17 @@ def test_tsharks_modbus_dissector_decodes_the_conversation(
 ) -> None:
     workshop.serve("tcp")
     assert workshop.service is not None
-    asked = [
+    requests = [
         bytes.fromhex("000100000006090300640004"),
         bytes.fromhex("000200000006010301F40001"),
     ]
-    said = []
+    messages = []
     with socket.create_connection(("127.0.0.1", workshop.service.port), 5.0) as connection:
-        for request in asked:
+        for request in requests:
             connection.sendall(request)
-            said += [(True, request), (False, connection.recv(300))]
+            messages += [(True, request), (False, connection.recv(300))]
     capture = tmp_path / "modbus.pcap"
-    capture.write_bytes(pcap(said))
+    capture.write_bytes(pcap(messages))
     dissected = subprocess.run(
         [
             *("tshark", "-r", str(capture), "-T", "fields", "-E", "separator=|"),
@@ -328,11 +328,11 @@ def test_tsharks_modbus_dissector_decodes_the_conversation(
     ]
 
 
-def pcap(said: list[tuple[bool, bytes]]) -> bytes:
+def pcap(messages: list[tuple[bool, bytes]]) -> bytes:
     """Return a capture of a conversation with port 502: raw IPv4 packets with TCP segments."""
     packets = [struct.pack("<IHHiIII", 0xA1B2C3D4, 2, 4, 0, 0, 65535, 101)]
     sequence = {True: 1, False: 1}
-    for number, (to_server, payload) in enumerate(said):
+    for number, (to_server, payload) in enumerate(messages):
         ports = (40000, 502) if to_server else (502, 40000)
         numbers = sequence[to_server], sequence[not to_server]
         tcp = struct.pack(">HHIIBBHHH", *ports, *numbers, 0x50, 0x18, 8192, 0, 0)

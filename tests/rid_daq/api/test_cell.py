@@ -27,16 +27,16 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
 def test_a_motion_is_recorded_and_identified(service: str) -> None:
     options = {"excitation": {"method": "two-harmonic", "tries": 8, "limit_fraction": 0.4}}
     motion = design("ir361", period_s=4.8, periods=3, options=options)
-    seen: list[float] = []
+    fractions: list[float] = []
     with Cell("ir361", service) as cell:
         assert cell.status.simulated
         assert cell.run("check")
-        recording = cell.record(motion, progress=lambda _step, done, _total: seen.append(done))
+        recording = cell.record(motion, progress=lambda _step, done, _total: fractions.append(done))
         with pytest.raises(LockedError), Cell("ir361", service):
             pass
         with pytest.raises(RidDaqError):
             cell.run("identify", {"names": ["none"]})
-    assert seen
+    assert fractions
     assert recording.is_periodic
     assert identify(recording, diagnose=False).problems == ()
 

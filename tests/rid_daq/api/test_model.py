@@ -166,15 +166,15 @@ def test_a_run_folder_is_read_as_a_recording(run_folder: Path, model: Model) -> 
 def test_progress_is_reported_and_nothing_is_printed(
     arm: Arm, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    seen: list[tuple[str, float, float | None]] = []
+    reports: list[tuple[str, float, float | None]] = []
     identify(
         arm.recording(6, 6.0),
         diagnose=False,
         options={"cross_check": True},
-        progress=lambda title, done, total: seen.append((title, done, total)),
+        progress=lambda title, done, total: reports.append((title, done, total)),
     )
-    assert seen[0][1] == 0.0
-    assert seen[-1][1] == seen[-1][2]
+    assert reports[0][1] == 0.0
+    assert reports[-1][1] == reports[-1][2]
     assert capfd.readouterr() == ("", "")
 
 

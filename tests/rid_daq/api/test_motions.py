@@ -38,16 +38,16 @@ def test_an_excitation_of_a_robot_keeps_its_limits_and_is_saved(arm: Arm, tmp_pa
 
 
 def test_a_design_reports_its_starts() -> None:
-    seen: list[float] = []
+    fractions: list[float] = []
     options = {"excitation": {"starts": 1, "harmonics": 2}}
     design(
         "ir361",
         period_s=4.0,
         options=options,
-        progress=lambda _step, done, _total: seen.append(done),
+        progress=lambda _step, done, _total: fractions.append(done),
     )
-    assert seen[0] == 0.0
-    assert seen[-1] >= 1.0
+    assert fractions[0] == 0.0
+    assert fractions[-1] >= 1.0
 
 
 def test_a_path_is_retimed_within_the_torque_limits(path: Motion, model: Model) -> None:

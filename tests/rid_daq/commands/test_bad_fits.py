@@ -24,7 +24,7 @@ SPEED = np.array([0.1, 0.2, 0.4, 0.8, 1.2, 1.6])
 
 
 @pytest.mark.parametrize(
-    ("torque", "code", "said"),
+    ("torque", "code", "message"),
     [
         (30.0 + 8.0 * SPEED, 0, "in the robot file: friction: [coulomb, viscous]"),
         (
@@ -37,7 +37,7 @@ SPEED = np.array([0.1, 0.2, 0.4, 0.8, 1.2, 1.6])
 def test_friction_that_no_model_explains_gives_exit_code_6(
     torque: np.ndarray,
     code: int,
-    said: str,
+    message: str,
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -47,7 +47,7 @@ def test_friction_that_no_model_explains_gives_exit_code_6(
     found = FrictionMeasurement("a-run", section, Path("report.html"), [])
     monkeypatch.setattr(friction_measurement, "measure_friction", lambda request: found)
     assert run(["friction", "a-run"]) == code
-    assert said in " ".join(capsys.readouterr().out.split())
+    assert message in " ".join(capsys.readouterr().out.split())
 
 
 @pytest.mark.parametrize(("grade", "code"), [(Grade.DOUBTFUL, 0), (Grade.BAD, 6)])
@@ -63,6 +63,6 @@ def test_a_loop_model_that_does_not_fit_gives_exit_code_6(
     found = MeasuredLoops("a-run", section, Path("loops.json"), Path("report.html"), [], "ir361")
     monkeypatch.setattr(loop_measurement, "measure_velocity_loops", lambda request: found)
     assert run(["loop", "a-run"]) == code
-    said = " ".join(capsys.readouterr().out.split())
-    assert f"{first.joint}: an inertia leaves" in said
-    assert f"; the fit is {grade}, 40 % is left." in said
+    output = " ".join(capsys.readouterr().out.split())
+    assert f"{first.joint}: an inertia leaves" in output
+    assert f"; the fit is {grade}, 40 % is left." in output

@@ -162,14 +162,18 @@ TABLE: list[tuple[str, int, str]] = [
 ]
 
 
-@pytest.mark.parametrize(("words", "code", "said"), TABLE, ids=[row[0] for row in TABLE])
+@pytest.mark.parametrize(("words", "code", "expected_text"), TABLE, ids=[row[0] for row in TABLE])
 def test_bad_input_gives_one_clear_message(
-    words: str, code: int, said: str, working_folder: Path, capsys: pytest.CaptureFixture[str]
+    words: str,
+    code: int,
+    expected_text: str,
+    working_folder: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     capsys.readouterr()
     assert run(words.split()) == code
     message = capsys.readouterr().err
-    assert said in message
+    assert expected_text in message
     assert "Traceback" not in message
     assert message.strip()
 

@@ -81,13 +81,13 @@ def test_identify_writes_a_model_with_intervals(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["identify", "excitation", "--json", *runs]) == 0
-    told = document(capsys)
-    model = json.loads(Path(told["model"]).read_text())
+    result = document(capsys)
+    model = json.loads(Path(result["model"]).read_text())
     assert model["cell"] == "my_cell"
-    parameters = {entry["name"]: entry for entry in told["estimate"]["parameters"]}
+    parameters = {entry["name"]: entry for entry in result["estimate"]["parameters"]}
     assert parameters["fv_axis1"]["value"] == pytest.approx(25.0, rel=0.1)
     assert all(entry["std"] > 0.0 for entry in parameters.values())
-    assert Path(told["report"]).read_text().count("<svg") >= 4
+    assert Path(result["report"]).read_text().count("<svg") >= 4
 
 
 def test_a_run_given_twice_as_a_copy_or_still_open_is_refused(
@@ -119,9 +119,9 @@ def test_missing_rows_of_a_run_are_noted_by_every_command(
     folder.finish(RunStatus.STOPPED)
     for words in (["average"], ["validate", str(workshop / "model.json")]):
         run([*words, str(folder.path), *runs])
-        said = capsys.readouterr().out
-        assert "note: torn: the run was stopped before its end\n" in said
-        assert re.search(r"note: torn: rows \d+ to \d+ are lost", said)
+        output = capsys.readouterr().out
+        assert "note: torn: the run was stopped before its end\n" in output
+        assert re.search(r"note: torn: rows \d+ to \d+ are lost", output)
 
 
 @pytest.mark.fault(35)
@@ -140,7 +140,7 @@ def test_a_copied_run_gives_the_same_parameters_bit_by_bit_in_another_process(
     again = json.loads((tmp_path / "again.json").read_text())
     assert len(first["parameters"]) > 10
     assert again == first
-    measured("every number of the model file equal, 0 ULP")
+    measured("all numbers of both model files are equal, difference 0 ULP")
 
 
 def test_validate_passes_and_fails_by_its_limits(
@@ -148,9 +148,9 @@ def test_validate_passes_and_fails_by_its_limits(
 ) -> None:
     words = ["validate", str(workshop / "model.json"), "validation", *runs]
     assert run([*words, "--limits", "10", "--json"]) == 0
-    told = document(capsys)
-    assert told["verdict"]["passed"] is True
-    assert max(axis["relative_error_percent"] for axis in told["validation"]["axes"]) < 5.0
+    result = document(capsys)
+    assert result["verdict"]["passed"] is True
+    assert max(axis["relative_error_percent"] for axis in result["validation"]["axes"]) < 5.0
     assert run([*words, "--limits", "10,0.01,10", "--json"]) == 1
     axes = document(capsys)["validation"]["axes"]
     assert [axis["passed"] for axis in axes] == [True, False, True]
@@ -177,8 +177,10 @@ def test_validation_on_a_too_short_run_gives_no_verdict(
     folder.finish(RunStatus.STOPPED)
     words = ["validate", str(workshop / "model.json"), str(folder.path), "--limits", "10"]
     assert run([*words, *runs]) == 6
-    said = " ".join(capsys.readouterr().err.split())
-    assert re.search(r"no verdict: the robot moves for [1-4]\.\d s, but a verdict needs 5 s", said)
+    output = " ".join(capsys.readouterr().err.split())
+    assert re.search(
+        r"no verdict: the robot moves for [1-4]\.\d s, but a verdict needs 5 s", output
+    )
 
 
 def test_report_is_rewritten_from_the_results_only(
@@ -223,9 +225,9 @@ def test_design_writes_a_motion_and_does_not_overwrite_a_file(
     words = ["design", str(workshop / "cell.yaml"), "-o", str(motion), "--json"]
     words += ["--method", "two-harmonic", "--tries", "5"]
     assert run(words) == 0
-    told = document(capsys)
-    assert told["condition_number"] > 1.0
-    assert all(axis["velocity_percent"] <= 100.0 for axis in told["axes"])
+    result = document(capsys)
+    assert result["condition_number"] > 1.0
+    assert all(axis["velocity_percent"] <= 100.0 for axis in result["axes"])
     assert motion.read_text().startswith("# Excitation for robot my_robot")
     assert run(words) == 2  # existing files are not overwritten by default
 
@@ -235,14 +237,14 @@ def test_check_reads_every_drive_without_motion(
 ) -> None:
     words = ["check", str(workshop / "cell.yaml"), "--seconds", "0.5"]
     assert run([*words, "--json"]) == 0
-    told = document(capsys)
-    assert told["passed"] is True
-    watchdogs = [line for line in told["lines"] if line["what"].startswith("6007h")]
+    result = document(capsys)
+    assert result["passed"] is True
+    watchdogs = [line for line in result["lines"] if line["what"].startswith("6007h")]
     assert [line["where"] for line in watchdogs] == [
         "axis1, node 1", "axis2, node 2", "axis3, node 3",
     ]  # fmt: skip
     assert all(line["required"] == line["found"] == "3" for line in watchdogs)
-    whats = {line["what"]: line["verdict"] for line in told["lines"]}
+    whats = {line["what"]: line["verdict"] for line in result["lines"]}
     assert whats["reaction time if this computer fails"] == "ok"
     assert whats["drive heartbeat loss detected after"] == "ok"
     assert whats["writing to disk"] == "ok"
@@ -281,7 +283,7 @@ def test_a_fault_script_stops_a_recording_and_reset_resets_the_drives(
         find_run(workshop / "runs", "twice")
     faults.write_text("drives: [{kind: emergency, joint: elbow}]\n")
     assert run(words) == 2
-    measured("'record': exit 5, the axis named; 'reset': 3 of 3 drives, none switched on")
+    measured("'record': exit code 5, axis named; 'reset': 3 of 3 drives reset, none enabled")
 
 
 @pytest.mark.fault(19)
@@ -305,17 +307,17 @@ def test_ctrl_c_stops_the_robot_and_keeps_the_recording_with_exit_code_130(
         sent_ns = time.time_ns()
         for _ in range(3):
             program.send_signal(signal.SIGINT)
-        said = program.stdout.read()
+        output = program.stdout.read()
     assert program.returncode == 130
-    assert "Traceback" not in said
-    assert re.search(r"Stopped by the operator\. .* after its start", said)
+    assert "Traceback" not in output
+    assert re.search(r"Stopped by the operator\. .* after its start", output)
     (folder,) = (tmp_path / "runs").iterdir()
     assert RunFolder.open(folder).manifest().status == "stopped"
     journal = read_journal(folder / "recording.mcap")
     assert journal.damage.finished
     closed_s = 1e-9 * ((folder / "recording.mcap").stat().st_mtime_ns - sent_ns)
     assert 0.0 < closed_s < 60.0
-    measured(f"Ctrl-C: exit 130, file closed {closed_s:.1f} s later by the clock")
+    measured(f"Ctrl-C: exit code 130, file closed {closed_s:.1f} s later in real time")
     assert "The motion was stopped before its end" in (folder / "report.html").read_text()
 
 
@@ -344,9 +346,9 @@ def test_check_uses_a_served_cell_and_a_second_mock_is_refused(
     words = [sys.executable, "-m", "rid_daq", "mock", str(cell)]
     with subprocess.Popen(words, stdout=subprocess.PIPE, text=True) as served:
         assert served.stdout is not None
-        said = [served.stdout.readline() for _ in range(3)]
+        mock_lines = [served.stdout.readline() for _ in range(3)]
         try:
-            assert any("can_logger -i rid_sim -c test_" in line for line in said)
+            assert any("can_logger -i rid_sim -c test_" in line for line in mock_lines)
             assert run(["mock", str(cell)]) == 8
             capsys.readouterr()
             run(["check", str(cell), "--seconds", "0.3", "--json"])
@@ -384,15 +386,15 @@ def test_a_recording_ends_when_the_required_accuracy_is_reached(
     words += ["--runs", str(tmp_path / "runs")]
     capsys.readouterr()
     assert run([*words, "--until", "fc_axis1<5Nm", "--until", "torque<50Nm"]) == 0
-    told = document(capsys)
-    assert told["status"] == "complete"
-    assert told["accuracy"]["reached"]
-    assert told["accuracy"]["periods"] == 3
-    assert max(told["accuracy"]["relative_percent"]) < 5.0
-    recording = read_journal(Path(told["folder"]) / "recording.mcap").recording()
+    result = document(capsys)
+    assert result["status"] == "complete"
+    assert result["accuracy"]["reached"]
+    assert result["accuracy"]["periods"] == 3
+    assert max(result["accuracy"]["relative_percent"]) < 5.0
+    recording = read_journal(Path(result["folder"]) / "recording.mcap").recording()
     assert recording.samples_per_period is not None
     assert (recording.phase == Phase.MAIN).sum() == 3 * recording.samples_per_period
     assert run([*words, "--until", "fc_axis1<0.0001Nm"]) == 1
-    told = document(capsys)
-    assert (told["status"], told["accuracy"]["periods"]) == ("complete", 6)
+    result = document(capsys)
+    assert (result["status"], result["accuracy"]["periods"]) == ("complete", 6)
     assert run([*words, "--until", "fc_axis9<1"]) == 2

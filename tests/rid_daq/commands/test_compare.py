@@ -100,10 +100,10 @@ def test_compare_predicts_both_runs_with_both_models(
     root: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["compare", "monday", "tuesday", "--runs", str(root), "--json"]) == 0
-    told = document(capsys)
-    assert told["verdict"]["passed"] is True
-    assert [each["label"] for each in told["predictions"]] == ["monday", "tuesday"]
-    first = told["predictions"][0]
+    result = document(capsys)
+    assert result["verdict"]["passed"] is True
+    assert [each["label"] for each in result["predictions"]] == ["monday", "tuesday"]
+    first = result["predictions"][0]
     assert (first["first_has_seen_it"], first["second_has_seen_it"]) == (True, False)
     for axis in first["axes"]:
         assert axis["second_percent"] == pytest.approx(axis["first_percent"], rel=0.05)
@@ -114,10 +114,10 @@ def test_a_change_gives_an_exit_code_and_a_sentence(
     root: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["compare", "monday", "dry", "--runs", str(root), "--on", "dry"]) == 1
-    said = capsys.readouterr().out
-    assert "differ: fc_axis2 by" in said
-    assert said.count("Torque errors on run") == 1
-    assert "by dry (identified from this run) [%]" in said
+    output = capsys.readouterr().out
+    assert "differ: fc_axis2 by" in output
+    assert output.count("Torque errors on run") == 1
+    assert "by dry (identified from this run) [%]" in output
 
 
 @pytest.mark.usefixtures("monday")
@@ -135,10 +135,10 @@ def test_a_run_without_a_model_and_an_unknown_run_are_refused(
     root: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     RunFolder.create(root, "raw")
-    for words, said in (
+    for words, message in (
         (["monday", "raw"], "identify it first"),
         (["monday", "nobody"], "no run 'nobody'"),
         ([str(tmp_path / "missing.json"), "monday"], "the file does not exist, and no run"),
     ):
         assert run(["compare", *words, "--runs", str(root)]) == 2
-        assert said in capsys.readouterr().err
+        assert message in capsys.readouterr().err

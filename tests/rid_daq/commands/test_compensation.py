@@ -48,7 +48,7 @@ pytestmark = pytest.mark.slow
 def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return files of a model, its velocity loops, and the run of a circle without compensation."""
     folder = tmp_path_factory.mktemp("compensation")
-    # The bundled cell without its force plate, which takes as long as everything else together.
+    # The cell has no force plate, because simulating a plate takes as long as all the rest.
     bundled = load_cell("ir361").config
     arm = bundled.model_copy(update={"plate": None, "name": "arm"})
     (folder / "arm.yaml").write_text(to_yaml(arm))
@@ -86,7 +86,7 @@ def compensated(workshop: Path) -> Path:
 def test_compensation_reduces_the_circle_error_by_an_order_of_magnitude(
     workshop: Path, compensated: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """No value comes from the plant file; the thesis reduced the error from 1.42 to 0.25 mm."""
+    """No value is read from the plant file. The thesis reduced the error from 1.42 to 0.25 mm."""
     loops = json.loads((workshop / "loops.json").read_text())["loops"]
     for axis, gain in zip(loops, (900.0, 1300.0, 250.0), strict=True):
         assert axis["gain"] == pytest.approx(gain, rel=0.02)
@@ -187,7 +187,7 @@ def test_refinement_reduces_the_error_twentyfold_and_a_grown_error_is_refused(
     assert motion["mean_ratio"] > 20.0
     assert motion["max_ratio"] > 10.0
 
-    # Refine again, as if the previous RMS error had been the same, and as if it had been half.
+    # Refine again with a changed previous RMS error: equal to the present error, then half as large.
     (recorded,) = (
         path.parent
         for path in (workshop / "runs").glob("*/feedforward.json")
@@ -245,7 +245,7 @@ def test_files_of_the_wrong_kind_and_mixed_runs_are_refused(
 
 
 class TestStream:
-    """`stream` from a file, from another program, and from faulty programs."""
+    """`stream` with points from a file, from another program, and from faulty programs."""
 
     def test_a_streamed_circle_has_an_error_eight_times_smaller(
         self, workshop: Path, capsys: pytest.CaptureFixture[str]
@@ -295,16 +295,16 @@ class TestStream:
         quality = document(capsys)["quality"]
         share = quality["lost_answers"]["axis2"] / quality["rows"]
         assert "joint 'axis2': " in quality["trouble"]
-        measured(f"'stream' that lost {100 * share:.1f} % of a drive's answers: exit 6")
+        measured(f"'stream': {100 * share:.1f} % of a drive's answers are lost: exit code 6")
 
     def test_an_unknown_path_of_another_program_is_followed_accurately(
         self, workshop: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         path = joint_path()
-        code, answer, told = streamed(workshop, capsys, [path[:100], path[100:]])
+        code, answer, result = streamed(workshop, capsys, [path[:100], path[100:]])
         assert code == 0
         assert answer == {"points": len(path), "error": None}
-        rows = read_journal(Path(told["folder"]) / "recording.mcap").rows
+        rows = read_journal(Path(result["folder"]) / "recording.mcap").rows
         main = rows[rows["phase"] == Phase.MAIN]
         assert main["sample_index"].max() == len(path) - 1
         error = tracking_error(CHAIN, main["target_position"], main["position"])
@@ -315,22 +315,22 @@ class TestStream:
         self, workshop: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         path = joint_path()
-        code, answer, told = streamed(workshop, capsys, [path[:400]], end=False)
+        code, answer, result = streamed(workshop, capsys, [path[:400]], end=False)
         assert code == 4
         assert answer is None
-        assert told["stop"]["code"] == "POINTS_LOST"
-        require_rest_on(path[:400], told)
+        assert result["stop"]["code"] == "POINTS_LOST"
+        require_rest_on(path[:400], result)
 
     def test_the_robot_stops_before_an_invalid_point_and_the_client_gets_the_reason(
         self, workshop: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         path = joint_path()
         path[400, 1] = np.nan
-        code, answer, told = streamed(workshop, capsys, [path])
+        code, answer, result = streamed(workshop, capsys, [path])
         assert code == 5
         assert answer is not None
         assert {"400,", "axis2:"} <= set(answer["error"].split())
-        require_rest_on(path[:400], told)
+        require_rest_on(path[:400], result)
 
     def test_an_error_of_a_point_iterator_stops_the_motion_with_its_text(
         self, workshop: Path

@@ -40,7 +40,7 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def cell(workshop: Path, tmp_path: Path) -> Callable[..., str]:
-    """Return a function that writes a cell with two sheets, the second of which is changed."""
+    """Return a function that writes a cell with two data sheets and changes the second one."""
 
     def write_cell(old: str = "", new: str = "") -> str:
         folder = tmp_path / "cell"
@@ -66,9 +66,9 @@ def preflight_lines(
     capsys.readouterr()
     words = ["check", cell, "--seconds", "0.1", "--json", "--runs", str(tmp_path / "runs")]
     assert run(words) == code
-    told = document(capsys)
-    assert told["passed"] is (code == 0)
-    lines: list[dict[str, Any]] = told["lines"]
+    result = document(capsys)
+    assert result["passed"] is (code == 0)
+    lines: list[dict[str, Any]] = result["lines"]
     return lines
 
 
@@ -142,9 +142,9 @@ def test_a_missing_object_in_a_sheet_is_red_before_any_drive_is_read(
     capsys.readouterr()
     motion = str(Path(path).parent / "validation.yaml")
     assert run(["record", path, motion, "--runs", str(tmp_path / "runs")]) == 3
-    said = capsys.readouterr().err
-    assert "RID-EDS-UNFIT" in said
-    assert all(part in said for part in ("axis2", "node 2", "6077h:00", "TPDO 1", "16 bit"))
+    output = capsys.readouterr().err
+    assert "RID-EDS-UNFIT" in output
+    assert all(part in output for part in ("axis2", "node 2", "6077h:00", "TPDO 1", "16 bit"))
     assert not (tmp_path / "runs").exists()
 
 
@@ -192,9 +192,9 @@ class TestFit:
     ) -> None:
         sheet = workshop / "sheets" / "node1.eds"
         assert run(["drives", "fit", str(sheet), "--json"]) == 0
-        told = document(capsys)
-        assert told["accepted"]
-        assert told["servo"] == {}
+        result = document(capsys)
+        assert result["accepted"]
+        assert result["servo"] == {}
 
     def test_unknown_numbers_become_placeholders_that_a_cell_file_refuses(
         self,
@@ -210,12 +210,12 @@ class TestFit:
             text = text.replace(f"0x{gone}", f"0x{other}").replace(f"[{gone}", f"[{other}")
         sheet.write_text(text)
         assert run(["drives", "fit", str(sheet), "--json"]) == 0
-        told = document(capsys)
-        assert told["servo"] == {"encoder_increments": "?", "rated_torque_nm": "?"}
+        result = document(capsys)
+        assert result["servo"] == {"encoder_increments": "?", "rated_torque_nm": "?"}
         assert run(["drives", "fit", str(sheet)]) == 0
-        said = capsys.readouterr().out
-        assert_shown("your-own-drives", "rid-daq drives fit drive.eds", said)
-        servo = "\n".join(said.splitlines()[: 1 + len(told["servo"])])
+        output = capsys.readouterr().out
+        assert_shown("your-own-drives", "rid-daq drives fit drive.eds", output)
+        servo = "\n".join(output.splitlines()[: 1 + len(result["servo"])])
         cell = tmp_path / "cell.yaml"
         cell.write_text((workshop / "cell.yaml").read_text() + servo + "\n")
         assert run(["check", str(cell), "--json"]) == 2
@@ -228,10 +228,10 @@ class TestFit:
         text = (workshop / "sheets" / "node1.eds").read_text()
         sheet.write_text(text.replace("0x6040", "0x2FF0").replace("[6040", "[2FF0"))
         assert run(["drives", "fit", str(sheet), "--json"]) == 1
-        told = document(capsys)
-        assert told["concerns_safety"]
+        result = document(capsys)
+        assert result["concerns_safety"]
         assert {"object": "6040h:00", "safety": True} in [
-            {key: each[key] for key in ("object", "safety")} for each in told["lacks"]
+            {key: each[key] for key in ("object", "safety")} for each in result["lacks"]
         ]
 
     @pytest.mark.parametrize("content", [None, b"", b"\x00\xff", b"[1000]\nDataType=9999\n"])

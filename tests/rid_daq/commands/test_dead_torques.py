@@ -82,6 +82,6 @@ def test_every_command_refuses_a_run_with_a_dead_torque(
     words = [str(folder / "model.json") if word == "MODEL" else word for word in command]
     capsys.readouterr()
     assert run([*words, "--runs", str(folder / "runs")]) == 6
-    said = " ".join(capsys.readouterr().err.split())
-    assert "the torque of moving joints was not measured: b (always 0)." in said
-    assert said.endswith("[RID-RUN-NO-TORQUE]")
+    output = " ".join(capsys.readouterr().err.split())
+    assert "the torque of moving joints was not measured: b (always 0)." in output
+    assert output.endswith("[RID-RUN-NO-TORQUE]")

@@ -92,11 +92,11 @@ def test_the_output_names_active_limits_and_unchecked_ones(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(["design", "ir361", "-o", str(tmp_path / "m.yaml"), "--starts", "1"]) == 0
-    said = capsys.readouterr().out
-    assert "log determinant" in said
-    assert "Active limits: " in said
-    assert "Torque is not checked" in said
-    assert "Collisions are not checked" in said
+    output = capsys.readouterr().out
+    assert "log determinant" in output
+    assert "Active limits: " in output
+    assert "Torque is not checked" in output
+    assert "Collisions are not checked" in output
 
 
 def test_a_model_limits_the_torques_and_a_plane_the_workspace(
@@ -137,13 +137,13 @@ def test_a_model_limits_the_torques_and_a_plane_the_workspace(
 
 
 @pytest.mark.parametrize(
-    ("name", "wanted", "kind"),
+    ("name", "expected", "kind"),
     [("condition", [], Condition), ("d-optimal", [], DOptimal), ("d-optimal", ["torque"], Goals)],
 )
 def test_options_select_the_criterion(
-    cell: LoadedCell, name: str, wanted: list[str], kind: type
+    cell: LoadedCell, name: str, expected: list[str], kind: type
 ) -> None:
-    assert isinstance(criterion_of_options(cell.robot, name, wanted), kind)
+    assert isinstance(criterion_of_options(cell.robot, name, expected), kind)
 
 
 def test_earlier_runs_direct_the_design_to_uncertain_parameters(cell: LoadedCell) -> None:
@@ -186,7 +186,7 @@ def test_a_model_of_another_robot_is_refused(cell: LoadedCell) -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "code", "told"),
+    ("words", "code", "message"),
     [
         ("--for m7", 2, "--for m7: "),
         ("--period 9.999", 2, "whole number of cycles"),
@@ -202,12 +202,12 @@ def test_invalid_options_are_refused_at_once(
     monkeypatch: pytest.MonkeyPatch,
     words: str,
     code: int,
-    told: str,
+    message: str,
 ) -> None:
     monkeypatch.setattr("identification.design.search.SCHEDULER_TIMEOUT_S", 0.5)
     output = tmp_path / "m.yaml"
     assert run(["design", "ir361", "-o", str(output), *words.split()]) == code
-    assert told in capsys.readouterr().err
+    assert message in capsys.readouterr().err
     assert not output.exists()
 
 
@@ -217,21 +217,21 @@ def test_ctrl_c_writes_the_best_motion_with_exit_code_130(tmp_path: Path) -> Non
     process, terminal = pty.fork()
     if process == 0:
         os.execv(sys.executable, [sys.executable, *words])
-    said = b""
+    screen_text = b""
     until_s = time.monotonic() + 120.0
     pressed = False
     while time.monotonic() < until_s:
         try:
-            said += os.read(terminal, 65536)
+            screen_text += os.read(terminal, 65536)
         except OSError:
             break  # the program has closed its terminal
-        if b"best log determinant" in said and not pressed:
+        if b"best log determinant" in screen_text and not pressed:
             pressed = True
             os.write(terminal, b"\x03")
     else:
         os.kill(process, signal.SIGKILL)
     _, status = os.waitpid(process, 0)
     assert os.waitstatus_to_exitcode(status) == 130
-    assert b"The search was interrupted: this is the best motion found so far." in said
-    assert b"Traceback" not in said
+    assert b"The search was interrupted: this is the best motion found so far." in screen_text
+    assert b"Traceback" not in screen_text
     assert isinstance(load_motion(output), FourierMotion)

@@ -206,9 +206,9 @@ def test_an_object_that_a_drive_does_not_accept_is_named(
         1, "608Fh:01", "00100000"
     )  # the drive does not accept this object
     assert run(["drives", "restore", workplace.cell, str(path)]) == 3
-    said = capsys.readouterr().err
-    assert all(part in said for part in ("axis1", "608Fh:01", "00004000h", "00001000h"))
-    assert "RID-DRIVE-SETTINGS" in said
+    output = capsys.readouterr().err
+    assert all(part in output for part in ("axis1", "608Fh:01", "00004000h", "00001000h"))
+    assert "RID-DRIVE-SETTINGS" in output
 
 
 def test_a_backup_with_another_node_is_refused(

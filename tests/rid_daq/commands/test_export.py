@@ -168,7 +168,7 @@ def test_an_inconsistent_model_is_exported_only_with_despite_misfit(
     assert not out.exists()
     assert run([*words, "--despite-misfit"]) == 0
     assert "NOT physically consistent" in out.read_text().partition("<robot")[0]
-    measured("exit 6, no file")
+    measured("exit code 6, no file written")
 
 
 def test_a_robot_description_cannot_be_exported_as_identified(

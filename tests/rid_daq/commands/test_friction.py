@@ -104,8 +104,8 @@ def test_the_friction_law_of_the_plant_is_selected(
     assert values["fs_axis1"] == pytest.approx(5.0, rel=0.3)
     assert values["vs_axis1"] == pytest.approx(0.04, rel=0.35)
     assert run(["friction", "steady", "--runs", str(runs)]) == 0
-    said = capsys.readouterr().out
-    assert_shown("friction", "rid-daq friction steady", said, same_numbers=False)
+    output = capsys.readouterr().out
+    assert_shown("friction", "rid-daq friction steady", output, same_numbers=False)
 
 
 def test_a_path_in_both_directions_gives_the_plants_friction(
@@ -129,10 +129,10 @@ def test_several_runs_are_evaluated_together_and_reported(
 ) -> None:
     capsys.readouterr()
     assert run(["friction", "steady", "reversed", "--runs", str(runs)]) == 0
-    said = capsys.readouterr().out
-    assert "axis2: " in said
-    assert "in the robot file: friction: [coulomb, viscous, stribeck], stribeck_velocity:" in said
-    report = Path(said.rsplit("Report: ", 1)[1].strip()).read_text()
+    output = capsys.readouterr().out
+    assert "axis2: " in output
+    assert "in the robot file: friction: [coulomb, viscous, stribeck], stribeck_velocity:" in output
+    report = Path(output.rsplit("Report: ", 1)[1].strip()).read_text()
     assert "Measured friction" in report
     assert 'id="friction-' in report
 
@@ -175,10 +175,10 @@ def test_design_writes_both_kinds_of_friction_motions(
     out = tmp_path / "motion.yaml"
     words = ["design", "ir361", "--kind", kind, "-o", str(out), *more]
     assert run(words) == 0
-    said = capsys.readouterr().out
-    assert f"Next: rid-daq record ir361 {out}" in said
+    output = capsys.readouterr().out
+    assert f"Next: rid-daq record ir361 {out}" in output
     motion = load_motion(out)
     assert motion.kind == kind.replace("-", "_")
     samples = motion.plan(CELL.robot, CELL.config.cycle_time_s)
-    assert f"Total duration {samples.duration_s:.0f} s" in said
+    assert f"Total duration {samples.duration_s:.0f} s" in output
     assert run(words) == 2  # the file exists

@@ -80,7 +80,7 @@ def shift_by_half_turn(table: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize(
-    ("mistake", "change", "said"),
+    ("mistake", "change", "message"),
     [
         ("stamps doubled", doubled(10), r"80 with a repeated time stamp.*too coarse for the rows"),
         ("degrees", times(slice(1, 5), 57.3), r"probably in degrees: put `units: \{position: deg"),
@@ -93,7 +93,7 @@ def test_a_serious_mistake_gives_exit_code_6_and_its_likely_cause(
     import_changed: Callable[..., SimpleNamespace],
     mistake: str,
     change: Change,
-    said: str,
+    message: str,
     tmp_path: Path,
 ) -> None:
     plausible = {"position": 10.0, "speed": 500.0, "torque": 200.0}
@@ -101,12 +101,12 @@ def test_a_serious_mistake_gives_exit_code_6_and_its_likely_cause(
         change, plausible=plausible, implausible_on_purpose=["plausible.speed"]
     )
     assert imported.code == 6
-    assert re.search(said, imported.said, re.DOTALL)
+    assert re.search(message, imported.said, re.DOTALL)
     assert not (tmp_path / "runs").exists()  # no run remains that could be used by mistake
 
 
 @pytest.mark.parametrize(
-    ("mistake", "change", "said"),
+    ("mistake", "change", "message"),
     [
         ("clock", times(0, 1.1), "The clock is wrong: velocities computed from positions"),
         ("one gear", times(1, 1.25), "a: its position moves 1.250 times as fast as its velocity"),
@@ -114,14 +114,14 @@ def test_a_serious_mistake_gives_exit_code_6_and_its_likely_cause(
     ],
 )  # fmt: skip
 def test_a_possible_mistake_is_a_finding_in_the_report(
-    import_changed: Callable[..., SimpleNamespace], mistake: str, change: Change, said: str
+    import_changed: Callable[..., SimpleNamespace], mistake: str, change: Change, message: str
 ) -> None:
     imported = import_changed(change)
     assert imported.code == 0
     (finding,) = imported.findings
-    assert finding.startswith(said)
+    assert finding.startswith(message)
     page = Path(imported.report).read_text()
-    assert said.replace("'", "&#39;") in page
+    assert message.replace("'", "&#39;") in page
 
 
 def test_omitted_rows_are_counted_by_reason_and_the_map_sets_their_limit(
@@ -270,9 +270,9 @@ def test_a_ros_bag_is_imported_identified_and_validated(
     runs, model = ["--runs", str(tmp_path / "runs")], str(tmp_path / "model.json")
     halves = ["--rows", "1-1720", "--label", "first", "--rows", "1721-3441", "--label", "second"]
     assert run(["import", str(bag), "--map", "ur10_ros", *halves, *runs]) == 0
-    said = capsys.readouterr().out
-    assert said.startswith("ur10_exciting_trajectory.db3: 1720 of 1720 rows used, 13.752 s")
-    assert "no damaged rows" in said
+    output = capsys.readouterr().out
+    assert output.startswith("ur10_exciting_trajectory.db3: 1720 of 1720 rows used, 13.752 s")
+    assert "no damaged rows" in output
     assert run(["identify", "first", "--choose", "-o", model, *runs]) == 0
     channel = read_estimate(Path(model)).channel
     assert channel is not None  # all torques of this bag were smoothed at 1.8 Hz without delay
@@ -305,6 +305,6 @@ def test_a_static_recording_validates_the_gravity_of_a_model(
     assert imported.findings[0].startswith("Static: no joint moves")
     capsys.readouterr()
     assert run(["validate", model, "standing", "--standstill", "0", *runs]) == 1
-    said = capsys.readouterr().out
-    assert "note: standing: Static: no joint moves" in said
-    assert "(100, 100 % of each axis)" in said
+    output = capsys.readouterr().out
+    assert "note: standing: Static: no joint moves" in output
+    assert "(100, 100 % of each axis)" in output

@@ -32,10 +32,10 @@ def test_init_raises_a_too_low_torque_limit_and_the_rehearsal_succeeds(
     (tmp_path / "arm.urdf").write_text(ARM.format(effort=15))
     folder = tmp_path / "cell"
     assert run(["init", str(folder), "--urdf", str(tmp_path / "arm.urdf"), "--json"]) == 0
-    said = document(capsys)
-    assert said["rehearsed"]
-    assert said["obstacle"] == ""
-    assert any("gravity needs up to" in note and "'lift'" in note for note in said["notes"])
+    result = document(capsys)
+    assert result["rehearsed"]
+    assert result["obstacle"] == ""
+    assert any("gravity needs up to" in note and "'lift'" in note for note in result["notes"])
     assert load_robot(str(folder / "robot.yaml")).joints[0].limits.torque > 15.0
     names = sorted(path.name for path in folder.iterdir())
     assert names == ["cell.yaml", "plant.yaml", "robot.yaml", "validation.yaml"]

@@ -59,9 +59,9 @@ def test_init_makes_a_simulated_cell_from_a_urdf(
         "hand",
     ]
     assert run([*words, "--json"]) == 0
-    said = json.loads(capsys.readouterr().out)
-    assert sorted(said["files"]) == ["cell.yaml", "plant.yaml", "robot.yaml", "validation.yaml"]
-    assert any("1 rounded angles were" in note for note in said["notes"])
+    result = json.loads(capsys.readouterr().out)
+    assert sorted(result["files"]) == ["cell.yaml", "plant.yaml", "robot.yaml", "validation.yaml"]
+    assert any("1 rounded angles were" in note for note in result["notes"])
 
     loaded = load_cell(str(tmp_path / "cell" / "cell.yaml"))
     assert loaded.config.simulated
@@ -155,11 +155,11 @@ def test_all_problems_of_a_urdf_are_reported_together(
         )
         == 2
     )
-    said = capsys.readouterr().err
-    assert "value of <mass> is 'three', not 1 finite number" in said
-    assert "two.urdf:3: the joint's axis has no direction" in said
-    assert "a second link is named 'base'" in said
-    assert "joint 'mount' refers to a missing link 'arm'; add it, or remove the joint" in said
+    output = capsys.readouterr().err
+    assert "value of <mass> is 'three', not 1 finite number" in output
+    assert "two.urdf:3: the joint's axis has no direction" in output
+    assert "a second link is named 'base'" in output
+    assert "joint 'mount' refers to a missing link 'arm'; add it, or remove the joint" in output
 
 
 def test_a_urdf_of_several_arms_is_refused_with_a_command_for_each(
@@ -172,9 +172,9 @@ def test_a_urdf_of_several_arms_is_refused_with_a_command_for_each(
     (tmp_path / "two.urdf").write_text(urdf().replace("</robot>", inner))
     words = ["init", "cell", "--urdf", str(tmp_path / "two.urdf")]
     assert run(words) == 2
-    said = capsys.readouterr().err
+    output = capsys.readouterr().err
     for tip in ("fore", "other_fore"):
-        assert f"rid-daq {' '.join(words)} --tip {tip}  (2 joints)" in said
+        assert f"rid-daq {' '.join(words)} --tip {tip}  (2 joints)" in output
 
 
 @pytest.mark.parametrize(

@@ -106,11 +106,11 @@ def motion(periods: int, share: float = 1.0, period_s: float = 9.6) -> FourierMo
 def record(
     loaded: LoadedCell,
     cell: CellConfig,
-    asked: FourierMotion,
+    requested: FourierMotion,
     path: Path,
     watch: Callable[[TaskProgress], None] | None = None,
 ) -> tuple[RecordOutcome, RunFolder]:
-    samples = asked.plan(loaded.robot, cell.cycle_time_s)
+    samples = requested.plan(loaded.robot, cell.cycle_time_s)
     folder = RunFolder.create(path, "test", software={})
     folder.write("robot.yaml", loaded.files["robot.yaml"])
     outcome = record_motion(cell, loaded.robot, samples, folder, on_progress=watch)
@@ -196,7 +196,7 @@ class TestACoupledRobot:
         wrist: RobotDescription,
         excited: tuple[RecordOutcome, Recording, MonitorStream],
     ) -> None:
-        """A matrix that is omitted or applied twice mainly changes the friction of the wrist."""
+        """Without the coupling matrix, or with it twice, mainly the wrist's friction is wrong."""
         assert loaded.plant is not None
         _, recording, _ = excited
         blind = wrist.model_copy(update={"coupling": None})
@@ -221,8 +221,8 @@ class TestTheMonitor:
         assert recording.time_s[-1] - stream.time_s[-1] <= period_s + 0.013
         assert stream.valid.all()
         # the drives' clocks also run on simulated time
-        own = np.diff(stream.operating_time_s, axis=0) - np.diff(stream.time_s)[:, None]
-        assert np.abs(own).max() < 0.02
+        clock_errors_s = np.diff(stream.operating_time_s, axis=0) - np.diff(stream.time_s)[:, None]
+        assert np.abs(clock_errors_s).max() < 0.02
 
     def test_motors_stay_cold_without_unmodelled_effects(
         self, excited: tuple[RecordOutcome, Recording, MonitorStream]
@@ -250,7 +250,7 @@ def fast_cell(loaded: LoadedCell) -> SimulatedCell:
 def session(
     loaded: LoadedCell, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[tuple[SimulatedCell, list[tuple[RecordOutcome, RunFolder]]]]:
-    """Yield runs without and with a payload at a cycle of 4 ms; drive 5 is silent once."""
+    """Yield runs without and with a payload at a cycle of 4 ms; drive 5 misses one answer."""
     path = tmp_path_factory.mktemp("runs")
     with fast_cell(loaded) as simulated:
         runs = [record(loaded, simulated.cell, motion(1, 0.1, 2.0), path)]
@@ -359,9 +359,9 @@ class TestMissingTemperatures:
             nobody = cell.model_copy(
                 update={"monitor": cell.monitor.model_copy(update={"link": link})}
             )
-            asked = motion(1, 0.1, 2.0)
-            without, folder = record(loaded, nobody, asked, tmp_path)
-            dead, _ = record(loaded, cell, asked, tmp_path, kill_monitor)
+            requested = motion(1, 0.1, 2.0)
+            without, folder = record(loaded, nobody, requested, tmp_path)
+            dead, _ = record(loaded, cell, requested, tmp_path, kill_monitor)
         assert without.complete
         assert any("cannot be opened" in note for note in without.notes)
         assert not folder.file(MONITOR).exists()

@@ -1,4 +1,4 @@
-"""A motion with a live page is identical to one without, even if the page dies (row 22)."""
+"""A live page does not change a motion, even if the page dies (row 22 of docs/faults.md)."""
 
 from __future__ import annotations
 
@@ -130,8 +130,8 @@ def test_many_clients_and_a_killed_page_do_not_change_the_recording(
     assert [note for note in beside.notes if "live page died" in note]
     assert rows.tobytes() == rows_beside.tobytes()
     measured(
-        f"{len(rows)} rows bit-identical with {CLIENTS} clients, including 20 hanging, and the page"
-        " killed"
+        f"{len(rows)} rows are bit-identical although {CLIENTS} clients connect (20 of which hang)"
+        " and the page is killed"
     )
 
 
@@ -145,9 +145,9 @@ def test_record_prints_the_address_of_the_page_and_closes_it_at_the_end(
     )
     command = ["record", "ir361", str(motion), "--runs", str(tmp_path / "runs")]
     assert run([*command, "--live", "--listen", "127.0.0.1:0"]) == 0
-    said = capsys.readouterr().err
-    assert_shown("watch-and-stop", "rid-daq record ir361 excitation.yaml --live", said)
-    found = re.search(r"Live page: http://127\.0\.0\.1:(\d+)/\?t=[\w-]{40,}\n", said)
+    output = capsys.readouterr().err
+    assert_shown("watch-and-stop", "rid-daq record ir361 excitation.yaml --live", output)
+    found = re.search(r"Live page: http://127\.0\.0\.1:(\d+)/\?t=[\w-]{40,}\n", output)
     assert found is not None
     with socket.socket() as line:
         assert line.connect_ex(("127.0.0.1", int(found[1]))) != 0
@@ -175,7 +175,7 @@ def test_a_live_page_that_is_not_allowed_is_refused_before_the_start(
 def test_a_port_in_use_is_a_usage_error(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     motion = tmp_path / "motion.yaml"
     motion.write_text("kind: multipoint\nrobot: ir361\npoints: 2\nseed: 1\n")
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        listen = f"127.0.0.1:{taken.getsockname()[1]}"
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        listen = f"127.0.0.1:{listener.getsockname()[1]}"
         assert run(["record", "ir361", str(motion), "--live", "--listen", listen]) == 2
     assert "RID-LISTEN-ADDRESS" in capsys.readouterr().err

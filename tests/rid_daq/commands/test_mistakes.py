@@ -69,8 +69,10 @@ def test_a_short_recording_gives_wide_intervals_and_a_finding(
     rate = 1.0 / float(np.median(np.diff(sound.time_s)))
     code, document = identify(RIGHT, "--rows", f"1-{round(8.5 * rate)}")
     assert code in (0, 6)
-    said = [each for each in document["estimate"]["findings"] if "only 9 seconds of motion" in each]
-    assert said == [
+    findings = [
+        each for each in document["estimate"]["findings"] if "only 9 seconds of motion" in each
+    ]
+    assert findings == [
         "The intervals are inaccurate, because they are computed from only 9 seconds of motion."
         " They were made 1.2 times wider to allow for this. Record longer (30 are enough)."
     ]
@@ -97,8 +99,8 @@ def test_swapped_columns_are_reported_with_the_keys_and_lines_to_change(
     assert mistake["places"][0]["text"] == "- {joint: axis2, position: 2, torque: 6}"
     runs = ["--runs", str(tmp_path / "runs")]
     assert run(["identify", str(Path(document["model"]).parent), *runs, "--overwrite"]) == 6
-    said = capsys.readouterr().out
-    assert_shown("find-a-mistake", "rid-daq identify latest", said, same_numbers=False)
+    output = capsys.readouterr().out
+    assert_shown("find-a-mistake", "rid-daq identify latest", output, same_numbers=False)
     page = Path(document["report"]).read_text(encoding="utf-8")
     assert mistake["sentence"] in page
     assert "Failed: a file of this run is probably wrong" in page
@@ -214,5 +216,5 @@ def test_a_well_fitting_model_with_negative_mass_gives_exit_code_6(
         assert [axis["grade"] for axis in estimate["axes"]] == ["good"] * 3
         assert estimate["driving"] == ["axis1", "axis2", "axis3"]
         assert estimate["arm_weight"]["share"] < 0.0
-        told = estimate.get("mistakes")
-        assert (told and [each["kind"] for each in told]) == kinds
+        reported = estimate.get("mistakes")
+        assert (reported and [each["kind"] for each in reported]) == kinds

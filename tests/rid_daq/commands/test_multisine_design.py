@@ -41,8 +41,8 @@ def test_too_many_periods_are_refused_before_the_search(
     file = tmp_path / "motion.yaml"
     words = ["--kind", kind, "--periods", str(most + 1), "-o", str(file)]
     assert run(["design", "ir361", *words]) == 2
-    said = capsys.readouterr().err
-    assert f"--periods {most + 1}: a motion of kind {kind} has at most {most} periods" in said
+    output = capsys.readouterr().err
+    assert f"--periods {most + 1}: a motion of kind {kind} has at most {most} periods" in output
     assert not file.exists()
 
 
@@ -52,8 +52,8 @@ def test_the_motion_has_the_requested_band_and_keeps_the_limits(
     file = tmp_path / "motion.yaml"
     words = ["-o", str(file), "--band", "1:12", "--grid", "odd", "--realisations", "2", "--no-slow"]
     assert run([*DESIGN, *words, "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told["band_hz"] == [1.0, 12.0]
+    result = json.loads(capsys.readouterr().out)
+    assert result["band_hz"] == [1.0, 12.0]
     motion = load_motion(file)
     assert isinstance(motion, MultisineMotion)
     assert (motion.grid, motion.period_s, motion.realisations) == ("odd", 4.0, 2)
@@ -61,7 +61,7 @@ def test_the_motion_has_the_requested_band_and_keeps_the_limits(
     cell = load_cell("ir361")
     samples = motion.plan(cell.robot, cell.config.cycle_time_s)
     use = limit_use(samples, cell.robot)
-    for axis, shares in zip(told["axes"], use, strict=True):
+    for axis, shares in zip(result["axes"], use, strict=True):
         assert 30.0 < axis["acceleration_percent"] <= 80.0
         assert axis["velocity_percent"] == pytest.approx(100.0 * shares[0])
         assert axis["crest_factor"] < 3.0

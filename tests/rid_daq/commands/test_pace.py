@@ -45,15 +45,15 @@ def test_a_recording_does_not_depend_on_the_pace(
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["--pace", "1", "--realtime"], "exclude each other: give one option only"),
         (["--pace", "1000"], "at most 100"),
     ],
 )
 def test_an_invalid_pace_is_refused(
-    words: list[str], said: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    words: list[str], message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "motion.yaml").write_text(MOTION)
     assert run(["record", "ir361", str(tmp_path / "motion.yaml"), *words]) == 2
-    assert said in " ".join(capsys.readouterr().err.replace("│", " ").split())
+    assert message in " ".join(capsys.readouterr().err.replace("│", " ").split())

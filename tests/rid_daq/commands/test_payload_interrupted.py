@@ -67,12 +67,12 @@ def test_a_session_resumes_after_ctrl_c_and_until_mass_ends_its_runs_early(
     thread = interrupt_when_moving(runs)
     code = run(words)
     thread.join()
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
     assert code == 130
-    assert "Stopped in step unloaded" in said
+    assert "Stopped in step unloaded" in output
     (state_file,) = runs.glob("*/session.json")
     session = state_file.parent.name
-    assert f"--resume {session}" in said
+    assert f"--resume {session}" in output
     assert json.loads(state_file.read_text(encoding="utf-8"))["done"] == {}
 
     assert run([*words, "--resume", session, "--json"]) in (0, 1)
@@ -85,7 +85,7 @@ def test_a_session_resumes_after_ctrl_c_and_until_mass_ends_its_runs_early(
         name: len(read_journal(runs / run_id / RECORDING).rows)
         for name, run_id in document["done"].items()
     }
-    # The mass is accurate to 5 kg after the first three periods of eight; the runs end early.
+    # After three of eight periods the mass is accurate to 5 kg, so the loaded runs end early.
     assert lengths["loaded 1"] < 0.7 * lengths["unloaded"]
     assert lengths["loaded 2"] < 0.7 * lengths["unloaded"]
     for name in ("loaded 1", "loaded 2"):
@@ -120,9 +120,9 @@ def test_a_step_with_too_many_lost_answers_is_repeated_by_resume(
             "--rehearsal", "0", "--warm-up", "0",
         ]  # fmt: skip
         assert run(words) == 6
-    said = capsys.readouterr().out
-    assert "Step unloaded is not good enough to identify the payload: joint 'axis2': " in said
+    output = capsys.readouterr().out
+    assert "Step unloaded is not good enough to identify the payload: joint 'axis2': " in output
     (state_file,) = runs.glob("*/session.json")
-    assert f"--resume {state_file.parent.name}" in said
+    assert f"--resume {state_file.parent.name}" in output
     assert json.loads(state_file.read_text(encoding="utf-8"))["done"] == {}
-    measured("'payload': a run that lost too much is exit 6 and driven again by --resume")
+    measured("'payload': too many lost answers: exit code 6, and --resume records the run again")

@@ -20,13 +20,13 @@ def test_every_run_of_a_payload_session_records_the_force_plate(
 ) -> None:
     cell = load_cell("ir361")
     assert cell.config.plate is not None
-    asked = design_two_harmonic(
+    excitation = design_two_harmonic(
         cell.robot,
         TwoHarmonicOptions(2.0, highest_harmonic=4, tries=8, seed=1, periods=2),
         cell.config.cycle_time_s,
     )
     motion = tmp_path / "motion.yaml"
-    motion.write_text(to_yaml(asked))
+    motion.write_text(to_yaml(excitation))
     words = ["--rehearsal", "0", "--warm-up", "0", "--yes", "--json"]
     files = ["--motion", str(motion), "--runs", str(tmp_path / "runs")]
     # without a payload the estimated mass can be negative, which gives exit code 6

@@ -51,13 +51,13 @@ def completed_session(
     motion: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> tuple[Path, dict[str, Any], int]:
     runs = tmp_path_factory.mktemp("session") / "runs"
-    said = io.StringIO()
-    with contextlib.redirect_stdout(said):
+    output = io.StringIO()
+    with contextlib.redirect_stdout(output):
         words = session(motion, runs, "--payload", "medium", "--centre-limit", "30")
         with recorded_calls() as calls:
             code = run(words)
     require_fitting(["payload", "kr15"], calls)
-    return runs, json.loads(said.getvalue()), code
+    return runs, json.loads(output.getvalue()), code
 
 
 def test_an_unattended_session_identifies_the_payload(
@@ -104,7 +104,7 @@ def test_a_completed_session_gives_a_certificate(
 
 
 def periods_of(run: Path, begun: int, periods: int) -> NewPeriods:
-    """Return some periods of a run in the form that a watch receives during a motion."""
+    """Return some periods of a run, in the form in which a session's watch receives them."""
     recording = read_journal(run / RECORDING).recording()
     samples = recording.samples_per_period
     assert samples is not None
@@ -127,9 +127,9 @@ def test_the_mass_shown_during_the_motion_equals_the_reported_one(
     watch = MassWatch(unloaded.robot, before, payload_request, None)
     assert not watch.add_periods(periods_of(runs / document["done"]["loaded 1"], 0, 3))
     mass = document["payload"]["parameters"][0]["value"]
-    said = re.match(r"3 periods: ([\d.]+) \u00b1 ", watch.line())
-    assert said is not None
-    assert float(said[1]) == pytest.approx(
+    match = re.match(r"3 periods: ([\d.]+) \u00b1 ", watch.line())
+    assert match is not None
+    assert float(match[1]) == pytest.approx(
         mass, abs=5e-3
     )  # the value is rounded according to its interval
 
@@ -177,14 +177,14 @@ def test_an_interrupted_session_continues_with_its_next_step(
 def test_an_option_with_its_default_value_counts_as_given(
     motion: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked: list[PayloadSessionRequest] = []
+    requests: list[PayloadSessionRequest] = []
     monkeypatch.setattr(
         "rid_daq.command_line.operation_command.perform",
-        lambda _operation, request, _console: asked.append(request),
+        lambda _operation, request, _console: requests.append(request),
     )
     words = ["--resume", "latest", "--mass-limit", "5", "--repeats", "1"]
     assert run(session(motion, tmp_path, *words)) == 0
-    (request,) = asked
+    (request,) = requests
     assert {"limits", "repeats"} <= request.model_fields_set
     assert request.limits.model_fields_set == {"mass_percent"}
 
@@ -223,7 +223,7 @@ def test_falling_friction_is_not_settled(tmp_path: Path) -> None:
         )
 
     powers = period_powers(recording_with_falling_friction(0.05))
-    # The power of gravity cancels over a period; friction times |speed| (mean 2) remains.
+    # Over a period the work of gravity is zero. Friction times |speed| remains (mean |speed|: 2).
     assert powers[0, 0] == pytest.approx(20.0, rel=0.05)
     ratios = powers[1:, 0] / powers[:-1, 0]
     assert ratios == pytest.approx(np.full(periods - 1, 0.95), abs=0.01)

@@ -101,9 +101,9 @@ def test_the_external_model_is_identified_from_the_plate_alone(
     assert run([*command, *runs]) == 0
     assert len(document(capsys)["estimate"]["parameters"]) == 20
     assert run(["validate", str(model), "validation", "--json", *runs]) == 0
-    told = document(capsys)
-    assert "torques get no verdict" in told["validation"]["sentence"]
-    assert max(c["relative_error_percent"] for c in told["reaction"]["components"]) < 20.0
+    result = document(capsys)
+    assert "torques get no verdict" in result["validation"]["sentence"]
+    assert max(c["relative_error_percent"] for c in result["reaction"]["components"]) < 20.0
 
 
 def test_validate_predicts_the_reaction_on_the_base(
@@ -122,12 +122,12 @@ def test_validate_compares_the_base_load_with_its_limits(
     model = str(workshop / "combined.json")
     command = ["validate", model, "validation", "--limits", "50", "--base-limits", "--json"]
     code = run([*command, "--mass", "99", *runs])
-    told = document(capsys)
-    load = told["base_load"]
+    result = document(capsys)
+    load = result["base_load"]
     assert load["weight_known"]
     assert load["components"][2]["peak"] > 900.0
     assert code == (0 if all(c["held"] for c in load["components"]) else 1)
-    assert any("base wrench with 2σ" in line["text"] for line in told["verdict"]["checks"])
+    assert any("base wrench with 2σ" in line["text"] for line in result["verdict"]["checks"])
     assert run([*command, "--mass", "250", *runs]) == 1
     broken = [c["name"] for c in document(capsys)["base_load"]["components"] if not c["held"]]
     assert "Fz" in broken
@@ -182,13 +182,13 @@ def test_retime_keeps_the_limits_of_the_base(
     limits = base_reaction(cell, free) * np.array([0.8, 0.8, 1.1, 0.8, 0.8, 0.8])
     forces, moments = limits.reshape(2, 3).round(3).tolist()
     tight = workshop / "tight.yaml"
-    own = f"  limits: {{force_n: {forces}, moment_nm: {moments}}}\n"
-    tight.write_text(cell.read_text().replace(LIMITS, own))
+    limits_key = f"  limits: {{force_n: {forces}, moment_nm: {moments}}}\n"
+    tight.write_text(cell.read_text().replace(LIMITS, limits_key))
     mass = ["--mass", str(sum(link.mass_kg for link in plant.links))]
     assert run(["retime", str(tight), *command, "--base-limits", *mass, "-o", str(held)]) == 0
-    told = document(capsys)
-    assert told["moving_s"] > moving_s
-    assert [base["component"] for base in told["base"]] == ["Fx", "Fy", "Fz", "Mx", "My", "Mz"]
+    result = document(capsys)
+    assert result["moving_s"] > moving_s
+    assert [base["component"] for base in result["base"]] == ["Fx", "Fy", "Fz", "Mx", "My", "Mz"]
     assert (base_reaction(tight, held) <= limits).all()
 
 
@@ -231,9 +231,9 @@ def test_a_wrong_plate_rotation_is_named_rather_than_an_implausible_delay(
     folder.write("cell.yaml", turned.encode())
     words = ["identify", str(copy), "--model", "external", "-o", str(tmp_path / "model.json")]
     assert run(words) == 6
-    said = capsys.readouterr().err
-    assert "RID-PLATE-MISTAKEN" in said
-    assert "rotation_rad" in said
+    output = capsys.readouterr().err
+    assert "RID-PLATE-MISTAKEN" in output
+    assert "rotation_rad" in output
 
 
 def test_periodic_and_nonperiodic_runs_are_not_identified_together(

@@ -35,7 +35,7 @@ pytestmark = pytest.mark.slow
 
 JUMP_PC = (300.0, -150.0, 90.0, 0.0, -180.0, 120.0, 60.0, -30.0)
 DRIFT_PC_S = (-1.5, 0.9, -0.3, 0.0, 0.5, -0.4, 0.3, 0.0)
-# The cell is zeroed once for many tests, which therefore run in one pytest worker.
+# The plate is zeroed once for many tests, so these tests run in one pytest worker.
 QUICK = ["--read", "3", "--settle", "1"]
 
 
@@ -117,13 +117,13 @@ def zero_document(
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(zeroed_plate, "discharge_plate", discharge)
-        said: list[str] = []
-        patch.setattr("click.echo", lambda text="", **_: said.append(str(text)))
+        messages: list[str] = []
+        patch.setattr("click.echo", lambda text="", **_: messages.append(str(text)))
         words = ["plate", "zero", str(cell), "--write", "--json", *QUICK]
         with recorded_calls() as calls:
             assert run([*words, *runs]) == 0
     require_fitting(words, calls)
-    document = json.loads("\n".join(said))
+    document = json.loads("\n".join(messages))
     assert isinstance(document, dict)
     return document
 
@@ -146,9 +146,10 @@ def test_the_drift_is_estimated_within_its_uncertainty(
 def test_the_offset_is_estimated_within_its_uncertainty(
     zero_document: dict[str, Any], cell: Path, discharged_at: list[Any]
 ) -> None:
-    """The zero is the channels' jump and drift since "operate", plus the mean load of both poses.
+    """Compare the offset with the plant's jump, its drift, and the mean load of both poses.
 
-    The recording does not contain the time of "operate"; all channels must give the same time.
+    The drift began at the command "operate", whose time is not in the recording. The test
+    estimates this time from all channels; each channel must agree with it.
     """
     loaded = load_cell(str(cell))
     plate, plant = loaded.config.plate, loaded.plant
@@ -273,11 +274,11 @@ def test_without_write_the_lines_are_printed_and_the_file_is_unchanged(
     before = cell.read_bytes()
     words = ["plate", "zero", str(cell), "--runs", str(tmp_path / "runs"), *QUICK]
     assert run([*words, "--pose", "1.6,0.1,0.2"]) == 0
-    said = capsys.readouterr().out
-    assert "turned by 124 degrees" in said
-    assert "do not allow half a turn" in said
-    assert "    offset_n: [" in said
-    assert_shown("force-plate", "rid-daq plate zero ir361", said, same_numbers=False)
+    output = capsys.readouterr().out
+    assert "turned by 124 degrees" in output
+    assert "do not allow half a turn" in output
+    assert "    offset_n: [" in output
+    assert_shown("force-plate", "rid-daq plate zero ir361", output, same_numbers=False)
     assert cell.read_bytes() == before
 
 

@@ -32,7 +32,7 @@ def files(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def serve(files: Path) -> Serve:
-    """Return a function that serves another cell's devices under the addresses of `files`."""
+    """Return a function that serves another cell's devices at the addresses of the new cell."""
 
     @contextmanager
     def serve_devices(devices: str) -> Iterator[None]:
@@ -125,10 +125,10 @@ def test_the_five_mistakes_of_the_exercise_are_reported_in_sequence(
         assert document("record", str(cell), str(motion))[0] == 0
         code, identified = document("identify", "latest")
         assert code == 6
-        said = [mistake["sentence"] for mistake in identified["estimate"]["mistakes"]]
-        assert len(said) == 2
-        assert "Gravity points along -y of the base" in said[0]
-        assert "The zero position of axis1 is wrong: add 60" in said[1]
+        sentences = [mistake["sentence"] for mistake in identified["estimate"]["mistakes"]]
+        assert len(sentences) == 2
+        assert "Gravity points along -y of the base" in sentences[0]
+        assert "The zero position of axis1 is wrong: add 60" in sentences[1]
 
         replace_in_file(robot, "gravity_m_s2: [0.0, 0.0, 9.81]", "gravity_m_s2: [9.81, 0.0, 0.0]")
         replace_in_file(cell, "# position_zero_counts: 0 ", "position_zero_counts: 165205 ")

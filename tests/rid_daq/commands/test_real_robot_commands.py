@@ -44,7 +44,7 @@ def test_a_model_selected_on_training_runs_predicts_another_motion(
     capsys.readouterr()
     assert run([*words, "--json"]) == 0
     chosen = json.loads(capsys.readouterr().out)["comparison"]["chosen"]
-    # Harmonic drives: the friction of the two joints that carry the arm depends on the load.
+    # The gears are harmonic drives: in the two joints that carry the arm, friction depends on load.
     assert "load" in chosen["joint2"]
     assert "load" in chosen["joint3"]
     limits = ",".join(map(str, LIMITS_PERCENT))
@@ -62,8 +62,8 @@ def test_a_model_selected_on_training_runs_predicts_another_motion(
 def test_a_parameter_at_its_bound_is_marked_in_every_output(
     workshop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    # Joint 6 carries no load, and joint 1 little: their load-dependent friction is estimated as
-    # # zero, which is the lower bound.
+    # Joint 6 carries no load, and joint 1 little. Their load-dependent friction is therefore
+    # estimated as zero, which is the lower bound.
     words = ["identify", "short", "--band", "9.4", "--runs", str(workshop / "runs")]
     words += ["--friction-terms", "coulomb,viscous,offset,load", "-o", str(workshop / "load.json")]
     capsys.readouterr()
@@ -82,9 +82,9 @@ def test_validate_uses_the_band_of_the_model(
 ) -> None:
     runs, model = ["--runs", str(workshop / "runs")], str(workshop / "band.json")
     assert run(["identify", "short", "--band", "6", "-o", model, *runs, "--no-diagnose"]) == 0
-    for own, band_hz in (([], 6.0), (["--band", "9"], 9.0)):
+    for options, band_hz in (([], 6.0), (["--band", "9"], 9.0)):
         capsys.readouterr()
-        run(["validate", model, "long", *own, "--json", *runs])
+        run(["validate", model, "long", *options, "--json", *runs])
         validation = json.loads(capsys.readouterr().out)["validation"]
         assert validation["cutoff_hz"] == band_hz
 
@@ -96,8 +96,8 @@ def test_identify_suggests_load_dependent_friction_by_cross_validation(
     capsys.readouterr()
     assert run([*words, "--runs", str(workshop / "runs")]) == 0
     findings = json.loads(capsys.readouterr().out)["estimate"]["findings"]
-    (asked,) = [each for each in findings if "joint2: load" in each]
-    assert "load" in asked.partition("joint3: ")[2].partition(";")[0]
+    (suggestions,) = [each for each in findings if "joint2: load" in each]
+    assert "load" in suggestions.partition("joint3: ")[2].partition(";")[0]
 
 
 def test_a_payload_is_identified_from_runs_with_and_without_it(
@@ -116,25 +116,25 @@ def test_a_payload_is_identified_from_runs_with_and_without_it(
 @pytest.mark.slow
 def test_a_report_contains_only_sections_of_the_latest_model(workshop: Path) -> None:
     runs, of_it = ["--runs", str(workshop / "runs")], find_run(workshop / "runs", "unloaded")
-    other, own = workshop / "other.json", workshop / "own.json"
+    other, latest = workshop / "other.json", workshop / "own.json"
     graded = (0, 6)  # the grade of these fits does not matter here
     assert run(["identify", "loaded", "-o", str(other), *runs]) in graded
-    assert run(["identify", "unloaded", "-o", str(own), *runs]) in graded
+    assert run(["identify", "unloaded", "-o", str(latest), *runs]) in graded
     assert run(["validate", str(other), "unloaded", "--limits", "900", *runs]) == 0
     result = read_result(of_it)
     assert result.model == ModelFile.of(other)
     assert result.verdict.passed
-    words = ["identify", "unloaded", "--band", "8", "-o", str(own), "--overwrite", *runs]
+    words = ["identify", "unloaded", "--band", "8", "-o", str(latest), "--overwrite", *runs]
     assert run(words) in graded
     result = read_result(of_it)
-    assert result.model == ModelFile.of(own)
+    assert result.model == ModelFile.of(latest)
     assert result.validation is None
     assert result.verdict.passed is None
     assert any("the sections of other.json" in note for note in result.notes or ())
 
 
 @pytest.mark.parametrize(
-    ("mass", "code", "said"),
+    ("mass", "code", "message"),
     [
         ("2805", 2, "2805 g would be 2.805 kg"),
         ("2400", 6, "grams were given as kilograms"),
@@ -142,14 +142,14 @@ def test_a_report_contains_only_sections_of_the_latest_model(workshop: Path) -> 
     ],
 )
 def test_a_load_mass_that_needs_an_implausible_drive_gain_is_refused(
-    workshop: Path, mass: str, code: int, said: str, capsys: pytest.CaptureFixture[str]
+    workshop: Path, mass: str, code: int, message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     model = workshop / f"{mass}.json"
     words = ["identify", "unloaded", "loaded", "--loaded", "loaded", "--band", "9.4"]
     words += ["-o", str(model), "--runs", str(workshop / "runs"), "--load-mass", mass]
     capsys.readouterr()
     assert run(words) == code
-    assert said in " ".join(capsys.readouterr().err.split())
+    assert message in " ".join(capsys.readouterr().err.split())
     assert not model.exists()
 
 
@@ -202,8 +202,8 @@ def test_a_robot_file_with_wrong_lengths_is_named(
     )
     table = robot.kinematics.model_copy(update={"rows": rows})
     short = robot.model_copy(update={"kinematics": table, "cad": None})
-    said = identified_with(short, real_robot / FILES["points"][0], tmp_path, capsys)
-    assert_shown("find-a-mistake", "rid-daq identify latest", said, same_numbers=False)
+    output = identified_with(short, real_robot / FILES["points"][0], tmp_path, capsys)
+    assert_shown("find-a-mistake", "rid-daq identify latest", output, same_numbers=False)
 
 
 @pytest.mark.slow
@@ -212,5 +212,5 @@ def test_the_file_of_another_robot_is_named(
 ) -> None:
     other = {"kinematics": load_robot("kr15").kinematics, "cad": None}
     robot = load_robot("ur10e").model_copy(update=other)
-    said = identified_with(robot, real_robot / FILES["long"][0], tmp_path, capsys)
-    assert_shown("find-a-mistake", "rid-daq identify latest", said, same_numbers=False)
+    output = identified_with(robot, real_robot / FILES["long"][0], tmp_path, capsys)
+    assert_shown("find-a-mistake", "rid-daq identify latest", output, same_numbers=False)

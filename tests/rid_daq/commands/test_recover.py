@@ -71,8 +71,8 @@ def test_a_killed_run_is_recovered_into_a_new_run_folder(
 ) -> None:
     before = file_contents(killed)
     assert run(["recover", "swing", *runs, "--json"]) == 0
-    told = document(capsys)
-    new = RunFolder.open(Path(told["recovered"]))
+    result = document(capsys)
+    new = RunFolder.open(Path(result["recovered"]))
     assert file_contents(killed) == before
     assert new.path.parent == killed.path.parent
     assert new.verify() == ()
@@ -103,8 +103,8 @@ def test_lost_rows_are_reported_with_their_time_and_an_exit_code(
     path = killed.file("recording.mcap")
     flip_bit(path, path.stat().st_size // 2)
     assert run(["recover", killed.run_id, *runs]) == 1
-    said = capsys.readouterr().out
-    assert_shown("run-folders", "rid-daq recover RUN", said, same_numbers=False)
+    output = capsys.readouterr().out
+    assert_shown("run-folders", "rid-daq recover RUN", output, same_numbers=False)
     new = find_run(killed.path.parent, "latest")
     data = RunData.load(new)
     assert len(data.recording) == 990
@@ -116,9 +116,9 @@ def test_a_file_with_a_wrong_hash_is_not_copied(
 ) -> None:
     flip_bit(killed.file("robot.yaml"), 300)
     assert run(["recover", killed.run_id, *runs, "--json"]) == 0
-    told = document(capsys)
-    assert any("robot.yaml: its SHA-256 differs" in note for note in told["notes"])
-    new = RunFolder.open(Path(told["recovered"]))
+    result = document(capsys)
+    assert any("robot.yaml: its SHA-256 differs" in note for note in result["notes"])
+    new = RunFolder.open(Path(result["recovered"]))
     assert not new.file("robot.yaml").exists()
     assert new.file("cell.yaml").exists()
 
@@ -133,9 +133,9 @@ def test_a_run_without_a_manifest_is_recovered(
     if damage != "missing":
         manifest.write_bytes(text[:40] if damage == "torn" else b"[]")
     assert run(["recover", str(killed.path), "--json"]) == 0
-    told = document(capsys)
-    assert any("cannot be verified" in note for note in told["notes"])
-    new = RunFolder.open(Path(told["recovered"]))
+    result = document(capsys)
+    assert any("cannot be verified" in note for note in result["notes"])
+    new = RunFolder.open(Path(result["recovered"]))
     assert new.manifest().label == killed.path.name
     assert len(RunData.load(new).recording) == ROWS
 
@@ -149,9 +149,9 @@ def test_links_and_strange_names_in_a_run_folder_are_not_followed(
     (killed.path / "away").symlink_to(tmp_path)
     (killed.path / "a\x1b[2Jb").write_text("x")
     assert run(["recover", killed.run_id, *runs]) == 0
-    said = capsys.readouterr().out
-    assert "symbolic link" in said
-    assert "\x1b" not in said
+    output = capsys.readouterr().out
+    assert "symbolic link" in output
+    assert "\x1b" not in output
     new = find_run(killed.path.parent, "latest")
     assert not any(path.is_symlink() for path in new.path.rglob("*"))
     assert not any(b"secret" in content for content in file_contents(new).values())

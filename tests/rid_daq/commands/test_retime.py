@@ -51,8 +51,8 @@ def folder(tmp_path: Path) -> Path:
 
 def retime_words(folder: Path, *more: object) -> list[str]:
     model, path, fast = (str(folder / name) for name in ("model.json", "path.yaml", "fast.yaml"))
-    own = ["retime", "ir361", path, "--model", model, "-o", fast]
-    return [*own, *(str(word) for word in more)]
+    words = ["retime", "ir361", path, "--model", model, "-o", fast]
+    return [*words, *(str(word) for word in more)]
 
 
 MASS_KG, CENTRE_M, INERTIA_KG_M2 = 12.0, (0.10, 0.02, -0.05), (0.3, 0.2, 0.25)
@@ -125,8 +125,8 @@ def test_the_payload_reduces_the_speed_so_that_torque_limits_hold(
         assert run(retime_words(folder, *bold, *more)) == 0
         moving_s[name] = document(capsys)["moving_s"]
         samples = planned_motion(folder / "fast.yaml")
-        own = predict(model, samples.position, samples.velocity, samples.acceleration)
-        over[name] = (np.abs(own + tool_torques(samples)) / limit).max()
+        robot_torque = predict(model, samples.position, samples.velocity, samples.acceleration)
+        over[name] = (np.abs(robot_torque + tool_torques(samples)) / limit).max()
     assert moving_s["carrying"] > 1.03 * moving_s["empty"]
     assert 0.97 < over["carrying"] <= 1.0 + 1e-9
     assert over["empty"] > 1.05
@@ -155,17 +155,17 @@ def test_a_faster_motion_and_its_report_are_written(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(retime_words(folder, "--report", folder / "fast.html", "--json")) == 0
-    told = document(capsys)
-    assert told["shorter_percent"] > 20.0
-    assert told["off_the_path"] < 1e-4
-    assert [joint["joint"] for joint in told["joints"]] == ["axis1", "axis2", "axis3"]
+    result = document(capsys)
+    assert result["shorter_percent"] > 20.0
+    assert result["off_the_path"] < 1e-4
+    assert [joint["joint"] for joint in result["joints"]] == ["axis1", "axis2", "axis3"]
     cell = load_cell("ir361")
     motion = load_motion(folder / "fast.yaml")
     samples = motion.plan(cell.robot, cell.config.cycle_time_s)
     verify_limits(samples, cell.robot)
     model = read_estimate(folder / "model.json")
     torque = np.abs(predict(model, samples.position, samples.velocity, samples.acceleration))
-    for j, joint in enumerate(told["joints"]):
+    for j, joint in enumerate(result["joints"]):
         assert torque[:, j].max() == pytest.approx(joint["torque_peak"], rel=1e-6)
         assert torque[:, j].max() + joint["torque_margin"] * 0.5 < joint["torque_limit"]
     page = (folder / "fast.html").read_text()
@@ -173,8 +173,8 @@ def test_a_faster_motion_and_its_report_are_written(
     assert "limit curve" in page
     assert "path.yaml" in page
     assert "completed path [%]" in page
-    assert f"original, {told['original_s']:.4g} s" in page
-    assert f"timed, {told['moving_s']:.4g} s" in page
+    assert f"original, {result['original_s']:.4g} s" in page
+    assert f"timed, {result['moving_s']:.4g} s" in page
 
 
 CIRCLE = """
@@ -236,9 +236,9 @@ def test_several_turns_of_a_circle_become_one_path(
 ) -> None:
     (folder / "path.yaml").write_text(CIRCLE)
     assert run(retime_words(folder, "--report", folder / "fast.html")) == 0
-    said = " ".join(capsys.readouterr().out.split())
+    output = " ".join(capsys.readouterr().out.split())
     assert (
-        "All its periods, including those for settling, are now one way from rest to rest" in said
+        "All its periods, including those for settling, are now one way from rest to rest" in output
     )
     assert "The motion was periodic" in (folder / "fast.html").read_text()
     samples = planned_motion(folder / "fast.yaml")
@@ -255,7 +255,7 @@ def tool_positions(samples: MotionSamples) -> FloatArray:
 
 
 @pytest.mark.parametrize(
-    ("kind", "keys", "told"),
+    ("kind", "keys", "message"),
     [
         ("fourier", WAVES, "kind fourier measures by its periods"),
         ("reversed", WAVES, "kind reversed measures by its periods"),
@@ -265,11 +265,11 @@ def tool_positions(samples: MotionSamples) -> FloatArray:
     ],
 )
 def test_a_motion_that_is_not_a_path_from_rest_to_rest_is_refused(
-    kind: str, keys: str, told: str, folder: Path, capsys: pytest.CaptureFixture[str]
+    kind: str, keys: str, message: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (folder / "path.yaml").write_text(f"kind: {kind}\nrobot: ir361{keys}")
     assert run(retime_words(folder)) == 2
-    assert told in " ".join(capsys.readouterr().err.split())
+    assert message in " ".join(capsys.readouterr().err.split())
     assert not (folder / "fast.yaml").exists()
 
 
@@ -277,14 +277,14 @@ def test_the_output_ends_with_the_record_command(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(retime_words(folder, "--confidence", "0", "--margin", "0.1")) == 0
-    said = capsys.readouterr().out
-    assert "% shorter" in said
-    assert "periodic" not in said
-    assert "rid-daq record ir361" in said
+    output = capsys.readouterr().out
+    assert "% shorter" in output
+    assert "periodic" not in output
+    assert "rid-daq record ir361" in output
 
 
 @pytest.mark.parametrize(
-    ("more", "told"),
+    ("more", "message"),
     [
         (["--confidence", "1.5"], "--confidence: 1.5 is outside its range"),
         (["--margin", "2"], "--margin: 2 is outside its range"),
@@ -300,8 +300,8 @@ def test_the_output_ends_with_the_record_command(
     ],
 )
 def test_invalid_options_are_named_and_no_file_is_written(
-    more: list[str], told: str, folder: Path, capsys: pytest.CaptureFixture[str]
+    more: list[str], message: str, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert run(retime_words(folder, *more)) != 0
-    assert told in " ".join(capsys.readouterr().err.split())
+    assert message in " ".join(capsys.readouterr().err.split())
     assert not (folder / "fast.yaml").exists()

@@ -89,13 +89,13 @@ def test_foreign_files_are_kept_and_named_and_the_run_is_completed(
     assert not set(strays) & set(manifest.files)
     assert (folder.path / "notes (1).txt").read_text() == "mine"
     assert run(["runs", "--verify", *runs]) == 0
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
     assert (
         f"note: {folder.run_id}: files that do not belong to the run: .DS_Store, a subfolder"
-        in said
+        in output
     )
     assert run(["export", str(folder.path), "--to", "csv", "-o", str(tmp_path / "all.csv")]) == 0
-    measured(f"{len(strays)} of 8 kinds and places: exit 0, complete, named by runs --verify")
+    measured(f"{len(strays)} of 8 unknown files: exit code 0, run complete, named by runs --verify")
 
 
 def delete_folder(folder: RunFolder) -> None:
@@ -134,19 +134,20 @@ def test_a_deleted_or_truncated_recording_stops_the_motion(
     disturb: Disturb,
     became: str,
 ) -> None:
-    """The motion is periodic: in lock-step it waits for the process that reads the file."""
+    """The motion is periodic, so in lock-step it waits for the process that reads the recording."""
     change_during_motion(disturb)
     words = ["record", str(workshop / "cell.yaml"), str(workshop / "motion.yaml")]
     assert run([*words, "--runs", str(tmp_path)]) == 7
     out, err = capsys.readouterr()
-    said = out + err
-    (stopped,) = [line for line in said.splitlines() if "Stopped: " in line]
+    output = out + err
+    (stopped,) = [line for line in output.splitlines() if "Stopped: " in line]
     assert f"/{RECORDING}: {became}" in stopped
     for word in ("killed", "died", "exit code"):
-        assert word not in said
+        assert word not in output
     for path in tmp_path.iterdir():
         assert RunFolder.open(path).manifest().status == RunStatus.STOPPED
-    measured(f"{disturb.__name__.replace('_', ' ')}: quick stop by name, exit 7, no process killed")
+    fault = disturb.__name__.replace("_", " ")
+    measured(f"{fault}: quick stop with this cause, exit code 7, no process killed")
 
 
 @pytest.mark.fault(42)
@@ -161,26 +162,28 @@ def test_a_folder_that_replaces_the_run_folder_is_not_written_to(
     foreign.write("robot.yaml", b"foreign")
     foreign.finish(RunStatus.COMPLETE)
     before = (foreign.path / "manifest.json").read_bytes()
-    own: list[RunFolder] = []
+    folders: list[RunFolder] = []
 
     def swap(folder: RunFolder) -> None:
-        own.append(folder)
+        folders.append(folder)
         folder.path.rename(tmp_path / "moved")
         foreign.path.rename(folder.path)
 
     change_during_motion(swap)
     words = ["record", str(workshop / "cell.yaml"), str(workshop / "motion.yaml")]
     assert run([*words, "--runs", str(tmp_path / "runs")]) == 7
-    said = capsys.readouterr().err
-    (folder,) = own
-    assert f"{RECORDING}: was moved away while it was being written" in said
-    assert f"{folder.path}: now contains run {foreign.run_id}" in said
+    output = capsys.readouterr().err
+    (folder,) = folders
+    assert f"{RECORDING}: was moved away while it was being written" in output
+    assert f"{folder.path}: now contains run {foreign.run_id}" in output
     assert {path.name for path in folder.path.iterdir()} == {"manifest.json", "robot.yaml"}
     assert (folder.path / "manifest.json").read_bytes() == before
     moved = read_journal(tmp_path / "moved" / RECORDING)
     assert moved.header.run_id == folder.run_id
     assert moved.damage.notes == ()
-    measured("another run's folder put in its place: quick stop by name, 0 bytes written into it")
+    measured(
+        "another run's folder replaces it: quick stop with this cause, 0 bytes written into it"
+    )
 
 
 @pytest.mark.parametrize(

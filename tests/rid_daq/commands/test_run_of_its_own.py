@@ -136,13 +136,13 @@ def copied_run(good_run: RunFolder, workshop: Path, tmp_path: Path) -> RunFolder
 
 def reader_words(reader: str, folder: RunFolder, other_run: RunFolder, tmp_path: Path) -> list[str]:
     """Return the command line of a command that reads a run."""
-    meant = {
+    replacements = {
         "RUN": str(folder.path),
         "OTHER": str(other_run.path),
         "MODEL": str(other_run.path / "model.json"),
         "NEW": str(tmp_path / "new"),
     }
-    return [meant.get(word, word) for word in reader.split()]
+    return [replacements.get(word, word) for word in reader.split()]
 
 
 def file_contents(folder: RunFolder) -> dict[str, bytes]:
@@ -203,14 +203,14 @@ def test_every_reader_refuses_and_names_a_foreign_file_in_a_run(
     refused = []
     for reader in READERS:
         code = run(reader_words(reader, copied_run, other_run, tmp_path))
-        said = capsys.readouterr().err
-        assert code == 7, (reader, said)
-        assert f"{copied_run.path / name}: " in said, reader
-        assert why.format(good=good_run.run_id, other=other_run.run_id) in said, reader
+        output = capsys.readouterr().err
+        assert code == 7, (reader, output)
+        assert f"{copied_run.path / name}: " in output, reader
+        assert why.format(good=good_run.run_id, other=other_run.run_id) in output, reader
         refused.append(reader)
     assert file_contents(copied_run) == before
     assert not (tmp_path / "new").exists()
-    measured(f"{name}: refused and named by {len(refused)} of {len(refused)} readers")
+    measured(f"{name}: {len(refused)} of {len(refused)} commands refuse the run and name the file")
 
 
 @pytest.mark.fault(42)
@@ -226,10 +226,10 @@ def test_a_recording_with_another_run_id_is_refused_without_a_hash(
     for command in ("average", "recover"):
         options = ["--unfinished"] if command == "average" else []
         assert run([command, str(tmp_path / "copy"), *options]) == 7
-        said = capsys.readouterr().err
-        assert f"belongs to run {other_run.run_id}, not to {unfinished_run.run_id}" in said
+        output = capsys.readouterr().err
+        assert f"belongs to run {other_run.run_id}, not to {unfinished_run.run_id}" in output
     assert [path.name for path in tmp_path.iterdir()] == ["copy"]
-    measured("by the recording's header: refused by average and recover, nothing written")
+    measured("run id in the recording's header: refused by average and recover, nothing written")
 
 
 @pytest.mark.fault(42)
@@ -267,10 +267,10 @@ def test_an_unfinished_run_is_used_only_with_unfinished_and_is_noted(
     before = file_contents(folder)
     for reader in READERS:
         assert run(reader_words(reader, folder, other_run, tmp_path)) == 6, reader
-        said = capsys.readouterr().err
-        assert "was never finished, because the program ended first. Write its" in said
-        assert f"`rid-daq recover {folder.path}`" in said
-        assert "use it as it is: --unfinished" in said
+        output = capsys.readouterr().err
+        assert "was never finished, because the program ended first. Write its" in output
+        assert f"`rid-daq recover {folder.path}`" in output
+        assert "use it as it is: --unfinished" in output
     assert file_contents(folder) == before
     note = "killed: the run was never finished, so its end is missing"
     assert run(["average", str(folder.path), "--unfinished"]) == 0
@@ -280,7 +280,8 @@ def test_an_unfinished_run_is_used_only_with_unfinished_and_is_noted(
     assert note in json.loads((folder.path / "result.json").read_text())["notes"]
     assert f"Note: {note}" in (folder.path / "report.html").read_text()
     measured(
-        f"refused by {len(READERS)} of {len(READERS)} readers; with --unfinished used and said"
+        f"{len(READERS)} of {len(READERS)} commands refuse the run; with --unfinished they use it"
+        " and report this"
     )
 
 
@@ -297,22 +298,22 @@ def test_a_truncated_run_is_recovered_without_results_and_lost_rows_are_counted(
     assert run(["average", str(copied_run.path)]) == 7
     assert "RID-RUN-CHANGED" in capsys.readouterr().err
     assert run(["recover", str(copied_run.path), "--json"]) == 1
-    told = document(capsys)
-    assert told["rows_lost"] == len(whole) - len(kept) > 500
-    new = RunFolder.open(Path(told["recovered"]))
-    assert new.manifest().facts["rows_lost"] == told["rows_lost"]
+    result = document(capsys)
+    assert result["rows_lost"] == len(whole) - len(kept) > 500
+    new = RunFolder.open(Path(result["recovered"]))
+    assert new.manifest().facts["rows_lost"] == result["rows_lost"]
     assert new.manifest().facts["rows"] == len(kept)
     assert {path.name for path in new.path.iterdir()}.isdisjoint(
         {"result.json", "report.html", "model.json"}
     )
     assert new.verify() == ()
     assert run(["average", str(new.path)]) == 0
-    said = capsys.readouterr().out
+    output = capsys.readouterr().out
     assert (
-        f"note: good: the run was recovered; {told['rows_lost']} rows are known to be lost\n"
-        in said
+        f"note: good: the run was recovered; {result['rows_lost']} rows are known to be lost\n"
+        in output
     )
-    measured(f"{told['rows_lost']} of {len(whole)} rows lost, counted exactly; no result copied")
+    measured(f"{result['rows_lost']} of {len(whole)} rows lost, counted exactly; no result copied")
 
 
 @pytest.mark.fault(45)
@@ -330,11 +331,11 @@ def test_a_file_omitted_by_recover_can_only_be_replaced_by_the_original(
 ) -> None:
     change_gear(copied_run, copied_run)
     assert run(["recover", str(copied_run.path), "--json"]) == 0
-    told = document(capsys)
+    result = document(capsys)
     assert any(
-        note.startswith("left out: robot.yaml: its SHA-256 differs") for note in told["notes"]
+        note.startswith("left out: robot.yaml: its SHA-256 differs") for note in result["notes"]
     )
-    new = Path(told["recovered"])
+    new = Path(result["recovered"])
     assert run(["average", str(new)]) == 7
     assert "RID-RUN-CHANGED" in capsys.readouterr().err
     shutil.copy(copied_run.path / "robot.yaml", new)

@@ -117,8 +117,8 @@ def test_the_payload_of_a_model_that_has_none_is_refused(
 
 def feedforward(folder: Path, model: str, *words: str) -> FloatArray:
     out = folder / f"ff {model} {len(words)}.json"
-    asked = COMMANDS["compensate"].format(folder, model).split()[:-1]
-    assert run([*asked, str(out), "--overwrite", *words]) == 0
+    command_words = COMMANDS["compensate"].format(folder, model).split()[:-1]
+    assert run([*command_words, str(out), "--overwrite", *words]) == 0
     return np.array(feedforward_content(read_content(out, LARGEST_FILE_BYTES), out).feedforward)
 
 
@@ -164,8 +164,8 @@ def test_a_loaded_run_is_predicted_as_accurately_as_an_unloaded_one(
 def test_validate_refuses_a_model_with_a_payload_that_is_not_stated(
     runs: Path, words: tuple[str, str, str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    asked = [words[0], str(runs / words[1]), words[2], "--runs", str(runs / "runs")]
-    assert run(asked) == 2
+    command = [words[0], str(runs / words[1]), words[2], "--runs", str(runs / "runs")]
+    assert run(command) == 2
     assert "RID-PAYLOAD-UNSTATED" in capsys.readouterr().err
 
 

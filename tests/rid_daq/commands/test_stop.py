@@ -88,9 +88,9 @@ def test_stop_in_another_process_stops_a_motion_and_confirms_rest(
             simulated.cell, loaded.robot, samples, folder, on_progress=stop_once
         )
         axes = simulated.axes()
-    said, _ = commands[0].communicate(timeout=120.0)
+    output, _ = commands[0].communicate(timeout=120.0)
     assert commands[0].returncode == 0
-    (session,) = json.loads(said)["sessions"]
+    (session,) = json.loads(output)["sessions"]
     assert (session["process"], session["cell"]) == (os.getpid(), "ir361")
     assert session["stopped"]
     assert "all axes at rest" in session["text"]
@@ -100,7 +100,7 @@ def test_stop_in_another_process_stops_a_motion_and_confirms_rest(
     assert not axes.enabled.any()
     np.testing.assert_allclose(axes.velocity, 0.0, atol=1e-6)
     assert read_journal(outcome.path).damage.notes == ()
-    measured("`rid-daq stop` in mid-motion: " + session["text"].partition("; ")[2].split(",")[0])
+    measured("`rid-daq stop` during a motion: " + session["text"].partition("; ")[2].split(",")[0])
 
 
 def test_stop_ends_a_session_by_the_cell_name_of_a_damaged_file(
@@ -112,9 +112,9 @@ def test_stop_ends_a_session_by_the_cell_name_of_a_damaged_file(
         assert holder.stdout is not None
         assert holder.stdout.readline() == "held\n"
         assert run(["stop", "another_cell"]) == 1
-        said = capsys.readouterr().out
-        assert "No session runs on cell another_cell" in said
-        assert re.search(r"Still running: .* on ir361 .*`rid-daq stop ir361` stops it", said)
+        output = capsys.readouterr().out
+        assert "No session runs on cell another_cell" in output
+        assert re.search(r"Still running: .* on ir361 .*`rid-daq stop ir361` stops it", output)
         torn = tmp_path / "cell.yaml"
         torn.write_text("format: [\nname: ir361 # as it was\n}{")
         assert run(["stop", str(torn)]) == 0

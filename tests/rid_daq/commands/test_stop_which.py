@@ -84,9 +84,9 @@ def test_a_single_session_is_stopped_at_once(start_session: Held) -> None:
 @pytest.mark.promise("stop-one-session")
 def test_without_a_terminal_no_session_of_several_is_stopped(start_session: Held) -> None:
     left, right = start_session("left"), start_session("right")
-    told = run_stop()
-    assert told.returncode == 2
-    assert "RID-STOP-WHICH" in told.stderr
+    output = run_stop()
+    assert output.returncode == 2
+    assert "RID-STOP-WHICH" in output.stderr
     assert (left.poll(), right.poll()) == (None, None)
     assert run_stop("left").returncode == 0
     assert left.wait(PATIENCE_S) == 143

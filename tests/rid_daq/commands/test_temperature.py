@@ -62,23 +62,23 @@ def command_words(folder: Path, command: str, model: str, *more: str) -> list[st
 
 
 @pytest.mark.parametrize(
-    ("model", "asked"), [("followed", "warm"), ("followed", "cold"), ("measured", "55,40,30")]
+    ("model", "temperature"), [("followed", "warm"), ("followed", "cold"), ("measured", "55,40,30")]
 )
 def test_the_feedforward_uses_the_friction_at_the_stated_temperature(
     folder: Path,
     cell: LoadedCell,
     capsys: pytest.CaptureFixture[str],
     model: str,
-    asked: str,
+    temperature: str,
 ) -> None:
-    more = ("--temperature", asked, "--runs", str(folder / "runs"), "--json")
+    more = ("--temperature", temperature, "--runs", str(folder / "runs"), "--json")
     assert run(command_words(folder, "compensate", model, *more)) == 0
     samples = load_motion(folder / "path.yaml").plan(cell.robot, cell.config.cycle_time_s)
     estimate = read_estimate(folder / f"{model}.json")
-    warm = at_operating_temperature(estimate, asked, samples.whole().velocity)
+    warm = at_operating_temperature(estimate, temperature, samples.whole().velocity)
     assert document(capsys)["notes"] == warm.notes
     file = read_feedforward(folder / "out")
-    assert file.origin.temperature == asked
+    assert file.origin.temperature == temperature
     with raises_code(ConfigError, "RID-FEEDFORWARD-OTHER-MOTION", f"{len(samples)} rows"):
         file.onto(replace(samples, sample_period_s=2.0 * samples.sample_period_s))
     written = file.onto(samples).feedforward
@@ -93,17 +93,17 @@ def test_retime_warm_uses_the_temperature_that_the_path_causes(
     folder: Path, cell: LoadedCell, capsys: pytest.CaptureFixture[str]
 ) -> None:
     peaks = {}
-    for asked in ("cold", "warm"):
-        more = ("--temperature", asked, "--confidence", "0", "--json")
+    for temperature in ("cold", "warm"):
+        more = ("--temperature", temperature, "--confidence", "0", "--json")
         assert run(command_words(folder, "retime", "followed", *more)) == 0
-        told = document(capsys)
-        peaks[asked] = told["joints"][0]["torque_peak"]
+        result = document(capsys)
+        peaks[temperature] = result["joints"][0]["torque_peak"]
     estimate = read_estimate(folder / "followed.json")
     driven = load_motion(folder / "out").plan(cell.robot, cell.config.cycle_time_s).whole()
     assert estimate.warming is not None
     rise = estimate.warming.steady_temperatures(estimate.robot, driven.velocity)[0] - 298.15
-    said = float(told["notes"][0].split(" W in axis1")[0].rsplit(" ", 1)[1])
-    assert said == pytest.approx(rise, rel=0.05)
+    power_w = float(result["notes"][0].split(" W in axis1")[0].rsplit(" ", 1)[1])
+    assert power_w == pytest.approx(rise, rel=0.05)
     # Friction falls with temperature, and axis 1 carries no gravity: its peak torque falls equally.
     coulomb = estimate.values[estimate.base.names.index("fc_axis1")]
     assert peaks["warm"] < peaks["cold"] - 0.9 * FALL * rise * coulomb
@@ -114,10 +114,10 @@ def test_a_missing_temperature_option_is_refused(
     folder: Path, capsys: pytest.CaptureFixture[str], command: str
 ) -> None:
     assert run(command_words(folder, command, "followed")) == 2
-    told = " ".join(capsys.readouterr().err.split())
-    assert "axis1, axis2" in told
-    assert "RID-MODEL-TEMPERATURE" in told
-    assert "--temperature warm" in told
+    output = " ".join(capsys.readouterr().err.split())
+    assert "axis1, axis2" in output
+    assert "RID-MODEL-TEMPERATURE" in output
+    assert "--temperature warm" in output
     assert not (folder / "out").exists()
 
 
@@ -126,14 +126,14 @@ def test_torque_limits_are_checked_at_a_default_temperature_which_is_noted(
     folder: Path, cell: LoadedCell, capsys: pytest.CaptureFixture[str], model: str
 ) -> None:
     file = folder / f"{model}.json"
-    told = limit_temperature_note(read_estimate(file))
-    assert told
+    note = limit_temperature_note(read_estimate(file))
+    assert note
     path = folder / "path.yaml"
     assert run(["record", "ir361", str(path), "--model", str(file), "--runs", str(folder)]) == 0
-    assert told in " ".join(capsys.readouterr().out.split())
+    assert note in " ".join(capsys.readouterr().out.split())
     multisine = ["design", "ir361", "--kind", "multisine", "--period", "4", "--realisations", "1"]
     assert run([*multisine, "--model", str(file), "-o", str(folder / "sines.yaml")]) == 0
-    assert told in " ".join(capsys.readouterr().out.split())
+    assert note in " ".join(capsys.readouterr().out.split())
     drawn = " ".join(map(repr, motion_blocks(cell, path, file)))
     assert {"followed": "cold or the warm", "measured": "reference temperature"}[model] in drawn
 
@@ -146,10 +146,10 @@ def test_a_motion_beyond_the_torque_limit_of_a_cold_joint_is_refused(
     estimate = read_estimate(folder / "followed.json")
     way = (samples.position, samples.velocity, samples.acceleration)
     peaks = [
-        np.abs(predict(at_operating_temperature(estimate, asked, way[1]).estimate, *way)).max(
+        np.abs(predict(at_operating_temperature(estimate, temperature, way[1]).estimate, *way)).max(
             axis=0
         )[0]
-        for asked in ("cold", "warm")
+        for temperature in ("cold", "warm")
     ]
     between = 0.5 * sum(peaks)
     assert peaks[0] > between > peaks[1]

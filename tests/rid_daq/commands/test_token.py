@@ -47,8 +47,8 @@ def test_a_device_is_paired_by_its_code(
     if named:
         command = 'rid-daq token "my laptop" --role administrator --code 123456'
         assert_shown("run-the-service", command, capsys.readouterr().out)
-    asked = {"secret": begun["secret"]}
-    state = httpx.post(f"{service}/api/v1/pairing/state", headers=HEADERS, json=asked).json()
+    body = {"secret": begun["secret"]}
+    state = httpx.post(f"{service}/api/v1/pairing/state", headers=HEADERS, json=body).json()
     assert role_of(shared, state["key"]) == role
 
 

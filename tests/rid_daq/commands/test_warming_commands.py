@@ -26,8 +26,8 @@ def import_recording(folder: Path, label: str, seconds: float, seed: int) -> Non
     table = np.column_stack([signals.time_s, signals.position, signals.torque_nm])
     (folder / f"{label}.csv").write_text("\n".join(as_lines(table)))
     (folder / "robot.yaml").write_text(to_yaml(arm()))
-    own = two_joint_map(robot="robot.yaml", joints=JOINTS, plausible=PLAUSIBLE)
-    (folder / "map.yaml").write_text(to_yaml(own))
+    map_text = two_joint_map(robot="robot.yaml", joints=JOINTS, plausible=PLAUSIBLE)
+    (folder / "map.yaml").write_text(to_yaml(map_text))
     words = ["import", str(folder / f"{label}.csv"), "--map", str(folder / "map.yaml")]
     assert run([*words, "--label", label, "--runs", str(folder / "runs")]) == 0
 
@@ -42,10 +42,10 @@ def test_identify_selects_warming_and_validate_applies_it(
     band = ["--band", f"{CUTOFF_HZ:g}"]
     capsys.readouterr()
     code = run(["identify", "long", "--choose", *band, "-o", str(model), *runs])
-    said = capsys.readouterr().out
-    assert code == 0, said
-    assert "The friction of axis1 changes as it warms up, with a time constant of" in said
-    assert "friction of axis2 changes" not in said
+    output = capsys.readouterr().out
+    assert code == 0, output
+    assert "The friction of axis1 changes as it warms up, with a time constant of" in output
+    assert "friction of axis2 changes" not in output
     warming = read_estimate(model).warming
     assert warming is not None
     assert warming.joints.tolist() == [True, False, True]

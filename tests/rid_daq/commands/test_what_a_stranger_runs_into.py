@@ -55,7 +55,7 @@ HELD: dict[str, tuple[str, ...]] = {
         REAL + "test_a_load_mass_that_needs_an_implausible_drive_gain_is_refused",
         "tests/config/test_plausible.py::test_a_number_in_another_unit_is_refused_with_its_option",
     ),
-    "a known mass that contradicts": (
+    "a known mass that contradicts the data": (
         PAYLOAD + "test_the_mass_of_another_payload_fails_the_verdict",
         PAYLOAD + "test_a_mass_in_grams_is_refused_before_any_file_is_read",
     ),
@@ -95,10 +95,10 @@ HELD: dict[str, tuple[str, ...]] = {
         MADE,
         IMPORT + "test_a_possible_mistake_is_a_finding_in_the_report",
     ),
-    "swapped currents of a payload's runs": (
+    "swapped currents in the runs of a payload": (
         PAYLOAD + "test_a_session_with_swapped_currents_of_two_axes_fails",
     ),
-    "intervals of model and apart": (
+    "intervals of the procedures model and apart": (
         PAYLOAD + "test_every_procedure_identifies_a_real_payload_within_its_interval",
     ),
     "few seconds": (MISFIT + "test_a_short_recording_gives_wide_intervals_and_a_finding",),
@@ -111,7 +111,7 @@ HELD: dict[str, tuple[str, ...]] = {
         "tests/rid_daq/operations/test_cell_files.py"
         "::test_refine_and_payload_compare_the_model_with_the_robot",
     ),
-    "a validation that says nothing": (
+    "a validation that proves nothing": (
         COMMANDS + "test_validation_on_the_identification_run_gives_no_verdict",
         COMMANDS + "test_validation_on_a_too_short_run_gives_no_verdict",
     ),
@@ -124,7 +124,7 @@ HELD: dict[str, tuple[str, ...]] = {
         "tests/rid_daq/commands/test_init.py"
         "::test_files_of_init_load_and_the_motions_keep_the_limits",
     ),
-    "no time column, two files, a zero, a bag, the motor's side": (
+    "no time column, two files, a zero offset, a ROS bag, torques of the motor side": (
         HERE + "test_a_map_with_rate_and_zero_offset_reads_rows_without_time_stamps",
         IMPORT + "test_a_run_of_two_source_files_contains_and_reads_both",
         IMPORT + "test_a_ros_bag_is_imported_identified_and_validated",
@@ -135,29 +135,29 @@ HELD: dict[str, tuple[str, ...]] = {
         IMPORT + "test_a_serious_mistake_gives_exit_code_6_and_its_likely_cause",
         IMPORT + "test_a_static_recording_validates_the_gravity_of_a_model",
     ),
-    "the cost of the choice": (
+    "a selected model on another motion": (
         REAL + "test_a_model_selected_on_training_runs_predicts_another_motion",
     ),
-    "a choice that loses against its own table": (
+    "a selected friction term that is insignificant": (
         HERE + "test_no_friction_term_is_selected_that_is_insignificant",
     ),
-    "a chosen model and a payload": (
+    "a payload with a selected friction model": (
         PAYLOAD + "test_a_model_with_its_own_friction_terms_identifies_a_payload",
         PAYLOAD + "test_friction_terms_are_an_option_if_no_model_contains_them",
     ),
     "a report of several models": (
         REAL + "test_a_report_contains_only_sections_of_the_latest_model",
     ),
-    "the guide's way to a payload": (
+    "payload identification as in the guide": (
         HERE + "test_the_guide_identifies_a_payload_with_an_unloaded_run",
     ),
-    "documents that are cited": ("tests/test_theory.py",),
+    "sources that are cited": ("tests/test_theory.py",),
     "friction of a coupled wrist": (
         "tests/rid_daq/commands/test_friction.py",
         HERE + "test_the_guide_states_that_wrist_friction_is_per_motor",
     ),
 }
-"""Tests of 26 silent mistakes, and of ten mistakes with another program's recording."""
+"""Mistakes with their tests: 26 that once gave no message, and ten with imported recordings."""
 
 
 @pytest.mark.parametrize("found", HELD)
@@ -238,9 +238,9 @@ def test_physical_consistency_is_reported_together_with_the_residuals(
     found = import_and_identify(sound)
     assert found.code == 0
     assert run(found.words) == 0
-    said = capsys.readouterr().out
-    assert "consistent" in said
-    assert "residual" in said
+    output = capsys.readouterr().out
+    assert "consistent" in output
+    assert "residual" in output
 
 
 def with_cad_links(robot: RobotDescription, inertia: tuple[float, ...]) -> RobotDescription:
@@ -294,12 +294,12 @@ A12 = [
 ]
 
 
-@pytest.mark.parametrize(("file", "right", "wrong", "said"), A12)
+@pytest.mark.parametrize(("file", "right", "wrong", "message"), A12)
 def test_check_refuses_a_value_in_a_wrong_unit(
     file: str,
     right: str,
     wrong: str,
-    said: str,
+    message: str,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
@@ -313,7 +313,7 @@ def test_check_refuses_a_value_in_a_wrong_unit(
     for kind, text in texts.items():
         (tmp_path / f"{kind}.yaml").write_text(text)
     assert run(["check", str(tmp_path / "cell.yaml")]) == 2
-    assert said in " ".join(capsys.readouterr().err.split())
+    assert message in " ".join(capsys.readouterr().err.split())
 
 
 def test_a_wrong_clock_of_a_real_recording_is_reported_with_its_factor(
@@ -322,14 +322,14 @@ def test_a_wrong_clock_of_a_real_recording_is_reported_with_its_factor(
     table = np.loadtxt(real_robot / "ur-20_01_31-unload.csv", delimiter=",")[300:1800]
     words = ["import", str(tmp_path / "rec.csv"), "--map", "ur10e_31"]
     words += ["--runs", str(tmp_path / "runs"), "--json"]
-    for clock, told in ((1.0, False), (1.1, True)):
+    for clock, is_reported in ((1.0, False), (1.1, True)):
         table[:, 0] *= clock
         np.savetxt(tmp_path / "rec.csv", table, delimiter=",", fmt="%.9g")
         assert run(words) == 0
         findings = json.loads(capsys.readouterr().out)["findings"]
-        said = [each for each in findings if each.startswith("The clock is wrong")]
-        assert bool(said) is told
-    assert "Multiply the times by 0.9" in said[0]
+        clock_findings = [each for each in findings if each.startswith("The clock is wrong")]
+        assert bool(clock_findings) is is_reported
+    assert "Multiply the times by 0.9" in clock_findings[0]
 
 
 def test_a_map_with_rate_and_zero_offset_reads_rows_without_time_stamps(

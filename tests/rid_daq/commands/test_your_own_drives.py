@@ -49,9 +49,9 @@ def test_a_drive_that_is_not_homed_fails_check_and_record(
 ) -> None:
     assert run(["init", str(tmp_path / "mine")]) == 0
     cell, plant = tmp_path / "mine" / "cell.yaml", tmp_path / "mine" / "plant.yaml"
-    told = read_named("ir361", "plants", None)[0].decode()
-    first = told.index("initial_position")
-    plant.write_text(told[:first] + "referenced: false\n    " + told[first:])
+    plant_text = read_named("ir361", "plants", None)[0].decode()
+    first = plant_text.index("initial_position")
+    plant.write_text(plant_text[:first] + "referenced: false\n    " + plant_text[first:])
     bits = "servo: {referenced: {object: 6041h:00, mask: 32768}}\n"
     cell.write_text(cell.read_text().replace("plant: ir361", "plant: plant.yaml") + bits)
     capsys.readouterr()
@@ -96,16 +96,16 @@ def test_the_key_that_replaces_a_missing_standard_object_is_named(
 def test_drives_with_fixed_pdos_or_polled_torque_record_the_same_torques(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """One axis of each kind is checked and recorded in lock-step."""
+    """The cell has one axis of each kind; it is checked and recorded in lock-step."""
     assert run(["init", str(tmp_path)]) == 0
     motion = tmp_path / "validation.yaml"
     motion.write_text(motion.read_text().replace("points: 20", "points: 3"))
     cell = (tmp_path / "cell.yaml").read_text()
-    own = "encoder_increments: 16384.0, torque_constant_nm_per_a: 0.1"
+    servo_keys = "encoder_increments: 16384.0, torque_constant_nm_per_a: 0.1"
     for joint, node, name in (("axis2", 2, "faulhaber_mc3000"), ("axis3", 3, "trinamic_tmcm16xx")):
         plain = f"  - {{joint: {joint}, node_id: {node}}}"
         assert plain in cell
-        cell = cell.replace(plain, f"{plain[:-1]}, servo: {{base: {name}, {own}}}}}")
+        cell = cell.replace(plain, f"{plain[:-1]}, servo: {{base: {name}, {servo_keys}}}}}")
     (tmp_path / "others.yaml").write_text(cell)
     torques = []
     for label in ("cell", "others"):
@@ -121,5 +121,5 @@ def test_drives_with_fixed_pdos_or_polled_torque_record_the_same_torques(
     standard, other = standard[:length], other[:length]
     power = np.mean(standard**2, axis=0)
     assert np.mean(standard * other, axis=0) / power == pytest.approx(np.ones(3), abs=0.03)
-    # commands in whole rpm, executed with a ramp and without interpolation, are less smooth
+    # some drives round commands to whole rpm and follow a ramp: their motion is less smooth
     assert np.all(np.mean((standard - other) ** 2, axis=0) < 0.2**2 * power)

@@ -48,13 +48,13 @@ def test_a_reversed_axis_is_found_within_two_degrees_and_the_other_axes_pass(
         words = ["axes", str(cell), "--unattended", "--json", "--runs", str(tmp_path / "r")]
         assert run(words) == 1
     require_fitting(["axes", "cell.yaml"], calls)
-    told = json.loads(capsys.readouterr().out)
-    assert not told["passed"]
-    assert [each["passed"] for each in told["axes"]] == [False, True, True]
-    (line,) = told["axes"][0]["problems"]
+    result = json.loads(capsys.readouterr().out)
+    assert not result["passed"]
+    assert [each["passed"] for each in result["axes"]] == [False, True, True]
+    (line,) = result["axes"][0]["problems"]
     assert "axes, axis1: direction: 1 (is -1)" in line
-    assert all(abs(each["motion"]["measured"]) < 2.3 for each in told["axes"])
-    signed = json.loads(Path(told["signed"]).read_text())
+    assert all(abs(each["motion"]["measured"]) < 2.3 for each in result["axes"])
+    signed = json.loads(Path(result["signed"]).read_text())
     assert [each["joint"] for each in signed["axes"]] == ["axis2", "axis3"]
 
 

@@ -20,9 +20,9 @@ MOTION = AxisMotion("axis2", "°", -2.0, -2.05, -14353, 0.9, 16384.0)
 
 
 def problems(
-    seen: ObservedMotion, motion: AxisMotion = MOTION, cell: CellConfig = LOADED.config
+    observed: ObservedMotion, motion: AxisMotion = MOTION, cell: CellConfig = LOADED.config
 ) -> str:
-    return " ".join(check_axis_motion(motion, seen, cell, LOADED.robot).problems)
+    return " ".join(check_axis_motion(motion, observed, cell, LOADED.robot).problems)
 
 
 def with_servo(servo: ServoProfile) -> CellConfig:
@@ -54,7 +54,7 @@ def test_an_encoder_resolution_from_the_cell_file_is_suspected_before_the_gear(
     factor: float, unit: VelocityUnit
 ) -> None:
     servo = ServoProfile(encoder_increments=16384.0, velocity_unit=unit)
-    # a wrong resolution also scales the velocity command, unless it is in increments
+    # a wrong resolution also scales the velocity command, except one in increments/s
     share = 1.0 if unit == "increments_per_s" else factor
     wrong = replace(MOTION, command_ratio=share)
     found = problems(ObservedMotion("axis2", -2.05 * factor), wrong, with_servo(servo))
@@ -112,15 +112,15 @@ def test_a_drive_that_does_not_follow_is_reported_with_both_distances() -> None:
 
 
 @pytest.mark.parametrize(
-    ("said", "degrees"), [("2", 2.0), ("1,5", 1.5), ("4°", 4.0), ("30mm", 2.0), (" 60 mm", 4.0)]
+    ("answer", "degrees"), [("2", 2.0), ("1,5", 1.5), ("4°", 4.0), ("30mm", 2.0), (" 60 mm", 4.0)]
 )
 def test_an_observed_distance_is_given_in_degrees_or_mm_at_the_tool_point(
-    said: str, degrees: float
+    answer: str, degrees: float
 ) -> None:
-    assert parse_amount(said, MOTION, tool_mm=30.0) == pytest.approx(degrees)
+    assert parse_amount(answer, MOTION, tool_mm=30.0) == pytest.approx(degrees)
 
 
-@pytest.mark.parametrize("said", ["", "-2", "two", "nan", "1e9", "30mm"])
-def test_an_invalid_distance_is_refused(said: str) -> None:
+@pytest.mark.parametrize("answer", ["", "-2", "two", "nan", "1e9", "30mm"])
+def test_an_invalid_distance_is_refused(answer: str) -> None:
     with raises_code(ConfigError, "RID-AXIS-TEST-ANSWER"):
-        parse_amount(said, MOTION, tool_mm=0.0)
+        parse_amount(answer, MOTION, tool_mm=0.0)

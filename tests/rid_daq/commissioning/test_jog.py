@@ -71,10 +71,10 @@ def test_a_joint_moves_only_while_its_key_is_held(served: SimulatedCell, tmp_pat
     after = served.axes().position
     assert is_off(served)
     np.testing.assert_allclose(after[:2], before[:2], atol=1e-3)
-    told = recorded_rows(tmp_path)
+    rows = recorded_rows(tmp_path)
     limit = LOADED.robot.joints[2].limits
-    assert np.abs(told["target_velocity"]).max() == pytest.approx(0.05 * limit.velocity)
-    slope = np.diff(told["target_velocity"], axis=0) / LOADED.config.cycle_time_s
+    assert np.abs(rows["target_velocity"]).max() == pytest.approx(0.05 * limit.velocity)
+    slope = np.diff(rows["target_velocity"], axis=0) / LOADED.config.cycle_time_s
     assert np.abs(slope).max() <= 0.3 * limit.acceleration * 1.001
 
 
@@ -104,13 +104,15 @@ def test_the_axes_stop_if_the_program_is_killed_or_suspended_with_a_held_key(
                 wait_for(lambda: not is_moving(served))
                 person.program.kill()
             wait_for(lambda: is_off(served))
-    told = recorded_rows(tmp_path)
-    moving = np.abs(told["target_velocity"]).max(axis=1) > 0.0
-    after = told[np.flatnonzero(moving)[-1] + 1 :]
+    rows = recorded_rows(tmp_path)
+    moving = np.abs(rows["target_velocity"]).max(axis=1) > 0.0
+    after = rows[np.flatnonzero(moving)[-1] + 1 :]
     assert np.abs(after["velocity_command"]).max() < SPEED
     if how is signal.SIGSTOP:
-        measured("jog with the key held, SIGSTOP: at rest, then off")
+        measured("jog with the key held, SIGSTOP: at rest, then power off")
     else:
         taken_s = after["time_s"][-1] - after["time_s"][0]
         assert taken_s < RAMP_S + 0.1
-        measured(f"jog with the key held, kill -9: rest {1e3 * taken_s:.0f} ms later, then off")
+        measured(
+            f"jog with the key held, kill -9: at rest {1e3 * taken_s:.0f} ms later, then power off"
+        )

@@ -46,8 +46,8 @@ class MessageLog:
 def jog_keys(log: MessageLog, home: FloatArray | None = None, obstacle: str = "") -> JogKeys:
     """Return the keys of a jog with clear lines, or with an obstacle on all lines."""
 
-    def check(start: FloatArray, wanted: FloatArray) -> HoldLine:
-        return HoldLine(start, start if obstacle else wanted, 1.0, obstacle)
+    def check(start: FloatArray, goal: FloatArray) -> HoldLine:
+        return HoldLine(start, start if obstacle else goal, 1.0, obstacle)
 
     return JogKeys(ROBOT, home, cast(LineCheck, check), cast(Console, log))
 
@@ -114,7 +114,7 @@ def small_move(pose: FloatArray, number: int) -> HoldLine:
 
 
 def pose_with_share(number: int, share: float) -> FloatArray:
-    """Return a pose in the middle of all ranges, except one joint at another share of its range."""
+    """Return a pose with all joints at mid-range, except one at a fraction of its range."""
     low = np.array([joint.limits.position_min for joint in ROBOT.joints])
     high = np.array([joint.limits.position_max for joint in ROBOT.joints])
     pose = 0.5 * (low + high)
@@ -144,14 +144,14 @@ def axis_test_rows(
 ) -> NDArray[Any]:
     """Return rows in which axis 2 rests, moves by `moved_rad` and rests."""
     count = 200
-    told = moved_rad if told_rad is None else told_rad
+    commanded_rad = moved_rad if told_rad is None else told_rad
     found = np.zeros(count, dtype=row_dtype(N))
     share = np.clip((np.arange(count) - 50) / 100.0, 0.0, 1.0)
     found["time_s"] = 1.0 + CYCLE_S * np.arange(count)
     found["valid"] = 1
-    found["target_position"][:, 1] = 0.3 + told * share
-    found["target_velocity"][50:150, 1] = told / (100 * CYCLE_S)
-    found["velocity_command"][50:150, 1] = told / (100 * CYCLE_S)
+    found["target_position"][:, 1] = 0.3 + commanded_rad * share
+    found["target_velocity"][50:150, 1] = commanded_rad / (100 * CYCLE_S)
+    found["velocity_command"][50:150, 1] = commanded_rad / (100 * CYCLE_S)
     found["position"][:, 1] = 0.3 + moved_rad * share
     revs = moved_rad * share * ROBOT.joints[1].gear_ratio / (2.0 * math.pi)
     found["position_counts"][:, 1] = np.rint(PER_REV * revs)
@@ -199,9 +199,9 @@ def test_the_travelled_share_is_computed_from_the_set_points() -> None:
 def test_the_visible_motion_is_the_largest_one_above_a_tenth_of_a_degree() -> None:
     moved = np.zeros(N)
     moved[2], moved[1] = math.radians(-1.9), math.radians(0.2)
-    seen = visible_motion(ROBOT, moved)
-    assert seen.joint == "axis3"
-    assert seen.amount == pytest.approx(-1.9)
+    visible = visible_motion(ROBOT, moved)
+    assert visible.joint == "axis3"
+    assert visible.amount == pytest.approx(-1.9)
     assert visible_motion(ROBOT, np.full(N, math.radians(0.09))).joint == ""
 
 
@@ -217,7 +217,7 @@ def test_q_ends_the_axis_test_before_the_next_axis(monkeypatch: pytest.MonkeyPat
         return run
 
     def fail_if_called(*_: object) -> None:
-        raise AssertionError("no result is read after the end of a test")
+        raise AssertionError("the result of an ended axis test must not be read")
 
     monkeypatch.setattr(axis_tester, "record_held", end_test)
     monkeypatch.setattr(axis_tester, "true_position_reader", lambda _session: None)

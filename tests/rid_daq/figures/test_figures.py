@@ -238,9 +238,9 @@ def test_the_payload_centre_is_drawn_at_the_estimate() -> None:
     for view, shown in zip(VIEWS, plot.panels, strict=True):
         (centre,) = (line for line in shown.lines if line.points)
         found = [*centre.x, *centre.y, *(centre.reach_x or ()), *(centre.reach or ())]
-        wanted = [*(1e3 * estimate.reported[1 + k] for k in view)]
-        wanted += [2e3 * estimate.sigma[1 + k] for k in view]
-        assert found == pytest.approx(wanted)
+        expected = [*(1e3 * estimate.reported[1 + k] for k in view)]
+        expected += [2e3 * estimate.sigma[1 + k] for k in view]
+        assert found == pytest.approx(expected)
 
 
 def test_the_ellipse_of_the_centre_equals_the_covariance_of_the_estimate() -> None:

@@ -34,9 +34,9 @@ def open_page(browser: Browser, address: str, width: int, scheme: str, errors: l
         has_touch=width < 500,
     )
 
-    def log_error(said: ConsoleMessage) -> None:
-        if said.type != "info":
-            errors.append(said.text)
+    def log_error(message: ConsoleMessage) -> None:
+        if message.type != "info":
+            errors.append(message.text)
 
     page.on("console", log_error)
     page.on("pageerror", lambda error: errors.append(str(error)))
@@ -119,8 +119,8 @@ def test_a_figure_that_cannot_be_loaded_shows_the_reason(browser: Browser, figur
         )
         page.goto(address)
         wait_until_shown(page)
-        said = page.get_by_role("status").all_inner_texts()
-        assert said == [
+        messages = page.get_by_role("status").all_inner_texts()
+        assert messages == [
             "The figure cannot be shown: the server does not answer. Check that the service"
             " runs, then reload the page.",
             "The figure cannot be shown: no such run",

@@ -46,12 +46,12 @@ class Page:
             scope["state"] = {"local": local}
             await self._app(scope, receive, send)
 
-        async def asked() -> httpx.Response:
+        async def send_request() -> httpx.Response:
             transport: Any = httpx.ASGITransport(served, client=(client, 40000))
             async with httpx.AsyncClient(transport=transport, base_url=ADDRESS) as browser:
                 return await browser.request(method, path, headers=headers)
 
-        return asyncio.run(asked())
+        return asyncio.run(send_request())
 
 
 @pytest.fixture
@@ -134,6 +134,6 @@ def test_a_wrong_token_is_refused_even_with_the_right_session(page: Page) -> Non
 def test_the_event_stream_contains_the_published_pictures(page: Page) -> None:
     page.feed.publish_picture(b'{"row":1}')
     page.feed.end()
-    told = page.ask("/events", headers=BEARER)
-    assert told.headers["Content-Type"].startswith("text/event-stream")
-    assert 'data: {"row":1}\n\n' in told.text
+    answer = page.ask("/events", headers=BEARER)
+    assert answer.headers["Content-Type"].startswith("text/event-stream")
+    assert 'data: {"row":1}\n\n' in answer.text

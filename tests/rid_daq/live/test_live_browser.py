@@ -22,7 +22,7 @@ def test_the_page_shows_the_joints_and_its_button_stops_the_motion(browser: Brow
     try:
         page.set_default_timeout(PATIENCE_MS)
         page.on("pageerror", lambda error: problems.append(str(error)))
-        page.on("console", lambda said: problems.append(said.text))
+        page.on("console", lambda message: problems.append(message.text))
         page.goto(live.access.url)
         expect(page.locator("article")).to_have_count(3)
         expect(page.locator("#title")).to_contain_text("A <b>motion</b>")

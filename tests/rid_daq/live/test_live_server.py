@@ -208,7 +208,9 @@ def test_a_form_of_another_origin_stops_nothing(unstopped: Served) -> None:
     for kind in (b"text/plain", b"application/x-www-form-urlencoded", b"multipart/form-data"):
         sent = host + b"Content-Type: %s\r\nX-Rid-Daq: stop\r\n" % kind + STOP_BODY
         assert unstopped.ask(sent)[0] == 415
-    assert unstopped.ask(unstopped.stop_head() + STOP_BODY)[0] == 403, "without the special header"
+    assert unstopped.ask(unstopped.stop_head() + STOP_BODY)[0] == 403, (
+        "a request without the header X-Rid-Daq must be refused"
+    )
     assert unstopped.ask(b"GET /stop HTTP/1.1\r\nHost: %s\r\n\r\n" % unstopped.host)[0] == 404
     options = b"OPTIONS /stop HTTP/1.1\r\nHost: %s\r\nOrigin: https://evil.example\r\n\r\n"
     status, head, _ = unstopped.ask(options % unstopped.host)
@@ -284,8 +286,8 @@ def test_a_thousand_clients_use_bounded_memory_and_a_stop_still_works(
     assert grown < 32 << 20
     assert callable(measured)
     measured(
-        f"1000 slow clients: {descriptors} descriptors, {grown / 2**20:.0f} MB more; the stop got"
-        " through"
+        f"1000 slow clients: {descriptors} file descriptors, {grown / 2**20:.0f} MB more; a stop is"
+        " still executed"
     )
 
 

@@ -95,14 +95,14 @@ def cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Cell:
     real = replace(bundled, config=bundled.config.model_copy(update={"simulated": False}))
     found = Cell(real, tmp_path, [])
 
-    seen: list[AxisTestRule] = []
+    opened_rules: list[AxisTestRule] = []
 
     def check_axis_test(loaded: LoadedCell, rule: AxisTestRule) -> str:
-        seen.append(rule)
+        opened_rules.append(rule)
         return require_axis_test(loaded, rule)
 
     def raise_opened(*_: object) -> None:
-        found.rules.append(seen[-1])
+        found.rules.append(opened_rules[-1])
         raise OpenedError
 
     for name in (*HELD, *BY_ITSELF):
@@ -114,7 +114,7 @@ def cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Cell:
 
 
 def test_the_operations_that_open_a_cell_move_it_or_need_a_held_key() -> None:
-    """A service requires lease, preflight, clearance and axis test by these declarations."""
+    """By these declarations a service requires lease, preflight, clearance and axis test."""
     declared = {name: operation(name) for name, entry in CATALOGUE.items() if entry.is_job}
     assert {name for name, each in declared.items() if each.opens_cell} == {
         *("check", "reset", "payload session"),
@@ -198,9 +198,9 @@ def test_the_worker_refuses_fields_that_only_the_service_sets(
     name: str, value: object, tmp_path: Path
 ) -> None:
     kind = JobKind("axes") if name == "tester" else JobKind("record")
-    told = {name: value} if kind == JobKind("axes") else {"motion": "motion.yaml", name: value}
+    document = {name: value} if kind == JobKind("axes") else {"motion": "motion.yaml", name: value}
     with raises_code(ConfigError, "RID-REQUEST-INVALID", kind.value, name):
-        parse_request(kind, told, cell="ir361", runs=str(tmp_path), cleared=False)
+        parse_request(kind, document, cell="ir361", runs=str(tmp_path), cleared=False)
 
 
 @pytest.mark.parametrize("cleared", [False, True])
@@ -240,14 +240,14 @@ def test_a_motion_monitors_the_service_that_started_it(
     monkeypatch.setattr(run_session, "hold_reachable_cell", lambda *_: nullcontext((config, None)))
     monkeypatch.setattr(run_session, "record_motion", record)
     monkeypatch.setattr(Person, "service", beat)
-    asked = RunRequest("a run", "A run.", None, drive=lambda record: record(cast(Any, None)))
+    request = RunRequest("a run", "A run.", None, drive=lambda record: record(cast(Any, None)))
     with (
         pytest.raises(OpenedError),
         open_session(
             cell.loaded, cell.folder / "runs", Person(), None, AxisTestRule.HELD
         ) as session,
     ):
-        session.record(asked)
+        session.record(request)
     assert watched == [beat]
 
 

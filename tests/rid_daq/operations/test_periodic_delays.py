@@ -59,9 +59,9 @@ def test_torque_delays_of_a_periodic_run_are_found_reported_and_used(
     assert np.all(np.abs(found_s - LATE_S) < 2.0 * sigma_s)
     assert np.all(sigma_s < 0.0005)
     assert all(joint.friction == ("coulomb", "viscous") for joint in comparison.robot(robot).joints)
-    said = ComparisonSection.of(comparison)
-    assert said.channel is not None
-    sentences = said.channel.sentences(said.joints)
+    section = ComparisonSection.of(comparison)
+    assert section.channel is not None
+    sentences = section.channel.sentences(section.joints)
     assert [s.partition(" is ")[0] for s in sentences] == [
         f"The torque of {name}" for name in robot.joint_names
     ]

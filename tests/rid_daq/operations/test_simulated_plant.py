@@ -84,7 +84,7 @@ def test_a_light_wrist_stays_at_rest_while_a_heavy_arm_moves(wrist_kg: float) ->
     robot = arm((120.0, 150.0, 4.0), wrist_kg)
     robot, _ = limit_to_motors(robot)
     plant = Plant(robot, simulated_plant(robot))
-    told = np.array(plant.position)
+    set_point = np.array(plant.position)
     command = np.zeros(3)
     off = np.zeros(3)
     top = np.array([joint.limits.velocity for joint in robot.joints])
@@ -93,9 +93,9 @@ def test_a_light_wrist_stays_at_rest_while_a_heavy_arm_moves(wrist_kg: float) ->
         swing = 0.7 * np.minimum(top, slope / (2.0 * np.pi * 0.8))
         after = swing * np.sin(2.0 * np.pi * 0.8 * (cycle + 1) * CYCLE_S) * (1.0, 1.0, 0.0)
         plant.advance(CYCLE_S, command, after, [True] * 3, [False] * 3)
-        told += 0.5 * CYCLE_S * (command + after)
+        set_point += 0.5 * CYCLE_S * (command + after)
         command = after
-        off = np.maximum(off, np.abs(told - plant.position))
+        off = np.maximum(off, np.abs(set_point - plant.position))
     assert (off < 2.0 * ERROR_AT_LIMIT_RAD).all()
 
 

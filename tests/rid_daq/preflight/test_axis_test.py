@@ -114,24 +114,24 @@ def test_an_axis_test_file_next_to_the_cell_file_does_not_count(tmp_path: Path) 
     assert axis_test_line(loaded, AxisTestRule.REQUIRED).verdict == "red"
 
 
-def edit_joint(told: dict[str, object], axis: dict[str, object]) -> None:
+def edit_joint(record: dict[str, object], axis: dict[str, object]) -> None:
     axis["joint"] = "axis1"
 
 
-def edit_tester(told: dict[str, object], axis: dict[str, object]) -> None:
+def edit_tester(record: dict[str, object], axis: dict[str, object]) -> None:
     axis["who"] = "anna"
 
 
-def edit_signature(told: dict[str, object], axis: dict[str, object]) -> None:
+def edit_signature(record: dict[str, object], axis: dict[str, object]) -> None:
     axis["signature"] = "0" * 64
 
 
-def remove_signature(told: dict[str, object], axis: dict[str, object]) -> None:
+def remove_signature(record: dict[str, object], axis: dict[str, object]) -> None:
     del axis["signature"]
 
 
-def edit_cell(told: dict[str, object], axis: dict[str, object]) -> None:
-    told["cell"] = "kr15"
+def edit_cell(record: dict[str, object], axis: dict[str, object]) -> None:
+    record["cell"] = "kr15"
 
 
 @pytest.mark.promise("axis-test-signed")
@@ -144,9 +144,9 @@ def test_an_edited_axis_test_does_not_count(
     loaded = real_cell(tmp_path)
     sign_axis(loaded, "axis2", "a run")
     path = record_path(loaded)
-    told = json.loads(path.read_text())
-    edit(told, told["axes"][0])
-    path.write_text(json.dumps(told))
+    record = json.loads(path.read_text())
+    edit(record, record["axes"][0])
+    path.write_text(json.dumps(record))
     line = axis_test_line(loaded, AxisTestRule.REQUIRED)
     assert line.found == "missing: axis1, axis2, axis3"
     assert line.verdict == "red"
@@ -158,15 +158,15 @@ def test_an_axis_test_copied_for_other_files_does_not_count(tmp_path: Path) -> N
     sign_all(loaded)
     changed = replace(loaded, files=loaded.files | {"cell.yaml": b"# another\n"})
     record_path(loaded).rename(record_path(changed))
-    told = json.loads(record_path(changed).read_text())
+    record = json.loads(record_path(changed).read_text())
     assert axis_test_line(changed, AxisTestRule.REQUIRED).verdict == "red"
     sign_axis(changed, "axis1", "a run")
     true = json.loads(record_path(changed).read_text())
-    told |= {name: true[name] for name in ("cell_sha256", "robot_sha256")}
-    record_path(changed).write_text(json.dumps(told))
+    record |= {name: true[name] for name in ("cell_sha256", "robot_sha256")}
+    record_path(changed).write_text(json.dumps(record))
     found = axis_test_line(changed, AxisTestRule.REQUIRED).found
     assert found == "missing: axis1, axis2, axis3", (
-        "the axes are signed with the hashes of other files"
+        "the signatures have the hashes of other files, so no axis counts"
     )
 
 

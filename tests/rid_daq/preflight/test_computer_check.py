@@ -27,10 +27,10 @@ def test_the_latency_request_for_processors_is_tested_and_released(tmp_path: Pat
 
 
 def test_a_refused_latency_request_has_advice(tmp_path: Path) -> None:
-    told = (
+    message = (
         f"refused: cycles begin later ({tmp_path}: Is a directory); give this user write permission"
     )
-    assert try_awake(tmp_path) == told
+    assert try_awake(tmp_path) == message
 
 
 def test_the_lateness_of_cycles_is_measured_like_in_the_cyclic_task() -> None:

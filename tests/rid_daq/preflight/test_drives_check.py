@@ -82,7 +82,7 @@ class Axes:
 
 @pytest.fixture
 def check_lines(monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Return a function that checks such drives during a hundred cycles."""
+    """Return a function that checks drives with preset answers during a hundred cycles."""
 
     def check(axes: Axes, lost_frames: int = 0) -> list[CheckLine]:
         clock = SimpleNamespace(now_s=lambda: axes.now_s, sleep_until=axes.sleep_until)
@@ -143,12 +143,12 @@ def test_frames_lost_by_this_computer_are_red(check_lines: Any) -> None:
 
 
 def test_a_fault_is_red_and_a_cleared_fault_is_not(check_lines: Any) -> None:
-    told = [
+    events = [
         DriveEvent(EventKind.EMERGENCY, "axis1", 0.0, "axis1: emergency 7121h", 0x7121),
         DriveEvent(EventKind.EMERGENCY_CLEARED, "axis1", 0.0, "axis1: over", 0),
     ]
-    assert red_lines(check_lines(Axes(events=told[1:]))) == []
-    assert red_lines(check_lines(Axes(events=told))) == ["drives: faults axis1: emergency 7121h"]
+    assert red_lines(check_lines(Axes(events=events[1:]))) == []
+    assert red_lines(check_lines(Axes(events=events))) == ["drives: faults axis1: emergency 7121h"]
 
 
 def test_a_repeated_fault_is_reported_once_with_its_count(check_lines: Any) -> None:

@@ -28,7 +28,7 @@ def loaded() -> LoadedCell:
 
 @pytest.fixture
 def serve(loaded: LoadedCell, tmp_path: Path) -> Iterator[Serve]:
-    """Return a function that serves six drives with the robot file's motors; one can differ."""
+    """Return a function that serves six drives; by default all have the robot file's motors."""
     profile = loaded.drive_profile
     monitor = loaded.config.monitor
     assert isinstance(profile, DriveProfile)

@@ -86,7 +86,7 @@ def test_a_changed_range_makes_the_zero_invalid(serve_amplifier: Serve) -> None:
 
 
 def stream_some(served: Any) -> None:
-    """Let simulated time pass, which advances while rows are streamed."""
+    """Read 500 rows, so that simulated time advances."""
     with open_amplifier(served.plate.amplifier, served.profile) as amplifier:
         amplifier.connect()
         amplifier.start()
@@ -111,7 +111,7 @@ def test_a_force_beyond_five_newtons_is_red_by_channel(
     assert float(newtons) == pytest.approx(-6.0, abs=0.1)
     zero = PlateZero(offset_n=(0.0, 0.0, -6.0, 0.0, 0.0, 0.0, 0.0, 0.0))
     assert red_subjects(lines_of(served, zero=zero)) == []
-    measured("6 N at zero: red")
+    measured("a force of 6 N at rest: red")
 
 
 def test_an_overload_is_red_and_named_once(serve_amplifier: Serve) -> None:

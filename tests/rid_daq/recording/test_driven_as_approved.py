@@ -42,9 +42,9 @@ pytestmark = pytest.mark.promise("driven-as-approved")
 class DrivenError(Exception):
     """Raised instead of a motion, with the motion that would have been executed."""
 
-    def __init__(self, asked: RunRequest, loaded: LoadedCell) -> None:
+    def __init__(self, request: RunRequest, loaded: LoadedCell) -> None:
         super().__init__("driven")
-        self.asked, self.loaded = asked, loaded
+        self.asked, self.loaded = request, loaded
 
 
 @contextlib.contextmanager
@@ -52,8 +52,8 @@ def reached(loaded: LoadedCell, *_: object) -> Iterator[tuple[CellConfig, None]]
     yield loaded.config, None
 
 
-def raise_driven(session: RunSession, asked: RunRequest) -> None:
-    raise DrivenError(asked, session.loaded)
+def raise_driven(session: RunSession, request: RunRequest) -> None:
+    raise DrivenError(request, session.loaded)
 
 
 class Person(Console):
@@ -69,12 +69,12 @@ class Person(Console):
         return True
 
     def say(self, text: str = "") -> None:
-        told: Any = self
-        told.said.append(text)
+        observer: Any = self
+        observer.said.append(text)
 
     def ask(self, question: str, understood: Any, choices: Any = ()) -> Any:
-        told: Any = self
-        told.meanwhile()
+        observer: Any = self
+        observer.meanwhile()
         return understood("my_cell")
 
     def confirm(self, question: str) -> bool:
@@ -163,20 +163,20 @@ def test_the_executed_joint_table_is_the_one_read_before_the_question(folder: Pa
     rows = "\n".join(f"{0.1 * k:g},{at:.9g},0,0" for k, at in enumerate(way))
     (folder / "rows.csv").write_text(f"time_s,axis1,axis2,axis3\n{rows}\n")
     (folder / "motion.yaml").write_text("kind: joint_table\nrobot: ir361\nfile: rows.csv\n")
-    wanted = load_motion(folder / "motion.yaml")
+    expected = load_motion(folder / "motion.yaml")
     driven, _ = driven_motion(folder)
     assert isinstance(driven.asked.samples, MotionSamples)
     cell = load_cell("ir361")
-    planned = wanted.plan(cell.robot, cell.config.cycle_time_s)
+    planned = expected.plan(cell.robot, cell.config.cycle_time_s)
     np.testing.assert_array_equal(driven.asked.samples.position, planned.position)
     (folder / "kept.yaml").write_bytes(driven.asked.files[MOTION])
-    assert load_motion(folder / "kept.yaml") == wanted
+    assert load_motion(folder / "kept.yaml") == expected
 
 
 def test_the_hashes_shown_with_the_question_match_the_files_of_the_run(folder: Path) -> None:
     driven, person = driven_motion(folder, feedforward=folder / "ahead.json")
-    told: Any = person
-    (shown,) = [line for line in told.said if "SHA-256" in line]
+    observer: Any = person
+    (shown,) = [line for line in observer.said if "SHA-256" in line]
     kept = {**driven.loaded.files, **driven.asked.files}
     assert {"cell.yaml", "robot.yaml", MOTION, FEEDFORWARD} <= kept.keys()
     for name, content in kept.items():
@@ -252,7 +252,7 @@ def test_a_feedforward_that_alone_exceeds_a_speed_limit_is_refused(folder: Path)
 def test_the_planned_motion_is_checked_against_torque_limits(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Check the motion itself, and not only the output of the position loop."""
+    """The planned motion itself is checked, even if the position loop commands no motion."""
     robot = (folder / "robot.yaml").read_text()
     (folder / "robot.yaml").write_text(robot.replace("torque: 450.0}", "torque: 1.0}"))
 
@@ -274,7 +274,7 @@ def test_the_planned_motion_is_checked_against_torque_limits(
 
 @pytest.mark.promise("sum-verified")
 def test_motion_plus_feedforward_is_checked_against_torque_limits(folder: Path) -> None:
-    """The planned motion needs little torque; with the feedforward it needs too much."""
+    """The planned motion is within the torque limits; with its feedforward it exceeds them."""
     cell = load_cell(str(folder / "cell.yaml"))
     plan = load_motion(folder / "motion.yaml").plan(cell.robot, cell.config.cycle_time_s).whole()
     moved = (plan.position, plan.velocity, plan.acceleration)

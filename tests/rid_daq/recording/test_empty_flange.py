@@ -80,9 +80,9 @@ def run_session(monkeypatch: pytest.MonkeyPatch, state: SessionFile, motion: Any
         session = SimpleNamespace(
             simulated=simulated, loaded=loaded, cell=loaded.config, record=lambda _request: stopped
         )
-        asked = PayloadSessionRequest(cell="kr15", runs=state.folder.path.parent, **words)
+        request = PayloadSessionRequest(cell="kr15", runs=state.folder.path.parent, **words)
         guide = PayloadGuide(
-            asked, cast("Any", session), state, cast("Any", motion), PayloadRequest(), console
+            request, cast("Any", session), state, cast("Any", motion), PayloadRequest(), console
         )
         return guide.perform_steps()
 

@@ -171,7 +171,7 @@ def test_a_signal_at_the_end_of_a_rehearsal_ends_the_command(
         assert run(["record", *files, "--runs", str(tmp_path), "--rehearse", "--json"]) == 143
     finally:
         signal.signal(signal.SIGTERM, before)
-    told = json.loads(capsys.readouterr().out)
-    assert told["stop"]["code"] == "INTERRUPTED"
+    result = json.loads(capsys.readouterr().out)
+    assert result["stop"]["code"] == "INTERRUPTED"
     ((_, manifest),) = list_runs(tmp_path)
     assert manifest.status == "complete"

@@ -83,14 +83,14 @@ def test_a_resumed_session_keeps_its_options_unless_given_again(
         limits=VerdictLimits(mass_percent=2.0),
     )
     SessionFile.begin(folder, "kr15", begun.choices)
-    asked = SessionFile.read(folder).request
+    request = SessionFile.read(folder).request
     again = PayloadSessionRequest(cell="kr15", runs=folder.path.parent, resume="latest", yes=True)
-    kept = again.with_original_options(asked)
+    kept = again.with_original_options(request)
     assert kept.model == Path("model.json").absolute()
     assert (kept.warm_up_percent, kept.repeats, kept.known) == (0.0, 2, begun.known)
     assert (kept.limits, kept.resume, kept.yes) == (begun.limits, "latest", True)
     warm = {"warm_up_percent": 1.0, "limits": VerdictLimits(centre_mm=1.0)}
-    kept = again.model_copy(update=warm).with_original_options(asked)
+    kept = again.model_copy(update=warm).with_original_options(request)
     assert (kept.warm_up_percent, kept.repeats) == (1.0, 2)
     assert kept.limits == VerdictLimits(mass_percent=2.0, centre_mm=1.0)
     with raises_code(ConfigError, "RID-SESSION-STATE", "--resume", "latest", "repeats"):

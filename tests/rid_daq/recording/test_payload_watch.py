@@ -35,13 +35,13 @@ NEW = cast(NewPeriods, SimpleNamespace(recording=SimpleNamespace(joint_names=JOI
 def decisions(
     watch: WarmUpWatch, monkeypatch: pytest.MonkeyPatch, *pieces: list[list[float]]
 ) -> list[bool]:
-    """Return the watch's decision after each piece of periods, given by their powers [W]."""
-    said = []
+    """Return for each piece of periods (their powers [W]) if the watch then ends the warm-up."""
+    decisions_so_far = []
     for piece in pieces:
         power = np.array(piece).reshape(-1, len(JOINTS))
         monkeypatch.setattr(session_watches, "period_powers", lambda *_, power=power: power)
-        said.append(watch.add_periods(NEW))
-    return said
+        decisions_so_far.append(watch.add_periods(NEW))
+    return decisions_so_far
 
 
 def test_a_warm_up_ends_when_no_joint_changes_any_more(
@@ -80,16 +80,16 @@ def test_increasing_friction_is_not_settled(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_each_warm_up_period_is_reported_once_for_the_plot(monkeypatch: pytest.MonkeyPatch) -> None:
-    told: list[tuple[object, ...]] = []
-    watch = WarmUpWatch(2.0, lambda *what: told.append(what))
+    reports: list[tuple[object, ...]] = []
+    watch = WarmUpWatch(2.0, lambda *what: reports.append(what))
     decisions(watch, monkeypatch, [[1.0, 2.0]], [], [[3.0, 4.0]])
-    assert told == [(JOINTS, [[1.0, 2.0]], 2.0), (JOINTS, [[3.0, 4.0]], 2.0)]
+    assert reports == [(JOINTS, [[1.0, 2.0]], 2.0), (JOINTS, [[3.0, 4.0]], 2.0)]
 
 
 def mass_watch(
     goal_kg: float | None, monkeypatch: pytest.MonkeyPatch, sigma_kg: float
 ) -> MassWatch:
-    """Return a watch whose estimate is 9.3 kg with a given standard deviation."""
+    """Return a watch that estimates a mass of 9.3 kg with a given standard deviation."""
     watch = MassWatch(load_robot("ir361"), None, PayloadRequest(), goal_kg)
     average = cast(PeriodAverage, SimpleNamespace())
     monkeypatch.setattr(AverageSoFar, "with_new_periods", lambda _self, _new: average)

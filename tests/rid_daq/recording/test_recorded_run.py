@@ -79,8 +79,8 @@ def test_too_many_lost_answers_come_first_and_give_exit_code_6(ended_run: Record
 def test_the_stop_sentence_announces_automatic_motion_only_without_a_held_key(
     ended_run: RecordedRun, held: bool, after: str
 ) -> None:
-    asked = StopReason(StopCode.STOP_COMMAND, "stopped by `rid-daq stop`")
-    stopped = replace(ended_run, outcome=outcome(asked), quality=None, held=held)
+    reason = StopReason(StopCode.STOP_COMMAND, "stopped by `rid-daq stop`")
+    stopped = replace(ended_run, outcome=outcome(reason), quality=None, held=held)
     assert stopped.stop_sentence == (
         f"Stopped by `rid-daq stop`. Start again when you are ready{after}."
     )
@@ -112,9 +112,9 @@ def test_a_signal_determines_the_exit_code(
 
 def test_the_stop_document_contains_code_and_notes() -> None:
     assert stop_document(outcome()) == {"stop": None, "notes": []}
-    told = stop_document(replace(outcome(LOST), notes=("the recorder died",)))
-    assert told["stop"] == {"code": "MISSED_FRAMES", "text": LOST.text}
-    assert told["notes"] == ["the recorder died"]
+    result = stop_document(replace(outcome(LOST), notes=("the recorder died",)))
+    assert result["stop"] == {"code": "MISSED_FRAMES", "text": LOST.text}
+    assert result["notes"] == ["the recorder died"]
 
 
 def test_an_empty_recording_is_refused_when_it_is_used(ended_run: RecordedRun) -> None:

@@ -94,10 +94,10 @@ def test_an_unwritable_result_hides_neither_outcome_nor_warning(
 ) -> None:
     files = [str(workshop / "cell.yaml"), str(workshop / "validation.yaml")]
     assert run(["record", *files, "--runs", str(tmp_path), *option]) == 7
-    said = capsys.readouterr()
+    captured = capsys.readouterr()
     (path,) = tmp_path.iterdir()
     why = f"{ended}{path}/result.json: cannot be written: Input/output error"
-    assert said.err == f"rid-daq: {why}\n"
-    assert f"note: {NOTE}\n" in said.out
+    assert captured.err == f"rid-daq: {why}\n"
+    assert f"note: {NOTE}\n" in captured.out
     manifest = RunFolder.open(path).manifest()
     assert (manifest.status, manifest.facts["why"]) == ("stopped", why)

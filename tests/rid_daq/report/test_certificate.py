@@ -246,9 +246,9 @@ def test_a_session_that_is_not_finished_is_refused(
     session.state.state = at
     session.state.write()
     assert run(["payload", "certificate", str(session.folder.path)]) == ExitCode.DATA_QUALITY
-    said = " ".join(capsys.readouterr().err.split())
-    assert f"(state: {at.value}; done: warm-up, unloaded, loaded 1) and has no verdict" in said
-    assert f"rid-daq payload kr15 --resume {session.folder.run_id}" in said
+    output = " ".join(capsys.readouterr().err.split())
+    assert f"(state: {at.value}; done: warm-up, unloaded, loaded 1) and has no verdict" in output
+    assert f"rid-daq payload kr15 --resume {session.folder.run_id}" in output
     assert not (session.folder.path / CERTIFICATE).exists()
 
 

@@ -58,7 +58,10 @@ def open_report(
         offline=True,
     )
     page = context.new_page()
-    page.on("console", lambda said: complaints.append(said.text) if said.type != "info" else None)
+    page.on(
+        "console",
+        lambda message: complaints.append(message.text) if message.type != "info" else None,
+    )
     page.on("pageerror", lambda error: complaints.append(str(error)))
     page.on("request", lambda sent: complaints.append(sent.url) if sent.url != report else None)
     page.goto(report)

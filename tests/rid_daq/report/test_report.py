@@ -208,8 +208,8 @@ def test_every_drawing_has_unique_ids(page: str) -> None:
 
 def test_links_inside_drawings_have_targets(page: str) -> None:
     parsed = _read(page)
-    wanted = {link[1:] for link in parsed.loaded} | set(re.findall(r"url\(#([^)]+)\)", page))
-    assert wanted <= set(parsed.ids)
+    link_targets = {link[1:] for link in parsed.loaded} | set(re.findall(r"url\(#([^)]+)\)", page))
+    assert link_targets <= set(parsed.ids)
 
 
 def test_the_verdict_is_the_first_section(

@@ -66,9 +66,9 @@ def test_a_tool_point_at_rest_has_a_page_without_a_scale_bar(
 def test_a_new_section_that_cannot_be_drawn_leaves_the_run_unchanged(folder: RunFolder) -> None:
     write_result(folder, empty_result())
     before = {name: folder.read(name) for name in ("result.json", "report.html")}
-    with raises_code(RecordingError, "RID-RESULT-UNSOUND", "result.json", "tracking") as told:
+    with raises_code(RecordingError, "RID-RESULT-UNSOUND", "result.json", "tracking") as caught:
         write_result(folder, empty_result().updated(tracking=tracking(FLAT)))
-    assert str(told.value).endswith("; nothing was written")
+    assert str(caught.value).endswith("; nothing was written")
     assert {name: folder.read(name) for name in before} == before
 
 

@@ -1,4 +1,4 @@
-"""A key to change is shown with file and line of the original from which a run's copy was made."""
+"""Advice to change a key names file and line of the original file, not of the run's copy."""
 
 from __future__ import annotations
 

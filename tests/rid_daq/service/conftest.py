@@ -56,7 +56,7 @@ def periodic(periods: int, period_s: float = 4.8) -> str:
 
 @pytest.fixture
 def service(tmp_path: Path) -> CellService:
-    """Return a service of one simulated cell that starts no workers."""
+    """Return a service of one simulated cell; the service starts no workers."""
     return CellService(tmp_path, [ServedCell("ir361", 20.0)])
 
 
@@ -107,7 +107,7 @@ def as_worker(process: Worker) -> WorkerProcess:
 
 @pytest.fixture
 def worker(monkeypatch: pytest.MonkeyPatch) -> Worker:
-    """Return the next worker of the service, which becomes available after one event loop step."""
+    """Return the worker that the service starts next, after one step of the event loop."""
     worker = Worker()
 
     async def start_worker(_template: WorkerTemplate) -> WorkerProcess:
@@ -185,9 +185,9 @@ def serve(folder: Path, *more: str, cell: str = "ir361") -> ServedProcess:
         )
     assert process.stdout is not None
     text = ""
-    with process.stdout as told:
+    with process.stdout as output:
         while not text.endswith("\n}\n"):
-            line = told.readline()
+            line = output.readline()
             assert line, text + (folder / "serve.log").read_text()
             text += line
     document = json.loads(text)
@@ -204,7 +204,7 @@ def served(tmp_path: Path) -> Iterator[ServedProcess]:
 
 @pytest.fixture(scope="module")
 def shared(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedProcess]:
-    """Run one such service for all tests of a file that do not change it."""
+    """Run one service of a bundled simulated cell for all tests of a file that do not change it."""
     with serving(tmp_path_factory.mktemp("served")) as running:
         yield running
         assert running.end() == 0

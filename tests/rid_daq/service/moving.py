@@ -22,18 +22,18 @@ CHECK = {"seconds": 0.2}
 def until(
     condition: Callable[[], bool], patience_s: float = PATIENCE_S, period_s: float = 0.05
 ) -> None:
-    """Wait until a condition is true, asked every `period_s`; fail after a timeout."""
+    """Wait until a condition is true; check it every `period_s`, and fail after a timeout."""
     end_s = time.monotonic() + patience_s
     while not condition():
         assert time.monotonic() < end_s, "the condition was not met in time"
         time.sleep(period_s)
 
 
-def begin_motion(served: ServedProcess, lease: str, pace: float = 1.0, **wanted: object) -> Job:
+def begin_motion(served: ServedProcess, lease: str, pace: float = 1.0, **options: object) -> Job:
     """Start a recording, and return when the robot moves."""
     with served.client as client:
         request = {"motion": "motion.yaml", "simulation": {"pace": pace}}
-        body = {"kind": "record", "request": request, **wanted}
+        body = {"kind": "record", "request": request, **options}
         job = Job.model_validate(client.ask("POST", "/cells/ir361/jobs", body, lease))
         pid = client.job(job.id).pid
         assert pid is not None

@@ -37,7 +37,7 @@ PAIRING = "/api/v1/pairing/state"
 
 
 class Admissions:
-    """Requests of all clients, with the admission's decisions."""
+    """Sends requests of every role to a service's admission, and returns its decisions."""
 
     def __init__(self, service: CellService) -> None:
         access = Access("127.0.0.1", 8642, "")
@@ -136,8 +136,8 @@ def test_a_refusal_arrives_while_the_body_is_still_being_sent(service: CellServi
         async with served(service) as (made, _):
             body = b"x" * 200_000
             head = made.head(JOBS, "Content-Type: application/json", "Content-Length: 200000")
-            status, told = await made.ask(head + body)
-            assert (status, told["code"]) == (401, "RID-ACCESS-UNKNOWN")
+            status, answer = await made.ask(head + body)
+            assert (status, answer["code"]) == (401, "RID-ACCESS-UNKNOWN")
 
     run(main())
 
@@ -169,8 +169,8 @@ async def until_closed(line: ClientConnection) -> int:
 
 
 @pytest.mark.promise("sockets-of-one")
-@pytest.mark.parametrize("said", ["x", "[" * 2000, '{"other": 1}', '{"job": "none"}'])
-def test_invalid_messages_and_floods_close_a_websocket(service: CellService, said: str) -> None:
+@pytest.mark.parametrize("message", ["x", "[" * 2000, '{"other": 1}', '{"job": "none"}'])
+def test_invalid_messages_and_floods_close_a_websocket(service: CellService, message: str) -> None:
     async def main() -> None:
         async with served(service) as (made, viewer):
             url = f"ws://127.0.0.1:{made.port}/api/v1/ws"
@@ -178,7 +178,7 @@ def test_invalid_messages_and_floods_close_a_websocket(service: CellService, sai
                 closed = asyncio.create_task(until_closed(line))
                 with contextlib.suppress(ConnectionClosed):
                     while not closed.done():
-                        await line.send(said)
+                        await line.send(message)
                         await asyncio.sleep(0)
                 assert await closed in (0, 1006, 1008)
 

@@ -42,12 +42,12 @@ class Api:
         if role is not None:
             headers["authorization"] = f"Bearer {self.secrets[role]}"
 
-        async def asked() -> httpx.Response:
+        async def send_request() -> httpx.Response:
             transport = httpx.ASGITransport(self.app, client=("192.0.2.7", 4711))
             async with httpx.AsyncClient(transport=transport, base_url="http://cell") as client:
                 return await client.request(method, path, json=body, headers=headers)
 
-        return asyncio.run(asked())
+        return asyncio.run(send_request())
 
     def lease(self, role: Role = Role.OPERATOR, **more: Any) -> str:
         answer = self.ask(role, "POST", "/api/v1/cells/ir361/lease", {"seconds": 60.0, **more})
@@ -108,11 +108,11 @@ def test_a_viewer_can_neither_lease_a_cell_nor_start_a_job(api: Api) -> None:
 
 
 def test_a_simulated_cell_is_marked(api: Api) -> None:
-    told = api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361").json()
-    assert told["simulated"] is True
-    assert told["pace"] == 20.0
-    assert told["state"] == "closed"
-    assert told["not_ready_because"] == "the cell has had no preflight yet: run the preflight."
+    answer = api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361").json()
+    assert answer["simulated"] is True
+    assert answer["pace"] == 20.0
+    assert answer["state"] == "closed"
+    assert answer["not_ready_because"] == "the cell has had no preflight yet: run the preflight."
 
 
 def test_a_job_on_the_cell_needs_its_lease(api: Api) -> None:
@@ -126,8 +126,8 @@ def test_a_job_on_the_cell_needs_its_lease(api: Api) -> None:
 
 def test_a_second_lease_of_a_cell_is_refused(api: Api) -> None:
     api.lease(Role.OPERATOR, note="weighing")
-    wanted = {"seconds": 60.0}
-    answer = api.ask(Role.ADMINISTRATOR, "POST", "/api/v1/cells/ir361/lease", wanted)
+    body = {"seconds": 60.0}
+    answer = api.ask(Role.ADMINISTRATOR, "POST", "/api/v1/cells/ir361/lease", body)
     assert answer.status_code == 409
     assert answer.json()["code"] == "RID-LEASE-OTHER"
     assert "weighing" in answer.json()["message"]
@@ -146,18 +146,18 @@ def test_a_fault_must_be_reset_by_a_person(api: Api) -> None:
     cell = api.service.cell("ir361")
     stop = {"code": "FOLLOWING_ERROR", "text": "axis2 follows by 0.1 rad, 0.05 rad is allowed."}
     api.service.readiness.note_end(cell, {"stop": stop})
-    told = api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361").json()
-    assert told["state"] == "fault"
-    assert "axis2 follows by 0.1 rad" in told["not_ready_because"]
+    answer = api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361").json()
+    assert answer["state"] == "fault"
+    assert "axis2 follows by 0.1 rad" in answer["not_ready_because"]
     api.service.readiness.note_reset(cell)
-    told = api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361").json()
-    assert told["state"] == "closed", "a motion needs a complete preflight again"
+    answer = api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361").json()
+    assert answer["state"] == "closed", "a motion needs a complete preflight again"
     assert (
-        told["not_ready_because"]
+        answer["not_ready_because"]
         == "a fault has stopped a motion after the preflight: repeat the preflight."
     )
     found = api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361/preflight").json()
-    assert found["void_because"] == told["not_ready_because"]
+    assert found["void_because"] == answer["not_ready_because"]
     api.make_ready()
     assert api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361").json()["state"] == "ready"
 
@@ -174,9 +174,9 @@ def test_a_red_preflight_is_not_ready(api: Api) -> None:
     cell = api.service.cell("ir361")
     document = {"passed": False, "problem": None, "lines": [{"what": "heartbeat"}]}
     api.service.readiness.note_check(cell, document)
-    told = api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361").json()
-    assert told["state"] == "closed"
-    assert "preflight has failed" in told["not_ready_because"]
+    answer = api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361").json()
+    assert answer["state"] == "closed"
+    assert "preflight has failed" in answer["not_ready_because"]
     lines = api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361/preflight").json()
     assert Preflight.model_validate(lines).lines == ({"what": "heartbeat"},)
 
@@ -234,8 +234,8 @@ def test_an_invalid_request_is_refused_before_it_becomes_a_job(api: Api) -> None
         ({"motion": "m.yaml", "sped": 2}, "RID-REQUEST-INVALID", "sped"),
         ({}, "RID-REQUEST-INVALID", "motion"),
     ]:
-        wanted = {"kind": "record", "request": request}
-        answer = api.ask(Role.OPERATOR, "POST", "/api/v1/cells/ir361/jobs", wanted, lease=key)
+        body = {"kind": "record", "request": request}
+        answer = api.ask(Role.OPERATOR, "POST", "/api/v1/cells/ir361/jobs", body, lease=key)
         assert answer.status_code == 422
         assert answer.json()["code"] == code
         assert f"{field}:" in answer.json()["message"]
@@ -289,8 +289,8 @@ def test_actions_of_users_are_stored_in_the_audit_log(api: Api) -> None:
     api.lease(note="payload day")
     made = {"name": "CI", "role": "operator"}
     api.ask(Role.ADMINISTRATOR, "POST", "/api/v1/tokens", made)
-    told = api.ask(Role.ADMINISTRATOR, "GET", "/api/v1/audit").json()
-    assert [(each["who"], each["what"], each["details"]) for each in told] == [
+    answer = api.ask(Role.ADMINISTRATOR, "GET", "/api/v1/audit").json()
+    assert [(each["who"], each["what"], each["details"]) for each in answer] == [
         ("administrator", "made a token", "CI, operator"),
         ("operator", "took the cell", "payload day"),
     ]
@@ -303,8 +303,8 @@ def test_revoking_a_token_ends_its_lease(api: Api) -> None:
     gone = api.ask(Role.ADMINISTRATOR, "DELETE", f"/api/v1/tokens/{token}")
     assert gone.status_code == 204
     assert api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361/lease").json() is None
-    told = api.ask(Role.ADMINISTRATOR, "GET", "/api/v1/audit").json()
-    assert [(each["what"], each["cell"], each["details"]) for each in told[:2]] == [
+    answer = api.ask(Role.ADMINISTRATOR, "GET", "/api/v1/audit").json()
+    assert [(each["what"], each["cell"], each["details"]) for each in answer[:2]] == [
         ("ended the lease", "ir361", "its token was revoked"),
         ("revoked a token", "", token),
     ]
@@ -319,12 +319,12 @@ def test_a_ticket_needs_a_token_even_on_this_computer(api: Api) -> None:
     async def local(scope: Any, receive: Any, send: Any) -> None:
         await api.app({**scope, "state": {"local": True}}, receive, send)
 
-    async def asked() -> httpx.Response:
+    async def send_request() -> httpx.Response:
         transport = httpx.ASGITransport(local)
         async with httpx.AsyncClient(transport=transport, base_url="http://cell") as client:
             return await client.post("/api/v1/tickets", json={"path": "/api/v1/runs"})
 
-    answer = asyncio.run(asked())
+    answer = asyncio.run(send_request())
     assert (answer.status_code, answer.json()["code"]) == (401, "RID-TICKET-NO-TOKEN")
 
 
@@ -344,8 +344,8 @@ def test_the_api_lists_motions_models_and_runs_of_the_folder(api: Api) -> None:
     folder.file("model.json").write_text(json.dumps(model))
 
     def answer(request: httpx.Request) -> httpx.Response:
-        told = api.ask(Role.VIEWER, request.method, request.url.path)
-        return httpx.Response(told.status_code, content=told.content)
+        reply = api.ask(Role.VIEWER, request.method, request.url.path)
+        return httpx.Response(reply.status_code, content=reply.content)
 
     asking = httpx.Client(transport=httpx.MockTransport(answer), base_url="http://cell")
     with ServiceClient(asking) as client:

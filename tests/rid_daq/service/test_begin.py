@@ -1,4 +1,4 @@
-"""Conditions under which a service does not start a motion, does not report one, or ends."""
+"""Conditions for starting a job, for answering its questions, and for stopping its motion."""
 
 from __future__ import annotations
 
@@ -41,8 +41,10 @@ def jog(service: CellService, lease: HeldLease, who: Identity = ANNA) -> None:
 
 def start_motion(service: CellService, lease: HeldLease) -> RunningJob:
     """Start a motion whose worker is this process."""
-    wanted = job(JobKind("record")).model_copy(update={"lease": lease.id, "on_lost_client": "stop"})
-    asyncio.run(service.job_runner.begin(wanted, service.cell("ir361"), cleared=False))
+    new_job = job(JobKind("record")).model_copy(
+        update={"lease": lease.id, "on_lost_client": "stop"}
+    )
+    asyncio.run(service.job_runner.begin(new_job, service.cell("ir361"), cleared=False))
     (begun,) = service.job_runner
     return begun
 

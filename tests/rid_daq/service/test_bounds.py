@@ -41,12 +41,12 @@ class Asker:
     def ask(self, method: str, path: str, content: bytes | None = None) -> httpx.Response:
         headers = {"authorization": f"Bearer {self.secret}", "content-type": "application/json"}
 
-        async def asked() -> httpx.Response:
+        async def send_request() -> httpx.Response:
             transport = httpx.ASGITransport(self.app, client=("192.0.2.7", 4711))
             async with httpx.AsyncClient(transport=transport, base_url="http://cell") as client:
                 return await client.request(method, path, content=content, headers=headers)
 
-        return asyncio.run(asked())
+        return asyncio.run(send_request())
 
 
 @pytest.fixture

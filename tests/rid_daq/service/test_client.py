@@ -20,7 +20,7 @@ from tests.rid_daq.service.conftest import job
 
 @contextmanager
 def listening_client(
-    folder: Path, told: Callable[[socket.socket], None] = lambda _: None
+    folder: Path, handler: Callable[[socket.socket], None] = lambda _: None
 ) -> Iterator[ServiceClient]:
     """Listen at a service's address, and handle each connection with the given function."""
     kept = []
@@ -35,7 +35,7 @@ def listening_client(
                 except OSError:
                     return
                 kept.append(connection)
-                told(connection)
+                handler(connection)
 
         thread = threading.Thread(target=accept)
         thread.start()
@@ -55,22 +55,22 @@ def test_a_service_that_does_not_answer_gives_a_timeout_error(
 ) -> None:
     monkeypatch.setattr(of_client, name, 0.02)
     with listening_client(tmp_path) as client:
-        asked = client.cells if name == "_PATIENCE_S" else lambda: client.stop("arm")
+        call = client.cells if name == "_PATIENCE_S" else lambda: client.stop("arm")
         with raises_code(ServiceError, "RID-SERVICE-UNREACHABLE", "0.02", "s"):
-            asked()
+            call()
 
 
 def test_a_broken_connection_gives_the_same_error_for_every_request(tmp_path: Path) -> None:
     (tmp_path / "motion.yaml").write_text("kind: fourier\n")
     with listening_client(tmp_path, lambda connection: connection.close()) as client:
-        for asked in (
+        for call in (
             client.cells,
             lambda: client.stop("arm"),
             lambda: client.put_file(tmp_path / "motion.yaml", "motion.yaml"),
             lambda: client.get_run_file("01", "report.html"),
         ):
             with raises_code(ServiceError, "RID-SERVICE-UNREACHABLE"):
-                asked()
+                call()
 
 
 @pytest.mark.parametrize(("method", "times"), [("GET", 2), ("PUT", 2), ("DELETE", 2), ("POST", 1)])

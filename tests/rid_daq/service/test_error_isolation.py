@@ -24,7 +24,7 @@ from tests.rid_daq.service.conftest import ClosedInput
 
 
 class Worker:
-    """The part of a job's process that the job runner uses."""
+    """Replacement of a job's process, with the attributes that the job runner uses."""
 
     pid = 1
     returncode: int | None = None
@@ -35,7 +35,7 @@ class Worker:
 
 
 class BrokenJob(RunningJob):
-    """A job that cannot be watched."""
+    """A job whose events cannot be read."""
 
     told: tuple[StopCode, ...] = ()
 
@@ -80,19 +80,19 @@ def test_an_error_of_one_cell_does_not_end_the_service(
     error: Exception, service: CellService, monkeypatch: pytest.MonkeyPatch, caplog: Any
 ) -> None:
     until = asyncio.Event()
-    asked = []
+    cells_checked = []
 
     def status(cell: ServedCell) -> None:
-        asked.append(cell.name)
-        if len(asked) == 3:
+        cells_checked.append(cell.name)
+        if len(cells_checked) == 3:
             until.set()
         raise error
 
     monkeypatch.setattr(service, "status", status)
     with caplog.at_level(logging.ERROR, "rid_daq.service"):
         asyncio.run(service.run(until))
-    said = [record.message for record in caplog.records]
-    assert said == [
+    messages = [record.message for record in caplog.records]
+    assert messages == [
         "template of the workers: unexpected error; the service continues",
         "cell ir361: unexpected error; the service continues",
     ]

@@ -53,11 +53,11 @@ def test_a_fault_during_the_axis_test_is_a_fault_of_the_cell(
     monkeypatch.setattr(axis_tester, "check_axes", lambda _request, _context: tested)
     with pytest.raises(SystemExit):
         perform(OPERATION, AxesRequest(cell="ir361", runs=tmp_path), Console(as_json=True))
-    told = json.loads(capsys.readouterr().out)
-    assert told["stop"] == {"code": "FOLLOWING_ERROR", "text": RUNAWAY.text}
-    assert told["notes"] == ["the power was taken away at once"]
+    result = json.loads(capsys.readouterr().out)
+    assert result["stop"] == {"code": "FOLLOWING_ERROR", "text": RUNAWAY.text}
+    assert result["notes"] == ["the power was taken away at once"]
     cell = ready_service.cell("ir361")
-    ready_service.readiness.note_end(cell, told)
+    ready_service.readiness.note_end(cell, result)
     status = ready_service.status(cell)
     assert status.state is CellState.FAULT
     assert RUNAWAY.text in status.fault

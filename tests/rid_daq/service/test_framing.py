@@ -42,8 +42,8 @@ def test_mutated_frames_do_not_delay_a_stop_and_leave_no_connection(
         for number in range(STREAMS // AT_ONCE):
             some = [streams.stream() for _ in range(AT_ONCE)]
             await asyncio.gather(*(send(made, each, in_parts=number % 2 == 0) for each in some))
-            status, told = await made.ask(made.head())
-            assert (status, told["told"]) == (202, False)
+            status, answer = await made.ask(made.head())
+            assert (status, answer["told"]) == (202, False)
         while any(groups.connections for groups in made.server._groups):
             await asyncio.sleep(0.01)
         await made.end()

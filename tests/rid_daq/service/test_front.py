@@ -33,8 +33,8 @@ def post_stop(served: ServedProcess, path: str = "/api/v1/stop") -> dict[str, An
         f"http://127.0.0.1:{served_port(served)}{path}", headers=STOPPING, timeout=60.0
     )
     assert answer.status_code == 202, answer.text
-    told: dict[str, Any] = answer.json()
-    return told
+    answer_body: dict[str, Any] = answer.json()
+    return answer_body
 
 
 @pytest.fixture(scope="module")
@@ -63,9 +63,9 @@ def test_a_stop_reaches_the_motion_while_the_service_hangs(
                     assert post_stop(running, "/api/v1/cells/ir361/stop")["told"]
                 else:
                     line.send(json.dumps({"stop": "ir361", "number": 1}))
-                    while (told := json.loads(line.recv(60.0)))["type"] != "stopped":
+                    while (answer_body := json.loads(line.recv(60.0)))["type"] != "stopped":
                         pass
-                    assert told["told"]
+                    assert answer_body["told"]
                 until(lambda: control.task.state is TaskState.FINISHED)
             finally:
                 running.process.send_signal(signal.SIGCONT)

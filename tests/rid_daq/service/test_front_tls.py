@@ -26,8 +26,8 @@ def test_the_front_process_forwards_everything_over_tls(
 ) -> None:
     with serving(tmp_path, "--certificate", str(certificate)) as served:
         with served.client as client:
-            told = client.ask("POST", "/tokens", {"name": "operator", "role": "operator"})
-            shown = {"Authorization": f"Bearer {told['secret']}"}
+            token = client.ask("POST", "/tokens", {"name": "operator", "role": "operator"})
+            shown = {"Authorization": f"Bearer {token['secret']}"}
         trust = ssl.create_default_context(cafile=str(certificate))
         trust.check_hostname = False
         port = served_port(served)
@@ -35,7 +35,9 @@ def test_the_front_process_forwards_everything_over_tls(
         with httpx.Client(verify=trust, base_url=base, headers=shown, timeout=60.0) as http:
             assert http.get("/api/v1/health").json()["status"] == "ok"
             document = http.get("/api/v1/openapi.json")
-            assert "paths" in document.json(), "more than fits into one buffer"
+            assert "paths" in document.json(), (
+                "an answer that is larger than one buffer must arrive complete"
+            )
             content = json.dumps({"numbers": list(range(500_000))})
             put = {"x-rid-daq": "1", "content-type": "application/json"}
             answer = http.put("/api/v1/files/large.json", content=content, headers=put)
@@ -47,9 +49,9 @@ def test_the_front_process_forwards_everything_over_tls(
             assert json.loads(line.recv())["type"] == "cell"
         with connect(f"{address}/stop-line", ssl=trust) as line:
             line.send('{"stop": "*", "number": 5}')
-            while (answered := json.loads(line.recv()))["type"] != "stopped":
+            while (message := json.loads(line.recv()))["type"] != "stopped":
                 pass
-            assert answered["number"] == 5
+            assert message["number"] == 5
         with closing(socket.create_connection(("127.0.0.1", port), timeout=60.0)) as plain:
             plain.sendall(b"GET / HTTP/1.1\r\nHost: x\r\n\r\n")
             assert b"200" not in plain.recv(4096)

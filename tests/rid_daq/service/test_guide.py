@@ -20,7 +20,7 @@ def test_the_ci_job_of_the_guide_runs_without_changes(tmp_path: Path) -> None:
     (script,) = re.findall(r"```python\n(.*?)```", text, re.DOTALL)
     (shell,) = re.findall(r"```sh\n(.*?)```", text, re.DOTALL)
     (tmp_path / "ci.py").write_text(script, encoding="utf-8")
-    own = Path(sys.executable).parent
+    bin_folder = Path(sys.executable).parent
     with TemporaryDirectory() as runtime:  # the path of a socket has at most 107 bytes
         done = subprocess.run(
             ["bash", "-c", f"set -e\ntrap 'kill %1; wait' EXIT\n{shell}"],
@@ -30,7 +30,7 @@ def test_the_ci_job_of_the_guide_runs_without_changes(tmp_path: Path) -> None:
             check=False,
             env={
                 **os.environ,
-                "PATH": f"{own}:{os.environ['PATH']}",
+                "PATH": f"{bin_folder}:{os.environ['PATH']}",
                 "XDG_RUNTIME_DIR": runtime,
             },
         )

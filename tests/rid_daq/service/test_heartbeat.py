@@ -31,9 +31,9 @@ ANNA = Identity(name="Anna", role=Role.OPERATOR, person=True, token="a")
 
 
 def start_job(service: CellService, kind: JobKind, policy: OnLostClient, lease: str | None) -> Job:
-    """Start a job that was ordered with a lease."""
-    wanted = job(kind).model_copy(update={"lease": lease, "on_lost_client": policy})
-    return asyncio.run(service.job_runner.begin(wanted, service.cell("ir361"), cleared=False))
+    """Start a job that was requested with a lease, or without one."""
+    new_job = job(kind).model_copy(update={"lease": lease, "on_lost_client": policy})
+    return asyncio.run(service.job_runner.begin(new_job, service.cell("ir361"), cleared=False))
 
 
 def lease_end_s(service: CellService) -> float:

@@ -41,13 +41,13 @@ class Holder:
 
     def _read(self) -> None:
         for text in self._socket:
-            told = json.loads(text)
-            if told["type"] == "challenge":
-                self._newest = told["value"]
+            message = json.loads(text)
+            if message["type"] == "challenge":
+                self._newest = message["value"]
                 if self._key:
                     self._say(self._key)
-            elif told["type"] == "samples":
-                joints = told["picture"]["joints"] or []
+            elif message["type"] == "samples":
+                joints = message["picture"]["joints"] or []
                 shares = [abs(each["velocity"] or 0.0) / each["velocity_limit"] for each in joints]
                 self.speed = max(shares, default=0.0)
 
@@ -83,9 +83,9 @@ class Holder:
     def _say(self, key: str) -> None:
         with self._saying:
             self._sequence += 1
-            told = {"job": self._job, "lease": self._lease, "held": key}
+            message = {"job": self._job, "lease": self._lease, "held": key}
             more = {"sequence": self._sequence, "challenge": self._newest}
-            self._socket.send(json.dumps(told | more))
+            self._socket.send(json.dumps(message | more))
 
 
 @contextmanager
@@ -95,8 +95,8 @@ def running_jog(served: ServedProcess, motion: str) -> Iterator[tuple[Holder, Jo
         body = {"kind": "jog", "request": {}}
         job = Job.model_validate(client.ask("POST", "/cells/ir361/jobs", body, lease))
         until(lambda: has_event(client, job, "Ready"))
-        wanted = {"name": "holder", "role": "operator", "person": True}
-        secret = client.ask("POST", "/tokens", wanted)["secret"]
+        token_request = {"name": "holder", "role": "operator", "person": True}
+        secret = client.ask("POST", "/tokens", token_request)["secret"]
         headers = {"Authorization": f"Bearer {secret}"}
         address = f"ws://{urlsplit(served.url).netloc}/api/v1/ws"
         with connect(address, additional_headers=headers, ping_interval=None) as socket:

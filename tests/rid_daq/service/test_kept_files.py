@@ -44,13 +44,13 @@ def test_a_link_to_a_file_outside_the_folder_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_number_that_starts_with_a_point_is_not_a_hidden_file(tmp_path: Path) -> None:
-    told = {"model": "m.json", "run": "latest", "limits": ".5,.5,.5"}
-    check_request(JobKind("validate"), told, tmp_path)
+    request = {"model": "m.json", "run": "latest", "limits": ".5,.5,.5"}
+    check_request(JobKind("validate"), request, tmp_path)
 
 
 def test_load_data_of_a_controller_are_not_checked_as_a_path(tmp_path: Path) -> None:
-    told = {"payload": "payload.json", "form": "fanuc", "text": "/PROG  LOAD\n/MN\n"}
-    check_request(JobKind("payload_read_back"), told, tmp_path)
+    request = {"payload": "payload.json", "form": "fanuc", "text": "/PROG  LOAD\n/MN\n"}
+    check_request(JobKind("payload_read_back"), request, tmp_path)
 
 
 def test_the_files_of_a_served_cell_cannot_be_overwritten(tmp_path: Path) -> None:

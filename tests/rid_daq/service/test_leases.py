@@ -103,17 +103,17 @@ def test_a_jump_of_the_date_neither_extends_nor_ends_a_lease(
 def test_leases_are_timed_by_the_safety_clock(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    asked: list[int] = []
+    calls: list[int] = []
 
     def clock_gettime(number: int) -> float:
-        asked.append(number)
-        return 5.0 + 100.0 * len(asked)
+        calls.append(number)
+        return 5.0 + 100.0 * len(calls)
 
     leases = Leases(LeaseStore(open_database(tmp_path / "service.db")))
     monkeypatch.setattr("time.clock_gettime", clock_gettime)
     leases.take("ir361", ANNA, "", 10.0)
     assert leases.lease_of("ir361") is None
-    assert set(asked) == {time.CLOCK_BOOTTIME}
+    assert set(calls) == {time.CLOCK_BOOTTIME}
 
 
 @pytest.mark.promise("safety-clock")

@@ -40,21 +40,21 @@ class Viewer:
         self.sent: asyncio.Queue[MutableMapping[str, Any]] = asyncio.Queue()
         self.got: asyncio.Queue[MutableMapping[str, Any]] = asyncio.Queue()
 
-    def say(self, **told: object) -> None:
-        self.sent.put_nowait({"type": "websocket.receive", "text": json.dumps(told)})
+    def say(self, **fields: object) -> None:
+        self.sent.put_nowait({"type": "websocket.receive", "text": json.dumps(fields)})
 
     async def challenge(self) -> str:
         """Wait for the next challenge and return its value."""
-        while (told := json.loads((await self.got.get())["text"]))["type"] != "challenge":
+        while (message := json.loads((await self.got.get())["text"]))["type"] != "challenge":
             pass
-        assert told["job"] == JOB.id
-        return str(told["value"])
+        assert message["job"] == JOB.id
+        return str(message["value"])
 
     async def wait_for_close(self) -> tuple[int, str]:
         """Wait until the service closes the socket; return code and reason."""
-        while (told := await self.got.get())["type"] != "websocket.close":
+        while (message := await self.got.get())["type"] != "websocket.close":
             pass
-        return told["code"], told["reason"]
+        return message["code"], message["reason"]
 
 
 @asynccontextmanager
@@ -140,7 +140,7 @@ def test_a_viewers_key_moves_nothing_even_with_a_lease(
     async def hold() -> None:
         async with connected_viewer(app, secret) as viewer:
             viewer.say(job="1", lease=lease.key, held="up", sequence=1)
-            viewer.say(stop="ir361", number=7)  # answered after the key was processed
+            viewer.say(stop="ir361", number=7)  # the answer follows after the key was processed
             while json.loads((await viewer.got.get())["text"]).get("number") != 7:
                 pass
 
@@ -154,19 +154,19 @@ def test_a_held_key_is_forwarded_with_the_time_of_its_challenge(
 ) -> None:
     async def jog() -> tuple[KeyMessage, KeyMessage, KeyMessage]:
         async with connected_viewer(app, tablet[1]) as viewer:
-            told = {"job": "1", "lease": lease.key, "held": "+"}
+            message = {"job": "1", "lease": lease.key, "held": "+"}
             value = await viewer.challenge()
-            viewer.say(**told, sequence=1, challenge=value)
-            answered = await keys.next()
-            viewer.say(**told, sequence=2, challenge=value[::-1])
+            viewer.say(**message, sequence=1, challenge=value)
+            with_answer = await keys.next()
+            viewer.say(**message, sequence=2, challenge=value[::-1])
             guessed = await keys.next()
-            viewer.say(**told, sequence=3)
-            viewer.say(**told, challenge=value)  # without a sequence number
-            return answered, guessed, await keys.next()
+            viewer.say(**message, sequence=3)
+            viewer.say(**message, challenge=value)  # without a sequence number
+            return with_answer, guessed, await keys.next()
 
     before_s = safety_now_s()
-    answered, guessed, without = asyncio.run(jog())
-    assert before_s <= answered.issued_s <= safety_now_s()
+    with_answer, guessed, without = asyncio.run(jog())
+    assert before_s <= with_answer.issued_s <= safety_now_s()
     assert (guessed.issued_s, without.issued_s) == (0.0, 0.0)
     assert [each.sequence for each in keys.passed_on] == [1, 2, 3]
 
@@ -180,17 +180,17 @@ def test_an_answer_counts_only_on_the_connection_of_its_challenge(
             connected_viewer(app, tablet[1]) as one,
             connected_viewer(app, tablet[1]) as another,
         ):
-            told = {"job": "1", "lease": lease.key, "held": "+", "sequence": 1}
+            message = {"job": "1", "lease": lease.key, "held": "+", "sequence": 1}
             value = await one.challenge()
-            one.say(**told, challenge=value)
-            own = await keys.next()
-            another.say(**told, challenge=value)
-            return own, await keys.next()
+            one.say(**message, challenge=value)
+            same_connection = await keys.next()
+            another.say(**message, challenge=value)
+            return same_connection, await keys.next()
 
-    own, foreign = asyncio.run(jog())
-    assert own.issued_s > 0.0
+    same_connection, foreign = asyncio.run(jog())
+    assert same_connection.issued_s > 0.0
     assert foreign.issued_s == 0.0
-    assert own.sender != foreign.sender
+    assert same_connection.sender != foreign.sender
 
 
 @pytest.mark.promise("held-key-lease")
@@ -224,8 +224,8 @@ def test_the_pause_between_challenges_adapts_to_the_link() -> None:
     for round_trip_s, pause_s in ((0.004, 0.02), (0.04, 0.02), (0.08, 0.06), (0.34, 0.1)):
         value = challenges.issue("1")["value"]
         clock.now_s += round_trip_s
-        told = {"held": "+", "sequence": 1, "challenge": value}
-        assert challenges.parse_key_message("1", "lease", told) is not None
+        message = {"held": "+", "sequence": 1, "challenge": value}
+        assert challenges.parse_key_message("1", "lease", message) is not None
         assert challenges.pause_s == pytest.approx(pause_s)
     clock.now_s += 1.0
     assert challenges.pause_s == IDLE_S, "nobody answers"

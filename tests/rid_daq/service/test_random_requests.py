@@ -36,14 +36,14 @@ def test_no_random_request_causes_an_internal_error(
             "x-rid-daq-lease": key,
         }
 
-        async def asked() -> httpx.Response:
+        async def send_requests() -> httpx.Response:
             transport = httpx.ASGITransport(api.app, client=("192.0.2.7", 4711))
             async with httpx.AsyncClient(transport=transport, base_url="http://cell") as client:
                 content = json.dumps(body).encode()  # with NaN and Infinity, as Python writes them
                 path = "/api/v1/cells/ir361/jobs"
                 return await client.post(path, content=content, headers=headers)
 
-        return asyncio.run(asked())
+        return asyncio.run(send_requests())
 
     @settings(
         max_examples=15,
@@ -81,11 +81,11 @@ def test_a_body_that_is_not_valid_json_text_is_refused(service: CellService, bod
         "content-type": "application/json",
     }
 
-    async def asked() -> httpx.Response:
+    async def send_requests() -> httpx.Response:
         transport = httpx.ASGITransport(api.app, client=("192.0.2.7", 4711))
         async with httpx.AsyncClient(transport=transport, base_url="http://cell") as client:
             return await client.post("/api/v1/cells/ir361/jobs", content=body, headers=headers)
 
-    answer = asyncio.run(asked())
+    answer = asyncio.run(send_requests())
     assert 400 <= answer.status_code < 500
     json.loads(answer.text)

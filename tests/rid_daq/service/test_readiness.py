@@ -73,11 +73,11 @@ def test_a_restart_of_the_service_voids_a_preflight(
     database.close()
     again = open_readiness(tmp_path, clock)
     assert again.obstacle(cell) == NOT_SINCE_START
-    told = again.preflight(cell)
-    assert told is not None
-    assert told.passed, "its lines can still be read"
-    assert told.void_because == NOT_SINCE_START
-    assert told.age_s is None
+    document = again.preflight(cell)
+    assert document is not None
+    assert document.passed, "its lines can still be read"
+    assert document.void_because == NOT_SINCE_START
+    assert document.age_s is None
 
 
 @pytest.mark.promise("served-axis-test")

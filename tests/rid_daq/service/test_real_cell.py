@@ -82,10 +82,10 @@ def red_values(lines: list[dict[str, str]]) -> dict[str, str]:
 
 
 def open_question(client: ServiceClient, job: Job) -> dict[str, object] | None:
-    told = events(client, job)
-    answered = {each["question"] for each in told if each["kind"] == "answered"}
-    asked = [each for each in told if each["kind"] == "asked"]
-    return next((each for each in asked if each["question"] not in answered), None)
+    job_events = events(client, job)
+    answered_ids = {each["question"] for each in job_events if each["kind"] == "answered"}
+    questions = [each for each in job_events if each["kind"] == "asked"]
+    return next((each for each in questions if each["question"] not in answered_ids), None)
 
 
 def answer_axis_test(client: ServiceClient, job: Job, lease: str, holder: Holder) -> None:
@@ -104,11 +104,11 @@ def answer_axis_test(client: ServiceClient, job: Job, lease: str, holder: Holder
             holder.hold("")
         else:
             text = "+" if "move as announced" in str(question["text"]) else "2"
-            wanted = {"question": question["question"], "text": text}
+            body = {"question": question["question"], "text": text}
             with contextlib.suppress(
                 LockedError
             ):  # the client receives the question slightly later
-                client.ask("POST", f"/jobs/{job.id}/answer", wanted, lease)
+                client.ask("POST", f"/jobs/{job.id}/answer", body, lease)
             time.sleep(0.1)
 
 

@@ -20,7 +20,7 @@ JSON = st.recursive(
 
 
 @pytest.mark.parametrize(
-    ("kind", "told"),
+    ("kind", "document"),
     [
         (JobKind("record"), {"motion": "motion.yaml", "simulation": {"pace": 2.0}}),
         (JobKind("identify"), {"names": ["latest"], "choose": True}),
@@ -34,15 +34,15 @@ JSON = st.recursive(
     ],
 )
 def test_a_valid_request_becomes_the_request_of_its_command(
-    kind: JobKind, told: dict[str, Any], tmp_path: Path
+    kind: JobKind, document: dict[str, Any], tmp_path: Path
 ) -> None:
-    check_request(kind, told, tmp_path)
-    request = parse_request(kind, told, cell="ir361", runs=str(tmp_path), cleared=False)
+    check_request(kind, document, tmp_path)
+    request = parse_request(kind, document, cell="ir361", runs=str(tmp_path), cleared=False)
     assert type(request) is kind.operation.request
 
 
 @pytest.mark.parametrize(
-    ("kind", "told", "key", "value"),
+    ("kind", "document", "key", "value"),
     [
         (
             JobKind("payload_identify"),
@@ -89,36 +89,38 @@ def test_a_valid_request_becomes_the_request_of_its_command(
     ],
 )
 def test_the_service_refuses_implausible_values_like_the_command(
-    kind: JobKind, told: dict[str, Any], key: str, value: str, tmp_path: Path
+    kind: JobKind, document: dict[str, Any], key: str, value: str, tmp_path: Path
 ) -> None:
     with raises_code(ConfigError, "RID-OPTION-RANGE", key, value):
-        checked_and_read(kind, told, tmp_path)
+        checked_and_read(kind, document, tmp_path)
 
 
-def checked_and_read(kind: JobKind, told: dict[str, Any], folder: Path) -> object:
-    """Return a request after the service's check and the worker's parsing."""
-    check_request(kind, told, folder)
-    return parse_request(kind, told, cell="ir361", runs=str(folder), cleared=False)
+def checked_and_read(kind: JobKind, document: dict[str, Any], folder: Path) -> object:
+    """Check a request like the service, and return it as the worker parses it."""
+    check_request(kind, document, folder)
+    return parse_request(kind, document, cell="ir361", runs=str(folder), cleared=False)
 
 
 @pytest.mark.parametrize(
     "name", ["mass_percent", "mass_kg", "centre_mm", "inertia_kg_m2", "residual_nm"]
 )
 def test_a_limit_below_zero_is_refused_at_once(name: str, tmp_path: Path) -> None:
-    told = {"loaded": ["b"], "unloaded": ["a"], "limits": {name: -5.0}}
+    document = {"loaded": ["b"], "unloaded": ["a"], "limits": {name: -5.0}}
     with raises_code(ConfigError, "RID-OPTION-RANGE", f"payload_identify: limits.{name}: -5.0 "):
-        check_request(JobKind("payload_identify"), told, tmp_path)
+        check_request(JobKind("payload_identify"), document, tmp_path)
 
 
-@given(told=st.dictionaries(st.sampled_from(["motion", "until", "label", "x"]), JSON, max_size=3))
+@given(
+    document=st.dictionaries(st.sampled_from(["motion", "until", "label", "x"]), JSON, max_size=3)
+)
 def test_a_random_request_is_accepted_or_refused_without_another_error(
-    told: dict[str, Any],
+    document: dict[str, Any],
 ) -> None:
     try:
-        check_request(JobKind("record"), told, Path("/tmp"))
+        check_request(JobKind("record"), document, Path("/tmp"))
     except ConfigError:
         return
-    parse_request(JobKind("record"), told, cell="ir361", runs="/tmp", cleared=False)
+    parse_request(JobKind("record"), document, cell="ir361", runs="/tmp", cleared=False)
 
 
 @pytest.mark.parametrize("path", ["../x.yaml", "/etc/passwd", "a/../../x", "a\0b", "\ud800/x"])

@@ -34,7 +34,7 @@ MOTION = FourierMotion(
         for joint in ("axis1", "axis2", "axis3")
     ),
 )
-"""Short motion of the bundled cell: the length and the accuracy are not the subject."""
+"""Short motion of the bundled cell; its length and accuracy do not matter in these tests."""
 
 
 class Operator:
@@ -56,8 +56,8 @@ class Operator:
             self.client.run("ir361", "reset", lease=self.key, cleared=True).require_done()
         if state is not CellState.READY:
             self.client.run("ir361", "check", CHECK, lease=self.key).require_done()
-        asked = {"practise": True, **request}
-        body = {"kind": "payload_session", "request": asked, "cleared": True}
+        session_request = {"practise": True, **request}
+        body = {"kind": "payload_session", "request": session_request, "cleared": True}
         return Job.model_validate(self.client.ask("POST", "/cells/ir361/jobs", body, self.key))
 
     def answer_until(self, job: Job, end: State) -> list[str]:
@@ -65,9 +65,9 @@ class Operator:
         entered: list[str] = []
 
         def is_there() -> bool:
-            told: list[dict[str, Any]] = events(self.client, job)
-            entered[:] = [each["state"] for each in told if each["kind"] == "state"]
-            for each in told:
+            job_events: list[dict[str, Any]] = events(self.client, job)
+            entered[:] = [each["state"] for each in job_events if each["kind"] == "state"]
+            for each in job_events:
                 if each["kind"] == "asked" and (job.id, each["question"]) not in self.answered:
                     if entered and entered[-1] == end.value:
                         break
@@ -79,7 +79,7 @@ class Operator:
                         self.client.ask("POST", f"/jobs/{job.id}/answer", told_back, self.key)
                         self.answered.add((job.id, each["question"]))
             state = self.client.job(job.id).state
-            assert end.value in entered or not state.is_over, told[-1]
+            assert end.value in entered or not state.is_over, job_events[-1]
             return end.value in entered
 
         until(is_there, period_s=0.3)  # the service answers with all events each time

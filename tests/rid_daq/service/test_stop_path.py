@@ -80,9 +80,9 @@ class Place:
 async def answer_on(line: ClientConnection) -> dict[str, Any]:
     """Return the next message that is not a heartbeat."""
     while True:
-        told: dict[str, Any] = json.loads(await line.recv())
-        if told["type"] != "beat":
-            return told
+        message: dict[str, Any] = json.loads(await line.recv())
+        if message["type"] != "beat":
+            return message
 
 
 async def place(service: CellService, limits: Limits = LONG) -> Place:
@@ -119,13 +119,15 @@ def test_a_stop_reaches_the_motion_while_another_program_locks_the_database(
             file = tmp_path / STATE_FOLDER / "service.db"
             with contextlib.closing(sqlite3.connect(file)) as holder:
                 holder.execute("BEGIN EXCLUSIVE")
-                status, told = await made.ask(made.head())
-                assert (status, told["told"]) == (202, True)
+                status, answer = await made.ask(made.head())
+                assert (status, answer["told"]) == (202, True)
                 assert control.program.stop_code == StopCode.STOP_BUTTON
                 assert holder.in_transaction, "the database is still locked"
         await made.end()
         noted = await asyncio.to_thread(service.audit.newest)
-        assert [entry.what for entry in noted] == ["stopped"], "the note was written afterwards"
+        assert [entry.what for entry in noted] == ["stopped"], (
+            "the audit entry must be written after the lock has ended"
+        )
 
     run(main())
 
@@ -138,12 +140,12 @@ def test_a_job_that_cannot_be_stored_does_not_start(
         file = tmp_path / STATE_FOLDER / "service.db"
         with contextlib.closing(sqlite3.connect(file)) as holder:
             holder.execute("BEGIN EXCLUSIVE")
-            wanted = job()
+            new_job = job()
             with pytest.raises(StoreBusyError) as refused:
-                await service.job_runner.begin(wanted, service.cell("ir361"), cleared=True)
+                await service.job_runner.begin(new_job, service.cell("ir361"), cleared=True)
             assert refused.value.refusal == "RID-STORE-BUSY"
             assert not list(service.job_runner), "no worker runs the job"
-            kept = service.jobs.get(wanted.id)
+            kept = service.jobs.get(new_job.id)
             assert kept is not None
             assert kept.state is JobState.FAILED
         assert await asyncio.to_thread(service.database.flush, PATIENCE_S)
@@ -169,8 +171,8 @@ def test_a_stop_is_answered_before_its_body(
     async def main() -> None:
         made = await place(service)
         async with moving(service) as control:
-            status, told = await made.ask(made.head(STOP, *more))
-            assert (status, told["told"]) == (202, True)
+            status, answer = await made.ask(made.head(STOP, *more))
+            assert (status, answer["told"]) == (202, True)
             assert control.program.stop_code == StopCode.STOP_BUTTON
         await made.end()
 
@@ -183,11 +185,11 @@ def test_a_stop_of_all_cells_works_and_an_unknown_cell_is_refused(
     async def main() -> None:
         made = await place(service)
         async with moving(service) as control:
-            status, told = await made.ask(made.head("/api/v1/cells/other/stop"))
-            assert (status, told["code"]) == (404, "RID-CELL-UNKNOWN")
+            status, answer = await made.ask(made.head("/api/v1/cells/other/stop"))
+            assert (status, answer["code"]) == (404, "RID-CELL-UNKNOWN")
             assert not control.program.stop_code
-            status, told = await made.ask(made.head("/api/v1/stop"))
-            assert (status, told["told"]) == (202, True)
+            status, answer = await made.ask(made.head("/api/v1/stop"))
+            assert (status, answer["told"]) == (202, True)
             assert control.program.stop_code == StopCode.STOP_BUTTON
         await made.end()
 
@@ -282,9 +284,9 @@ def test_the_stop_line_stops_confirms_by_number_and_sends_heartbeats(
         async with moving(service) as control, connect(url) as line:
             for number, target in enumerate(("other", "ir361", "*", "ir361")):
                 await line.send(json.dumps({"stop": target, "number": number}))
-                told = await answer_on(line)
-                assert (told["type"], told["number"]) == ("stopped", number)
-                assert told["told"] is (target != "other")
+                answer = await answer_on(line)
+                assert (answer["type"], answer["number"]) == ("stopped", number)
+                assert answer["told"] is (target != "other")
             assert control.program.stop_code == StopCode.STOP_BUTTON
             before_s = time.monotonic()
             for _ in range(4):
@@ -313,12 +315,12 @@ def test_a_stop_that_arrives_with_the_close_of_its_line_counts(
     run(main())
 
 
-@pytest.mark.parametrize("said", ["nonsense", "[" * 1000, '{"job": "1"}', "x" * 5000])
-def test_an_invalid_message_closes_the_stop_line(service: CellService, said: str) -> None:
+@pytest.mark.parametrize("message", ["nonsense", "[" * 1000, '{"job": "1"}', "x" * 5000])
+def test_an_invalid_message_closes_the_stop_line(service: CellService, message: str) -> None:
     async def main() -> None:
         made = await place(service)
         async with connect(f"ws://127.0.0.1:{made.port}/api/v1/stop-line") as line:
-            await line.send(said)
+            await line.send(message)
             with pytest.raises(ConnectionClosed):
                 await answer_on(line)
         async with connect(f"ws://127.0.0.1:{made.port}/api/v1/stop-line") as line:
@@ -350,12 +352,12 @@ def test_other_clients_cannot_displace_a_stop_line(service: CellService) -> None
         url = f"ws://127.0.0.1:{made.port}/api/v1/stop-line"
         shown = {"Authorization": f"Bearer {secret}"}
         async with contextlib.AsyncExitStack() as stack:
-            own = await stack.enter_async_context(connect(url, additional_headers=shown))
+            first_line = await stack.enter_async_context(connect(url, additional_headers=shown))
             for _ in range(20):
                 await stack.enter_async_context(connect(url))
-            await own.send('{"stop": "*", "number": 7}')
-            told = await answer_on(own)
-            assert told["number"] == 7
+            await first_line.send('{"stop": "*", "number": 7}')
+            answer = await answer_on(first_line)
+            assert answer["number"] == 7
         await made.end()
 
     run(main())
@@ -375,11 +377,11 @@ def test_the_main_websocket_also_stops_and_sends_heartbeats(
         ):
             await line.send('{"stop": "ir361", "number": 3}')
             kinds = set()
-            while (told := json.loads(await line.recv()))["type"] != "stopped":
-                kinds.add(told["type"])
-            assert (told["number"], told["told"]) == (3, True)
+            while (answer := json.loads(await line.recv()))["type"] != "stopped":
+                kinds.add(answer["type"])
+            assert (answer["number"], answer["told"]) == (3, True)
             assert control.program.stop_code == StopCode.STOP_BUTTON
-            while (told := json.loads(await line.recv()))["type"] != "beat":
+            while (answer := json.loads(await line.recv()))["type"] != "beat":
                 pass
         await made.end()
 

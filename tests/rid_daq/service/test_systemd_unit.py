@@ -30,8 +30,8 @@ def test_install_writes_a_unit_with_the_same_options(
     folder = tmp_path / "cell four"
     folder.mkdir()
     assert run(["serve", "ir361", "--folder", str(folder), "--pace", "5", "--install"]) == 0
-    said = capsys.readouterr().out
-    assert_shown("run-the-service", "rid-daq serve cell.yaml --install", said)
+    output = capsys.readouterr().out
+    assert_shown("run-the-service", "rid-daq serve cell.yaml --install", output)
     text = (home / "rid-daq.service").read_text()
     lines = dict(line.split("=", 1) for line in text.splitlines() if "=" in line)
     words = shlex.split(lines["ExecStart"])

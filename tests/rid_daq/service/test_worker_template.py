@@ -59,7 +59,7 @@ async def started(template: WorkerTemplate) -> WorkerProcess:
 
 
 async def end(worker: WorkerProcess) -> int | None:
-    """End a worker by the end of its orders, and return its exit code."""
+    """Close a worker's input, which ends the worker, and return its exit code."""
     worker.stdin.close()
     await worker.wait()
     return worker.returncode

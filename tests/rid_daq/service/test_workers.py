@@ -36,7 +36,7 @@ def test_a_command_for_a_served_cell_runs_in_the_service(
     )
     assert here.returncode == 8
     assert "RID-CELL-BUSY" in here.stderr
-    there = subprocess.run(
+    finished = subprocess.run(
         [
             sys.executable,
             "-m",
@@ -52,8 +52,8 @@ def test_a_command_for_a_served_cell_runs_in_the_service(
         text=True,
         check=False,
     )
-    assert there.returncode == 0, there.stderr
-    assert "Cell ir361 is ready" in there.stdout
+    assert finished.returncode == 0, finished.stderr
+    assert "Cell ir361 is ready" in finished.stdout
 
 
 def test_only_one_job_moves_a_cell_and_a_stop_ends_it(
@@ -83,9 +83,9 @@ def test_stop_works_while_the_service_is_suspended(
             stopped = run(["stop"])
         finally:
             shared.process.send_signal(signal.SIGCONT)
-        told = capsys.readouterr()
-        assert stopped == 0, told.err
-        assert "all axes at rest" in told.out
+        captured = capsys.readouterr()
+        assert stopped == 0, captured.err
+        assert "all axes at rest" in captured.out
         with shared.client as client:
             over = client.follow(job)
         assert over.document is not None
@@ -143,7 +143,9 @@ def test_a_motion_stops_if_the_service_hangs(
             with pytest.raises(PreflightError) as refused:
                 client.run("ir361", "record", {"motion": "motion.yaml"}, lease=key)
             assert refused.value.refusal == "RID-CELL-NOT-READY"
-        measured(f"client {policy}: quick stop {reason.value:.1f} s after the last sign of life")
+        measured(
+            f"on_lost_client {policy}: quick stop {reason.value:.1f} s after the last heartbeat"
+        )
 
 
 @pytest.mark.promise("service-heartbeat")
@@ -190,10 +192,8 @@ def test_a_killed_worker_interrupts_its_job_and_the_cell_must_be_reset(
 
 def test_computing_jobs_run_one_after_another(shared: ServedProcess) -> None:
     with shared.client as client:
-        wanted = {"kind": "identify", "request": {"names": ["none"]}}
-        jobs = [
-            Job.model_validate(client.ask("POST", "/cells/ir361/jobs", wanted)) for _ in range(3)
-        ]
+        body = {"kind": "identify", "request": {"names": ["none"]}}
+        jobs = [Job.model_validate(client.ask("POST", "/cells/ir361/jobs", body)) for _ in range(3)]
         assert [job.state for job in jobs[1:]] == [JobState.ACCEPTED, JobState.ACCEPTED]
         client.ask("POST", f"/jobs/{jobs[2].id}/cancel")
         ended = [client.follow(job).job for job in jobs]
@@ -205,7 +205,7 @@ def test_computing_jobs_run_one_after_another(shared: ServedProcess) -> None:
 def test_two_services_do_not_share_a_folder_or_a_cell(
     shared: ServedProcess, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
-    for folder, said in [
+    for folder, message in [
         (shared.folder, "another service uses this folder"),
         (tmp_path_factory.mktemp("other"), "another service owns it"),
     ]:
@@ -227,13 +227,13 @@ def test_two_services_do_not_share_a_folder_or_a_cell(
             timeout=300,
         )
         assert second.returncode == 8
-        assert said in second.stderr
+        assert message in second.stderr
 
 
 def test_an_answer_to_an_unknown_question_is_refused(shared: ServedProcess, motion: str) -> None:
     with leased_cell(shared, motion) as key, shared.client as client:
-        wanted = {"kind": "jog", "request": {}}
-        job = Job.model_validate(client.ask("POST", "/cells/ir361/jobs", wanted, key))
+        body = {"kind": "jog", "request": {}}
+        job = Job.model_validate(client.ask("POST", "/cells/ir361/jobs", body, key))
         until(lambda: any(each["kind"] == "asked" for each in events(client, job)))
         with raises_code(LockedError, "RID-JOB-UNKNOWN", "99"):
             client.ask("POST", f"/jobs/{job.id}/answer", {"question": 99, "text": "x"}, key)

@@ -84,7 +84,7 @@ def test_a_second_session_on_the_bus_is_refused_and_sends_nothing(
     logged_cell.simulated.__exit__(None, None, None)
     sent = [frame for frame in logged_cell.frames() if not 0x700 < frame[1] < 0x77F]
     assert sent == []
-    measured("the second session: exit 8, 0 frames")
+    measured("the second session: exit code 8, 0 frames sent")
 
 
 @pytest.mark.fault(32)
@@ -104,7 +104,7 @@ def test_a_foreign_master_before_the_session_is_refused(
     assert type(refused.value).__name__ == "LockedError"
     ours = [frame[1] for frame in logged_cell.frames() if not 0x700 < frame[1] < 0x77F]
     assert ours == [0x080], "only the foreign SYNC is on the bus"
-    measured("a foreign SYNC before the session: exit 8, 0 frames sent")
+    measured("another master's SYNC before the session: exit code 8, 0 frames sent")
 
 
 @pytest.mark.fault(32)
@@ -145,4 +145,7 @@ def test_a_foreign_master_in_motion_causes_a_quick_stop_in_the_next_cycle(
     cycles = (stopped_s - intruded_s) / config.cycle_time_s
     assert cycles <= 2.0
     assert all(data[:4] in ("0200", "0000") for time_s, _, data in after if time_s >= stopped_s)
-    measured(f"a foreign SDO request in motion: quick stop {cycles:.1f} cycles later, none undone")
+    measured(
+        f"another master's SDO request during a motion: quick stop {cycles:.1f} cycles later, never"
+        " cancelled"
+    )

@@ -74,7 +74,9 @@ def test_reading_locks_never_prevents_a_session_from_starting(
             call_at_every_step(patch, start)
             assert not look()
     assert set(starts) == {"session", "bus", "journal"}
-    measured(f"{len(starts)} starts at every step of an inspection of the locks: none fails")
+    measured(
+        f"{len(starts)} sessions start while the locks are inspected, one at each step: none fails"
+    )
 
 
 def call_at_every_step(patch: pytest.MonkeyPatch, start: Callable[[], None]) -> None:

@@ -60,7 +60,7 @@ def false_locks(innocent: int) -> dict[str, tuple[str, str]]:
     """Return false lock files: kind and content by name."""
     identity = ProcessIdentity.of(innocent)
     assert identity is not None
-    told = {
+    texts = {
         "innocent": f"process {innocent}: rid-daq record\ncell ir361\n",
         "innocent_started": f"started {identity.started}: rid-daq record\ncell ir361\n",
         "zero": "process 0: rid-daq record\ncell ir361\n",
@@ -73,11 +73,11 @@ def false_locks(innocent: int) -> dict[str, tuple[str, str]]:
         "empty": "",
     }
     kinds = {kind: (kind, "") for kind in ("folder", "fifo", "link", "closed")}
-    return kinds | {name: ("file", text) for name, text in told.items()}
+    return kinds | {name: ("file", text) for name, text in texts.items()}
 
 
 def hold_false_locks(people: People, locks: Path, innocent: int) -> list[subprocess.Popen[str]]:
-    """Hold every false file, both as the lock of a bus and as the file of a session."""
+    """Hold every false lock file, once as the lock of a bus and once as the file of a session."""
     liars = [
         people.start(LIAR, locks / file, kind, text.encode("latin-1").hex())
         for name, (kind, text) in false_locks(innocent).items()
@@ -99,20 +99,21 @@ def test_false_locks_neither_signal_a_stranger_nor_prevent_a_stop(
     (locks / "rid-daq-left-over.0.session").write_text("process 1: rid-daq\ncell x\n")
     session = people.session()
     assert run(["stop", "--json"]) == 4, "a lock holder that is not a session is reported"
-    told = json.loads(capsys.readouterr().out)["sessions"]
+    result = json.loads(capsys.readouterr().out)["sessions"]
     assert session.wait(120.0) == 143
     strangers = [innocent, *liars]
     assert all(is_alive(stranger) for stranger in strangers)
-    stopped = [entry for entry in told if entry["stopped"]]
+    stopped = [entry for entry in result if entry["stopped"]]
     assert [(entry["process"], entry["cell"]) for entry in stopped] == [(session.pid, "ir361")]
-    left_alone = [entry for entry in told if not entry["stopped"]]
+    left_alone = [entry for entry in result if not entry["stopped"]]
     assert {entry["process"] for entry in left_alone} <= {liar.pid for liar in liars}
     assert len(left_alone) == len(false_locks(innocent.pid)) - 1 - (ME != 0), (
         "a link cannot be locked"
     )
     assert all("not stopped; `ps -fp" in entry["text"] for entry in left_alone)
     measured(
-        f"{len(liars)} false locks: 0 signals to {len(strangers)} strangers, the session stopped"
+        f"{len(liars)} false locks: 0 signals to {len(strangers)} unrelated processes, the session"
+        " is stopped"
     )
 
 
@@ -131,10 +132,10 @@ print("started {identity.started}: rid-daq\\ncell ir361", file=forged, flush=Tru
 fcntl.flock(forged, fcntl.LOCK_EX)
 """
     session = people.session(forge, user=COLLEAGUE)
-    code, told = people.stop(user=0)
+    code, sessions = people.stop(user=0)
     assert session.wait(120.0) == 143, "only the colleague's own session ends"
     assert is_alive(innocent)
-    ends = {(entry["process"], entry["stopped"]) for entry in told}
+    ends = {(entry["process"], entry["stopped"]) for entry in sessions}
     assert (session.pid, True) in ends
     left_alone = (
         session.pid,
@@ -142,7 +143,7 @@ fcntl.flock(forged, fcntl.LOCK_EX)
     ) in ends  # the forged session, unless its owner has already ended
     assert len(ends) == 1 + left_alone
     assert code == (4 if left_alone else 0)
-    measured("another user's forged lock: root's `stop` signals that user's own process alone")
+    measured("another user's forged lock: `stop` by root signals only a process of that user")
 
 
 @pytest.mark.fault(40)
@@ -168,7 +169,7 @@ def test_a_process_id_that_was_reused_is_not_signalled(
     assert run(["stop"]) == 4
     assert is_alive(stranger)
     assert session.poll() is None
-    measured("a process id that was used again: detected by its start time")
+    measured("a process id that was reused: detected by the process's start time")
 
 
 @pytest.mark.parametrize("moment", ["before the check", "after the check"])
@@ -222,8 +223,8 @@ def test_a_session_with_invalid_shared_memory_is_ended_by_a_signal(
     session = people.session(memory)
     assert run(["stop"]) == code
     assert session.wait(120.0) == 143
-    said = capsys.readouterr().out
-    assert ("the axes could not be observed" in said) == bool(code)
+    output = capsys.readouterr().out
+    assert ("the axes could not be observed" in output) == bool(code)
 
 
 def test_an_error_with_one_session_does_not_prevent_stopping_others(
@@ -269,19 +270,22 @@ def test_a_lock_left_by_another_user_belongs_to_the_new_session(
     left = {path.stat().st_uid for path in locks.iterdir()}
     assert left == {COLLEAGUE}, "the lock files of a killed session remain"
     session = people.session(user=NEXT)
-    code, told = people.stop(user=COLLEAGUE)
+    code, sessions = people.stop(user=COLLEAGUE)
     assert code == 4
-    assert [entry["text"] for entry in told] == [
+    assert [entry["text"] for entry in sessions] == [
         "belongs to another user; only that user or root can stop it from here"
     ]
-    code, told = people.stop(user=NEXT)
+    code, sessions = people.stop(user=NEXT)
     assert code == 0
-    assert [(entry["process"], entry["stopped"]) for entry in told] == [(session.pid, True)]
+    assert [(entry["process"], entry["stopped"]) for entry in sessions] == [(session.pid, True)]
     assert session.wait(120.0) == 143
     again = people.session(user=COLLEAGUE)
     assert people.stop(user=0)[0] == 0, "root stops the sessions of all users"
     assert again.wait(120.0) == 143
-    measured("a dead colleague's lock: taken over; `stop` by its new holder and by root: no other")
+    measured(
+        "the lock of a killed session: taken over by another user; only this user and root can stop"
+        " the new session"
+    )
 
 
 @pytest.mark.fault(41)
@@ -303,14 +307,14 @@ theirs.touch()
     blocker.kill()
     blocker.wait(120.0)
     refused = people.start(PERSON.replace("with hold_cell(cell):", TELL), NEXT, "hold")
-    said, _ = refused.communicate(timeout=120.0)
-    assert f".{NEXT}.session: cannot be written: Operation not permitted." in said
-    assert "ask its owner or root to remove it" in said
+    output, _ = refused.communicate(timeout=120.0)
+    assert f".{NEXT}.session: cannot be written: Operation not permitted." in output
+    assert "ask its owner or root to remove it" in output
     lock.chmod(0)
     refused = people.start(PERSON.replace("with hold_cell(cell):", TELL), NEXT, "hold")
-    said, _ = refused.communicate(timeout=120.0)
-    assert "cannot open the lock file: Permission denied; its owner or root can remove it" in said
-    measured("a lock file that cannot be taken over: exit 7 with its owner")
+    output, _ = refused.communicate(timeout=120.0)
+    assert "cannot open the lock file: Permission denied; its owner or root can remove it" in output
+    measured("a lock file that cannot be taken over: exit code 7, the message refers to its owner")
 
 
 TELL = """

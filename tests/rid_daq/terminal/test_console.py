@@ -91,8 +91,8 @@ def test_a_foreign_run_folder_cannot_control_the_terminal(
     manifest.write_text(json.dumps(document))
     run(["runs", "--verify", "--runs", str(tmp_path)])
     run(["recover", str(folder.path)])
-    told = capsys.readouterr()
-    for text in (told.out, told.err):
+    captured = capsys.readouterr()
+    for text in (captured.out, captured.err):
         assert text
         assert all(c.isprintable() or c == "\n" for c in text)
 
@@ -145,6 +145,6 @@ def test_verify_ends_with_a_verdict_and_an_exit_code(
     assert capsys.readouterr().out.endswith("Unchanged runs: 2 of 2.\n")
     made.file("motion.yaml").write_text("kind: circle")
     assert run(["runs", "--verify", "--runs", str(runs)]) == 7
-    said = capsys.readouterr()
-    assert said.out.endswith("Unchanged runs: 1 of 2.\n")
-    assert "motion.yaml" in said.err
+    captured = capsys.readouterr()
+    assert captured.out.endswith("Unchanged runs: 1 of 2.\n")
+    assert "motion.yaml" in captured.err

@@ -24,7 +24,7 @@ class Desk:
         self.keyboard = Keyboard(self.tapped.append, now_s=lambda: self.now_s)
 
     def press(self, key: str, after_s: float) -> str | None:
-        """Press a key after a time; return the key that is then held."""
+        """Press a key `after_s` later; return the key that then counts as held."""
         self.now_s += after_s
         self.keyboard.take(key)
         return self.held()
@@ -66,11 +66,11 @@ def test_single_taps_are_reported_and_do_not_hold_a_key() -> None:
     assert desk.tapped == ["1", "2", " "]
 
 
-@pytest.mark.parametrize(("sent", "meant"), [("=", "+"), ("_", "-")])
-def test_plus_and_minus_are_recognised_with_and_without_shift(sent: str, meant: str) -> None:
+@pytest.mark.parametrize(("sent", "key"), [("=", "+"), ("_", "-")])
+def test_plus_and_minus_are_recognised_with_and_without_shift(sent: str, key: str) -> None:
     desk = Desk()
     desk.press(sent, 0.0)
-    assert desk.press(meant, 0.03) == meant
+    assert desk.press(key, 0.03) == key
 
 
 def test_without_a_terminal_no_key_can_be_held(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -97,7 +97,7 @@ class Typed:
     def let_pass(
         self, time_s: float, *, looking: bool = True, repeating: bool = True
     ) -> str | None:
-        """Let time pass with a key that repeats every 30 ms, or without; return the held key."""
+        """Let time pass, by default with a key that repeats every 30 ms; return the held key."""
         for step in range(1, round(time_s / 0.01) + 1):
             self.desk.now_s += 0.01
             if repeating and step % 3 == 0:

@@ -95,7 +95,7 @@ def test_periods_omitted_by_an_early_end_do_not_count_as_measured() -> None:
     )
     update(progress_at(100))
     run_out = TaskProgress(state=TaskState.MOVING, phase=Phase.RUN_OUT, sample_index=0, cycles=1)
-    update(replace(run_out, sample_index=150))  # of a motion that is executed completely
+    update(replace(run_out, sample_index=150))  # the motion was executed completely
     update(replace(run_out, sample_index=199))
     update(replace(run_out, sample_index=199))
     assert [done for done, _ in shown] == [2.0, 3.0, 3.0, 3.0]

@@ -11,12 +11,12 @@ def test_each_option_is_shown_once_in_a_section(
 ) -> None:
     assert run(["stream", "--help"]) == 0
     shown = capsys.readouterr().out
-    own, simulated, before, files = (
+    general, simulated, before, files = (
         shown.index(f"\n{title}:\n")
         for title in ("Options", "Simulated cells", "Before it moves", "Files and services")
     )
-    assert own < simulated < before < files
-    assert own < shown.index("  --model ") < simulated < shown.index("  --pace ") < before
+    assert general < simulated < before < files
+    assert general < shown.index("  --model ") < simulated < shown.index("  --pace ") < before
     assert files < shown.index("  --runs ") < shown.index("  --json ") < shown.index("  --help ")
     assert "Live page:" not in shown
 

@@ -49,10 +49,10 @@ def test_clearing_a_cell_asks_for_its_name_and_the_emergency_stop(
     monkeypatch.setattr(Console, "can_ask", True)
     monkeypatch.setattr("sys.stdin", io.StringIO("ir361\ny\n"))
     require_cleared(cell, cleared=False, context=Console(), practise=True)
-    said = capsys.readouterr()
-    assert said.out.strip() == "The robot will move."
+    captured = capsys.readouterr()
+    assert captured.out.strip() == "The robot will move."
     first, second = "Is cell ir361 free of people?", "Is the emergency stop within reach?"
-    assert 0 <= said.err.index(first) < said.err.index(second)
+    assert 0 <= captured.err.index(first) < captured.err.index(second)
     for answers, detail in (("ir362\n", "'ir362'"), ("ir361\nn\n", "emergency")):
         monkeypatch.setattr("sys.stdin", io.StringIO(answers))
         with raises_code(PreflightError, "RID-ANSWER-NO", detail):

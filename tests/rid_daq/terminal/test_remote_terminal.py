@@ -88,10 +88,10 @@ def test_a_server_among_the_parents_of_a_real_process_is_found(tmp_path: Path) -
         "print(terminal.remote_terminal_evidence({}, Path('/proc')))"
     )
     ask = "import subprocess, sys; sys.exit(subprocess.call(sys.argv[1:]))"
-    told = subprocess.run(
+    finished = subprocess.run(
         [server, "-c", ask, sys.executable, "-c", look], capture_output=True, text=True, check=True
     )
-    assert "sshd-session" in told.stdout
+    assert "sshd-session" in finished.stdout
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ def test_a_full_pool_removes_the_oldest_of_the_largest_owner() -> None:
     assert pool.add(10, "anna") == 0
     assert pool.add(11, "ben") == 1
     assert sorted(pool) == [2, 3, 10, 11]
-    assert pool.add(4, "crowd") == 2, "the oldest of the same owner"
+    assert pool.add(4, "crowd") == 2, "the oldest connection of the same owner is closed"
 
 
 def test_an_owner_has_a_limited_number_of_connections() -> None:

@@ -73,21 +73,21 @@ def test_events_arrive_once_in_order_and_pictures_never_go_back(steps: list[str]
         feed = Feed()
         feed.publish_picture(b"p 0")
         view = feed.view()
-        seen, told, ready = await next_messages(view, 1), 0, 0
+        last_event, last_number, ready = await next_messages(view, 1), 0, 0
         for number, step in enumerate(steps, 1):
             if step == "show":
                 feed.publish_picture(b"p %d" % number)
             elif step == "tell":
-                feed.publish_event(b"e %d" % told)
-                told += 1
+                feed.publish_event(b"e %d" % last_number)
+                last_number += 1
             elif any(each != "take" for each in steps[ready : number - 1]):
-                seen += await next_messages(view, 1)
+                last_event += await next_messages(view, 1)
                 ready = number
         feed.end()
-        seen += [each async for each in view]
-        events = [int(each[2:]) for each in seen if each.startswith(b"e")]
-        pictures = [int(each[2:]) for each in seen if each.startswith(b"p")]
-        assert events == list(range(told))
+        last_event += [each async for each in view]
+        events = [int(each[2:]) for each in last_event if each.startswith(b"e")]
+        pictures = [int(each[2:]) for each in last_event if each.startswith(b"p")]
+        assert events == list(range(last_number))
         assert pictures == sorted(set(pictures))
 
     asyncio.run(main())

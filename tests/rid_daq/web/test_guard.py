@@ -18,8 +18,8 @@ STRANGER = ("origin", "https://evil.example")
 
 
 async def behind(scope: Scope, receive: Receive, send: Send) -> None:
-    own = [(b"Cache-Control", b"max-age=60")] if scope["path"] == "/kept" else []
-    await send({"type": "http.response.start", "status": 200, "headers": own})
+    headers = [(b"Cache-Control", b"max-age=60")] if scope["path"] == "/kept" else []
+    await send({"type": "http.response.start", "status": 200, "headers": headers})
     await send({"type": "http.response.body", "body": b"let in"})
 
 
@@ -32,10 +32,10 @@ def responses(
     policy: str = PAGE_POLICY,
 ) -> list[Message]:
     """Return the messages of the guard in response to a request."""
-    said: list[Message] = []
+    messages: list[Message] = []
 
     async def send(message: Message) -> None:
-        said.append(dict(message))
+        messages.append(dict(message))
 
     async def receive() -> Message:
         return {"type": "http.disconnect"}
@@ -49,13 +49,13 @@ def responses(
     }
     guard = Guard(behind, Access("127.0.0.1", 8642, "t" * 40), policy)
     asyncio.run(guard(scope, receive, send))
-    return said
+    return messages
 
 
 def status(*headers: tuple[str, str], method: str = "GET", local: bool = False) -> int:
-    said = responses(*headers, method=method, local=local)
-    assert said[1]["body"] == (b"let in" if said[0]["status"] == 200 else b"")
-    return int(said[0]["status"])
+    messages = responses(*headers, method=method, local=local)
+    assert messages[1]["body"] == (b"let in" if messages[0]["status"] == 200 else b"")
+    return int(messages[0]["status"])
 
 
 def test_requests_with_the_own_host_and_origin_are_accepted() -> None:

@@ -75,7 +75,7 @@ def test_tasks_and_lifespan_have_their_expected_attributes() -> None:
 
 
 def test_uvicorn_alone_still_fails_on_malformed_requests() -> None:
-    """If this test fails, uvicorn answers them itself: delete the correction in `HttpProtocol`."""
+    """If this test fails, uvicorn has been corrected: delete our correction in `HttpProtocol`."""
     with pytest.raises(LocalProtocolError):
         received(H11Protocol, MALFORMED)
 

@@ -1,4 +1,4 @@
-"""The workbench in a real browser with a served simulated cell; one of each for a test file."""
+"""Fixtures: a real browser and a served simulated cell, one of each for a test file."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def served_pages(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedPro
 OpenPage = Callable[..., Page]
 
 REPLACED = "WebSocket is closed before the connection is established"
-"""Chromium's warning if a page replaces a connection that an overloaded service accepts late."""
+"""Chromium's warning if a page closes a connection before an overloaded service accepts it."""
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ from tests.rid_daq.service.moving import CHECK, begin_motion, until
 
 CELL = "ir361"
 SOON_S = 0.5
-"""Maximum time from the press to the driving process, without the link's delay [s]."""
+"""Maximum time from a press of STOP to its arrival in the driving process, without the link [s]."""
 
 
 @dataclass
@@ -65,7 +65,7 @@ def moving(served: ServedProcess, lease: str) -> Iterator[StoppedMotion]:
 
 
 def press(page: Page) -> float:
-    """Press STOP without waiting for the page, and return the time; the release comes later."""
+    """Press STOP without releasing it or waiting for the page; return the time of the press [s]."""
     box = page.locator("#stop").bounding_box()
     assert box is not None
     page.mouse.up()

@@ -81,10 +81,12 @@ def test_every_page_is_accessible_and_fits_all_widths(
             if page.evaluate(CUT_OFF):
                 wrong.append(f"{name}: wider than {width} px")
             if page.evaluate(MENU_ROWS) != ROWS[width]:
-                wrong.append(f"{name}: the menu is not seen at once at {width} px")
+                wrong.append(f"{name}: unexpected number of menu rows at {width} px")
             small = page.evaluate(SMALL_TARGETS, LARGE_ENOUGH_PX)
             if small:
-                wrong.append(f"{name}: too small for gloves at {width} px: {small}")
+                wrong.append(
+                    f"{name}: these controls are too small for gloves at {width} px: {small}"
+                )
             if width in pictured:
                 colours = "dark" if dark else "light"
                 page.screenshot(path=screenshots / f"{name}-{width}-{colours}.png", full_page=True)

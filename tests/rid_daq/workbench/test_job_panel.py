@@ -42,8 +42,8 @@ FOLLOW = """async () => {
 def test_many_simultaneous_events_are_loaded_by_one_request(open_page: OpenPage) -> None:
     page = open_page()
     expect(page.locator("#lease-take")).to_be_visible()  # the page's modules have started
-    asked, said = page.evaluate(FOLLOW)
+    requests, sentences = page.evaluate(FOLLOW)
     assert (
-        asked == 2 + 1
+        requests == 2 + 1
     )  # the first request, one for all events meanwhile, and one after showing the panel again
-    assert said == [f"sentence {i}." for i in range(21)]
+    assert sentences == [f"sentence {i}." for i in range(21)]

@@ -109,16 +109,16 @@ def _form(open_page: OpenPage, served: ServedProcess, kind: str) -> Page:
 
 def _sent_request(page: Page, kind: str) -> object:
     """Press the start button, and return the request, which is intercepted."""
-    asked: list[Any] = []
+    requests: list[Any] = []
 
     def keep(route: Route) -> None:
-        asked.append(route.request.post_data_json)
+        requests.append(route.request.post_data_json)
         route.fulfill(status=409, json={"error": "Refused", "message": "kept by a test"})
 
     page.route("**/cells/ir361/jobs", keep)
     page.locator("#begin").click()
     expect(page.locator("#job")).to_contain_text("kept by a test")
     page.unroute("**/cells/ir361/jobs")
-    (wanted,) = asked
-    assert wanted["kind"] == kind
-    return wanted["request"]
+    (request,) = requests
+    assert request["kind"] == kind
+    return request["request"]

@@ -25,7 +25,7 @@ BEGIN = """async (pace) => {
   const request = { motion: "motion.yaml", simulation: { pace } };
   void panel.begin("record", request, { moves: true });
 }"""
-"""Start a motion with the page's panel, which asks for the reaction to a lost connection."""
+"""Start a motion with the page's panel, which asks what to do if the connection is lost."""
 
 TIMERS_STAND = "window.setInterval = () => 0;"
 """Stop all timers, which is more than browsers do to a page in the background."""
@@ -56,7 +56,7 @@ def shorten_lease(page: Page, served: ServedProcess) -> None:
 
 
 @pytest.mark.parametrize(
-    ("policy", "pace", "told", "end"),
+    ("policy", "pace", "message", "end"),
     [
         ("stop", 1.0, "the motion is stopped.", "Record: stopped: "),
         ("finish", 5.0, "the motion continues to its end.", "Record: done"),
@@ -69,7 +69,7 @@ def test_a_motion_of_a_disconnected_tablet_follows_its_policy_and_is_shown_later
     problems: list[str],
     policy: str,
     pace: float,
-    told: str,
+    message: str,
     end: str,
 ) -> None:
     motion = request.getfixturevalue("motion" if policy == "finish" else "long_motion")
@@ -78,7 +78,7 @@ def test_a_motion_of_a_disconnected_tablet_follows_its_policy_and_is_shown_later
     take_cell(page)
     ready(page, served_pages)
     job = start_motion(page, served_pages, policy, pace)
-    expect(page.locator("#lease-words")).to_contain_text(told)
+    expect(page.locator("#lease-words")).to_contain_text(message)
 
     page.context.set_offline(True)
     shorten_lease(page, served_pages)
@@ -106,7 +106,7 @@ def test_a_motion_of_a_disconnected_tablet_follows_its_policy_and_is_shown_later
 def test_a_motion_of_a_suspended_tab_is_stopped(
     open_page: OpenPage, served_pages: ServedProcess, long_motion: str, problems: list[str]
 ) -> None:
-    """The process of the tab is suspended, like in a debugger or on a tablet out of memory.
+    """The process of the tab is suspended, as by a debugger or by a tablet without free memory.
 
     The connection stays open, but no process remains that could release a key.
     """
@@ -134,8 +134,8 @@ def frozen(page: Page) -> Iterator[None]:
     browser = page.context.browser
     assert browser is not None
     session = browser.new_browser_cdp_session()
-    told = session.send("SystemInfo.getProcessInfo")["processInfo"]
-    showing = [int(each["id"]) for each in told if each["type"] == "renderer"]
+    processes = session.send("SystemInfo.getProcessInfo")["processInfo"]
+    showing = [int(each["id"]) for each in processes if each["type"] == "renderer"]
     assert showing
     try:
         for pid in showing:

@@ -54,18 +54,18 @@ def page(open_page: OpenPage, served_pages: ServedProcess) -> Iterator[Page]:
 
 def sent_request(page: Page) -> dict[str, Any]:
     """Press the start button, and return the request, which is intercepted."""
-    asked: list[Any] = []
+    requests: list[Any] = []
 
     def keep(route: Route) -> None:
-        asked.append(route.request.post_data_json)
+        requests.append(route.request.post_data_json)
         route.fulfill(status=409, json={"error": "Refused", "message": "kept by a test"})
 
     page.route(f"**/cells/{CELL}/jobs", keep)
     page.locator("#begin").click()
     page.get_by_role("dialog").get_by_role("button", name="is clear: start").click()
     expect(page.locator("#job")).to_contain_text("kept by a test")
-    (wanted,) = asked
-    request: dict[str, Any] = wanted["request"]
+    (sent,) = requests
+    request: dict[str, Any] = sent["request"]
     return request
 
 

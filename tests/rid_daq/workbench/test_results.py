@@ -90,14 +90,16 @@ def test_friction_is_identified_and_shown(
     run = friction_run(served_pages.folder / "runs", "there and back", 7).run_id
     page = open_page(width=820)
     page.get_by_role("link", name="Friction", exact=True).click()
-    expect(page.locator("#runs label")).to_have_count(1)  # other runs do not measure friction
+    expect(page.locator("#runs label")).to_have_count(1)  # only this run measures friction
     page.locator("#measure").click()
     expect(page.locator("#job [role=alert]")).to_contain_text("A run is missing")
     page.locator("#runs").get_by_role("checkbox").check()
     page.locator("#measure").click()
     expect(page.locator("#job .verdict.end")).to_have_text("Friction: done")
     expect(page.locator("#result")).to_contain_text("in the robot file: friction: [")
-    page.locator("[data-figure=friction]").scroll_into_view_if_needed()  # it loads once it is seen
+    page.locator(
+        "[data-figure=friction]"
+    ).scroll_into_view_if_needed()  # a figure loads once it is visible
     expect(page.locator("[data-figure=friction] [data-figure-state=shown]").first).to_be_visible()
     page.goto(f"{page.url}?run={run}")  # the results are shown again
     expect(page.locator("#result .verdict", has_text="the fit is good")).to_have_count(3)
@@ -141,7 +143,7 @@ def test_a_model_with_warming_requires_the_joint_temperature(
     page.locator("#retime").click()
     expect(page.locator("#job .verdict.end")).to_have_text("Retime: done")
     assert newest(served_pages).request["temperature"] == "warm"
-    page.locator("#refine").click()  # of a run without feedforward
+    page.locator("#refine").click()  # the run has no feedforward
     expect(page.locator("#job .verdict.end")).to_contain_text("Refine: ")
     assert newest(served_pages).request["temperature"] == "warm"
 
@@ -153,8 +155,8 @@ def multisine_run(served_pages: ServedProcess) -> str:
     client = served_pages.client
     with client, client.lease("ir361") as cell:
         cell.run("check", {"seconds": 0.2}).require_done()
-        asked = {"motion": "multisine.yaml", "label": "multisine"}
-        run = cell.run("record", asked, cleared=True).require_done().job.run
+        request = {"motion": "multisine.yaml", "label": "multisine"}
+        run = cell.run("record", request, cleared=True).require_done().job.run
     assert run is not None
     return run
 
@@ -179,7 +181,7 @@ def test_loops_are_measured_and_a_path_is_compensated_compared_refined_and_strea
     gain = float(rows.first.locator("td").nth(1).inner_text().split()[0])
     assert gain == pytest.approx(900.0, rel=0.05)
     bode = page.locator("[data-figure^=bode]").first
-    bode.scroll_into_view_if_needed()  # it loads once it is seen
+    bode.scroll_into_view_if_needed()  # a figure loads once it is visible
     expect(bode).to_have_attribute("data-figure-state", "shown")
     expect(page.locator("#loop")).to_have_value(f"runs/{run}/loops.json")
     assert (served_pages.folder / "runs" / run / "loops.json").is_file()
@@ -187,7 +189,7 @@ def test_loops_are_measured_and_a_path_is_compensated_compared_refined_and_strea
     page.locator("#make").click()
     expect(page.locator("#job .verdict.end")).to_have_text("Compensate: done")
     expect(page.locator("#feedforward")).to_have_value("feedforward.json")
-    page.locator("#compare").click()  # of a run with itself
+    page.locator("#compare").click()  # compares a run with itself
     expect(page.locator("#job [role=alert]")).to_contain_text(
         "The runs before and after are the same"
     )

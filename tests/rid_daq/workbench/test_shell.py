@@ -146,8 +146,8 @@ def test_a_key_held_over_a_slow_link_moves_nothing_with_a_reason(
     ready(page, served_pages)
     page.locator("#jog").click()
     page.get_by_role("dialog").get_by_role("button", name="is clear").click()
-    said = page.locator(".said")
-    expect(said).to_contain_text("Ready: hold the key")
+    messages = page.locator(".said")
+    expect(messages).to_contain_text("Ready: hold the key")
     position = page.locator('[data-joint="axis1"] [data-show="position"]')
     expect(position).to_contain_text("°")
     at_rest = position.inner_text()
@@ -157,11 +157,11 @@ def test_a_key_held_over_a_slow_link_moves_nothing_with_a_reason(
     page.mouse.down()
     for _ in range(20):  # a slow page loses the held key: press it again
         page.wait_for_timeout(2000)
-        if too_slow.search(said.inner_text()):
+        if too_slow.search(messages.inner_text()):
             break
         page.mouse.up()
         page.mouse.down()
-    expect(said).to_contain_text(too_slow)
+    expect(messages).to_contain_text(too_slow)
     link.mend()
     page.wait_for_timeout(
         1000
@@ -226,7 +226,7 @@ def test_a_second_browser_is_paired_and_takes_over_the_cell(
     expect(first.locator("#lease-words")).to_contain_text("the tablet holds this cell")
     assert all(
         "409 (Conflict)" in problem for problem in problems
-    )  # the renewal by the first browser
+    )  # the first browser cannot renew its lease
     problems.clear()
     give_back(second)
     expect(first.locator("#lease-take")).to_be_visible()
@@ -313,15 +313,15 @@ def test_a_foreign_page_in_the_same_browser_gets_no_access(
     assert found.pop("blind stop") in (
         "opaque",
         "refused",
-    )  # sent without access to the answer, and refused by the service
+    )  # the page cannot read the answer, and the service refuses the request
     assert found == dict.fromkeys(("read", "with cookie", "lease", "socket", "image"), "refused")
     service = served_pages.url.split("/?")[0]
-    with other.expect_response(re.compile("/stop$")) as answered:
+    with other.expect_response(re.compile("/stop$")) as response:
         other.evaluate(
             "(to) => { const f = document.forms[0]; f.action = to; f.submit(); }",
             f"{service}/api/v1/cells/{CELL}/stop",
         )
-    assert answered.value.status in (403, 415)
+    assert response.value.status in (403, 415)
     assert audit(served_pages) == before
     expect(page.locator("#lease-words")).to_have_text("No one holds this cell.")
     problems.clear()

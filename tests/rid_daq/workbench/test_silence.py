@@ -1,4 +1,4 @@
-"""A service that stops answering on a channel: time until the page reports it, by a test clock."""
+"""A service that stops answering on one channel: time until the page reports it (fake clock)."""
 
 from __future__ import annotations
 
@@ -49,12 +49,12 @@ PICTURE = """{ type: "samples", cell: "ir361", job: "j1", picture: {
 } }"""
 
 
-def pass_time(page: Page, seconds: float, said: str | None) -> None:
+def pass_time(page: Page, seconds: float, message: str | None) -> None:
     """Let the page's time pass; the WebSocket sends a message ten times a second, or none."""
     for _ in range(round(10 * seconds)):
         page.clock.run_for(100)
-        if said is not None:
-            page.evaluate(f"tell({said})")
+        if message is not None:
+            page.evaluate(f"tell({message})")
 
 
 @pytest.mark.promise("stale-values-are-marked")
@@ -78,14 +78,14 @@ def test_a_silent_channel_and_its_recovery_are_shown_within_seconds(
     expect(page.locator("#lease-take")).to_be_visible()
     page.clock.pause_at(page.evaluate("Date.now() + 60_000"))
     page.evaluate("moving => fake(moving)", moving)
-    said = PICTURE if moving else '{ type: "beat" }'
+    message = PICTURE if moving else '{ type: "beat" }'
     reach, live = page.locator("#reach"), page.locator("#joints-words")
-    pass_time(page, 3.0, said)
+    pass_time(page, 3.0, message)
     expect(reach).to_be_hidden()
     shown = live.inner_text()
 
     page.evaluate("answering => { window.answering = answering; }", requests)
-    pass_time(page, 2.0, said if values else None)
+    pass_time(page, 2.0, message if values else None)
     expect(reach).to_contain_text(words)
     expect(page.locator("#state")).to_have_text(
         ("moving" if moving else "closed") if values or requests else "unknown"
@@ -93,6 +93,6 @@ def test_a_silent_channel_and_its_recovery_are_shown_within_seconds(
     if moving and not values:
         expect(live).to_contain_text("NOT LIVE")
     page.evaluate("window.answering = true")
-    pass_time(page, 2.5, said)
+    pass_time(page, 2.5, message)
     expect(reach).to_be_hidden()
     expect(live).to_have_text(shown)

@@ -63,8 +63,8 @@ def test_hanging_searches_do_not_delay_stop(
         for letter in "ninewords":
             page.locator("#search").press(letter)
             page.wait_for_timeout(300)
-        asked = [path for path in link.paths if path.startswith("/api/v1/runs?search=n")]
-        assert len(asked) > 3
+        searches = [path for path in link.paths if path.startswith("/api/v1/runs?search=n")]
+        assert len(searches) > 3
         motion.require_stopped(press(page))
         expect(page.locator("#stop-words")).to_have_text(STOPPED)
 
@@ -193,11 +193,11 @@ def test_a_page_has_stop_while_it_loads_with_a_session_secret(
     open_by_link: OpenByLink, link: BadLink, served_pages: ServedProcess, program_lease: str
 ) -> None:
     page = open_by_link()
-    seen = len(link.paths)
-    link.stall_after(1, "^/cells/ir361/runs$")  # the first request is without the secret
+    before = len(link.paths)
+    link.stall_after(1, "^/cells/ir361/runs$")  # the first request, without the secret, passes
     page.get_by_role("link", name="Runs", exact=True).click()
     expect(page.locator("#login-words")).to_have_text("Loading…")
-    assert link.paths[seen:].count("/cells/ir361/runs") >= 1
+    assert link.paths[before:].count("/cells/ir361/runs") >= 1
     with moving(served_pages, program_lease) as motion:
         motion.require_stopped(press(page))
         expect(page.locator("#stop-words")).to_have_text(STOPPED)

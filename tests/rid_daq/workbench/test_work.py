@@ -109,7 +109,7 @@ def test_a_new_user_gets_from_an_experiment_to_a_validated_model(
 
     page.locator(
         "input[name=friction][value=terms]"
-    ).check()  # inputs that differ from the solved ones
+    ).check()  # now the inputs differ from those of the result
     expect(page.locator("[data-stage=solve]")).to_contain_text("not yet")
     give_back(page)
 

@@ -131,9 +131,9 @@ def test_progress_is_reported_periodically_and_at_its_end(
     with console.progress("recording", 100.0, "periods") as progress:
         for done in range(101):
             progress.update(float(done), "measuring")
-    told = [each for each in EventTail(events).read_new() if isinstance(each, ProgressEvent)]
-    assert [told[0].done, told[-1].done] == [0.0, 100.0]
-    assert len(told) < 50
+    reports = [each for each in EventTail(events).read_new() if isinstance(each, ProgressEvent)]
+    assert [reports[0].done, reports[-1].done] == [0.0, 100.0]
+    assert len(reports) < 50
 
 
 def answer_questions(orders: Orders, events: Path, *texts: str) -> None:
@@ -160,8 +160,10 @@ def test_a_question_is_repeated_until_its_answer_is_valid(
 
     answer_questions(orders, events, "two", "2")
     assert console.ask("How many?", number) == 2
-    asked = [each.text for each in EventTail(events).read_new() if isinstance(each, QuestionEvent)]
-    assert asked == ["How many?", "give a number. How many?"]
+    questions = [
+        each.text for each in EventTail(events).read_new() if isinstance(each, QuestionEvent)
+    ]
+    assert questions == ["How many?", "give a number. How many?"]
 
 
 def test_a_question_contains_the_answers_for_buttons_of_a_page(
@@ -169,26 +171,28 @@ def test_a_question_contains_the_answers_for_buttons_of_a_page(
 ) -> None:
     answer_questions(orders, events, "-")
     assert console.ask("Which way?", str, [("As was said", "+"), ("The other way", "-")]) == "-"
-    (asked,) = [each for each in EventTail(events).read_new() if isinstance(each, QuestionEvent)]
-    assert [(each.label, each.text) for each in asked.choices] == [
+    (questions,) = [
+        each for each in EventTail(events).read_new() if isinstance(each, QuestionEvent)
+    ]
+    assert [(each.label, each.text) for each in questions.choices] == [
         ("As was said", "+"),
         ("The other way", "-"),
     ]
 
 
-@pytest.mark.parametrize(("text", "meant"), [("yes", True), ("no", False), ("", False)])
+@pytest.mark.parametrize(("text", "expected"), [("yes", True), ("no", False), ("", False)])
 def test_only_yes_confirms(
-    console: JobConsole, orders: Orders, events: Path, text: str, meant: bool
+    console: JobConsole, orders: Orders, events: Path, text: str, expected: bool
 ) -> None:
     answer_questions(orders, events, text)
-    assert console.confirm("Attached?") is meant
+    assert console.confirm("Attached?") is expected
 
 
 def test_without_the_service_a_question_fails_and_the_job_is_terminated(
     events: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     killed: list[Any] = []
-    monkeypatch.setattr("os.kill", lambda *told: killed.append(told))
+    monkeypatch.setattr("os.kill", lambda *arguments: killed.append(arguments))
     orders = Orders(io.StringIO(""))
     with EventFile(events) as file:
         console = JobConsole(events=file, orders=orders)
@@ -202,7 +206,7 @@ def test_without_the_service_a_question_fails_and_the_job_is_terminated(
 def held_keys(
     console: JobConsole, tapped: Callable[[str], None] = lambda _key: None
 ) -> Iterator[KeySource]:
-    """Yield the key source of the console for a robot that is ready to move."""
+    """Yield the object that reads held keys from the console, for a robot that is ready to move."""
     with console.keys(tapped) as keys:
         keys.begin()
         yield keys
@@ -344,7 +348,7 @@ def test_a_late_tap_selects_nothing_and_keys_are_ignored_until_the_next_tap(
     with held_keys(console, taps.append) as keys:
         holder.send(tapped="2", late_s=0.31)
         holder.send(held="+")
-        assert keys.look() is None, "the key would move another axis than the selected one"
+        assert keys.look() is None, "the key must not move an axis that was not selected"
         holder.send(held="")
         holder.send(tapped="2")
         holder.send(held="+")
@@ -384,5 +388,5 @@ def test_progress_is_still_reported_after_the_clock_was_set_back(
         monkeypatch.setattr("time.time", lambda: 0.0)
         now.now_s += 1.0
         shown.update(2.0, "")
-    told = [event for event in EventTail(events).read_new() if isinstance(event, ProgressEvent)]
-    assert [event.done for event in told] == [1.0, 2.0]
+    reports = [event for event in EventTail(events).read_new() if isinstance(event, ProgressEvent)]
+    assert [event.done for event in reports] == [1.0, 2.0]

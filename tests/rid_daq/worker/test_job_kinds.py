@@ -32,10 +32,10 @@ from tests.builders.raised_codes import raises_code
 ROWS = 50
 
 
-def run_job(kind: JobKind, told: dict[str, Any], folder: Path) -> list[AnyEvent]:
+def run_job(kind: JobKind, document: dict[str, Any], folder: Path) -> list[AnyEvent]:
     """Run a job in a service's folder, and return its events."""
-    check_request(kind, told, folder)
-    request = parse_request(kind, told, cell="ir361", runs=str(folder / "runs"), cleared=False)
+    check_request(kind, document, folder)
+    request = parse_request(kind, document, cell="ir361", runs=str(folder / "runs"), cleared=False)
     path = folder / "events.jsonl"
     with EventFile(path) as file:
         perform(kind.operation, request, JobConsole(events=file, orders=Orders(io.StringIO())))
@@ -72,7 +72,7 @@ def test_a_run_left_by_a_crash_is_recovered_into_a_readable_run(tmp_path: Path) 
 
 
 @pytest.mark.parametrize(
-    ("kind", "told", "said"),
+    ("kind", "document", "message"),
     [
         (JobKind("recover"), {"what": "nowhere"}, "nowhere"),
         (JobKind("compare"), {"first": "monday", "second": "friday"}, "monday"),
@@ -83,12 +83,12 @@ def test_a_run_left_by_a_crash_is_recovered_into_a_readable_run(tmp_path: Path) 
     ],
 )
 def test_an_unknown_run_is_named(
-    kind: JobKind, told: dict[str, Any], said: str, tmp_path: Path
+    kind: JobKind, document: dict[str, Any], message: str, tmp_path: Path
 ) -> None:
     (tmp_path / "runs").mkdir()
     with pytest.raises(RidDaqError) as caught:
-        run_job(kind, told, tmp_path)
-    assert said in str(caught.value)
+        run_job(kind, document, tmp_path)
+    assert message in str(caught.value)
     assert caught.value.refusal
 
 
@@ -96,9 +96,9 @@ def test_a_run_outside_the_folder_is_not_recovered(tmp_path: Path) -> None:
     folder = tmp_path / "folder"
     folder.mkdir()
     run = crashed_run(tmp_path)
-    for told in ({"what": str(run.path)}, {"what": "a", "output": "../b"}):
+    for document in ({"what": str(run.path)}, {"what": "a", "output": "../b"}):
         with raises_code(ConfigError, "RID-PATH-OUTSIDE"):
-            run_job(JobKind("recover"), told, folder)
+            run_job(JobKind("recover"), document, folder)
 
 
 def test_a_worker_waits_for_its_job_without_slow_imports_that_few_jobs_need() -> None:

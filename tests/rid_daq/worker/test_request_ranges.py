@@ -108,7 +108,7 @@ NUMBERS: list[Any] = [
     for place, schema in numbers(whole, whole)
 ]
 OWN = [each for each in NUMBERS if "faults" not in each.values[1]]
-"""Numbers except those of fault scripts, whose ranges are checked like those of files."""
+"""Numbers of all requests, except fault scripts, whose ranges are checked like those of files."""
 
 
 def test_the_list_of_numbers_covers_the_main_jobs() -> None:
@@ -148,11 +148,11 @@ def test_a_number_outside_its_range_is_refused_by_service_and_worker(
     kind: JobKind, place: Place, schema: Schema, tmp_path: Path
 ) -> None:
     for value in values_outside(schema):
-        told = document_with(kind, place, value)
+        document = document_with(kind, place, value)
         for refuse in (
-            lambda told=told: check_request(kind, told, tmp_path),
-            lambda told=told: parse_request(
-                kind, told, cell="ir361", runs=str(tmp_path / "runs"), cleared=False
+            lambda document=document: check_request(kind, document, tmp_path),
+            lambda document=document: parse_request(
+                kind, document, cell="ir361", runs=str(tmp_path / "runs"), cleared=False
             ),
         ):
             with pytest.raises(ConfigError) as caught:
@@ -192,7 +192,7 @@ def odd_values() -> st.SearchStrategy[Any]:
 
 
 def values_of(schema: Schema, whole: Schema, depth: int = 0) -> st.SearchStrategy[Any]:
-    """Return documents of a schema, some with an odd value in any place."""
+    """Return a strategy for documents of a schema, some of which contain an odd value."""
     schema = resolved(schema, whole)
     if depth > 4:
         return odd_values()
@@ -239,7 +239,7 @@ def paths_in(value: object) -> Iterator[Path]:
 
 @pytest.mark.parametrize("kind", JobKind)
 def test_a_random_document_is_accepted_or_refused(kind: JobKind, tmp_path: Path) -> None:
-    """No other outcome occurs, and an accepted request names no file outside the folder."""
+    """A document has no other outcome; an accepted one names no file outside the folder."""
 
     @settings(
         max_examples=20,
@@ -247,18 +247,18 @@ def test_a_random_document_is_accepted_or_refused(kind: JobKind, tmp_path: Path)
         suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
     )
     @given(values_of(SCHEMAS[kind], SCHEMAS[kind]))
-    def look(told: Any) -> None:
+    def look(document: Any) -> None:
         before = sorted(tmp_path.parent.iterdir())
         try:
-            check_request(kind, told, tmp_path)
+            check_request(kind, document, tmp_path)
             request = parse_request(
-                kind, told, cell="ir361", runs=str(tmp_path / "runs"), cleared=False
+                kind, document, cell="ir361", runs=str(tmp_path / "runs"), cleared=False
             )
         except RidDaqError:
             return
         finally:
             assert sorted(tmp_path.parent.iterdir()) == before
-        json.dumps(told, allow_nan=False)
+        json.dumps(document, allow_nan=False)
         for name in type(request).model_fields:
             if name not in kind.operation.owned:
                 for path in paths_in(getattr(request, name)):
@@ -273,7 +273,7 @@ def test_a_random_document_is_accepted_or_refused(kind: JobKind, tmp_path: Path)
 def test_an_implausible_value_is_refused_by_the_worker(
     kind: JobKind, place: Place, schema: Schema, tmp_path: Path
 ) -> None:
-    told = document_with(kind, place, 1e9)
+    document = document_with(kind, place, 1e9)
     with raises_code(ConfigError, "RID-OPTION-RANGE") as caught:
-        parse_request(kind, told, cell="ir361", runs="runs", cleared=False)
+        parse_request(kind, document, cell="ir361", runs="runs", cleared=False)
     assert caught.value.refusal == "RID-OPTION-RANGE"

@@ -23,13 +23,13 @@ SECRETS = [f"hash {number}" for number in range(1200)]
 def test_a_new_front_process_receives_all_jobs_and_secrets(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """The previous front process can have died during a motion, which a stop must still reach."""
+    """A front process can die during a motion; the next one must be able to stop the motion."""
     fronts: list[tuple[MessageChannel, list[dict[str, Any]]]] = []
 
     async def start(*_command: str, pass_fds: tuple[int, ...], **_: object) -> SimpleNamespace:
-        channel, told = MessageChannel(socket.socket(fileno=os.dup(pass_fds[0]))), []
-        channel.begin(lambda document, *_: told.append(document), lambda: None)
-        fronts.append((channel, told))
+        channel, messages = MessageChannel(socket.socket(fileno=os.dup(pass_fds[0]))), []
+        channel.begin(lambda document, *_: messages.append(document), lambda: None)
+        fronts.append((channel, messages))
         return SimpleNamespace(returncode=0, wait=lambda: asyncio.sleep(0.0))
 
     async def jobs_told(number: int) -> None:
@@ -57,6 +57,6 @@ def test_a_new_front_process_receives_all_jobs_and_secrets(
     monkeypatch.setattr(asyncio, "create_subprocess_exec", start)
     monkeypatch.setattr("rid_daq.service.front.front_link._PAUSE_S", 0.0)
     asyncio.run(asyncio.wait_for(take_over(), 60.0))
-    told = fronts[1][1]
-    assert [each for document in told for each in document.get("issued", ())] == SECRETS
-    assert [document["jobs"] for document in told if "jobs" in document] == [{"a": 4711}]
+    messages = fronts[1][1]
+    assert [each for document in messages for each in document.get("issued", ())] == SECRETS
+    assert [document["jobs"] for document in messages if "jobs" in document] == [{"a": 4711}]

@@ -18,8 +18,10 @@ from tests.builders.raised_codes import raises_code
 
 
 def handler() -> tuple[FrontStopHandler, list[tuple[str, str]]]:
-    told: list[tuple[str, str]] = []
-    return FrontStopHandler(["a", "b"], lambda target, who: told.append((target, who))), told
+    messages: list[tuple[str, str]] = []
+    return FrontStopHandler(
+        ["a", "b"], lambda target, who: messages.append((target, who))
+    ), messages
 
 
 @pytest.mark.promise("stop-by-any-token-ever-issued")
@@ -42,7 +44,7 @@ def test_the_front_process_accepts_stops_with_issued_secrets_only() -> None:
 
 
 def test_the_front_process_stops_known_jobs_and_reports_to_the_service() -> None:
-    found, told = handler()
+    found, messages = handler()
     assert not found.stop("a", "").told
     found.note_jobs({"a": os.getpid()})
     control = ControlBlock.create()
@@ -54,7 +56,7 @@ def test_the_front_process_stops_known_jobs_and_reports_to_the_service() -> None
     assert found.stop("b", "").told, "the worker is starting: the service receives the stop"
     with raises_code(UnknownError, "RID-CELL-UNKNOWN", "'c'"):
         found.stop("c", "")
-    assert told == [("a", ""), ("*", "key"), ("a", ""), ("b", "")]
+    assert messages == [("a", ""), ("*", "key"), ("a", ""), ("b", "")]
 
 
 def test_a_worker_without_a_motion_is_ended_by_a_signal() -> None:

@@ -17,14 +17,14 @@ def test_a_message_to_a_full_channel_is_refused_and_the_others_arrive() -> None:
         ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         near, far = MessageChannel(ours), MessageChannel(theirs)
         near.begin(lambda *_: None, lambda: None)
-        taken = sum(near.send({"number": number}) for number in range(MANY))
+        accepted = sum(near.send({"number": number}) for number in range(MANY))
         far.begin(lambda document, *_: came.append(document["number"]), lambda: None)
-        while len(came) < taken:
+        while len(came) < accepted:
             await asyncio.sleep(0.001)
         near.close()
         far.close()
-        return taken
+        return accepted
 
-    taken = asyncio.run(send_and_read())
-    assert taken < MANY
-    assert came == list(range(taken))
+    accepted = asyncio.run(send_and_read())
+    assert accepted < MANY
+    assert came == list(range(accepted))
