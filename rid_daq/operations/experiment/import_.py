@@ -43,21 +43,26 @@ def _check_rows(rows: str) -> str:
 class ImportRequest(Request):
     """Import a recording of another program as a run folder.
 
-    The recording is one or more CSV files, a ROS 2 bag or an MCAP file. Damaged rows are listed,
-    counted and left out; so are rows that repeat the previous row while the robot moves. Time
-    stamps need not be uniform. If recorded velocities show that the time stamps are wrong, the
-    times are reconstructed. The import is refused with exit code 6 if too much of a recording is
-    damaged, or if the named robot cannot have made it.
+    The recording is one or more CSV, MAT, NPZ, HDF5 or Parquet files, a ROS bag or an MCAP file.
+    Damaged rows are listed, counted and left out; so are rows that repeat the previous row while
+    the robot moves. Time stamps need not be uniform. If recorded velocities show that the time
+    stamps are wrong, the times are reconstructed. The import is refused with exit code 6 if too
+    much of a recording is damaged, or if the named robot cannot have made it.
     """
 
     file: Annotated[
         tuple[Path, ...],
-        Field(min_length=1, description="CSV files of one motion, or one ROS bag."),
+        Field(
+            min_length=1,
+            description="Files of one motion (CSV, MAT, NPZ, HDF5 or Parquet), or one ROS bag.",
+        ),
         Option(positional=True, metavar="FILE...", file="input"),
     ]
     map: Annotated[
         str,
-        Field(description="Import map that describes the columns: a bundled name or a file."),
+        Field(
+            description="Import map that describes the columns or arrays: a bundled name or a file."
+        ),
         Option(metavar="MAP", file="input"),
     ]
     rows: Annotated[
@@ -141,6 +146,7 @@ OPERATION: Final = Operation(
     run=run,
     examples=(
         "import recording.csv --map map.yaml",
+        "import recording.mat --map map.yaml",
         "import bag.mcap --map ur10_ros --rows 1-4000 --rows 4001- --label first --label second",
     ),
     module="rid_daq.operations.experiment.imported_runs",
