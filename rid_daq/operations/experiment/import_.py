@@ -17,6 +17,7 @@ from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from rid_daq.operations.experiment.imported_runs import ImportedRun
+    from rid_daq.operations.experiment.map_proposal import MapProposal
 
 
 def first_and_last(rows: str) -> tuple[int, int | None]:
@@ -48,6 +49,9 @@ class ImportRequest(Request):
     the robot moves. Time stamps need not be uniform. If recorded velocities show that the time
     stamps are wrong, the times are reconstructed. The import is refused with exit code 6 if too
     much of a recording is damaged, or if the named robot cannot have made it.
+
+    Without a map, --robot ROBOT looks at the file and writes a map that fits it, with the reasons.
+    Check the map, then import with it.
     """
 
     file: Annotated[
@@ -59,12 +63,28 @@ class ImportRequest(Request):
         Option(positional=True, metavar="FILE...", file="input"),
     ]
     map: Annotated[
-        str,
+        str | None,
         Field(
             description="Import map that describes the columns or arrays: a bundled name or a file."
         ),
         Option(metavar="MAP", file="input"),
-    ]
+    ] = None
+    robot: Annotated[
+        str | None,
+        Field(
+            description="Robot that moved: a bundled name or a robot file. Without --map: write a"
+            " proposed map instead of importing."
+        ),
+        Option(metavar="ROBOT", file="input"),
+    ] = None
+    proposal: Annotated[
+        Path | None,
+        Field(
+            description="File for the proposed map; the recording's name with the ending .map.yaml"
+            " if not set."
+        ),
+        Option(metavar="FILE", group=FILES, file="output", endings=(".yaml",), needs="robot"),
+    ] = None
     rows: Annotated[
         tuple[Annotated[str, AfterValidator(_check_rows)], ...],
         Field(
@@ -132,10 +152,13 @@ def _run_document(run: ImportedRun) -> dict[str, object]:
     }
 
 
-def run(request: ImportRequest, _context: Context) -> ImportResult:
-    """Import the files."""
+def run(request: ImportRequest, _context: Context) -> ImportResult | MapProposal:
+    """Import the files, or propose a map for them."""
     from rid_daq.operations.experiment.imported_runs import import_files
+    from rid_daq.operations.experiment.map_proposal import write_proposal
 
+    if request.map is None:
+        return write_proposal(request)
     return ImportResult(import_files(request))
 
 
@@ -146,7 +169,7 @@ OPERATION: Final = Operation(
     run=run,
     examples=(
         "import recording.csv --map map.yaml",
-        "import recording.mat --map map.yaml",
+        "import recording.csv --robot robot.yaml",
         "import bag.mcap --map ur10_ros --rows 1-4000 --rows 4001- --label first --label second",
     ),
     module="rid_daq.operations.experiment.imported_runs",

@@ -48,6 +48,13 @@ def import_files(request: ImportRequest) -> tuple[ImportedRun, ...]:
         DataQualityError: The recording is not good enough.
         RecordingError: A run cannot be written.
     """
+    if request.map is None:
+        raise ConfigError("map is missing: give an import map", code="RID-OPTION-NEEDS")
+    if request.robot is not None:
+        raise ConfigError(
+            "--robot has no effect with --map, which names the robot: leave one of them out",
+            code="RID-OPTION-NO-EFFECT",
+        )
     import_map, robot = load_import_map(request.map)
     ranges = [_parse_range(rows) for rows in request.rows] or [import_map.rows]
     if request.label and len(request.label) != len(ranges):
