@@ -86,6 +86,11 @@ class _Segment(NamedTuple):
     torque_nm: FloatArray
 
 
+def _whole_steps(duration_s: float, step_s: float) -> int:
+    """Return the number of steps that a duration needs, without its rounding error."""
+    return int(np.ceil(round(duration_s / step_s, 6)))
+
+
 def low_pass(values: FloatArray, sample_period_s: float, cutoff_hz: float) -> FloatArray:
     """Return uniform samples with a low-pass without phase shift, -3 dB at `cutoff_hz`.
 
@@ -105,7 +110,7 @@ def low_pass(values: FloatArray, sample_period_s: float, cutoff_hz: float) -> Fl
     from dynamics.kernels.low_pass import filter_both_ways  # importing it loads the compiler
 
     sections, start = _sections(cutoff_hz * sample_period_s)
-    padding = min(len(values) - 1, int(np.ceil(3.0 / (cutoff_hz * sample_period_s))))
+    padding = min(len(values) - 1, _whole_steps(3.0 / cutoff_hz, sample_period_s))
     longer = np.empty((len(values) + 2 * padding, *values.shape[1:]))
     longer[:padding] = 2.0 * values[:1] - values[padding:0:-1]  # turned about the end
     longer[padding : padding + len(values)] = values
@@ -173,8 +178,8 @@ def smooth_nonperiodic(
         stamps = time_s[rows]
         if stamps[-1] - stamps[0] < max(6.0 / cutoff_hz, 10.0 * step_s):
             continue
-        grid = np.arange(stamps[0], stamps[-1], step_s)
-        edge = int(np.ceil(2.0 / (cutoff_hz * step_s)))
+        grid = stamps[0] + step_s * np.arange(_whole_steps(stamps[-1] - stamps[0], step_s))
+        edge = _whole_steps(2.0 / cutoff_hz, step_s)
         kept = np.arange(edge, len(grid) - edge)
         raw_position, raw_torque = (
             interpolate.CubicSpline(stamps, values[rows])(grid) for values in (position, torque)

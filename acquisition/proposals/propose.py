@@ -115,7 +115,11 @@ def _time(
     path: Path, table: SourceTable, source: KnownSource | None
 ) -> tuple[str | int, tuple[str, ...], str]:
     """Return the column of the time stamps, its possible units, the likeliest first, and why."""
-    candidates = [n for n, name in enumerate(table.names) if _TIME_NAME.fullmatch(name.strip())]
+    candidates = [
+        n
+        for n, name in enumerate(table.names)
+        if _TIME_NAME.fullmatch(re.split(r"[./]", name.strip())[-1])
+    ]
     if source is not None:
         candidates = [table.names.index(source.time)]
     for number in candidates:
