@@ -332,7 +332,7 @@ LAYOUTS: Final = (
         s.t, s.q, s.qd, 1e3 * s.torque / RATED_NM]), {
             **BY_NUMBER, "units": {"torque": "permille"},
             "joints": _joints({"position": 1, "velocity": 7, "torque": 13},
-                              rated_torque_nm=RATED_NM)}),
+                              rated_torque_nm=RATED_NM.tolist())}),
     Layout("increments", text([], lambda s: [
         s.t, s.q * INCREMENTS / (2 * np.pi), s.qd * INCREMENTS / (2 * np.pi), s.torque]), {
             **BY_NUMBER, "units": {"position": "increments", "velocity": "increments/s"},

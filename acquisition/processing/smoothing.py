@@ -88,7 +88,7 @@ class _Segment(NamedTuple):
 
 def _whole_steps(duration_s: float, step_s: float) -> int:
     """Return the number of steps that a duration needs, without its rounding error."""
-    return int(np.ceil(round(duration_s / step_s, 6)))
+    return int(np.ceil(round(duration_s / step_s, 3)))
 
 
 def low_pass(values: FloatArray, sample_period_s: float, cutoff_hz: float) -> FloatArray:
