@@ -16,8 +16,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from acquisition.imports.array_files import is_array_file
-from acquisition.imports.array_tables import write_array_tables
 from acquisition.imports.import_map import ImportMap, ImportUnits
 from acquisition.imports.read import import_csv
 from acquisition.imports.report import ImportReport
@@ -25,13 +23,16 @@ from acquisition.imports.time_column import match_iso
 from acquisition.proposals.column_groups import ColumnGroup, find_groups
 from acquisition.proposals.known_sources import KnownSource, recognise
 from acquisition.proposals.source_table import SourceTable, look_at
+from acquisition.sources.array_tables import has_named_arrays, write_array_tables
+from acquisition.sources.bags import is_bag, joint_state_topics
+from acquisition.sources.message_files import has_ros_messages
 from config.errors import ConfigError, DataQualityError
 from config.load import bundled_names, load_bundled_or_path, load_robot
 from config.refusals import PLACEHOLDER
 from config.robot.robot import RobotDescription
 
 _TIME_NAME: Final = re.compile(
-    r"(__)?(time|t|timestamp|stamp|zeit|zeitstempel|ipoc|secs?)([^a-z].*)?", re.IGNORECASE
+    r"(__)?(time|t|timestamp|stamp|zeit|zeitstempel|ipoc|secs?|log_time)([^a-z].*)?", re.IGNORECASE
 )
 _STEPS_S: Final = (2e-4, 0.2)
 _UNITS: Final = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
@@ -67,6 +68,9 @@ def propose_map(path: Path, robot_reference: str) -> Proposal:
             or currents of all joints can be found in it.
     """
     robot = load_robot(robot_reference)
+    topics = joint_state_topics(path) if is_bag(path) and has_ros_messages(path) else {}
+    if topics:
+        return _propose_joint_states(path, robot_reference, topics, robot)
     table = look_at(path)
     if not any(table.names):
         return _propose_bundled_map(path, table, robot)
@@ -80,7 +84,7 @@ def propose_map(path: Path, robot_reference: str) -> Proposal:
         first, last = table.names[group.columns[0]], table.names[group.columns[-1]]
         reasons.append(f"{quantity}: columns {first} to {last}")
     keys: dict[str, Any] = {
-        "name": re.sub(r"[^\w.-]+", "_", path.stem)[:64].lstrip("_.-") or "recording",
+        "name": _map_name(path),
         "robot": robot_reference,
         **table.keys,
     }
@@ -92,6 +96,31 @@ def propose_map(path: Path, robot_reference: str) -> Proposal:
         units = next(_units(groups, source))
         return Proposal(keys | {"units": units}, tuple(reasons), notes, None)
     return _first_that_works(path, robot, keys, time_units, groups, source, reasons, notes)
+
+
+def _propose_joint_states(
+    path: Path, reference: str, topics: Mapping[str, tuple[str, ...]], robot: RobotDescription
+) -> Proposal:
+    """Propose a map for joint states, whose messages name the joints and use SI units."""
+    arm = [topic for topic, names in topics.items() if set(robot.joint_names) <= set(names)]
+    topic = next(iter(arm or topics))
+    states: dict[str, Any] = {"effort": PLACEHOLDER}
+    if len(topics) > 1:
+        states["topic"] = topic
+    doubts = ["effort: replace `?` by torque or current; the messages do not state it"]
+    if not arm:
+        states["names"] = [PLACEHOLDER] * len(robot.joints)
+        doubts.append(
+            "names: replace each `?` by the joint's name in the messages, base to flange; they have"
+            f" {', '.join(topics[topic])}"
+        )
+    reasons = (f"{topic} has joint states, which name their joints and have SI units",)
+    keys = {"name": _map_name(path), "robot": reference, "joint_states": states}
+    return Proposal(keys, reasons, tuple(doubts), None)
+
+
+def _map_name(path: Path) -> str:
+    return re.sub(r"[^\w.-]+", "_", path.stem, flags=re.ASCII)[:64].lstrip("_.-") or "recording"
 
 
 def _require_groups(
@@ -300,7 +329,7 @@ def try_import(path: Path, keys: Mapping[str, Any], robot: RobotDescription) -> 
         ConfigError, DataQualityError: As for `import_csv`.
     """
     import_map = ImportMap.model_validate(keys, strict=False)
-    if not is_array_file(path):
+    if not has_named_arrays(path):
         return import_csv(path, import_map, robot)[1]
     with TemporaryDirectory(prefix="rid-daq-") as folder:
         (file,), layout = write_array_tables((path,), import_map, Path(folder))

@@ -9,9 +9,9 @@ from itertools import islice
 from pathlib import Path
 from typing import Final
 
-from acquisition.imports.array_files import is_array_file, read_arrays
 from acquisition.imports.lines import SEPARATORS, read_lines
 from acquisition.imports.time_column import match_iso
+from acquisition.sources.array_tables import has_named_arrays, read_named_arrays
 from config.errors import ConfigError
 
 _LINES: Final = 400
@@ -44,12 +44,12 @@ def look_at(path: Path) -> SourceTable:
     Raises:
         ConfigError: The file cannot be read, or has no rows of numbers.
     """
-    return _look_at_arrays(path) if is_array_file(path) else _look_at_text(path)
+    return _look_at_arrays(path) if has_named_arrays(path) else _look_at_text(path)
 
 
 def _look_at_arrays(path: Path) -> SourceTable:
     columns: dict[str, list[str]] = {}
-    arrays = read_arrays(path)
+    arrays = read_named_arrays(path)
     samples = max((max(array.shape, default=0) for array in arrays.values()), default=0)
     for name, array in arrays.items():
         if array.size == samples == max(array.shape, default=0):

@@ -6,9 +6,6 @@ import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from acquisition.imports.array_files import is_array_file
-from acquisition.imports.array_tables import write_array_tables
-from acquisition.imports.bags import convert_bag_to_table, is_bag
 from acquisition.imports.import_map import ImportMap, RowRange, load_import_map
 from acquisition.imports.lines import LARGEST_FILE_BYTES
 from acquisition.imports.read import import_csv
@@ -17,6 +14,8 @@ from acquisition.journal.cycles import write_imported
 from acquisition.recording.recording import Recording
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING, RunStatus, require_label
+from acquisition.sources.array_tables import has_named_arrays, write_array_tables
+from acquisition.sources.bags import convert_bag_to_table, is_bag
 from config.errors import ConfigError
 from config.formats.bounded_file import read_file
 from config.load import to_yaml
@@ -76,13 +75,13 @@ def import_files(request: ImportRequest) -> tuple[ImportedRun, ...]:
             files = (Path(place) / f"{named.stem}.csv",)
             layout = convert_bag_to_table(named, import_map, robot.joint_names, files[0])
             import_map = layout
-        elif is_bag(named):
+        elif is_bag(named) and any(isinstance(each, int) for each in import_map.column_roles):
             raise ConfigError(
                 f"{named}: is a bag, but map {import_map.name!r} is for CSV files: give a map with"
-                " `joint_states: {effort: torque}`",
+                " `joint_states: {effort: torque}`, or one that names the fields of its messages",
                 code="RID-IMPORT-FILES",
             )
-        elif is_array_file(named):
+        elif has_named_arrays(named):
             files, layout = write_array_tables(files, import_map, Path(place))
         maps = [import_map.model_copy(update={"rows": rows}) for rows in ranges]
         layouts = [layout.model_copy(update={"rows": rows}) for rows in ranges]

@@ -17,11 +17,11 @@ from hypothesis.extra import numpy as arrays
 from pyarrow import parquet
 from scipy.io import savemat
 
-from acquisition.imports.array_files import read_arrays
-from acquisition.imports.array_tables import write_array_tables
 from acquisition.imports.import_map import ImportMap
 from acquisition.imports.read import import_csv
 from acquisition.recording.recording import Recording
+from acquisition.sources.array_files import read_arrays
+from acquisition.sources.array_tables import write_array_tables
 from config.errors import ConfigError
 from tests.builders.foreign_tables import ROWS, sound_table, two_joint_map
 from tests.builders.raised_codes import raises_code

@@ -1,4 +1,4 @@
-"""`write_array_tables`: writes the arrays of MAT, NPZ, HDF5 and Parquet files as CSV files."""
+"""`write_array_tables`: writes arrays, or the fields of messages, as CSV files."""
 
 from __future__ import annotations
 
@@ -10,12 +10,28 @@ from typing import Any, Final
 
 import numpy as np
 
-from acquisition.imports.array_files import ARRAY_ENDINGS, Array, is_array_file, read_arrays
 from acquisition.imports.header import require_number_of_files, with_numbers
 from acquisition.imports.import_map import ImportMap
+from acquisition.sources.array_files import ARRAY_ENDINGS, Array, is_array_file, read_arrays
+from acquisition.sources.bags import BAG_ENDINGS, is_bag
+from acquisition.sources.message_files import read_message_arrays
 from config.errors import ConfigError, system_errors
 
 _MOST_SHOWN: Final = 20
+
+
+def has_named_arrays(path: Path) -> bool:
+    """Return True if a path is a file of arrays, an MCAP file or a ROS bag."""
+    return is_array_file(path) or is_bag(path)
+
+
+def read_named_arrays(path: Path, names: Sequence[str] | None = None) -> dict[str, Array]:
+    """Return the arrays in a file of arrays or messages; of messages only those with these names.
+
+    Raises:
+        ConfigError: The file cannot be read, or a library is not installed.
+    """
+    return read_arrays(path) if is_array_file(path) else read_message_arrays(path, names)
 
 
 def write_array_tables(
@@ -41,10 +57,11 @@ def write_array_tables(
     """
     require_number_of_files(files, import_map)
     for path in files:
-        if not is_array_file(path):
+        if not has_named_arrays(path):
             raise ConfigError(
-                f"{path}: is not a file of arrays ({', '.join(ARRAY_ENDINGS)}), but {files[0]} is:"
-                " give files of one kind",
+                f"{path}: is not a file of arrays or messages"
+                f" ({', '.join((*ARRAY_ENDINGS, *BAG_ENDINGS))}), but {files[0]} is: give files of"
+                " one kind",
                 code="RID-IMPORT-FILES",
             )
     names = [*import_map.time_columns, *import_map.column_roles]
@@ -52,14 +69,14 @@ def write_array_tables(
     if numbers:
         raise ConfigError(
             f"{files[0]}: map {import_map.name!r} gives column {numbers[0]} by its number, but the"
-            " arrays of this file have no order: give their names",
+            " contents of this file have no order: give their names",
             code="RID-IMPORT-HEADER",
         )
     tables: list[Path] = []
     headers: list[list[str]] = []
     found: list[str] = []
     for number, path in enumerate(files):
-        arrays = read_arrays(path)
+        arrays = read_named_arrays(path, [str(name) for name in names])
         found += [f"{name} {array.shape}" for name, array in arrays.items()]
         columns = _columns(path, arrays, import_map, number)
         table = folder / f"{path.stem}.csv" if number == 0 else folder / f"{number} {path.stem}.csv"
@@ -69,7 +86,7 @@ def write_array_tables(
     missing = [name for name in names if not any(name in header for header in headers)]
     if missing:
         raise ConfigError(
-            f"{' and '.join(map(str, files))}: no array is named {missing[0]!r}; arrays found:"
+            f"{' and '.join(map(str, files))}: nothing is named {missing[0]!r}; names found:"
             f" {', '.join(found[:_MOST_SHOWN]) or 'none'}: correct the map",
             code="RID-IMPORT-HEADER",
         )
