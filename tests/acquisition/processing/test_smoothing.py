@@ -206,4 +206,4 @@ def test_the_last_digit_of_the_stamps_does_not_change_the_samples(origin_s: floa
     first, second = (
         smooth_nonperiodic(replace(recording, time_s=each), 10.0).time_s for each in stamps
     )
-    assert len(first) == len(second) == len(exact) - 41
+    assert len(first) == len(second) == len(exact) - 1 - 2 * 21
