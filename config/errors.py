@@ -89,6 +89,20 @@ class EstimationError(RidDaqError):
     """An estimate cannot be computed from the data."""
 
 
+def missing_library(what: str, extra: str) -> ConfigError:
+    """Return the error for a file format whose library is not installed.
+
+    Args:
+        what: The file and its format.
+        extra: Extra of rid-daq that installs the library.
+    """
+    return ConfigError(
+        f"{what} needs a library that is not installed: install rid-daq with the extra {extra}"
+        " (see `rid-daq docs install`)",
+        code="RID-INSTALL-LIBRARY",
+    )
+
+
 def with_notes(text: str, error: BaseException) -> str:
     """Return a text about an error, followed by the error's notes."""
     return "; ".join(filter(None, (text, *getattr(error, "__notes__", ()))))

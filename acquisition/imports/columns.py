@@ -11,6 +11,7 @@ import numpy as np
 from acquisition.imports.import_joint import ImportJoint
 from acquisition.imports.import_map import RATED, ImportMap
 from acquisition.imports.table import ImportTable
+from acquisition.imports.time_column import numbered
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import ConfigError
 from config.plausible import ZERO_CELSIUS_K
@@ -76,7 +77,7 @@ class ImportColumns:
 
     @classmethod
     def of(cls, import_map: ImportMap, robot: RobotDescription | None) -> ImportColumns:
-        """Return the columns of a map; the robot file gives values that the map lacks.
+        """Return the columns of a map without names; the robot file gives values that it lacks.
 
         Raises:
             ConfigError: A value is neither in the map nor in the robot file, or no robot is given.
@@ -84,7 +85,7 @@ class ImportColumns:
         units, joints = import_map.units, import_map.joints
         known = [_described_joint(import_map, joint, robot) for joint in joints]
         gears = [_gear_ratio(import_map, *pair) for pair in zip(joints, known, strict=True)]
-        columns = [joint.position for joint in joints]
+        columns = [numbered(joint.position) for joint in joints]
         turns = [gear * joint.position_sign for gear, joint in zip(gears, joints, strict=True)]
         factors = [
             _unit_value(units.position, _POSITION, _increment(joint)) / turn
@@ -93,25 +94,25 @@ class ImportColumns:
         offsets = [-f * joint.zero_offset for f, joint in zip(factors, joints, strict=True)]
         for joint, gear, description in zip(joints, gears, known, strict=True):
             if joint.torque is not None:
-                columns.append(joint.torque)
+                columns.append(numbered(joint.torque))
                 torque = _unit_value(
                     units.torque, _TORQUE, _rated(units.torque, joint.rated_torque_nm)
                 )
                 factors.append(torque * gear * joint.torque_sign)
             else:
-                columns.append(joint.position if joint.current is None else joint.current)
+                columns.append(numbered(joint.position if joint.current is None else joint.current))
                 constant = _torque_constant(import_map, joint, gear, description)
                 current = _unit_value(
                     units.current, _CURRENT, _rated(units.current, joint.rated_current_a)
                 )
                 factors.append(current * constant * joint.torque_sign)
         for joint, turn in zip(joints, turns, strict=True):
-            columns.append(joint.position if joint.velocity is None else joint.velocity)
+            columns.append(numbered(joint.position if joint.velocity is None else joint.velocity))
             factor = math.nan
             if joint.velocity is not None:
                 factor = _unit_value(units.velocity, _VELOCITY, _increment(joint))
             factors.append(factor / turn)
-        warmths = [joint.temperature for joint in joints if joint.temperature is not None]
+        warmths = [numbered(j.temperature) for j in joints if j.temperature is not None]
         offsets += [0.0] * (len(columns) - len(offsets))
         coupling = None
         if import_map.side == "motor" and robot is not None and robot.coupling is not None:

@@ -11,6 +11,9 @@ from config.model import ConfigModel
 from config.plausible import Plausible
 from config.quantities import Positive
 
+COLUMN_QUANTITIES = ("position", "velocity", "current", "torque", "temperature")
+"""Keys of an `ImportJoint` that are columns."""
+
 
 class JointReading(ConfigModel):
     """Conversion of the numbers of one joint, in any kind of file.
@@ -57,7 +60,7 @@ class JointReading(ConfigModel):
 
 
 class ImportJoint(JointReading):
-    """Columns of one joint, counted from 0.
+    """Columns of one joint: numbers, counted from 0, or names in the header.
 
     Attributes:
         position: Column of the position.

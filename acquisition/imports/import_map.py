@@ -8,8 +8,8 @@ from typing import Annotated, Final, Literal
 
 from pydantic import Field, model_validator
 
-from acquisition.imports.import_joint import ImportJoint, JointReading
-from acquisition.imports.time_column import TimeColumn
+from acquisition.imports.import_joint import COLUMN_QUANTITIES, ImportJoint, JointReading
+from acquisition.imports.time_column import MOST_COLUMNS, Column, TimeColumn
 from config.errors import ConfigError
 from config.formats.yaml_tree import parse_yaml
 from config.load import read_named, validate
@@ -18,7 +18,7 @@ from config.plausible import Derived, PhysicalFile, Plausible
 from config.quantities import MOST_JOINTS, Positive
 from config.robot.robot import RobotDescription
 
-Columns = Annotated[int, Field(ge=2, le=10_000)]
+Columns = Annotated[int, Field(ge=2, le=MOST_COLUMNS)]
 
 PositionUnit = Literal["rad", "deg", "rev", "m", "mm", "increments"]
 VelocityUnit = Literal["rad/s", "deg/s", "rpm", "m/s", "mm/s", "increments/s"]
@@ -37,10 +37,11 @@ class FurtherFile(ConfigModel):
 
     Attributes:
         columns: Number of columns of this file; their numbers continue those of the previous file.
+            Default: the number of names in the file's header.
         time: Column of the time stamps, counted in this file; default: as in the first file.
     """
 
-    columns: Columns
+    columns: Columns | None = None
     time: TimeColumn | None = None
 
 
@@ -134,10 +135,12 @@ class ImportMap(PhysicalFile, Derived):
     Attributes:
         name: Name of the map, which runs and reports show.
         robot: A bundled robot file, or a path relative to the map.
-        columns: Number of columns of a sound row; a row with another number is damaged.
+        columns: Number of columns of a sound row; a row with another number is damaged. Left out,
+            the number of names in the header.
         delimiter: Separator of the columns.
         decimal: Decimal separator. If it is also the delimiter, numbers must be quoted.
-        header_rows: Number of rows to skip at the beginning of the file.
+        header_rows: Number of rows before the first row of numbers. The last of these rows is the
+            header, if the map names columns or leaves out `columns`.
         empty_cells: Meaning of empty cells and `nan` in the columns of the joints. `damaged`: the
             row is left out. `interpolate`: several topics were written into one file, each in rows
             of its own; the rows with a position of the first joint are kept, and the other columns
@@ -193,10 +196,8 @@ class ImportMap(PhysicalFile, Derived):
                     " define these. Remove these keys"
                 )
             return self
-        if self.columns is None or not self.joints:
-            raise ValueError(
-                "no layout: give columns and joints for a CSV file, or joint_states for a bag"
-            )
+        if not self.joints:
+            raise ValueError("no layout: give joints for a CSV file, or joint_states for a bag")
         if (self.time is None) == (self.rate_hz is None):
             raise ValueError(
                 "give either time (the column of time stamps) or rate_hz (rows per second)"
@@ -212,16 +213,14 @@ class ImportMap(PhysicalFile, Derived):
         names = self.joint_names
         if len(set(names)) != len(names):
             raise ValueError("two joints have the same name")
-        used: dict[int, str] = {}
-        for role, column in (*self._time_columns(), *self._joint_columns()):
-            if column >= self.first_columns[-1]:
+        if self.joints and not self.header_rows and None in self.widths:
+            by_number = [role for role, column in self._joint_columns() if isinstance(column, int)]
+            if by_number:
                 raise ValueError(
-                    f"{role} is column {column}, but rows have columns 0 to"
-                    f" {self.first_columns[-1] - 1}"
+                    f"{by_number[0]} is given by its number: give `columns`, the number of columns"
+                    " of a row, or `header_rows` if the file has a header"
                 )
-            if column in used:
-                raise ValueError(f"column {column} is both {used[column]} and {role}")
-            used[column] = role
+        self.check_numbers()
         without = [joint.joint for joint in self.joints if joint.temperature is None]
         if 0 < len(without) < len(self.joints):
             raise ValueError(
@@ -284,38 +283,66 @@ class ImportMap(PhysicalFile, Derived):
         return tuple(joint.joint for joint in self.joints)
 
     @property
+    def widths(self) -> tuple[int | None, ...]:
+        """Number of columns of each file; None if its header defines it."""
+        return (self.columns, *(file.columns for file in self.further_files))
+
+    @property
     def first_columns(self) -> tuple[int, ...]:
         """Number of each file's first column; the last element is the number of all columns."""
-        widths = (self.columns or 0, *(file.columns for file in self.further_files))
-        return (0, *accumulate(widths))
+        return (0, *accumulate(width or 0 for width in self.widths))
 
     def time_column_of_file(self, number: int) -> TimeColumn | None:
         """Return the time column of a file, counted within the file; None with `rate_hz`."""
         return self.time if number == 0 else self.further_files[number - 1].time or self.time
 
     @property
-    def column_roles(self) -> dict[int, str]:
+    def time_columns(self) -> tuple[Column, ...]:
+        """Columns of the time stamps of all files."""
+        times = [self.time_column_of_file(number) for number in range(len(self.widths))]
+        return tuple(column for time in times if time is not None for column in time.columns)
+
+    @property
+    def column_roles(self) -> dict[Column, str]:
         """Quantity and joint of each column of a joint, such as `torque of axis1`."""
         return {column: role for role, column in self._joint_columns()}
 
-    def _time_columns(self) -> Iterator[tuple[str, int]]:
-        widths = (self.columns or 0, *(file.columns for file in self.further_files))
-        for number, width in enumerate(widths):
-            time = self.time_column_of_file(number)
-            if time is not None:
-                role = f"time of file {number + 1}" if number else "time"
-                for column in time.columns:
-                    if column >= width:
-                        raise ValueError(
-                            f"{role} is column {column}, but rows of that file have columns 0 to"
-                            f" {width - 1}"
-                        )
-                    yield role, self.first_columns[number] + column
+    def check_numbers(self) -> None:
+        """Check that columns exist, as far as their numbers are known, and have one role each.
 
-    def _joint_columns(self) -> Iterator[tuple[str, int]]:
+        Raises:
+            ValueError: A column does not exist or has two roles.
+        """
+        used: dict[Column, str] = {}
+        for role, column in (*self._time_columns(), *self._joint_columns()):
+            last = self.first_columns[-1] - 1
+            if isinstance(column, int) and None not in self.widths and column > last:
+                raise ValueError(f"{role} is column {column}, but rows have columns 0 to {last}")
+            if column in used:
+                raise ValueError(f"column {column} is both {used[column]} and {role}")
+            used[column] = role
+
+    def _time_columns(self) -> Iterator[tuple[str, int]]:
+        """Yield role and number of the time columns that have a number in all files."""
+        for number, width in enumerate(self.widths):
+            time = self.time_column_of_file(number)
+            if time is None or width is None:
+                continue
+            role = f"time of file {number + 1}" if number else "time"
+            for column in time.columns:
+                if isinstance(column, str):
+                    continue
+                if column >= width:
+                    raise ValueError(
+                        f"{role} is column {column}, but rows of that file have columns 0 to"
+                        f" {width - 1}"
+                    )
+                yield role, self.first_columns[number] + column
+
+    def _joint_columns(self) -> Iterator[tuple[str, Column]]:
         for joint in self.joints:
-            for quantity in ("position", "velocity", "current", "torque", "temperature"):
-                column: int | None = getattr(joint, quantity)
+            for quantity in COLUMN_QUANTITIES:
+                column: Column | None = getattr(joint, quantity)
                 if column is not None:
                     yield f"{quantity} of {joint.joint}", column
 

@@ -21,10 +21,12 @@ from acquisition.imports.between_steps import position_steps, refine_between_ste
 from acquisition.imports.causes import likely_cause_of_damage
 from acquisition.imports.columns import ImportColumns
 from acquisition.imports.findings import check_rows
+from acquisition.imports.header import number_columns
 from acquisition.imports.import_map import ImportMap
 from acquisition.imports.report import DamagedRow, ImportReport, group_damaged
 from acquisition.imports.soundness import drop_copies, drop_unsound_rows
 from acquisition.imports.tables import read_tables
+from acquisition.imports.time_column import numbered
 from acquisition.imports.velocities import without_missing_velocities
 from acquisition.motion.samples import Phase
 from acquisition.processing.smoothing import GAP_STEPS, resample_periods
@@ -41,6 +43,7 @@ def import_csv(
     robot: RobotDescription | None = None,
     *,
     further: Sequence[Path] = (),
+    layout: ImportMap | None = None,
 ) -> tuple[Recording, ImportReport]:
     """Read CSV files with a map; damaged rows are left out and listed in the report.
 
@@ -57,6 +60,8 @@ def import_csv(
         robot: Robot of the map. It is needed if the map has no gear ratios or torque constants, and
             to check positions, speeds and torques against its limits.
         further: The map's `further_files`.
+        layout: Map of these files, if they were made from files of another kind; `import_map` then
+            has the names of that source, which messages show.
 
     Returns:
         The recording, and the report. The recording contains the sound rows, all in the main phase,
@@ -70,12 +75,15 @@ def import_csv(
             too short, the velocities contradict the positions, or positions are far beyond the
             robot's limits.
     """
-    columns = ImportColumns.of(import_map, robot)
+    files = (file, *further)
+    layout = layout or number_columns(import_map, files)
+    columns = ImportColumns.of(layout, robot)
     damaged: list[DamagedRow] = []
-    optional = {j.velocity for j in import_map.joints if j.velocity is not None}
-    table = read_tables((file, *further), import_map, columns.columns, damaged, optional)
+    optional = {numbered(j.velocity) for j in layout.joints if j.velocity is not None}
+    table = read_tables(files, layout, columns.columns, damaged, optional)
     import_map, missing = without_missing_velocities(import_map, table)
-    columns = ImportColumns.of(import_map, robot)
+    layout, _ = without_missing_velocities(layout, table)
+    columns = ImportColumns.of(layout, robot)
     read = columns.rows(table, len(import_map.joints))
     original = drop_copies(read)
     rows, notes = drop_unsound_rows(original, import_map, damaged)

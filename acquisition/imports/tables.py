@@ -3,26 +3,23 @@
 from __future__ import annotations
 
 import csv
-import io
 import math
 from array import array
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from acquisition.imports.import_map import ImportMap, RowRange
+from acquisition.imports.lines import SEPARATORS, read_lines
 from acquisition.imports.merged_topics import merge_topics, rows_near
 from acquisition.imports.report import DamagedRow
 from acquisition.imports.table import ImportTable, find_unordered
-from acquisition.imports.time_column import Stamps
-from config.errors import ConfigError, DataQualityError, system_errors
-from config.formats.bounded_file import open_file
+from acquisition.imports.time_column import Stamps, numbered
+from config.errors import ConfigError, DataQualityError
 from config.formats.number import parse_number
 
-LARGEST_FILE_BYTES = 500_000_000
-SEPARATORS = {",": ",", ";": ";", "tab": "\t", "space": None}
 _NO_NUMBER = (ConfigError, ValueError, OverflowError)
 
 
@@ -37,22 +34,14 @@ def read_tables(
 
     Args:
         files: The first file, then the `further_files` of the map.
-        import_map: Layout of the files.
+        import_map: Layout of the files, without names of columns (`number_columns`).
         columns: Requested columns, counted through all files.
         damaged: List to which the dropped rows are appended, as rows of the first file.
         optional: Requested columns in which cells may be empty; an empty cell becomes NaN.
 
     Raises:
-        ConfigError: The number of files differs from the map's, a file cannot be read, or it ends
-            before the rows that the map requests.
+        ConfigError: A file cannot be read, or it ends before the rows that the map requests.
     """
-    expected = 1 + len(import_map.further_files)
-    if len(files) != expected:
-        raise ConfigError(
-            f"map {import_map.name!r} reads {expected} files, but {len(files)} are given: name"
-            " them in the order of the map",
-            code="RID-IMPORT-FILES",
-        )
     first = _read_file(files[0], import_map, 0, columns, damaged, optional, None)
     for number, path in enumerate(files[1:], start=1):
         origin = first.origin_ns
@@ -76,14 +65,14 @@ def _read_file(
     stamps = None if time is None else Stamps(time)
     here = [i for i, column in enumerate(columns) if begin <= column < end]
     wanted = [columns[i] - begin for i in here]
-    roles = {column - begin: role for column, role in import_map.column_roles.items()}
+    roles = {numbered(column) - begin: role for column, role in import_map.column_roles.items()}
     merged = import_map.empty_cells == "interpolate"
     may_be_empty = [merged or columns[i] in optional for i in here]
     row_range = import_map.rows if number == 0 else RowRange()
     last = row_range.last or math.inf
     numbers, rows, counts = array("d"), array("q"), array("q")
     count = found = row = 0
-    for row, line in _lines(path):
+    for row, line in read_lines(path):
         if row > last:
             break
         if row <= import_map.header_rows:
@@ -110,7 +99,9 @@ def _read_file(
             try:
                 stamps.append(fields, read_one)
             except _NO_NUMBER:
-                text = ", ".join(_describe(column, fields[column]) for column in time.columns)
+                text = ", ".join(
+                    _describe(each, fields[each]) for each in map(numbered, time.columns)
+                )
                 damaged.append(DamagedRow(row, "without a time stamp", text))
                 continue
         numbers.extend(read)
@@ -177,19 +168,6 @@ def _read_with_gaps(
         except _NO_NUMBER:
             return numbers, column
     return numbers, None
-
-
-def _lines(path: Path) -> Iterator[tuple[int, str]]:
-    """Yield the non-empty lines with their numbers."""
-    with (
-        system_errors(ConfigError, f"cannot read {path}", code="RID-FILE-READ"),
-        open_file(path, LARGEST_FILE_BYTES) as file,
-    ):
-        mark = file.read(2)
-        file.seek(0)
-        encoding = "utf-16" if mark in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
-        text = io.TextIOWrapper(file, encoding, errors="replace")
-        yield from ((row, line) for row, line in enumerate(text, start=1) if line.strip())
 
 
 def _strict_parser(decimal: str) -> Callable[[str], float]:

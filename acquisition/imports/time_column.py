@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from typing import Annotated, Literal
 
 import numpy as np
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, model_validator
 
 from config.arrays import FloatArray
 from config.model import ConfigModel
@@ -22,27 +22,38 @@ _ISO = re.compile(
 )
 
 
-def _refuse_column_name(value: object) -> object:
-    """Raise an error if a column is given by its name instead of its number.
+def _check_column(value: object) -> object:
+    """Raise an error if a value is neither the number nor the name of a column.
 
     Raises:
-        ValueError: The value is a name.
+        ValueError: It is neither.
     """
     if isinstance(value, str):
+        if value.strip() == value != "":
+            return value
+        raise ValueError(f"{value!r} is not the name of a column")
+    if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < MOST_COLUMNS:
         raise ValueError(
-            f"columns are given by number, counted from 0: give the number of column {value!r}"
+            f"a column is a whole number, 0 to {MOST_COLUMNS - 1}, or a name in the file's header"
         )
     return value
 
 
-Column = Annotated[int, BeforeValidator(_refuse_column_name), Field(ge=0, lt=10_000)]
+MOST_COLUMNS = 10_000
+Column = Annotated[int | str, BeforeValidator(_check_column)]
+
+
+def numbered(column: Column) -> int:
+    """Return the number of a column of a map without names (`number_columns`)."""
+    assert isinstance(column, int)
+    return column
 
 
 class TimeColumn(ConfigModel):
     """Column and unit of the time stamps. The steps may vary: the stamps are used as they are.
 
     Attributes:
-        column: Column of the time stamps, counted from 0.
+        column: Column of the time stamps, counted from 0, or its name in the header.
         unit: Unit of the time stamps; `ns` are whole nanoseconds, `iso` are dates with a time of
             day (2026-11-26T08:00:00.123456+01:00; without time zone UTC).
         nanoseconds: Additional column with the nanoseconds within the second; `column` has whole
@@ -63,7 +74,7 @@ class TimeColumn(ConfigModel):
         return self
 
     @property
-    def columns(self) -> tuple[int, ...]:
+    def columns(self) -> tuple[Column, ...]:
         """Columns that hold the time stamps."""
         return (self.column,) if self.nanoseconds is None else (self.column, self.nanoseconds)
 
@@ -77,6 +88,8 @@ class Stamps:
 
     def __init__(self, time: TimeColumn) -> None:
         self._time = time
+        self._column = numbered(time.column)
+        self._nanoseconds = None if time.nanoseconds is None else numbered(time.nanoseconds)
         self._exact = time.unit in ("ns", "iso") or time.nanoseconds is not None
         self._ns, self._numbers = array("q"), array("d")
         self._has_zone: bool | None = None
@@ -91,9 +104,9 @@ class Stamps:
         Raises:
             ConfigError, ValueError, OverflowError: The fields are not a time stamp.
         """
-        text = fields[self._time.column].strip()
-        if self._time.nanoseconds is not None:
-            part = _whole(fields[self._time.nanoseconds].strip(), read)
+        text = fields[self._column].strip()
+        if self._nanoseconds is not None:
+            part = _whole(fields[self._nanoseconds].strip(), read)
             if not 0 <= part < _NS:
                 raise ValueError(f"{part} is not in 0 to 999999999 ns")
             self._ns.append(_whole(text, read) * _NS + part)

@@ -7,6 +7,7 @@ the recording into segments; nothing is interpolated across a gap.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -86,6 +87,11 @@ class _Segment(NamedTuple):
     torque_nm: FloatArray
 
 
+def _steps(duration_s: float, step_s: float) -> float:
+    """Return the number of steps in a duration, without the last digits of the time stamps."""
+    return round(duration_s / step_s, 3)
+
+
 def low_pass(values: FloatArray, sample_period_s: float, cutoff_hz: float) -> FloatArray:
     """Return uniform samples after a zero-phase low-pass with -3 dB at `cutoff_hz`.
 
@@ -105,7 +111,7 @@ def low_pass(values: FloatArray, sample_period_s: float, cutoff_hz: float) -> Fl
     from dynamics.kernels.low_pass import filter_both_ways  # loads the compiler
 
     sections, start = _sections(cutoff_hz * sample_period_s)
-    padding = min(len(values) - 1, int(np.ceil(3.0 / (cutoff_hz * sample_period_s))))
+    padding = min(len(values) - 1, math.ceil(_steps(3.0 / cutoff_hz, sample_period_s)))
     longer = np.empty((len(values) + 2 * padding, *values.shape[1:]))
     longer[:padding] = 2.0 * values[:1] - values[padding:0:-1]  # point reflection about the end
     longer[padding : padding + len(values)] = values
@@ -174,8 +180,8 @@ def smooth_nonperiodic(
         stamps = time_s[rows]
         if stamps[-1] - stamps[0] < max(6.0 / cutoff_hz, 10.0 * step_s):
             continue
-        grid = np.arange(stamps[0], stamps[-1], step_s)
-        edge = int(np.ceil(2.0 / (cutoff_hz * step_s)))
+        grid = stamps[0] + step_s * np.arange(math.ceil(_steps(stamps[-1] - stamps[0], step_s)))
+        edge = math.floor(_steps(2.0 / cutoff_hz, step_s)) + 1
         kept = np.arange(edge, len(grid) - edge)
         raw_position, raw_torque = (
             interpolate.CubicSpline(stamps, values[rows])(grid) for values in (position, torque)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from acquisition.recording.table import RecordingTable
-from config.errors import ConfigError
+from config.errors import missing_library
 
 
 class RecordingFormat(StrEnum):
@@ -62,7 +62,7 @@ def _parquet(table: RecordingTable) -> bytes:
         import pyarrow as arrow
         from pyarrow import parquet
     except ImportError:
-        raise _missing_library("Parquet", "parquet") from None
+        raise missing_library("Parquet", "parquet") from None
     fields = [
         arrow.field(column.name, arrow.from_numpy_dtype(column.values.dtype)).with_metadata(
             {"unit": column.unit}
@@ -96,7 +96,7 @@ def _mdf4(table: RecordingTable) -> bytes:
     try:
         from asammdf import MDF, Signal
     except ImportError:
-        raise _missing_library("MDF 4", "mdf4") from None
+        raise missing_library("MDF 4", "mdf4") from None
     time_s, *others = table.columns
     with TemporaryDirectory() as folder, MDF(version="4.10") as file:
         signals = [
@@ -111,11 +111,3 @@ def _mdf4(table: RecordingTable) -> bytes:
         file.append(signals, comment=json.dumps(table.origin))
         written = file.save(Path(folder) / "recording.mf4", overwrite=True, compression=0)
         return Path(written).read_bytes()
-
-
-def _missing_library(what: str, extra: str) -> ConfigError:
-    return ConfigError(
-        f"{what} needs a library that is not installed: install rid-daq with the extra {extra}"
-        " (see `rid-daq docs install`)",
-        code="RID-INSTALL-LIBRARY",
-    )

@@ -211,16 +211,16 @@ def read_recording(
     rows: str = "",
     robot: Robot | None = None,
 ) -> Recording:
-    """Read a recording: CSV files, a ROS 2 bag, an MCAP file, or a run folder of rid-daq.
+    """Read a recording: CSV, MAT, NPZ, HDF5 or Parquet files, a ROS bag, or a run folder.
 
     As in `rid-daq import`, damaged rows are left out, wrong time stamps are corrected, and units
     and signs are tested; `Recording.notes` lists the findings. The source is not changed.
 
     Args:
         source: A file, or a run folder.
-        further: Further CSV files of the same motion, if the map names them.
-        map: Meaning of the columns or messages: a bundled name (ur10e_31, ur10e_19, ur10_ros) or
-            the path of an import map. A run folder needs none.
+        further: Further files of the same motion, if the map has `further_files`.
+        map: Meaning of the columns, arrays or messages: a bundled name (ur10e_31, ur10e_19,
+            ur10_ros) or the path of an import map. A run folder needs none.
         rows: Rows to use, such as 355-5090, counted from 1; all if empty.
         robot: The robot; by default the one that the map names.
 

@@ -17,6 +17,7 @@ from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from rid_daq.operations.experiment.imported_runs import ImportedRun
+    from rid_daq.operations.experiment.map_proposal import MapProposal
 
 
 def first_and_last(rows: str) -> tuple[int, int | None]:
@@ -43,23 +44,47 @@ def _check_rows(rows: str) -> str:
 class ImportRequest(Request):
     """Import a recording of another program as a run folder.
 
-    The recording is one or more CSV files, a ROS 2 bag or an MCAP file. Damaged rows are listed,
-    counted and left out; so are rows that repeat the previous row while the robot moves. Time
-    stamps need not be uniform. If recorded velocities show that the time stamps are wrong, the
-    times are reconstructed. The import is refused with exit code 6 if too much of a recording is
-    damaged, or if the named robot cannot have made it.
+    The recording is one or more CSV, MAT, NPZ, HDF5 or Parquet files, a ROS bag or an MCAP file.
+    Damaged rows are listed, counted and left out; so are rows that repeat the previous row while
+    the robot moves. Time stamps need not be uniform. If recorded velocities show that the time
+    stamps are wrong, the times are reconstructed. The import is refused with exit code 6 if too
+    much of a recording is damaged, or if the named robot cannot have made it.
+
+    Without a map, --robot ROBOT looks at the file and writes a map that fits it, with the reasons.
+    Check the map, then import with it.
     """
 
     file: Annotated[
         tuple[Path, ...],
-        Field(min_length=1, description="CSV files of one motion, or one ROS bag."),
+        Field(
+            min_length=1,
+            description="Files of one motion (CSV, MAT, NPZ, HDF5 or Parquet), or one ROS bag.",
+        ),
         Option(positional=True, metavar="FILE...", file="input"),
     ]
     map: Annotated[
-        str,
-        Field(description="Import map that describes the columns: a bundled name or a file."),
+        str | None,
+        Field(
+            description="Import map that describes the columns or arrays: a bundled name or a file."
+        ),
         Option(metavar="MAP", file="input"),
-    ]
+    ] = None
+    robot: Annotated[
+        str | None,
+        Field(
+            description="Robot that moved: a bundled name or a robot file. Without --map: write a"
+            " proposed map instead of importing."
+        ),
+        Option(metavar="ROBOT", file="input"),
+    ] = None
+    proposal: Annotated[
+        Path | None,
+        Field(
+            description="File for the proposed map; the recording's name with the ending .map.yaml"
+            " if not set."
+        ),
+        Option(metavar="FILE", group=FILES, file="output", endings=(".yaml",), needs="robot"),
+    ] = None
     rows: Annotated[
         tuple[Annotated[str, AfterValidator(_check_rows)], ...],
         Field(
@@ -127,10 +152,13 @@ def _run_document(run: ImportedRun) -> dict[str, object]:
     }
 
 
-def run(request: ImportRequest, _context: Context) -> ImportResult:
-    """Import the files."""
+def run(request: ImportRequest, _context: Context) -> ImportResult | MapProposal:
+    """Import the files, or propose a map for them."""
     from rid_daq.operations.experiment.imported_runs import import_files
+    from rid_daq.operations.experiment.map_proposal import write_proposal
 
+    if request.map is None:
+        return write_proposal(request)
     return ImportResult(import_files(request))
 
 
@@ -141,6 +169,7 @@ OPERATION: Final = Operation(
     run=run,
     examples=(
         "import recording.csv --map map.yaml",
+        "import recording.csv --robot robot.yaml",
         "import bag.mcap --map ur10_ros --rows 1-4000 --rows 4001- --label first --label second",
     ),
     module="rid_daq.operations.experiment.imported_runs",

@@ -6,15 +6,16 @@ import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from acquisition.imports.bags import convert_bag_to_table, is_bag
 from acquisition.imports.import_map import ImportMap, RowRange, load_import_map
+from acquisition.imports.lines import LARGEST_FILE_BYTES
 from acquisition.imports.read import import_csv
 from acquisition.imports.report import ImportReport
-from acquisition.imports.tables import LARGEST_FILE_BYTES
 from acquisition.journal.cycles import write_imported
 from acquisition.recording.recording import Recording
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING, RunStatus, require_label
+from acquisition.sources.array_tables import has_named_arrays, write_array_tables
+from acquisition.sources.bags import convert_bag_to_table, is_bag
 from config.errors import ConfigError
 from config.formats.bounded_file import read_file
 from config.load import to_yaml
@@ -46,6 +47,13 @@ def import_files(request: ImportRequest) -> tuple[ImportedRun, ...]:
         DataQualityError: The recording is not good enough.
         RecordingError: A run cannot be written.
     """
+    if request.map is None:
+        raise ConfigError("map is missing: give an import map", code="RID-OPTION-NEEDS")
+    if request.robot is not None:
+        raise ConfigError(
+            "--robot has no effect with --map, which names the robot: leave one of them out",
+            code="RID-OPTION-NO-EFFECT",
+        )
     import_map, robot = load_import_map(request.map)
     ranges = [_parse_range(rows) for rows in request.rows] or [import_map.rows]
     if request.label and len(request.label) != len(ranges):
@@ -55,39 +63,52 @@ def import_files(request: ImportRequest) -> tuple[ImportedRun, ...]:
         )
     for label in request.label:
         require_label(label)
-    named, *further = request.file
-    file = named
+    named = request.file[0]
+    files, layout = request.file, import_map
     with tempfile.TemporaryDirectory(prefix="rid-daq-") as place:
         if import_map.joint_states is not None:
-            if further:
+            if len(files) > 1:
                 raise ConfigError(
-                    f"{further[0]}: a bag is imported alone: leave this file out",
+                    f"{files[1]}: a bag is imported alone: leave this file out",
                     code="RID-IMPORT-FILES",
                 )
-            file = Path(place) / f"{file.stem}.csv"
-            import_map = convert_bag_to_table(named, import_map, robot.joint_names, file)
-        elif is_bag(file):
+            files = (Path(place) / f"{named.stem}.csv",)
+            layout = convert_bag_to_table(named, import_map, robot.joint_names, files[0])
+            import_map = layout
+        elif is_bag(named) and any(isinstance(each, int) for each in import_map.column_roles):
             raise ConfigError(
-                f"{file}: is a bag, but map {import_map.name!r} is for CSV files: give a map with"
-                " `joint_states: {effort: torque}`",
+                f"{named}: is a bag, but map {import_map.name!r} is for CSV files: give a map with"
+                " `joint_states: {effort: torque}`, or one that names the fields of its messages",
                 code="RID-IMPORT-FILES",
             )
+        elif has_named_arrays(named):
+            files, layout = write_array_tables(files, import_map, Path(place))
         maps = [import_map.model_copy(update={"rows": rows}) for rows in ranges]
-        read = [import_csv(file, each, robot, further=further) for each in maps]
-        stem = file.stem
+        layouts = [layout.model_copy(update={"rows": rows}) for rows in ranges]
+        read = [
+            import_csv(
+                files[0],
+                each,
+                robot,
+                further=files[1:],
+                layout=None if layout is import_map else numbered,
+            )
+            for each, numbered in zip(maps, layouts, strict=True)
+        ]
+        stem = files[0].stem
         names = [f"{stem} {rows.first}-{rows.last or ''}" for rows in ranges]
         labels = request.label or map(as_label, [stem] if len(ranges) == 1 else names)
         return tuple(
             _write_run(
                 RunFolder.create(request.runs, label, kind="import", software=software_versions()),
-                (file, *further),
-                layout,
+                files,
+                numbered,
                 robot,
                 recording,
                 replace(report, file=named.name),
                 request.map,
             )
-            for label, layout, (recording, report) in zip(labels, maps, read, strict=True)
+            for label, numbered, (recording, report) in zip(labels, layouts, read, strict=True)
         )
 
 
@@ -105,7 +126,7 @@ def _write_run(
     report: ImportReport,
     reference: str,
 ) -> ImportedRun:
-    """Write the source files (for a bag, its table), the map, the recording, and the report."""
+    """Write the CSV files (made from the source if it has another format), map, data and report."""
     with mark_unfinished(folder):
         names = SOURCES[: len(files)]
         for name, file in zip(names, files, strict=True):

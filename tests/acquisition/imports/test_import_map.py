@@ -44,9 +44,14 @@ def test_a_minimal_map_is_enough() -> None:
             ("column 1", "position of a", "torque of a"),
         ),
         (
-            {"joints": [JOINT | {"position": "q1"}]},
+            {"joints": [JOINT | {"position": 1.5}]},
             "joints.0.position",
-            ("from 0", "'q1'"),
+            ("0 to 9999", "name"),
+        ),
+        (
+            {"joints": [JOINT | {"position": " q1"}]},
+            "joints.0.position",
+            ("' q1'",),
         ),
         ({"joints": [JOINT | {"position": 4}]}, "", ("position of a", "column 4", "0 to 3")),
         ({"joints": [JOINT | {"gear_ratio": 0.0}]}, "joints.0", ("gear_ratio", " 0")),
@@ -66,7 +71,7 @@ def test_a_minimal_map_is_enough() -> None:
         ({"side": "load"}, "side", ("'link'", "'motor'")),
         ({"rate_hz": 100.0}, "", ("time (", "rate_hz (")),
         ({"time": None}, "", ("time (", "rate_hz (")),
-        ({"joints": []}, "", ("columns and joints", "joint_states")),
+        ({"joints": []}, "", ("joints", "joint_states")),
         (
             {"further_files": [{"columns": 2, "time": {"column": 2}}]},
             "",

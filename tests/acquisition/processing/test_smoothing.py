@@ -195,3 +195,15 @@ def test_a_cut_off_too_high_for_the_sampling_period_is_refused_in_seconds() -> N
         low_pass(np.zeros((9, 1)), 10.0, 10.0)
     with raises_code(ConfigError, "RID-RECORDING-CUTOFF", "10", "ms", "45"):
         low_pass(np.zeros((9, 1)), 0.01, 60.0)
+
+
+@pytest.mark.parametrize("origin_s", [802.227, 90_000.0, -3.3])
+def test_the_last_digit_of_the_stamps_does_not_change_the_samples(origin_s: float) -> None:
+    recording = recording_with_uneven_stamps()
+    # 2 / (10 Hz) are 20 steps of 10 ms, but 20.00000000001 if the stamps are rounded to a double
+    exact = 0.01 * np.arange(len(recording.time_s), dtype=np.float64)
+    stamps = (exact, (exact + origin_s) - origin_s)
+    first, second = (
+        smooth_nonperiodic(replace(recording, time_s=each), 10.0).time_s for each in stamps
+    )
+    assert len(first) == len(second) == len(exact) - 1 - 2 * 21

@@ -30,6 +30,37 @@ def is_bag(path: Path) -> bool:
     return path.suffix in BAG_ENDINGS or (path / "metadata.yaml").is_file()
 
 
+def joint_state_topics(path: Path) -> dict[str, tuple[str, ...]]:
+    """Return the topics with joint states in a bag, and the joints in the first message of each.
+
+    Raises:
+        ConfigError: The bag cannot be read.
+    """
+    found: dict[str, tuple[str, ...]] = {}
+    try:
+        for topic, _, message in ros_messages(path, lambda _topic, kind: kind == JOINT_STATE):
+            found.setdefault(topic, tuple(message.name))
+    except (RidDaqError, MemoryError):
+        raise
+    except Exception as error:  # the library raises many types for a damaged file
+        raise _not_a_bag(path, error) from error
+    return found
+
+
+def ros_messages(
+    path: Path, is_wanted: Callable[[str, str], bool]
+) -> Iterator[tuple[str, int, Any]]:
+    """Yield topic, recording time [ns] and message, for the wanted topics and types of message."""
+    from rosbags.highlevel import AnyReader  # slow to import
+    from rosbags.typesys import Stores, get_typestore
+
+    with AnyReader([path], default_typestore=get_typestore(Stores.LATEST)) as reader:
+        wanted = [each for each in reader.connections if is_wanted(each.topic, each.msgtype)]
+        deserialize: Callable[..., Any] = reader.deserialize
+        for connection, received_ns, raw in reader.messages(connections=wanted) if wanted else ():
+            yield connection.topic, received_ns, deserialize(raw, connection.msgtype)
+
+
 def convert_bag_to_table(
     path: Path, import_map: ImportMap, joint_names: tuple[str, ...], table: Path
 ) -> ImportMap:
@@ -84,10 +115,7 @@ def convert_bag_to_table(
     except (RidDaqError, MemoryError):
         raise
     except Exception as error:  # a damaged file can raise any type of exception
-        raise ConfigError(
-            f"{path}: cannot be read as a bag: {type(error).__name__}: {error}",
-            code="RID-FILE-TYPE",
-        ) from error
+        raise _not_a_bag(path, error) from error
     if not stamps:
         raise ConfigError(
             f"{path}: no message names a joint of the robot ({', '.join(names)}): give the joint"
@@ -139,6 +167,13 @@ def convert_bag_to_table(
         empty_cells="interpolate" if is_split else "damaged",
         time=TimeColumn(column=0),
         joints=joints,
+    )
+
+
+def _not_a_bag(path: Path, error: Exception) -> ConfigError:
+    return ConfigError(
+        f"{path}: cannot be read as a bag: {type(error).__name__}: {error}",
+        code="RID-FILE-TYPE",
     )
 
 

@@ -13,9 +13,9 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from acquisition.imports.bags import convert_bag_to_table
 from acquisition.imports.import_map import ImportMap
 from acquisition.imports.read import import_csv
+from acquisition.sources.bags import convert_bag_to_table
 from config.errors import ConfigError, DataQualityError
 from tests.builders.raised_codes import raises_code, raises_invalid
 

@@ -1,0 +1,88 @@
+"""`KNOWN_SOURCES`: programs whose recordings are recognised by the names of their columns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+
+@dataclass(frozen=True)
+class KnownSource:
+    """A program that writes recordings, and what the names of its columns do not say.
+
+    Attributes:
+        title: Name of the program.
+        columns: Names of columns by which the recording is recognised.
+        time: Column of the time stamps.
+        time_unit: Unit of the time stamps.
+        units: Keys of `units` in the import map.
+        notes: What a person must know about the recorded quantities, one sentence each.
+    """
+
+    title: str
+    columns: tuple[str, ...]
+    time: str
+    time_unit: str
+    units: Mapping[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+KNOWN_SOURCES: Final = (
+    KnownSource(
+        "Universal Robots RTDE (ur_rtde, or the recorder of UR's Python client)",
+        ("timestamp", "actual_q_0"),
+        "timestamp",
+        "s",
+        notes=(
+            "actual_current is the measured motor current. target_moment is computed by the"
+            " controller from its own model and is not used",
+            "record with speed_scaling 1 and the right payload set in the controller",
+        ),
+    ),
+    KnownSource(
+        "Franka, libfranka's log",
+        ("time", "state.q[0]", "state.tau_J[0]"),
+        "time",
+        "ms",
+        notes=("tau_J is measured by the joint torque sensors, gravity included",),
+    ),
+    KnownSource(
+        "KUKA RSI, logged by RSIPI",
+        ("Receive.IPOC", "Receive.AIPos.A1"),
+        "Receive.IPOC",
+        "ms",
+        {"position": "deg", "current": "percent"},
+        (
+            "MACur is the motor current in percent of the drive's maximum: rated_current_a is the"
+            " maximum current of each drive, from the machine data",
+        ),
+    ),
+    KnownSource(
+        "ABB EGM, logged by abb_libegm",
+        ("TIMESTAMP", "R_FB_POS_RJ1"),
+        "TIMESTAMP",
+        "ms",
+        {"position": "deg", "velocity": "deg/s"},
+        ("EGM's velocities are differences of the positions, not measurements",),
+    ),
+    KnownSource(
+        "PlotJuggler's CSV export",
+        ("__time",),
+        "__time",
+        "s",
+        notes=(
+            "the efforts of ROS joint states may be torques or motor currents, and may or may not"
+            " contain gravity: ask the robot driver's documentation",
+        ),
+    ),
+    KnownSource("rid-daq export", ("time_s", "phase", "sample_index"), "time_s", "s"),
+)
+
+
+def recognise(names: Sequence[str]) -> KnownSource | None:
+    """Return the known source whose columns all exist."""
+    return next(
+        (source for source in KNOWN_SOURCES if set(source.columns) <= set(names)),
+        None,
+    )
