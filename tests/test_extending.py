@@ -23,7 +23,7 @@ EXAMPLES = (
     pytest.param("a drive without a torque limit", marks=pytest.mark.slow),
     pytest.param("drives on a multicast group", marks=pytest.mark.slow),
     pytest.param("quadratic friction", marks=pytest.mark.slow),
-    pytest.param("one joint there and back", marks=pytest.mark.slow),
+    pytest.param("one joint moves to a pose and back", marks=pytest.mark.slow),
     "the masses of a robot file",
 )
 

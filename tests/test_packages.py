@@ -1,4 +1,4 @@
-"""Layout of the project: names of packages, sizes of files and rooms, cost of imports."""
+"""Layout of the project: names of packages, sizes of files and folders, cost of imports."""
 
 from __future__ import annotations
 

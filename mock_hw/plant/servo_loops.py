@@ -78,7 +78,7 @@ COMMAND_ROWS = 5
 
 _SWEEPS = 60
 _ELASTIC_FRACTION = 0.7
-"""Stretch, as a fraction of z_ss, below which a bristle is purely elastic."""
+"""Fraction of z_ss up to which a bristle is purely elastic."""
 _BRISTLE_DAMPING_S = 0.0002
 """Ratio sigma_1 / sigma_0 [s]; it damps oscillations of an axis that a bristle holds at rest."""
 _NEGLIGIBLE_TORQUE = 1e-12

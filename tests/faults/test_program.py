@@ -225,8 +225,8 @@ def test_mock_refuses_faults_of_the_program(
     faults = str(workshop / "faults.yaml")
     assert run(["mock", str(workshop / "cell.yaml"), "--faults", faults]) == 2
     message = capsys.readouterr().err
-    assert f"{faults}: program: " in message
-    assert "rid-daq record --faults" in message
+    assert f"{faults}:" in message
+    assert "--faults" in message
 
 
 def test_filling_a_disk_that_is_not_a_separate_one_is_refused_before_the_start(

@@ -342,7 +342,7 @@ def test_enabling_moves_no_position_mode_axis() -> None:
 
 
 def bundled(name: str) -> ServoProfile:
-    """Return a bundled profile with the values that its drives do not state."""
+    """Return a bundled servo profile, completed with values that its drives do not provide."""
     profile = load_bundled_or_path(name, "servos", ServoProfile)
     values: dict[str, float] = {}
     if profile.encoder_increments is None:

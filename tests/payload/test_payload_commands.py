@@ -102,7 +102,7 @@ def test_every_procedure_identifies_a_real_payload_within_its_interval(
     # Torque due to the payload, and change of mass per 1 % of an axis's torque (none for `apart`).
     felt = [(axis["payload"], axis["mass_per_percent"]) for axis in section["axes"]]
     assert felt[1][0] == pytest.approx(25.0, rel=0.1)
-    assert all((share is None) is (procedure == "apart") for _, share in felt)
+    assert all((change is None) is (procedure == "apart") for _, change in felt)
 
 
 def test_a_model_with_its_own_friction_terms_identifies_a_payload(

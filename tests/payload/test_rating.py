@@ -1,4 +1,4 @@
-"""A payload above the robot's rating is questioned before its motion and in its verdict."""
+"""A payload is compared with the robot's rated payload before a motion and in the verdict."""
 
 from __future__ import annotations
 

@@ -175,9 +175,7 @@ class TestDamagedRows:
         lines[25::11] = ["ERR"] * len(lines[25::11])
         with pytest.raises(DataQualityError) as refused:
             import_csv(write(lines), two_joint_map())
-        message = str(refused.value)
-        assert "The first of each kind is row 21: " in message
-        assert "; row 26: " in message
+        assert {"21", "26"} <= set(re.findall(r"row (\d+):", str(refused.value)))
         assert len(re.findall(r"row \d", message)) == 3
         assert len(message) < 500
 

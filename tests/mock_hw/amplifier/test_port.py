@@ -37,7 +37,7 @@ def plate() -> PlateConfig:
 
 
 class Bench:
-    """A port, the computer's end, and a simulated clock."""
+    """A simulated amplifier's port, the computer's end of the line, and a simulated clock."""
 
     def __init__(self, path: Path, plate: PlateConfig, **options: Any) -> None:
         realtime = options.pop("realtime", False)
@@ -54,7 +54,7 @@ class Bench:
     def say(self, command: bytes) -> bytes:
         self.computer.write(command)
         self.port.receive(self.port.read(), REST)
-        return self.heard()
+        return self.read_new()
 
     def start(self) -> None:
         assert self.say(SET_UP) == b"OK\r" * 7
@@ -70,10 +70,10 @@ class Bench:
         for step in range(round(duration_s / step_s)):
             end_s = self.port.time_s + step_s
             self.port.apply_loads(end_s, [end_s], [REST])
-            received += self.heard() if step % 8 == 7 else b""
-        return received + self.heard()
+            received += self.read_new() if step % 8 == 7 else b""
+        return received + self.read_new()
 
-    def heard(self) -> bytes:
+    def read_new(self) -> bytes:
         """Return all bytes received since the last call."""
         data = b""
         while self._seen < self.port.passed_bytes:
@@ -169,13 +169,13 @@ def test_in_real_time_bytes_are_withheld_until_their_arrival(make: Any) -> None:
     assert bench.say(b"RO?\r") == b"", "no answer yet: its two bytes take 43 us"
     assert bench.port.next_s < 0.002
     bench.port.advance(0.0005)
-    assert bench.heard() == b"0\r"
+    assert bench.read_new() == b"0\r"
     bench.computer.write(b"RO?\r")
     bench.port.receive(bench.port.read(), REST, 0.5)
     bench.port.advance(0.50001)
-    assert bench.heard() == b""
+    assert bench.read_new() == b""
     bench.port.advance(0.6)
-    assert bench.heard() == b"0\r"
+    assert bench.read_new() == b"0\r"
     assert bench.port.next_s == np.inf
 
 

@@ -57,7 +57,9 @@ def test_timeouts_of_a_drive_elapse_at_the_rate_of_its_clock(
     bench.drive.clock.rate = rate
     bench.cycle(0x000F)
     if rate > 1.5 and timeout_s < 0.02:
-        assert first_emergency(bench)[1] == code, "one cycle is longer than this timeout"
+        assert first_emergency(bench)[1] == code, (
+            "the first cycle is already longer than this timeout"
+        )
         return
     last_s = bench.now_s - 0.008
     bench.take()

@@ -43,12 +43,14 @@ def test_a_load_oscillates_with_the_frequency_and_damping_of_its_gear() -> None:
     damping = 12.0
     places = np.array(load_after_braking(plant_with_gear(damping)))[100:]
     rate = math.sqrt(STIFFNESS / INERTIA)
-    share = damping / (2.0 * math.sqrt(STIFFNESS * INERTIA))
+    damping_ratio = damping / (2.0 * math.sqrt(STIFFNESS * INERTIA))
     tops = np.flatnonzero((places[1:-1] > places[:-2]) & (places[1:-1] >= places[2:])) + 1
     period = np.diff(tops).mean() * STEP
-    assert period == pytest.approx(2 * math.pi / (rate * math.sqrt(1 - share**2)), rel=0.01)
+    assert period == pytest.approx(2 * math.pi / (rate * math.sqrt(1 - damping_ratio**2)), rel=0.01)
     falling = np.log(places[tops[:-1]] / places[tops[1:]]).mean()
-    assert falling == pytest.approx(2 * math.pi * share / math.sqrt(1 - share**2), rel=0.05)
+    assert falling == pytest.approx(
+        2 * math.pi * damping_ratio / math.sqrt(1 - damping_ratio**2), rel=0.05
+    )
 
 
 def test_without_damping_the_load_keeps_its_energy() -> None:

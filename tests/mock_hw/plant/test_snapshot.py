@@ -1,4 +1,4 @@
-"""Snapshot of the axes in shared memory: a reader gets a complete snapshot or none."""
+"""Snapshot of the axes in a file: a reader gets a complete snapshot or none."""
 
 from __future__ import annotations
 

@@ -187,7 +187,7 @@ def test_refinement_reduces_the_error_twentyfold_and_a_grown_error_is_refused(
     assert motion["mean_ratio"] > 20.0
     assert motion["max_ratio"] > 10.0
 
-    # Refine again with a changed previous RMS error: equal to the present error, then half as large.
+    # Refine again with a changed previous RMS error: first the present error, then half as large.
     (recorded,) = (
         path.parent
         for path in (workshop / "runs").glob("*/feedforward.json")
@@ -293,9 +293,9 @@ class TestStream:
             words = ["stream", str(served), str(workshop / "circle.yaml"), "--json"]
             assert run([*words, *model_of(workshop)]) == 6
         quality = document(capsys)["quality"]
-        share = quality["lost_answers"]["axis2"] / quality["rows"]
+        lost_ratio = quality["lost_answers"]["axis2"] / quality["rows"]
         assert "joint 'axis2': " in quality["trouble"]
-        measured(f"'stream': {100 * share:.1f} % of a drive's answers are lost: exit code 6")
+        measured(f"'stream': {100 * lost_ratio:.1f} % of a drive's answers are lost: exit code 6")
 
     def test_an_unknown_path_of_another_program_is_followed_accurately(
         self, workshop: Path, capsys: pytest.CaptureFixture[str]

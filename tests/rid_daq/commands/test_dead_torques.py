@@ -53,7 +53,7 @@ def test_a_constant_torque_of_a_joint_at_rest_is_not_dead(tmp_path: Path) -> Non
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with a run of a constant torque column, and the model of another run."""
+    """Return a folder with a run whose torque column is constant, and a model of another run."""
     folder = tmp_path_factory.mktemp("dead")
     sound = imported_recording(folder, SOUND)
     options = EstimationOptions(ModelOptions(friction_terms=("viscous",)))

@@ -13,7 +13,7 @@ pytestmark = pytest.mark.slow
 
 
 ANY = float("inf")
-# Lowest and highest value of the numbers at a place of the document, and their count.
+# By place in the document: lowest and highest allowed number, and count of the numbers.
 BOUNDS: dict[str, tuple[float, float, int]] = {
     "average.samples_per_period": (1250, 1250, 1),
     "average.missing_samples": (0, 0, 1),

@@ -1,4 +1,4 @@
-"""`rid-daq import` of files that `rid-daq export` and other programs write: columns by name."""
+"""`rid-daq import` of files of `rid-daq export` and other programs, with named columns."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ BY_NAME = {
 
 @pytest.fixture
 def imported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
-    """The folder of a run that was imported from a plain CSV file."""
+    """Return the folder of a run that was imported from a plain CSV file."""
     (tmp_path / "rec.csv").write_text("\n".join(as_lines(sound_table())))
     (tmp_path / "robot.yaml").write_text(to_yaml(two_joint_robot()))
     (tmp_path / "plain.yaml").write_text(to_yaml(two_joint_map(robot="robot.yaml")))

@@ -83,13 +83,13 @@ HARMONICS: dict[str, tuple[float, list[float], list[float]]] = {
 }
 
 
-def motion(periods: int, share: float = 1.0, period_s: float = 9.6) -> FourierMotion:
+def motion(periods: int, amplitude_ratio: float = 1.0, period_s: float = 9.6) -> FourierMotion:
     joints = [
         FourierJoint(
             joint=name,
             offset=offset,
-            sine=tuple(share * value for value in sine),
-            cosine=tuple(share * value for value in cosine),
+            sine=tuple(amplitude_ratio * value for value in sine),
+            cosine=tuple(amplitude_ratio * value for value in cosine),
         )
         for name, (offset, sine, cosine) in HARMONICS.items()
     ]

@@ -19,7 +19,7 @@ NAMES = "t,pos_a,pos_b,vel_a,vel_b,torque_a,torque_b"
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """The working folder, with a robot and a recording of it."""
+    """Return a working folder with a robot file and a recording of this robot."""
     (tmp_path / "robots").mkdir()
     (tmp_path / "robots" / "arm.yaml").write_text(to_yaml(two_joint_robot()))
     (tmp_path / "rec.csv").write_text("\n".join([NAMES, *as_lines(sound_table())]))

@@ -104,7 +104,8 @@ def test_retime_warm_uses_the_temperature_that_the_path_causes(
     rise = estimate.warming.steady_temperatures(estimate.robot, driven.velocity)[0] - 298.15
     power_w = float(result["notes"][0].split(" W in axis1")[0].rsplit(" ", 1)[1])
     assert power_w == pytest.approx(rise, rel=0.05)
-    # Friction falls with temperature, and axis 1 carries no gravity: its peak torque falls equally.
+    # Friction falls with temperature. Gravity has no effect on axis 1, so its peak torque falls
+    # by the same amount.
     coulomb = estimate.values[estimate.base.names.index("fc_axis1")]
     assert peaks["warm"] < peaks["cold"] - 0.9 * FALL * rise * coulomb
 

@@ -55,8 +55,8 @@ def test_an_encoder_resolution_from_the_cell_file_is_suspected_before_the_gear(
 ) -> None:
     servo = ServoProfile(encoder_increments=16384.0, velocity_unit=unit)
     # a wrong resolution also scales the velocity command, except one in increments/s
-    share = 1.0 if unit == "increments_per_s" else factor
-    wrong = replace(MOTION, command_ratio=share)
+    command_ratio = 1.0 if unit == "increments_per_s" else factor
+    wrong = replace(MOTION, command_ratio=command_ratio)
     found = problems(ObservedMotion("axis2", -2.05 * factor), wrong, with_servo(servo))
     assert f"servo: encoder_increments: {16384 / factor:.4g} (is 16384)" in found
     assert "gear_ratio" not in found

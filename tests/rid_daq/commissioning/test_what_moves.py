@@ -113,18 +113,18 @@ def small_move(pose: FloatArray, number: int) -> HoldLine:
     return made._plan_small_move(number, pose)
 
 
-def pose_with_share(number: int, share: float) -> FloatArray:
+def pose_with_fraction(number: int, fraction: float) -> FloatArray:
     """Return a pose with all joints at mid-range, except one at a fraction of its range."""
     low = np.array([joint.limits.position_min for joint in ROBOT.joints])
     high = np.array([joint.limits.position_max for joint in ROBOT.joints])
     pose = 0.5 * (low + high)
-    pose[number] = low[number] + share * (high - low)[number]
+    pose[number] = low[number] + fraction * (high - low)[number]
     return pose
 
 
 def test_an_axis_test_moves_one_axis_by_two_degrees_towards_its_middle() -> None:
-    for share, sign in ((0.3, 1.0), (0.7, -1.0)):
-        pose = pose_with_share(0, share)
+    for fraction, sign in ((0.3, 1.0), (0.7, -1.0)):
+        pose = pose_with_fraction(0, fraction)
         way = small_move(pose, 0).goal - pose
         assert way[0] == pytest.approx(sign * math.radians(2.0))
         assert np.count_nonzero(way) == 1
@@ -136,7 +136,7 @@ def test_an_axis_without_room_is_not_tested(monkeypatch: pytest.MonkeyPatch) -> 
 
     monkeypatch.setattr(LineCheck, "__call__", blocked)
     with raises_code(PreflightError, "RID-POSE-OUTSIDE", "axis1"):
-        small_move(pose_with_share(0, 0.5), 0)
+        small_move(pose_with_fraction(0, 0.5), 0)
 
 
 def axis_test_rows(
@@ -146,14 +146,14 @@ def axis_test_rows(
     count = 200
     commanded_rad = moved_rad if told_rad is None else told_rad
     found = np.zeros(count, dtype=row_dtype(N))
-    share = np.clip((np.arange(count) - 50) / 100.0, 0.0, 1.0)
+    progress = np.clip((np.arange(count) - 50) / 100.0, 0.0, 1.0)
     found["time_s"] = 1.0 + CYCLE_S * np.arange(count)
     found["valid"] = 1
-    found["target_position"][:, 1] = 0.3 + commanded_rad * share
+    found["target_position"][:, 1] = 0.3 + commanded_rad * progress
     found["target_velocity"][50:150, 1] = commanded_rad / (100 * CYCLE_S)
     found["velocity_command"][50:150, 1] = commanded_rad / (100 * CYCLE_S)
-    found["position"][:, 1] = 0.3 + moved_rad * share
-    revs = moved_rad * share * ROBOT.joints[1].gear_ratio / (2.0 * math.pi)
+    found["position"][:, 1] = 0.3 + moved_rad * progress
+    revs = moved_rad * progress * ROBOT.joints[1].gear_ratio / (2.0 * math.pi)
     found["position_counts"][:, 1] = np.rint(PER_REV * revs)
     found["valid"][60:80, 1] = valid
     return found
@@ -206,7 +206,7 @@ def test_the_visible_motion_is_the_largest_one_above_a_tenth_of_a_degree() -> No
 
 
 def test_q_ends_the_axis_test_before_the_next_axis(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The axis has moved far enough for a verdict, but the test still ends."""
+    """The key q ends the test, although the axis has moved far enough for a verdict."""
     session = SimpleNamespace(loaded=LOADED, cell=LOADED.config, simulated=None)
     made = AxisTester(cast(RunSession, session), cast(Console, MessageLog()), unattended=True)
     ended = SimpleNamespace(outcome=SimpleNamespace(stop=None))

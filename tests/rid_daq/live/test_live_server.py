@@ -1,4 +1,4 @@
-"""The process of the live page over real connections: its page, strangers, a thousand clients.
+"""The process of the live page over real connections: access, refusals, and a thousand clients.
 
 No test depends on speed: a test waits for an answer or for the end of the connection.
 """

@@ -112,10 +112,10 @@ def test_a_torque_limit_below_gravity_is_raised_with_a_note() -> None:
 def test_a_weak_motor_reduces_the_speed_of_all_joints_equally() -> None:
     fitted, notes = limit_to_motors(arm((6.0, 150.0, 4.0)))
     first, second = fitted.joints[0].limits, fitted.joints[1].limits
-    share = first.velocity / 3.0
-    assert share < 0.9
+    speed_ratio = first.velocity / 3.0
+    assert speed_ratio < 0.9
     assert second.velocity == pytest.approx(first.velocity)
-    assert second.acceleration == pytest.approx(15.0 * share**2)
+    assert second.acceleration == pytest.approx(15.0 * speed_ratio**2)
     assert "the torque limit of joint 'j1'" in notes[-1]
 
 

@@ -35,7 +35,7 @@ NEW = cast(NewPeriods, SimpleNamespace(recording=SimpleNamespace(joint_names=JOI
 def decisions(
     watch: WarmUpWatch, monkeypatch: pytest.MonkeyPatch, *pieces: list[list[float]]
 ) -> list[bool]:
-    """Return for each piece of periods (their powers [W]) if the watch then ends the warm-up."""
+    """Return the watch's decisions to end the warm-up, one for each group of period powers [W]."""
     decisions_so_far = []
     for piece in pieces:
         power = np.array(piece).reshape(-1, len(JOINTS))

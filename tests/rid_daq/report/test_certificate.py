@@ -185,7 +185,7 @@ def test_equal_sessions_give_equal_pages(session: Session) -> None:
     first = file.read_bytes()
     write_certificate(request)
     assert file.read_bytes() == first
-    # The certificate now belongs to the run and is not a foreign file.
+    # The certificate now belongs to the run and is not an unknown file.
     assert "certificate.html" in session.folder.manifest().files
     assert session.folder.strays() == ()
 

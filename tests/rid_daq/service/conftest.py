@@ -39,7 +39,7 @@ def motion() -> str:
 
 @pytest.fixture(scope="session")
 def long_motion() -> str:
-    """Return a motion of two minutes, so that even on a busy computer the test ends it.
+    """Return a motion of two minutes, which a test stops long before its end.
 
     Its periods are short, so that its main part begins soon.
     """
@@ -81,7 +81,7 @@ class ClosedInput:
 
 
 class Worker:
-    """A worker whose process is the test's own; the test simulates its motions."""
+    """A worker whose process is the test's process; the test simulates its motions."""
 
     pid = os.getpid()
     returncode: int | None = None

@@ -95,7 +95,7 @@ def test_a_worker_refuses_files_that_changed_after_the_order(tmp_path: Path, cha
     )
     path = tmp_path / changed
     path.write_bytes(path.read_bytes() + b"# edited meanwhile\n")
-    orders, _kept_open = os.pipe()  # its end would also end the service
+    orders, _kept_open = os.pipe()  # a closed pipe would mean that the service has ended
     try:
         assert work(order, os.fdopen(orders)) == 2
     finally:

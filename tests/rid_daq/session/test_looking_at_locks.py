@@ -1,4 +1,4 @@
-"""Reading locks at any time does not make a session fail that acquires one."""
+"""A session can acquire its locks although another program reads the locks at any time."""
 
 from __future__ import annotations
 

@@ -113,7 +113,7 @@ def test_on_a_narrow_terminal_ids_and_texts_are_complete(
 
 @pytest.fixture
 def runs(tmp_path: Path) -> Path:
-    """Return a folder of two runs of one label, with facts."""
+    """Return a folder of two runs with the same label and with facts in their manifests."""
     for number in range(2):
         made = RunFolder.create(tmp_path / "runs", "a long label", kind="payload session")
         made.finish(RunStatus.COMPLETE, {"robot": "ir361", "rows": 1000 * number, "axis_test": "?"})

@@ -41,7 +41,7 @@ def throttled(page: Page) -> None:
 
 def has_stop(page: Page, before: float) -> bool:
     """Return True if a page that started after `before` is shown and has STOP."""
-    with contextlib.suppress(Error):  # the page changes meanwhile
+    with contextlib.suppress(Error):  # the page can change during the evaluation
         return bool(page.evaluate(HAS_STOP, before))
     return False
 
