@@ -70,7 +70,7 @@ class TestClock:
         with raises_code(DataQualityError, "RID-IMPORT-ROWS", *names):
             report_of(tmp_path, table, import_map)
         table[:, 0] *= 1e3
-        names = ("position of a", "0.00224 per", "2.24", "a thousand")
+        names = ("(column 1)", "0.00224", "2.24", "1000")
         with raises_code(DataQualityError, "RID-IMPORT-UNITS", *names):
             report_of(tmp_path, table)
 

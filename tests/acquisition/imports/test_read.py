@@ -175,9 +175,9 @@ class TestDamagedRows:
         lines[25::11] = ["ERR"] * len(lines[25::11])
         with pytest.raises(DataQualityError) as refused:
             import_csv(write(lines), two_joint_map())
-        assert {"21", "26"} <= set(re.findall(r"row (\d+):", str(refused.value)))
-        assert len(re.findall(r"row \d", message)) == 3
-        assert len(message) < 500
+        assert re.findall(r"row (\d+)", str(refused.value))[:2] == ["21", "26"]
+        assert len(re.findall(r"row \d", str(refused.value))) == 3
+        assert len(str(refused.value)) < 500
 
     def test_rows_with_text_instead_of_a_number_are_removed(self, write: Write) -> None:
         found, _ = self.damage(write, {7: self.altered(7, 2, "ERR")})
@@ -200,7 +200,7 @@ class TestDamagedRows:
     def test_rows_with_a_position_jump_are_removed(self, write: Write, row: int) -> None:
         found, stamps = self.damage(write, {row: self.altered(row, 2, "9.000")})
         assert len(found) == 1
-        assert f"row {row}: 1 whose position jumps (row {row}: position of b is 9." in found[0]
+        assert f"row {row}: 1 whose position jumps (row {row}: position of b changes by 9." in found[0]
         np.testing.assert_allclose(stamps, np.delete(sound_table()[:, 0], row - 1), atol=1e-6)
 
     def test_a_last_stamp_far_in_the_future_is_removed(self, write: Write) -> None:
