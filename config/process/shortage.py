@@ -10,7 +10,6 @@ import contextlib
 import errno
 import mmap
 import resource
-from collections.abc import Iterator
 from typing import Final
 
 from config.errors import RidDaqError, ShortageError, with_notes
@@ -95,16 +94,19 @@ def require_memory(needed_bytes: int) -> None:
         ) from None
 
 
-def _with_causes(error: BaseException) -> Iterator[BaseException]:
-    """Yield an error and its causes."""
-    seen: set[int] = set()
+def _with_causes(error: BaseException) -> list[BaseException]:
+    """Return an error and its causes.
+
+    It is no generator: without memory, an unfinished generator cannot be closed.
+    """
+    found: list[BaseException] = []
     waiting: list[BaseException | None] = [error]
     while waiting:
         each = waiting.pop()
-        if each is not None and id(each) not in seen:
-            seen.add(id(each))
-            yield each
+        if each is not None and all(each is not other for other in found):
+            found.append(each)
             waiting += [each.__context__, each.__cause__]
+    return found
 
 
 def _memory_was_full() -> bool:

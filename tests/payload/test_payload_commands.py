@@ -181,7 +181,7 @@ def test_the_mass_of_another_payload_fails_the_verdict(
     assert run(words) == 6
     document = json.loads(capsys.readouterr().out)
     assert document["payload"]["parameters"][0]["value"] == 280.5
-    assert "m = 280.5 kg as known" in document["verdict"]["headline"]
+    assert "280.5" in document["verdict"]["headline"]
     assert "grams given as kilograms" in " ".join(document["payload"]["findings"])
 
 

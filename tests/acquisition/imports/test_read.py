@@ -200,7 +200,9 @@ class TestDamagedRows:
     def test_rows_with_a_position_jump_are_removed(self, write: Write, row: int) -> None:
         found, stamps = self.damage(write, {row: self.altered(row, 2, "9.000")})
         assert len(found) == 1
-        assert f"row {row}: 1 whose position jumps (row {row}: position of b changes by 9." in found[0]
+        assert (
+            f"row {row}: 1 whose position jumps (row {row}: position of b changes by 9." in found[0]
+        )
         np.testing.assert_allclose(stamps, np.delete(sound_table()[:, 0], row - 1), atol=1e-6)
 
     def test_a_last_stamp_far_in_the_future_is_removed(self, write: Write) -> None:

@@ -264,7 +264,7 @@ def test_a_missing_or_empty_table_is_refused(tmp_path: Path) -> None:
     with raises_code(ConfigError, "RID-FILE-READ"):
         load_motion(motion)
     motion.write_text("kind: joint_table\nrobot: ir361\n")
-    with raises_code(ConfigError, "RID-FILE-VALUE", "motion.yaml:1:1: ", "file,", "time_s"):
+    with raises_code(ConfigError, "RID-FILE-VALUE", "motion.yaml:1:1: ", "`file`", "time_s"):
         load_motion(motion)
 
 

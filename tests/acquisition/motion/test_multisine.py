@@ -127,5 +127,5 @@ def test_an_invalid_multisine_is_refused(
 
 
 def test_the_slow_sine_is_not_on_a_spectral_line() -> None:
-    with raises_invalid("", "lowest_hz", "two harmonics"):
+    with raises_invalid("", "lowest_hz", "2 / period_s"):
         multisine(lowest_hz=0.125)

@@ -93,7 +93,7 @@ def test_a_mode_missing_in_the_list_of_the_sheet_is_red(cell: CellConfig) -> Non
         ("6077", "3 wo 1", "6077h:00", "in TPDO 1", "16 bit, mappable", "AccessType wo"),
         ("60FF", "4 ro 1", "60FFh:00", "in RPDO 1", "32 bit, mappable", "AccessType ro"),
         ("60FF", "4 rwr 1", "60FFh:00", "in RPDO 1", "32 bit, mappable", "AccessType rwr"),
-        ("1016sub1", None, "1016h:01", "watch on this", "32 bit, writable", "not in the EDS"),
+        ("1016sub1", None, "1016h:01", "heartbeat", "32 bit, writable", "not in the EDS"),
         ("6007", "3 ro 0", "6007h:00", "abort connection", "16 bit, writable", "AccessType ro"),
         ("6072", "7 rw 0", "6072h:00", "torque limit", "16 bit, writable", "UNSIGNED32"),
         ("1029sub1", "5 ro 0", "1029h:01", "reaction to", "8 bit, writable", "AccessType ro"),
@@ -126,9 +126,9 @@ def test_missing_objects_are_reported_with_index_and_name(
 @pytest.mark.parametrize(
     ("title", "entry", "address", "required", "is_found"),
     [
-        ("6060", "2 rw 0 1 7", "6060h:00", "takes 9", "limits 1 to 7"),
-        ("605A", "3 rw 0 5 8", "605Ah:00", "takes 2", "limits 5 to 8"),
-        ("60C2sub2", "2 rw 0 0xFC 0xFC", "60C2h:02", "takes -3", "limits -4 to -4"),
+        ("6060", "2 rw 0 1 7", "6060h:00", "accepts 9", "limits 1 to 7"),
+        ("605A", "3 rw 0 5 8", "605Ah:00", "accepts 2", "limits 5 to 8"),
+        ("60C2sub2", "2 rw 0 0xFC 0xFC", "60C2h:02", "accepts -3", "limits -4 to -4"),
         ("1016sub1", "7 rw 0 0 65535", "1016h:01", "accepts 8323152", "limits 0 to 65535"),
     ],
 )

@@ -55,7 +55,7 @@ def test_the_stop_is_reported_with_duration_and_distance(bench: Bench) -> None:
     assert stop.required == "≤ 2 s, ≤ 6 rad"
     rest = setting(bench, "rest after a fault")
     assert rest.verdict == "ok"
-    assert rest.found == "0.236 s, 0.517 rad (following error)"
+    assert rest.found == "0.236 s, 0.517 rad (following error, detected by this computer)"
 
 
 @pytest.mark.parametrize("deceleration", [1e-30, 1e-3, 1.0])

@@ -174,7 +174,7 @@ def guide_text(name: str) -> str:
 
 def test_the_guide_lists_mistakes_that_data_cannot_show() -> None:
     listed = guide_text("find-a-mistake.md").partition("## What can go wrong")[2]
-    for words in ("vertical first axis", "torque constant", "Weigh a known load", "lengths"):
+    for words in ("vertical first axis", "torque constant", "load of known mass", "lengths"):
         assert words in listed
     for words in ("a clock that is 10 % off", "a fifth too long", "30° off"):
         assert words in listed
@@ -185,7 +185,7 @@ def test_the_guide_identifies_a_payload_with_an_unloaded_run() -> None:
 
 
 def test_the_guide_states_that_wrist_friction_is_per_motor() -> None:
-    assert "With a coupled wrist, the result is each motor's friction" in guide_text("friction.md")
+    assert "coupled wrist, the result is each motor's friction" in guide_text("friction.md")
 
 
 Engineer = Callable[..., SimpleNamespace]
