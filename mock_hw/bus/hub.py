@@ -147,7 +147,7 @@ class CanHub:
     def begin_wait(
         self, member: HubMember, frames: Iterable[WireFrame], until_ns: int, *, on_frames: bool
     ) -> None:
-        """Queue a member's frames; begin its wait until `until_ns` or, optionally, for frames."""
+        """Queue frames of a member, then let it wait until a time, or until frames if wanted."""
         now_ns = time.monotonic_ns() if self._realtime else self._now_ns
         for frame in frames:
             self._queue(member, frame, now_ns)

@@ -214,7 +214,10 @@ class RegisterService:
             connection.close()
 
     def _serve_line(self, line: PtyPort) -> None:
-        """Wait for bytes on the line; only pause if no program has the port open."""
+        """Wait for requests on the line, and send the answers that are due.
+
+        If no program has the port open, discard requests and answers, and wait 5 ms.
+        """
         if not line.has_listener:
             self._line_buffer.clear()
             self._due.clear()

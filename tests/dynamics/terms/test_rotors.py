@@ -23,7 +23,10 @@ def with_rotors(robot) -> RobotModel:
 def test_rotors_agree_with_separate_bodies(
     n, seed, random_arm, judge, random_links, random_motion
 ) -> None:
-    """The bodies have mass and transverse inertia, on any link up to the one that they move."""
+    """Each rotor is a body with mass and transverse inertia.
+
+    It is mounted on the base or on any link up to the one that it moves, inclusive.
+    """
     rng = np.random.default_rng(seed)
     robot = random_arm(n, 10 * n + seed)
     links = random_links(n, seed)

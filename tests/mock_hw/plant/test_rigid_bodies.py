@@ -77,7 +77,11 @@ def without_rotors(
 @settings(max_examples=30)
 @given(seed=st.integers(0, 10_000), joints=st.integers(1, 7))
 def test_a_rotor_adds_the_kinetic_energy_of_its_spin(seed: int, joints: int) -> None:
-    """Energy ½ I (e·ω + mu q̇)²; ω of the link that carries the rotor, maybe the one it moves."""
+    """A rotor about axis e with gear ratio mu has the energy ½ I (e·ω + mu q̇)².
+
+    ω is the angular velocity of the link that carries the rotor. This can be the link that the
+    rotor moves.
+    """
     robot, plant = random_arm(seed, joints)
     bodies = build_rigid_bodies(robot, plant)
     coupling = bodies.gearing

@@ -60,7 +60,8 @@ class Holder:
     def press_until_motion(self) -> None:
         """Press repeatedly until a joint moves: a busy computer can end a press early.
 
-        The first press waits for a challenge, and for the end of the approach to the motion.
+        It first waits until the service has sent a challenge, which each message of the key must
+        answer, and until no joint moves.
         """
         until(lambda: self._newest is not None and self.speed <= MOVING)
         for _ in range(20):
