@@ -104,8 +104,8 @@ def choose_channel(
         terms: Friction columns of each joint.
         block_s: Length of a block that is left out [s].
         kinds: Kinds to compare, from the simplest to the richest; the first is "none".
-        before: Channel of the previous round. Rows whose torque its filters mix with that of a
-            standstill are left out.
+        before: Delays and filters that the previous round chose; None in the first round. Rows so
+            close to a standstill that these affect their torque are left out.
     """
     known = TorqueChannel.none(equations.joints) if before is None else before
     reaches = [

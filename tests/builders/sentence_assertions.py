@@ -128,7 +128,7 @@ def _texts(node: ast.AST) -> tuple[str, ...]:
 
 
 def main() -> None:
-    """Print the number of assertions per folder, or their places."""
+    """Print the number of assertions on sentences per folder; with `--list`, first their places."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--list", action="store_true", help="Print every place.")
     listed = parser.parse_args().list

@@ -262,7 +262,7 @@ class Rig:
                 ).run(PlannedMotion(samples))  # fmt: skip
         except RidDaqError as problem:
             error = problem
-        self.let_pass(0.4)  # to record the axes after the motion
+        self.let_pass(0.4)  # log and plant then also show the axes after the motion
         rows = np.frombuffer(ring.read(8192), dtype=row_dtype(3))
         return Run(reason, rows, control.task.notes, self.frames(), self.truth, error)
 

@@ -108,7 +108,11 @@ def test_friction_is_identified_and_shown(
 
 @pytest.fixture
 def warming(served_pages: ServedProcess) -> Iterator[None]:
-    """Write a model with warming joints, and velocity loops without a run, for one test."""
+    """Write two files for one test, and delete them afterwards.
+
+    They are a model whose friction depends on an unmeasured warming, and a file of velocity loops
+    that no run measured.
+    """
     cell, folder = load_cell("ir361"), served_pages.folder
     model, known = folder / "warming.json", folder / "known_loops.json"
     write_estimate(model, by_temperature(cell, measured=False))

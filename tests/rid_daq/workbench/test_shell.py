@@ -107,7 +107,7 @@ def test_a_button_moves_a_joint_while_it_is_held(
     forth.hover()
     while degrees(position.inner_text()) < at_rest + 1.0:
         page.mouse.down()
-        for _ in range(40):  # a slow page loses the held key: press it again
+        for _ in range(40):  # on a slow page the press stops counting: press again
             page.wait_for_timeout(50)
             if degrees(position.inner_text()) >= at_rest + 1.0:
                 break
@@ -155,7 +155,7 @@ def test_a_key_held_over_a_slow_link_moves_nothing_with_a_reason(
     page.get_by_role("button", name="hold to move in positive direction").hover()
     too_slow = re.compile(r"link too slow: .*\d+ ms")
     page.mouse.down()
-    for _ in range(20):  # a slow page loses the held key: press it again
+    for _ in range(20):  # a gap ends the press, perhaps for another reason: press again
         page.wait_for_timeout(2000)
         if too_slow.search(messages.inner_text()):
             break
