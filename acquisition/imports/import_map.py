@@ -264,7 +264,7 @@ class ImportMap(PhysicalFile, Derived):
         return self
 
     def derived(self) -> dict[str, tuple[float, Plausible]]:
-        """Return the zero offsets with their plausible ranges, in the unit of the positions."""
+        """Return the zero offsets, in unit and side of the positions, with plausible ranges."""
         states = self.joint_states
         prefix = "joints" if states is None else "joint_states.joints"
         joints: Sequence[JointReading] = self.joints if states is None else states.joints

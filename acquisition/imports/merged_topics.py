@@ -64,8 +64,8 @@ def merge_topics(
     notes = (
         *table.notes,
         f"Values of several topics are merged: of {len(at_s)} rows with {names[0]}, {filled} lack"
-        f" values of other columns, which are interpolated from the {other} rows without"
-        f" {names[0]}",
+        f" values of other columns, which are interpolated; {other} rows without {names[0]} have"
+        " other values only",
     )
     return replace(
         table,

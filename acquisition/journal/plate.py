@@ -41,7 +41,7 @@ _ROW: Fields = (
     ("counts", "i2", CHANNELS, "channel values as received [counts]"),
 )
 _EVENT: Fields = (
-    ("arrival_s", "f8", 1, "time at which the event arrived, on the computer's clock [s]"),
+    ("arrival_s", "f8", 1, "arrival time of the event, on the computer's monotonic clock [s]"),
     ("asked_s", "f8", 1, "time of the request of a mark, same clock [s]; NaN otherwise"),
     ("device_s", "f8", 1, "time of the event on the amplifier's clock [s]"),
     ("sequence", "i8", 1, "number of the row before which the event came"),

@@ -277,7 +277,7 @@ def _sigma(
 def _blocks(
     time_s: FloatArray, reading: IntArray, channels_n: FloatArray, valid: BoolArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return each block's mean time, mean channel values and number of the reading."""
+    """Return mean time, mean channel values and reading number of each block of `BLOCK_S`."""
     times, levels, numbers = [], [], []
     for number in range(READINGS):
         rows = np.flatnonzero(reading == number)

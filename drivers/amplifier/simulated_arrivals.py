@@ -36,7 +36,7 @@ class ArrivalWriter:
         self._times[:] = np.nan
 
     def write(self, sequence: ArrayLike, time_s: ArrayLike) -> None:
-        """Write the arrival times of rows that will be sent, by row number modulo 2^16."""
+        """Write the simulated arrival times of rows to be sent, by row number modulo 2^16."""
         self._times[np.asarray(sequence, dtype=np.int64) % SEQUENCES] = time_s
 
 

@@ -82,7 +82,7 @@ class DriveSetting:
             `found` is the reason if the object could not be read.
         verdict: ``"ok"``; ``"red"``: motion is refused; ``"allowed"``: not as required, but the
             cell file accepts this by naming the drive in allow_drive_without_watchdog; ``"shown"``:
-            not checked.
+            only reported: no value is required, or the drive may lack the object.
         next_action: What to do if the verdict is red; empty if this is clear from the object.
         code: Error code (RID-…) of the refusal if the verdict is red; empty for settings that have
             no code of their own.

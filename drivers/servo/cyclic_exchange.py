@@ -322,7 +322,7 @@ class CyclicExchange:
             self._watch.wrong_length(axis, len(data), time_s, _STATUS.size)
 
     def send_velocities(self, velocity: NDArray[np.float64]) -> None:
-        """Send velocities of all joints [rad/s or m/s] with Enable Operation.
+        """Send velocities [rad/s or m/s, joint side] to all axes, with Enable Operation.
 
         Raises:
             ValueError, OverflowError, struct.error: A velocity is not finite or too large for

@@ -115,7 +115,7 @@ def refuse_other_drive(port: SdoPort, saved: SavedDrive) -> None:
     if state.powered:
         raise PreflightError(
             f"node {port.node_id}: the drive is powered ({state.words}); nothing was written."
-            " Switch its power off, then try again",
+            " End the session that controls it, disable the drive, then try again",
             code="RID-DRIVE-POWERED",
         )
 

@@ -317,8 +317,8 @@ def safety_requirements(
 def _watches(cell: CellConfig, profile: ServoProfile) -> Iterator[Requirement]:
     """Yield the settings by which drive and computer monitor each other.
 
-    A node that sends a heartbeat cannot use life guarding (CiA 301, 7.2.8.3), so 1017h must then be
-    0.
+    A node that sends a heartbeat cannot use life guarding (CiA 301, 7.2.8.3). With life guarding,
+    1017h must therefore be 0.
     """
     safety = cell.drive_safety
     timeout_ms, period_ms = safety.master_heartbeat_timeout_ms, safety.master_heartbeat_ms

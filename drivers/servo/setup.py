@@ -198,7 +198,7 @@ class DriveSetup:
         return motor, self._with_counter(units)
 
     def _with_counter(self, units: AxisUnits) -> AxisUnits:
-        """Return units with the drive's position counter and the middle of the motor's range."""
+        """Return units with the range of 6064h (its wrap-around) and the middle of the motor's."""
         counter = read_counter(self._port)
         ends = [units.counts_per_rad * end for end in self._reach]
         if counter.is_smaller_than_32_bits:

@@ -365,6 +365,6 @@ def _piece(
 
 
 def _hann(periods: FloatArray) -> FloatArray:
-    """Return the gain of a Hann window; frequencies are periods per length of the window."""
+    """Return the gain of a Hann window of unit sum; frequencies are periods per window length."""
     away = np.where(np.isclose(periods, 1.0), 0.5, 1.0 / (1.0 - np.square(periods) + 1e-300))
     return np.where(np.isclose(periods, 1.0), 0.5, np.sinc(periods) * away)

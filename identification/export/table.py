@@ -144,7 +144,7 @@ def json_table(estimate: Estimate, consistent: ExportModel | None = None) -> str
 
 
 def _warming_rows(estimate: Estimate) -> list[TableRow]:
-    """Return rows for the parameters of the temperatures that are computed from the motion."""
+    """Return rows for the parameters of the computed temperatures that `fcT` and `fvT` multiply."""
     warming = estimate.warming
     if warming is None:
         return []

@@ -1,4 +1,4 @@
-"""`ObjectDictionary`: objects of a simulated device with their values, and checks of writes."""
+"""`ObjectDictionary`: objects of a simulated device, with values and the checks of CiA 301."""
 
 from __future__ import annotations
 

@@ -43,7 +43,8 @@ class GearedModel:
     Attributes:
         model: Pinocchio model with one coordinate per joint and one per rotor, m in total.
         gearing: Shape (m, n + f). Matrix G: the velocities of the model's coordinates are G times
-            the velocities of the n motors and of the f outputs of elastic gears.
+            the velocities of the n motors and of the f outputs of elastic gears. Without elastic
+            gears and coupling, the motors' velocities are those of the joints.
     """
 
     model: Any

@@ -25,7 +25,7 @@ class AxisMotion:
         measured: Displacement that the drive has measured, in the unit.
         counts: Change of the drive's position in increments.
         command_ratio: Integral of the commanded velocity, divided by the measured displacement; 1
-            if the velocity unit in the cell file is correct.
+            if velocity unit and encoder resolution in the files are correct.
         increments_per_rev: Encoder increments per motor revolution, from the drive's counts and the
             robot file's gear ratio; None if joint and motor positions differ (coupled wrist, linear
             axis) or nothing moved.
