@@ -294,9 +294,9 @@ class ServiceClient:
         ended: EndEvent | None = None
         while True:
             job = self.job(job.id)
-            for document in self.ask("GET", f"/jobs/{job.id}/events?after={known}"):
+            for entry in self.ask("GET", f"/jobs/{job.id}/events?after={known}"):
                 known += 1
-                event = EVENT.validate_python(document)
+                event = EVENT.validate_python(entry)
                 if isinstance(event, ResultEvent):
                     document = event.document
                 if isinstance(event, EndEvent):

@@ -104,7 +104,7 @@ def test_a_motion_file_beyond_a_limit_is_refused_before_any_frame(
             words += ["--model", str(tmp_path / "model.json"), "--i-have-cleared-the-cell"]
             assert run([*words, "--runs", str(tmp_path / "runs")]) == 3
             messages[what] = capsys.readouterr().err
-    assert {"'axis1'", "2.8"} <= {*messages["position"].split()}
+    assert {"'axis1'", "2.811"} <= {*messages["position"].split()}
     assert "velocity" in messages["velocity"]
     assert {"'axis2'", "20"} <= {*messages["torque"].split()}
     ours = [line for line in log.read_text().splitlines() if not line.split()[2].startswith("70")]

@@ -202,7 +202,7 @@ def test_the_zero_is_written_to_the_cell_file_and_the_run(
     beside = find_run(cell.parent / "runs", "plate zero")
     assert beside.read("zero.yaml").decode() in cell.read_text()
     assert "Offsets of the force plate" in beside.file("report.html").read_text()
-    assert "# a Kistler 9281B under the robot" in cell.read_text()
+    assert "# a Kistler 9281B force plate under the robot" in cell.read_text()
 
 
 def test_other_commands_subtract_that_zero(
