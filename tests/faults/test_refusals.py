@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -106,7 +107,8 @@ def test_a_motion_file_beyond_a_limit_is_refused_before_any_frame(
             messages[what] = capsys.readouterr().err
     assert {"'axis1'", "2.811"} <= {*messages["position"].split()}
     assert "velocity" in messages["velocity"]
-    assert {"'axis2'", "20"} <= {*messages["torque"].split()}
+    assert "'axis2'" in messages["torque"]
+    assert re.search(r"\b20\b", messages["torque"])
     ours = [line for line in log.read_text().splitlines() if not line.split()[2].startswith("70")]
     assert ours == []
     assert not (tmp_path / "runs").exists()
