@@ -107,7 +107,7 @@ class SimulatedCell:
         changed = self.simulation.with_payload(payload)
         if self.axes().enabled.any():
             raise TransportError(
-                "a drive is powered: switch off the power of all drives before you mount a payload",
+                "a drive is enabled: disable all drives before you mount a payload",
                 code="RID-DRIVE-POWERED",
             )
         assert self._snapshots is not None

@@ -74,7 +74,7 @@ class KeyMessage:
 
     @classmethod
     def from_order(cls, order: object) -> Self | None:
-        """Return the message in a JSON object; None if it is not a complete message about a key."""
+        """Return the message in a JSON object; None if it is not a valid message about a key."""
         match order:
             case {"held": str(key), "sender": sender, "sequence": sequence, "issued_s": issued_s}:
                 tapped = False

@@ -95,7 +95,7 @@ class ParallelFilter:
         if self.signals.unfiltered is not None:
             reach += window_reach(source.sample_period_s, self.signals.cutoff_hz)
             reach += self.signals.unfiltered.held_rows
-        reach += max(self._spread())
+        reach += max(self._channel_reach())
         number = int(source.segment[wanted[0]])
         first, end = np.searchsorted(source.segment, [number, number + 1])
         start = max(int(first), int(wanted[0]) - reach)
@@ -160,7 +160,7 @@ class ParallelFilter:
             reach = signals.unfiltered.reach(signals.cutoff_hz)
             limit_hz = signals.unfiltered.torque_limit_hz
             reach += 0 if limit_hz is None else self._rows(1.0 / limit_hz)
-        before, after = self._spread()
+        before, after = self._channel_reach()
         if reach + before + after:
             known = ~_rows_near(~self._known(moves), source.segment, reach + before, reach + after)
         pause = self._rows(1.0 / signals.cutoff_hz)
@@ -186,8 +186,8 @@ class ParallelFilter:
             return moves
         return np.asarray(moves & np.take_along_axis(moves, source.torque_row, axis=0))
 
-    def _spread(self) -> tuple[int, int]:
-        """Return for how many rows before and after an event the torque channel responds to it."""
+    def _channel_reach(self) -> tuple[int, int]:
+        """Return the rows before and after an event in which any recorded torque depends on it."""
         channel = self.signals.channel
         if channel is None or not channel.changes:
             return 0, 0

@@ -222,7 +222,7 @@ class PeriodicProblem:
         return whiten_base_wrench(reaction, uniform=self.weighting == "ls")
 
     def scatter(self, fit: PeriodicFit) -> Scatter:
-        """Return the cluster-robust scatter of the solution over frequency bins."""
+        """Return the covariance of the solution, from leaving out each frequency bin in turn."""
         return jackknife(fit.solution.information, bin_clusters(fit.white, fit.solution.values))
 
 

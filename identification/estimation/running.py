@@ -95,7 +95,7 @@ class RunningEstimate:
         return replace(self, stretches=stretches)
 
     def current_values(self) -> RunningValues:
-        """Return the current values.
+        """Solve for the parameters from all parts so far, with their uncertainty and residuals.
 
         Raises:
             EstimationError: The motion so far does not determine the parameters.

@@ -119,7 +119,7 @@ class SmoothedProblem:
         return fit
 
     def scatter(self, model: RobotModel, standard: FloatArray | None, fit: SmoothedFit) -> Scatter:
-        """Return the cluster-robust scatter of the solution over time intervals."""
+        """Return the covariance of the solution, from leaving out each time interval in turn."""
         structure = torque_structure(model, self.base, standard is not None)
         blocks = self.blocks(model, standard)
         huber = self.weighting == "huber"

@@ -222,7 +222,7 @@ class SimulatedDrive:
         """Reset the drive, or only its communication, by which a fault remains."""
         faulty = self.power.state in (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE)
         kept = communication_only and faulty
-        self.power.switch_off(PowerState.FAULT if kept else PowerState.NOT_READY_TO_SWITCH_ON)
+        self.power.enter_state(PowerState.FAULT if kept else PowerState.NOT_READY_TO_SWITCH_ON)
         self.objects.reset(communication_only=communication_only)
         if kept:
             self._errors.restore()

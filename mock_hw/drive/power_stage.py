@@ -161,8 +161,11 @@ class PowerStage:
             self.state = PowerState.SWITCH_ON_DISABLED
         self._controlword = 0
 
-    def switch_off(self, state: PowerState = PowerState.SWITCH_ON_DISABLED) -> None:
-        """Switch off the power and close the brake, at any speed."""
+    def enter_state(self, state: PowerState = PowerState.SWITCH_ON_DISABLED) -> None:
+        """Enter a state at once, at any speed and without a ramp; the velocity command becomes 0.
+
+        The brake closes unless the motor has power in the new state.
+        """
         self.state = state
         self._after_ramp = None
         self._followed = None
@@ -172,7 +175,7 @@ class PowerStage:
     def supply(self, supplied: bool) -> None:
         """Switch the motor supply off, as an emergency stop does, or on."""
         if not supplied and self.state not in _WITHOUT_MOTOR_POWER:
-            self.switch_off()
+            self.enter_state()
         self.supplied = supplied
 
     def command(self, controlword: int, now_s: float) -> None:
@@ -187,7 +190,7 @@ class PowerStage:
         elif state is PowerState.QUICK_STOP_ACTIVE:
             self._leave_quick_stop(wanted)
         elif wanted is not state:
-            self.switch_off(wanted)
+            self.enter_state(wanted)
 
     def quick_stop(self, now_s: float) -> None:
         """Stop according to 605Ah (T11); no effect if the drive is not enabled."""
@@ -195,7 +198,7 @@ class PowerStage:
             return
         option = self._objects[QUICK_STOP_OPTION]
         if option == 0:
-            self.switch_off()
+            self.enter_state()
             return
         self.state = PowerState.QUICK_STOP_ACTIVE
         after = None if option in _STAY_IN_QUICK_STOP else PowerState.SWITCH_ON_DISABLED
@@ -208,7 +211,7 @@ class PowerStage:
             return
         option = self._objects[FAULT_REACTION_OPTION]
         if not self.powered or option == 0:
-            self.switch_off(PowerState.FAULT)
+            self.enter_state(PowerState.FAULT)
             return
         self.state = PowerState.FAULT_REACTION_ACTIVE
         fast = option == 2
@@ -223,14 +226,14 @@ class PowerStage:
         if reaction == 1:
             self.fault(now_s)
         elif reaction == 2:
-            self.switch_off()
+            self.enter_state()
         elif reaction == 3:
             self.quick_stop(now_s)
 
     def advance(self, until_s: float) -> None:
         """Enter the state after the stopping ramp, if the ramp has ended by `until_s` [s]."""
         if self._after_ramp is not None and until_s >= self.next_s:
-            self.switch_off(self._after_ramp)
+            self.enter_state(self._after_ramp)
 
     def _leave_operation(self, wanted: PowerState, now_s: float) -> None:
         if wanted is PowerState.OPERATION_ENABLED:
@@ -240,19 +243,19 @@ class PowerStage:
         elif wanted is PowerState.QUICK_STOP_ACTIVE:
             self.quick_stop(now_s)
         elif wanted is PowerState.SWITCH_ON_DISABLED:
-            self.switch_off()
+            self.enter_state()
         else:
             down = wanted is PowerState.READY_TO_SWITCH_ON
             option = SHUTDOWN_OPTION if down else DISABLE_OPERATION_OPTION
             if self._objects[option] == 0:
-                self.switch_off(wanted)
+                self.enter_state(wanted)
             elif self._after_ramp is not wanted:
                 self._stop(PROFILE_DECELERATION, now_s, wanted)
 
     def _leave_quick_stop(self, wanted: PowerState) -> None:
         """Leave the quick stop; T16 needs a 605Ah by which the drive holds the stopped axis."""
         if wanted is PowerState.SWITCH_ON_DISABLED:
-            self.switch_off()
+            self.enter_state()
         elif wanted is PowerState.OPERATION_ENABLED and self._after_ramp is None:
             self.state = PowerState.OPERATION_ENABLED
 

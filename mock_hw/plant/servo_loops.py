@@ -367,7 +367,13 @@ def join_gears(axes: Array, state: Array, step_s: float, system: Array, momentum
 
 @njit(cache=True)
 def solve_with_friction(system: Array, momentum: Array, held: Array, solved: Array) -> None:
-    """Minimise ½ vᵀAv - rᵀv + fᵀ|v| by coordinate descent; `solved` is guess and result v."""
+    """Compute the velocities after a step with Coulomb friction; `solved` is guess and result.
+
+    The velocities v satisfy system v = momentum - friction. The friction of a moving coordinate is
+    `held`, against the motion; that of a resting coordinate keeps it at rest and is at most `held`.
+    Such v minimise ½ vᵀAv - rᵀv + fᵀ|v| with A `system`, r `momentum` and f `held`, here by
+    coordinate descent.
+    """
     count = len(solved)
     for _ in range(_SWEEPS):
         change = 0.0

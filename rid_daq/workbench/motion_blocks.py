@@ -97,7 +97,7 @@ def limits_plot(
         values["torque"] = torque_nm
     for name, of in values.items():
         shares[name] = of / np.array([getattr(each, name) for each in limits])
-    step = _step(samples)
+    step = _row_stride(samples)
     time_s = (samples.sample_period_s * np.arange(0, len(samples.position), step)).tolist()
     panels: list[Panel] = []
     for name, share in shares.items():
@@ -128,7 +128,7 @@ def tool_plot(samples: MotionSamples, robot: RobotDescription, workspace: Worksp
         robot: Robot with its kinematics.
         workspace: The cell's walls and boxes.
     """
-    step = _step(samples)
+    step = _row_stride(samples)
     tool = forward(Chain.from_description(robot), samples.position[::step])
     is_main = samples.phase[::step] == Phase.MAIN
     views = tuple(_view(tool, is_main, workspace, pair) for pair in VIEWS)
@@ -190,6 +190,6 @@ def _walls(workspace: Workspace, i: int, j: int, ends: list[tuple[float, float]]
                 )
 
 
-def _step(samples: MotionSamples) -> int:
+def _row_stride(samples: MotionSamples) -> int:
     """Return the step between rows that are drawn, so that at most `DRAWN_POINTS` are drawn."""
     return max(1, -(-len(samples.position) // DRAWN_POINTS))
