@@ -1,4 +1,4 @@
-"""One real recording in 30 layouts: `python -m benchmarks.layouts --data DIR`.
+"""One real recording in the layouts of other programs: `python -m benchmarks.layouts --data DIR`.
 
 DIR contains the recordings of a UR10e (folder ur10e). A part of one of them is written in the
 layouts of `benchmarks.layout_files`. For most of them the program proposes the import map; the

@@ -6,15 +6,12 @@ import csv
 import difflib
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
 
 from acquisition.imports.import_joint import COLUMN_QUANTITIES
 from acquisition.imports.import_map import ImportMap
-from acquisition.imports.lines import SEPARATORS, read_lines
+from acquisition.imports.lines import SEPARATORS, read_lines, split_cells
 from acquisition.imports.time_column import Column, TimeColumn
 from config.errors import ConfigError
-
-_COMMENT_MARKS: Final = ("#", "%")
 
 
 def require_number_of_files(files: Sequence[Path], import_map: ImportMap) -> None:
@@ -118,7 +115,15 @@ def _read_header(file: Path, import_map: ImportMap) -> list[str]:
     """Return the names in the last of the header rows."""
     for row, line in read_lines(file):
         if row == import_map.header_rows:
-            return _split_header(line, SEPARATORS[import_map.delimiter])
+            try:
+                cells = split_cells(line, SEPARATORS[import_map.delimiter])
+            except csv.Error as error:
+                raise ConfigError(
+                    f"{file} row {row}: cannot be read as a header ({error}): correct header_rows"
+                    " or delimiter",
+                    code="RID-IMPORT-HEADER",
+                ) from None
+            return [name.strip('"') for name in cells]
         if row > import_map.header_rows:
             break
     raise ConfigError(
@@ -126,14 +131,6 @@ def _read_header(file: Path, import_map: ImportMap) -> list[str]:
         f" {import_map.name!r} says that it is the header: correct header_rows",
         code="RID-IMPORT-HEADER",
     )
-
-
-def _split_header(line: str, separator: str | None) -> list[str]:
-    line = line.rstrip("\r\n")
-    if line.lstrip().startswith(_COMMENT_MARKS):
-        line = line.lstrip().lstrip("".join(_COMMENT_MARKS)).lstrip(" ")
-    fields = line.split() if separator is None else next(csv.reader([line], delimiter=separator))
-    return [field.strip().strip('"') for field in fields]
 
 
 def _number_time(names: list[tuple[Path, str]], time: TimeColumn | None) -> TimeColumn | None:

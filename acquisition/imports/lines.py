@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import io
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,6 +13,20 @@ from config.formats.bounded_file import open_file
 LARGEST_FILE_BYTES = 500_000_000
 SEPARATORS = {",": ",", ";": ";", "tab": "\t", "space": None}
 """Values of `delimiter` in an import map, and the arguments of `str.split` for them."""
+
+
+def split_cells(line: str, separator: str | None) -> list[str]:
+    """Return the cells of a line, without a comment mark at its beginning (`# time`).
+
+    Raises:
+        csv.Error: A quoted cell is not closed or too long.
+    """
+    line = line.rstrip("\r\n")
+    if line.lstrip().startswith(("#", "%")):
+        line = line.lstrip().lstrip("#%").lstrip(" ")
+    if separator is None:
+        return line.split()
+    return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
 
 
 def read_lines(path: Path) -> Iterator[tuple[int, str]]:

@@ -29,7 +29,7 @@ def _check_column(value: object) -> object:
         ValueError: It is neither.
     """
     if isinstance(value, str):
-        if value.strip() == value != "":
+        if value.strip():
             return value
         raise ValueError(f"{value!r} is not the name of a column")
     if isinstance(value, bool) or not isinstance(value, int) or not 0 <= value < MOST_COLUMNS:

@@ -9,7 +9,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Final
 
-from acquisition.imports.lines import SEPARATORS, read_lines
+from acquisition.imports.lines import SEPARATORS, read_lines, split_cells
 from acquisition.imports.time_column import match_iso
 from acquisition.sources.array_tables import has_named_arrays, read_named_arrays
 from config.errors import ConfigError
@@ -110,13 +110,8 @@ def _is_number_or_empty(row: list[str]) -> bool:
 
 
 def _split(line: str, separator: str | None) -> list[str]:
-    line = line.rstrip("\r\n")
-    if line.lstrip().startswith(("#", "%")):
-        line = line.lstrip().lstrip("#%").lstrip(" ")
-    if separator is None:
-        return line.split()
     try:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
+        return split_cells(line, separator)
     except csv.Error:
         return []
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields, is_dataclass
@@ -12,7 +13,7 @@ import numpy as np
 
 from acquisition.sources.array_files import Array
 from acquisition.sources.bags import ros_messages
-from config.errors import ConfigError, RidDaqError, missing_library
+from config.errors import ConfigError, RidDaqError, missing_library, system_errors
 
 RECORDING_TIME: Final = "log_time"
 """Array with the time at which a message was recorded, in whole nanoseconds since 1970."""
@@ -23,10 +24,14 @@ _Messages = Iterator[tuple[str, int, object]]
 
 
 def has_ros_messages(path: Path) -> bool:
-    """Return True if a bag has messages of ROS; an MCAP file can have others only."""
+    """Return True if a bag has messages of ROS; an MCAP file can have others only.
+
+    Raises:
+        ConfigError: The file cannot be read.
+    """
     if path.suffix != ".mcap":
         return True
-    with path.open("rb") as file:
+    with _read_errors(path), path.open("rb") as file:
         return bool(_encodings(file) & set(_ROS_ENCODINGS))
 
 
@@ -51,19 +56,12 @@ def read_message_arrays(path: Path, names: Sequence[str] | None = None) -> dict[
     def is_wanted(topic: str) -> bool:
         return names is None or any(name.startswith(f"{topic}.") for name in names)
 
-    try:
+    with _read_errors(path):
         for topic, received_ns, message in _messages(path, is_wanted):
             counts[topic] = counts.get(topic, 0) + 1
             columns.setdefault(f"{topic}.{RECORDING_TIME}", []).append(received_ns)
             for field, value in _leaves(message):
                 columns.setdefault(f"{topic}.{field}", []).append(value)
-    except (RidDaqError, MemoryError):
-        raise
-    except Exception as error:  # the libraries raise many types for a damaged file
-        raise ConfigError(
-            f"{path}: its messages cannot be read: {type(error).__name__}: {error}",
-            code="RID-FILE-TYPE",
-        ) from error
     topic_of = {name: topic for topic in counts for name in columns if name.startswith(f"{topic}.")}
     arrays: dict[str, Array] = {}
     for name, values in columns.items():
@@ -73,6 +71,21 @@ def read_message_arrays(path: Path, names: Sequence[str] | None = None) -> dict[
             if array.dtype.kind in "biuf":
                 arrays[name] = array
     return arrays
+
+
+@contextlib.contextmanager
+def _read_errors(path: Path) -> Iterator[None]:
+    """Turn the errors of the libraries, which raise many types, into a `ConfigError`."""
+    try:
+        with system_errors(ConfigError, f"cannot read {path}", code="RID-FILE-READ"):
+            yield
+    except (RidDaqError, MemoryError):
+        raise
+    except Exception as error:
+        raise ConfigError(
+            f"{path}: its messages cannot be read: {type(error).__name__}: {error}",
+            code="RID-FILE-TYPE",
+        ) from error
 
 
 def _leaves(message: object, prefix: str = "") -> Iterator[tuple[str, Any]]:

@@ -49,9 +49,9 @@ def test_a_minimal_map_is_enough() -> None:
             ("0 to 9999", "name"),
         ),
         (
-            {"joints": [JOINT | {"position": " q1"}]},
+            {"joints": [JOINT | {"position": "  "}]},
             "joints.0.position",
-            ("' q1'",),
+            ("'  '",),
         ),
         ({"joints": [JOINT | {"position": 4}]}, "", ("position of a", "column 4", "0 to 3")),
         ({"joints": [JOINT | {"gear_ratio": 0.0}]}, "joints.0", ("gear_ratio", " 0")),

@@ -134,6 +134,14 @@ def test_arrays_are_proposed_by_name(tmp_path: Path) -> None:
     assert proposal.keys["joints"][2] == {"joint": "axis3", "position": "q[2]", "torque": "tau[2]"}
 
 
+def test_names_of_arrays_may_begin_with_a_space(tmp_path: Path) -> None:
+    tables = {" time": T} | {f" q{i}": Q[:, i] for i in range(3)}
+    np.savez(tmp_path / "r.npz", allow_pickle=True, **tables, **{" tau": TAU})
+    proposal = propose_map(tmp_path / "r.npz", ROBOT)
+    assert proposal.report is not None
+    assert proposal.keys["joints"][0] == {"joint": "axis1", "position": " q0", "torque": " tau[0]"}
+
+
 def test_percent_of_an_unknown_current_is_left_to_the_person(tmp_path: Path) -> None:
     names = ["Receive.IPOC", *numbers("Receive.AIPos.A{n}", 1), *numbers("Receive.ASPos.A{n}", 1),
              *numbers("Receive.MACur.A{n}", 1)]  # fmt: skip

@@ -198,6 +198,18 @@ def test_a_damaged_file_is_refused(tmp_path: Path) -> None:
         read_message_arrays(path, [f"{TOPIC}.arm.q"])
 
 
+@pytest.mark.parametrize("content", [b"", b"\x00\x01" * 500, None])
+def test_no_map_is_proposed_for_a_damaged_or_missing_file(
+    content: bytes | None, tmp_path: Path
+) -> None:
+    path = tmp_path / "log.mcap"
+    if content is not None:
+        path.write_bytes(content)
+    code = "RID-FILE-READ" if content is None else "RID-FILE-TYPE"
+    with raises_code(ConfigError, code, "log.mcap"):
+        propose_map(path, "ir361")
+
+
 def test_a_missing_field_is_refused_with_those_that_exist(tmp_path: Path) -> None:
     path = save_json(tmp_path)
     time = {"column": f"{TOPIC}.stamp"}
