@@ -130,7 +130,7 @@ int main(int n, char **a) {
 
 
 @contextmanager
-def compiled() -> Iterator[Path | None]:
+def compile_exchange() -> Iterator[Path | None]:
     """Compile the exchange and yield the program; None without a C compiler."""
     compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
     if compiler is None:

@@ -42,7 +42,7 @@ from acquisition.clock.samples import STANDSTILL_SPEED, Samples
 from acquisition.motion.samples import Phase
 from acquisition.processing.smoothing import smooth_nonperiodic
 from acquisition.recording.recording import Recording
-from benchmarks.logged_robots import REFUSED, SOUND, WRONG, Arm, Logged, logged
+from benchmarks.logged_robots import REFUSED, SOUND, WRONG, Arm, Logged, log_motion
 from config.arrays import FloatArray
 from config.load import load_robot
 from config.robot.robot import RobotDescription
@@ -161,11 +161,11 @@ def case_of(name: str, robot: RobotDescription, log: Logged, test: Recording) ->
         stamped_s=stamped_s,
         judged_s=judged_s,
         errors=(float(errors[0]), float(errors[1]), float(errors[2])),
-        passed=_passed(name, log, clock, (stamped_s, judged_s), errors),
+        passed=_judge(name, log, clock, (stamped_s, judged_s), errors),
     )
 
 
-def _passed(
+def _judge(
     name: str, log: Logged, clock: JudgedClock, times: tuple[float, float], errors: list[float]
 ) -> bool:
     if log.case in SOUND:
@@ -178,15 +178,15 @@ def _passed(
     return bool(reduced and errors[1] <= errors[2] + MOST_WORSE)
 
 
-def simulated(joints: tuple[int, ...], seeds: int, seconds: float) -> Iterator[Case]:
+def simulate_cases(joints: tuple[int, ...], seeds: int, seconds: float) -> Iterator[Case]:
     """Yield the cases of simulated arms."""
     for n in joints:
         for seed in range(FIRST_SEED, FIRST_SEED + seeds):
             arm = Arm.of(n, seed)
             for kind in ("sines", "points"):
-                (other,) = logged(arm, kind, seconds, seed + 1000, SOUND[:1])
+                (other,) = log_motion(arm, kind, seconds, seed + 1000, SOUND[:1])
                 test = recording(arm.robot, other.samples)
-                for log in logged(arm, kind, seconds, seed, (*SOUND, *WRONG, *REFUSED)):
+                for log in log_motion(arm, kind, seconds, seed, (*SOUND, *WRONG, *REFUSED)):
                     yield case_of(f"{n} axes, {kind}:", arm.robot, log, test)
 
 
@@ -227,7 +227,9 @@ def main() -> int:
     print(f"{'':48s}{'clock':12s}  made found  stamps   judged  stamps  judged    true")
     cases = []
     runs = [
-        simulated((3,), 1, 25.0) if options.quick else simulated((3, 6, 7), options.seeds, 40.0)
+        simulate_cases((3,), 1, 25.0)
+        if options.quick
+        else simulate_cases((3, 6, 7), options.seeds, 40.0)
     ]
     runs += [real(options.data)] if options.data else []
     for each in runs:

@@ -67,7 +67,7 @@ def coverage(experiments: int) -> Coverage:
     held = []
     for seed in range(experiments):
         random = np.random.default_rng(seed + 1)
-        error = _ripple(position, random) + _coloured(position.shape, random)
+        error = _ripple(position, random) + _draw_coloured_noise(position.shape, random)
         noise = NOISE_NM / np.sqrt(PERIODS) * random.normal(size=position.shape)
         estimate = fit_periodic(robot, [_average(position, torque + error + noise)]).estimate()
         miss = np.abs(estimate.values - truth)
@@ -83,7 +83,7 @@ def _ripple(position: FloatArray, random: np.random.Generator) -> FloatArray:
     return np.asarray(np.sum(size * np.sin(waves * position + phase), axis=0))
 
 
-def _coloured(shape: tuple[int, ...], random: np.random.Generator) -> FloatArray:
+def _draw_coloured_noise(shape: tuple[int, ...], random: np.random.Generator) -> FloatArray:
     samples, joints = shape
     frequency_hz = np.arange(samples // 2 + 1) / PERIOD_S
     bins = random.normal(size=(2, len(frequency_hz), joints))

@@ -42,8 +42,8 @@ from acquisition.task.realtime import (
     disable_garbage_collection,
     request_realtime,
 )
-from benchmarks.bare_exchange import compiled
-from benchmarks.cyclic_bus import BITRATE, HEARTBEAT_S, Scenario, served
+from benchmarks.bare_exchange import compile_exchange
+from benchmarks.cyclic_bus import BITRATE, HEARTBEAT_S, Scenario, serve_bus
 from benchmarks.lateness import calm_p99
 from config.cell.cell import CanBusConfig, DriveSafety
 from drivers.canopen.frames import heartbeat_cob_id, rpdo_cob_id, tpdo_cob_id
@@ -147,7 +147,7 @@ def canopen_cycle(scenario: Scenario, path: Path) -> tuple[Cycle, Callable[[], i
     answers: list[int] = []
     sent: list[Any] = []
 
-    def arrived(node: int) -> Callable[[Any], None]:
+    def note_arrival(node: int) -> Callable[[Any], None]:
         def read(mapped: Any) -> None:
             values[node] = [variable.raw for variable in mapped]
             with complete:
@@ -172,7 +172,7 @@ def canopen_cycle(scenario: Scenario, path: Path) -> tuple[Cycle, Callable[[], i
             mapped.cob_id = identifier
             mapped.enabled = True
         answer.subscribe()
-        answer.add_callback(arrived(node_id))
+        answer.add_callback(note_arrival(node_id))
         sent.append(command)
     beats = round(HEARTBEAT_S / scenario.cycle_time_s)
     count = 0
@@ -262,7 +262,7 @@ def run_bare(
 def measure(scenario: Scenario, who: str, seconds: float, bare: Path | None) -> tuple[Outcome, int]:
     """Return a program's outcome and the number of lost frames."""
     context = multiprocessing.get_context("spawn")
-    with served(scenario) as (path, drives):
+    with serve_bus(scenario) as (path, drives):
         start_ns = time.monotonic_ns() + 2_500_000_000
         if bare is not None:
             outcome = run_bare(bare, scenario, path, seconds, start_ns)
@@ -311,7 +311,7 @@ def main() -> int:
     ctypes.CDLL(None)  # loads the library before the measurement
     ratios: dict[str, float] = {}
     holds, lost_frames, worst_s = True, 0, 0.0
-    with compiled() as bare:
+    with compile_exchange() as bare:
         programs = {OURS: None, PEER: None} | ({BARE: bare} if bare is not None else {})
         for scenario in SCENARIOS:
             print(f"\n{scenario}, {100 * scenario.load:.1f} % of the bus")

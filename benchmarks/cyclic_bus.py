@@ -99,7 +99,7 @@ def play_drives(path: Path, pipe: Connection) -> None:
 
 
 @contextmanager
-def served(scenario: Scenario) -> Iterator[tuple[Path, Connection]]:
+def serve_bus(scenario: Scenario) -> Iterator[tuple[Path, Connection]]:
     """Run the bus and its drives; yield the path of the bus and the pipe to the drives."""
     context = multiprocessing.get_context("spawn")
     folder = Path(tempfile.mkdtemp(prefix="cyclic-"))

@@ -64,8 +64,8 @@ class Streams:
 
     def stream(self) -> bytes:
         """Return the bytes of one connection."""
-        made = self.random.choice((self._request, self._chunked, self._frames, self._noise))()
-        return self._mutated(made)[:MOST_BYTES]
+        made = self.random.choice((self._request, self._encode_chunks, self._frames, self._noise))()
+        return self._mutate(made)[:MOST_BYTES]
 
     def _head(self, method: str, path: str, *more: bytes) -> bytes:
         lines = [f"{method} {path} HTTP/1.{self.random.choice('0119')}".encode()]
@@ -82,7 +82,7 @@ class Streams:
         made = self._head(choice(_METHODS), choice(_PATHS), *more)
         return (made + self._bytes(2000)) * self.random.choice((1, 1, 1, 5))
 
-    def _chunked(self) -> bytes:
+    def _encode_chunks(self) -> bytes:
         made = self._head("POST", self.random.choice(_PATHS), b"Transfer-Encoding: chunked")
         for _ in range(self.random.randrange(200)):
             data = self._bytes(20)
@@ -115,7 +115,7 @@ class Streams:
     def _bytes(self, most: int) -> bytes:
         return self.random.randbytes(self.random.randrange(most))
 
-    def _mutated(self, made: bytes) -> bytes:
+    def _mutate(self, made: bytes) -> bytes:
         """Return a stream with up to four random changes."""
         found = bytearray(made)
         accidents: tuple[Callable[[bytearray], None], ...] = (

@@ -35,7 +35,7 @@ import numpy as np
 
 from acquisition.processing.smoothing import smooth_nonperiodic
 from acquisition.recording.recording import Recording
-from benchmarks.simulated_arm import ARMS, MOTIONS, ROW_S, SimulatedArm, simulated
+from benchmarks.simulated_arm import ARMS, MOTIONS, ROW_S, SimulatedArm, simulate
 from config.arrays import FloatArray
 from identification.accuracy.identifiability import noiseless_findings
 from identification.choices import BAND_HZ
@@ -94,7 +94,7 @@ def exact_recordings(plan: Plan) -> Iterator[Exact]:
         arm = SimulatedArm.of(name)
         for motion in MOTIONS:
             for seed in range(1, plan.trajectories + 1):
-                yield Exact(arm, motion, seed, simulated(arm, motion, seed, DURATION_S))
+                yield Exact(arm, motion, seed, simulate(arm, motion, seed, DURATION_S))
 
 
 def at_rate(recording: Recording, rate_hz: int) -> Recording:

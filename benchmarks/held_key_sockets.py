@@ -133,7 +133,7 @@ class Watcher:
             elif message["type"] == "event" and message["event"]["kind"] == "key_refused":
                 self.refused.append(message["event"]["text"])
 
-    def moved(self, from_s: float, to_s: float = float("inf")) -> bool:
+    def has_moved(self, from_s: float, to_s: float = float("inf")) -> bool:
         """Return True if the robot moved in a time span."""
         return any(from_s <= each < to_s for each in self.moving_s)
 
@@ -238,7 +238,7 @@ async def _measure(
                 await holder.hold("1+")
                 await asyncio.sleep(2.0)
                 begun_s = time.monotonic()
-                result.unmoved += not watcher.moved(begun_s - 1.0)
+                result.unmoved += not watcher.has_moved(begun_s - 1.0)
                 proxy.stalled, proxy.delay_s = stalled, delay_s
                 await asyncio.sleep(1.5)  # longer than the validity of a challenge
                 still_s = time.monotonic()
@@ -248,8 +248,8 @@ async def _measure(
                 await asyncio.sleep(2.0)
                 await releasing
                 allowed_s = begun_s + CHALLENGE_LIMIT_S + ramp_s + SEEN_S
-                result.late += watcher.moved(allowed_s, still_s)
-                result.restarts += watcher.moved(still_s)
+                result.late += watcher.has_moved(allowed_s, still_s)
+                result.restarts += watcher.has_moved(still_s)
         end_s = time.monotonic() + loopback_s
         while time.monotonic() < end_s:
             async with _jog(client, key, connected, NEAR, watcher) as holder:

@@ -151,7 +151,7 @@ def motion(kind: str, joints: int, seconds: float, seed: int) -> tuple[FloatArra
     return t, q, v, a
 
 
-def logged(
+def log_motion(
     arm: Arm, kind: str, seconds: float, seed: int, cases: tuple[str, ...]
 ) -> Iterator[Logged]:
     """Yield the recordings of one motion by all loggers, at 125 Hz unless the case states a rate.

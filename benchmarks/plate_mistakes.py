@@ -71,7 +71,7 @@ class PlateOutcome:
 def plate_outcomes(count: int, first_seed: int) -> Iterator[PlateOutcome]:
     """Yield results for `count` arms, with every mistake and with the correct description."""
     for arm in weighed_arms(count, first_seed):
-        equations, drawn = _condensed(arm)
+        equations, drawn = _condense(arm)
         plausible = plausible_weight(arm.robot)
         truth = equations.shares(wrench_matrix(arm.plate))
         name = arm.robot.name
@@ -90,7 +90,7 @@ def plate_outcomes(count: int, first_seed: int) -> Iterator[PlateOutcome]:
             yield PlateOutcome(name, made.name, named, bool(np.any(stated > 0.3)), visible)
 
 
-def _condensed(arm: WeighedArm) -> tuple[PlateEquations, FloatArray]:
+def _condense(arm: WeighedArm) -> tuple[PlateEquations, FloatArray]:
     """Return the equations of an arm's wrench, and the parameters from its CAD data."""
     equations, model, base = unsolved_equations(arm.robot, [arm.average], EXTERNAL)
     condensed = PlateEquations.of([arm.average], equations, [0.0])

@@ -211,7 +211,7 @@ def reactions(log: Path, sessions: list[Session], loaded: LoadedCell) -> dict[st
     kinds, cycle_s = _kinds(loaded), loaded.config.cycle_time_s
     commands = {rpdo_cob_id(axis.node_id) for axis in loaded.config.axes}
     found: dict[str, list[float]] = {}
-    frames = iter(_logged(log))
+    frames = iter(_read_log(log))
     for session in sessions:
         seen: list[Frame] = []
         stops: dict[int, float] = {}
@@ -240,7 +240,7 @@ def reactions(log: Path, sessions: list[Session], loaded: LoadedCell) -> dict[st
     return found
 
 
-def _logged(log: Path) -> Iterator[Frame]:
+def _read_log(log: Path) -> Iterator[Frame]:
     for message in CanutilsLogReader(log):
         yield Frame(message.timestamp, message.arbitration_id, bytes(message.data))
 

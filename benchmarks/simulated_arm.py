@@ -180,7 +180,7 @@ def quick_reversals(arm: SimulatedArm, duration_s: float, random: np.random.Gene
     return motion
 
 
-def simulated(arm: SimulatedArm, kind: Kind, seed: int, duration_s: float) -> Recording:
+def simulate(arm: SimulatedArm, kind: Kind, seed: int, duration_s: float) -> Recording:
     """Return the recording of an arm under feedforward and position control, without noise."""
     random = np.random.default_rng(seed)
     make = rest_to_rest if kind == "rest to rest" else quick_reversals

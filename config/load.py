@@ -117,19 +117,19 @@ def load_cell(reference: str) -> LoadedCell:
         _, drive_profile = read(cell.monitor.profile, "profiles", "drives.yaml", DriveProfile)
     servos: dict[str, ServoProfile] = {}
 
-    def resolved(chosen: Servo, otherwise: ServoProfile) -> ServoProfile:
+    def resolve(chosen: Servo, otherwise: ServoProfile) -> ServoProfile:
         if isinstance(chosen, ServoProfile):
-            below = otherwise if chosen.base is None else resolved(chosen.base, otherwise)
+            below = otherwise if chosen.base is None else resolve(chosen.base, otherwise)
             return chosen.on(below)
         if chosen not in servos:
             servos[chosen] = ServoProfile()  # ends the recursion if a profile is its own base
             _, named = read(chosen, "servos", f"servo{len(servos)}.yaml", ServoProfile)
-            servos[chosen] = resolved(named, ServoProfile())
+            servos[chosen] = resolve(named, ServoProfile())
         return servos[chosen]
 
-    general = resolved(cell.servo, ServoProfile())
+    general = resolve(cell.servo, ServoProfile())
     axes = tuple(
-        axis.model_copy(update={"servo": axis.servo and resolved(axis.servo, general)})
+        axis.model_copy(update={"servo": axis.servo and resolve(axis.servo, general)})
         for axis in cell.axes
     )
     cell = cell.model_copy(update={"servo": general, "axes": axes})

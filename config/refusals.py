@@ -57,7 +57,7 @@ def describe_error(tree: YamlTree, detail: ErrorDetails, model: Any) -> str:
         return f"{prefix}the key {missing!r} is missing"
     if detail["type"] in ("union_tag_not_found", "union_tag_invalid"):
         found = _models_at(model, path, set())
-        return _explain_kind(
+        return _explain_wrong_kind(
             tree, path, detail.get("input"), sorted(set().union(*map(_kinds, found)))
         )
     message = detail["msg"].removeprefix("Value error, ")
@@ -82,7 +82,9 @@ def _explain_pattern(given: str, pattern: str) -> str:
     )
 
 
-def _explain_kind(tree: YamlTree, path: tuple[int | str, ...], given: Any, kinds: list[str]) -> str:
+def _explain_wrong_kind(
+    tree: YamlTree, path: tuple[int | str, ...], given: Any, kinds: list[str]
+) -> str:
     """Explain that `kind` is missing or unknown, with the allowed kinds."""
     kind = given.get("kind") if isinstance(given, dict) else None
     if kind is None:

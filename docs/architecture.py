@@ -21,7 +21,7 @@ BEGIN, END = "<!-- drawn by docs/architecture.py -->\n", "<!-- end of the drawin
 Graph = dict[str, set[str]]
 
 
-def imported(path: Path) -> set[str]:
+def find_imports(path: Path) -> set[str]:
     """Return the project's modules that a file imports, also inside functions."""
     found: set[str] = set()
     for node in ast.walk(ast.parse(path.read_text())):
@@ -45,7 +45,7 @@ def drawing() -> str:
     rooms: Graph = {}
     packages: Graph = {package: set() for package in PACKAGES}
     for path, parts in files():
-        for name in imported(path):
+        for name in find_imports(path):
             other = name.split(".")
             if other[0] != parts[0]:
                 packages[parts[0]].add(other[0])
@@ -58,10 +58,10 @@ def drawing() -> str:
         lines.append(f"  subgraph {package}")
         own = {room for room in rooms if room.split(".")[0] == package}
         lines += [f"    {_node(room)}[{room.partition('.')[2]}]" for room in sorted(own)]
-        inside = _reduced({room: rooms[room] for room in own})
+        inside = _reduce({room: rooms[room] for room in own})
         lines += [f"    {_node(a)} --> {_node(b)}" for a, b in inside]
         lines.append("  end")
-    lines += [f"  {a} ==> {b}" for a, b in _reduced(packages)]
+    lines += [f"  {a} ==> {b}" for a, b in _reduce(packages)]
     return "\n".join([*lines, "```", ""])
 
 
@@ -82,7 +82,7 @@ def _is_room(parts: list[str]) -> bool:
     return len(parts) > 1 and (ROOT / parts[0] / parts[1]).is_dir()
 
 
-def _reduced(graph: Graph) -> list[tuple[str, str]]:
+def _reduce(graph: Graph) -> list[tuple[str, str]]:
     """Return the edges of a graph without those that also follow from longer paths."""
 
     def below(node: str, seen: set[str]) -> set[str]:

@@ -294,7 +294,7 @@ def render(entries: Mapping[int, list[Entry]]) -> str:
     return _HEAD + "\n".join(lines) + "\n"
 
 
-def updated(
+def update(
     text: str,
     ran: Mapping[int, list[Entry]],
     functions: set[str],
@@ -322,7 +322,7 @@ def as_figure(words: str) -> str:
     return plain or "holds"
 
 
-def declared(tests: Path = ROOT / "tests", mark: str = "fault") -> dict[Any, set[str]]:
+def find_marked(tests: Path = ROOT / "tests", mark: str = "fault") -> dict[Any, set[str]]:
     """Return the test functions that have a mark, by the argument of the mark: row or promise."""
     rows: dict[Any, set[str]] = {}
     for path in sorted(tests.rglob("test_*.py")):

@@ -203,7 +203,7 @@ def _parent_ended() -> Callable[[], bool]:
     parent = multiprocessing.parent_process()
     asked_s = gone_s = 0.0
 
-    def ended() -> bool:
+    def has_ended() -> bool:
         nonlocal asked_s, gone_s
         now_s = time.monotonic()
         if parent is not None and not gone_s and now_s - asked_s > _LOOK_S:
@@ -211,7 +211,7 @@ def _parent_ended() -> Callable[[], bool]:
             gone_s = 0.0 if parent.is_alive() else now_s
         return gone_s > 0.0 and now_s - gone_s > LINGER_NS * 1e-9
 
-    return ended
+    return has_ended
 
 
 @contextlib.contextmanager

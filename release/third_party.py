@@ -30,7 +30,7 @@ versions and hashes (CycloneDX). Made by `python release/third_party.py`.
 _LICENCE_FILE = re.compile(r"(?i)^(licen[cs]e|copying|notice|copyright|lgpl)")
 
 
-def needed() -> list[str]:
+def needed_packages() -> list[str]:
     """Return the packages that rid-daq needs on this computer, from `uv.lock`, sorted."""
     from packaging.markers import Marker
 
@@ -67,14 +67,14 @@ def licence(name: str) -> str:
 
 def page() -> str:
     """Return the page that lists the licences."""
-    return _HEAD + "".join(f"| {name} | {licence(name)} |\n" for name in needed())
+    return _HEAD + "".join(f"| {name} | {licence(name)} |\n" for name in needed_packages())
 
 
 def texts() -> str:
     """Return the texts of all licences, each with its package's name and version."""
     return "\n".join(
         f"{'=' * 72}\n{name} {metadata.version(name)}: {licence(name)}\n{'=' * 72}\n{text}"
-        for name in needed()
+        for name in needed_packages()
         for text in _texts_of(name)
     )
 

@@ -132,7 +132,7 @@ class FaultPage:
     def pytest_sessionfinish(self) -> None:
         page = self._page.PAGE
         text = page.read_text(encoding="utf-8") if page.exists() else ""
-        new = self._page.updated(text, self._ran, self._functions, self._page.declared())
+        new = self._page.update(text, self._ran, self._functions, self._page.find_marked())
         page.write_text(new, encoding="utf-8")
 
 

@@ -99,7 +99,7 @@ def test_each_station_is_connected_to_an_earlier_one(
     """Connected means: one imports the other, or the page states a process or file between them."""
     title, stations = walk
     modules = {path: path.removesuffix(".py").replace("/", ".") for _, path in stations}
-    imports = {path: architecture_page.imported(ROOT / path) for path in modules}
+    imports = {path: architecture_page.find_imports(ROOT / path) for path in modules}
     lonely = []
     for number, (boundary, path) in enumerate(stations[1:], start=1):
         before = [earlier for _, earlier in stations[:number]]

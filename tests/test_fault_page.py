@@ -23,14 +23,14 @@ def page() -> Any:
 
 
 def test_every_fault_has_a_test(page: Any) -> None:
-    declared = page.declared()
+    declared = page.find_marked()
     assert sorted(page.ROWS) == list(range(1, 52))
     assert set(declared) == set(page.ROWS)
 
 
 def test_the_page_names_existing_tests(page: Any) -> None:
     text = page.PAGE.read_text(encoding="utf-8")
-    entries_by_row, declared = page.read(text), page.declared()
+    entries_by_row, declared = page.read(text), page.find_marked()
     assert page.render(entries_by_row) == text, HOW
     for number, entries in entries_by_row.items():
         for entry in entries:
@@ -42,12 +42,12 @@ def test_the_page_keeps_lines_of_tests_that_did_not_run_and_replaces_the_others(
     name, gone = "tests/somewhere.py::test_it", "tests/somewhere.py::test_gone"
     old, new = page.Entry(name, "old"), [page.Entry(name, "new 1"), page.Entry(name, "new 2")]
     before = page.render({2: [old, page.Entry(gone, "of a test that is gone")]})
-    kept = page.read(page.updated(before, {}, set(), {2: {name}}))
+    kept = page.read(page.update(before, {}, set(), {2: {name}}))
     assert kept[2] == [old]
-    after = page.read(page.updated(before, {2: new}, {name}, {2: {name}}))
+    after = page.read(page.update(before, {2: new}, {name}, {2: {name}}))
     assert after[2] == [page.Entry(name, "new 1; new 2")]
     assert all(after[number] == [] for number in page.ROWS if number != 2)
-    other = page.read(page.updated(before, {}, set(), {2: {name}, 3: {gone}}))
+    other = page.read(page.update(before, {}, set(), {2: {name}, 3: {gone}}))
     assert other[3] == [page.Entry(gone, "not measured yet")]
     assert page.as_figure("a | b\n < c `d`") == "a / b ‹ c 'd'"
 
@@ -60,7 +60,7 @@ def test_marks_are_found_in_functions_classes_and_parameters(page: Any, tmp_path
         "@pytest.mark.parametrize('n', [pytest.param(1, marks=pytest.mark.fault(5))])\n"
         "@pytest.mark.fault(4)\ndef test_b(n): ...\n"
     )
-    assert page.declared(file.parent) == {
+    assert page.find_marked(file.parent) == {
         3: {"tests/test_x.py::TestIt::test_a"},
         4: {"tests/test_x.py::test_b"},
         5: {"tests/test_x.py::test_b"},

@@ -29,7 +29,7 @@ def test_the_page_of_licences_lists_all_installed_packages() -> None:
     spec.loader.exec_module(third_party)
     assert third_party.PAGE.read_text() == third_party.page(), "run release/third_party.py"
     texts = third_party.texts()
-    for name in third_party.needed():
+    for name in third_party.needed_packages():
         assert f"\n{name} " in texts
 
 

@@ -22,7 +22,7 @@ def marked() -> dict[str, set[str]]:
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    found: dict[str, set[str]] = module.declared(mark="promise")
+    found: dict[str, set[str]] = module.find_marked(mark="promise")
     return found
 
 

@@ -132,7 +132,7 @@ class JournalReader:
         self._gaps: list[tuple[int, int]] = []
         self._next = 0
         self._bad_chunks = self._end_of_chunks = 0
-        with self._named():
+        with self._name_the_file():
             self._file = self._stack.enter_context(open_file(path, MAX_FILE_BYTES))
 
     def __enter__(self) -> JournalReader:
@@ -156,7 +156,7 @@ class JournalReader:
         Raises:
             RecordingError: The file cannot be read, or its messages are not in order.
         """
-        with self._named():
+        with self._name_the_file():
             at_end = False
             while not at_end:
                 # Not memory-mapped: a failing disk would then end the program with SIGBUS.
@@ -177,7 +177,7 @@ class JournalReader:
         Raises:
             RecordingError: The file cannot be read.
         """
-        with self._named():
+        with self._name_the_file():
             total = count_written(self._file)
             gaps = list(self._gaps)
             if total is not None and total > self._next:
@@ -194,7 +194,7 @@ class JournalReader:
         return os.fstat(self._file.fileno()).st_size
 
     @contextlib.contextmanager
-    def _named(self) -> Iterator[None]:
+    def _name_the_file(self) -> Iterator[None]:
         """Add the name of the file to an error."""
         try:
             yield

@@ -37,7 +37,7 @@ def open_new(path: Path) -> FileIO:
     return FileIO(path, "xb", opener=lambda name, flags: os.open(name, flags | os.O_APPEND, 0o666))
 
 
-def being_written(path: Path) -> bool:
+def is_being_written(path: Path) -> bool:
     """Return True if a recorder of this computer still has the journal open.
 
     Raises:

@@ -142,7 +142,9 @@ def read_monitor(path: Path) -> MonitorStream:
     )
 
 
-def monitored(recording: Recording, folder: Path) -> tuple[MonitorStream | None, tuple[str, ...]]:
+def read_run_temperatures(
+    recording: Recording, folder: Path
+) -> tuple[MonitorStream | None, tuple[str, ...]]:
     """Return the temperatures that the drives of a run reported.
 
     Args:

@@ -66,7 +66,7 @@ class PlateHeader(HeaderModel):
     run_id: str = ""
 
 
-def overloaded(rows: NDArray[Any], full_scale_counts: int) -> NDArray[np.bool_]:
+def find_overloads(rows: NDArray[Any], full_scale_counts: int) -> NDArray[np.bool_]:
     """Return the overloaded channels, (rows, 8), whose values are invalid.
 
     Args:
@@ -221,7 +221,7 @@ class PlateRows:
     @property
     def overload(self) -> BoolArray:
         """True for channels overloaded or within 5 % of the end of their range, shape (rows, 8)."""
-        return overloaded(self.rows, self.header.plate.amplifier.full_scale_counts)
+        return find_overloads(self.rows, self.header.plate.amplifier.full_scale_counts)
 
     @property
     def operating(self) -> BoolArray:

@@ -63,7 +63,7 @@ def read_motion(path: str | Path) -> tuple[AnyMotion, bytes]:
     contains these rows. Parameters and errors are those of `load_motion`.
     """
     written, name, _ = read_named(str(path), "motions", None)
-    motion = parse_motion(written, name).completed(Path(path).expanduser().parent)
+    motion = parse_motion(written, name).with_file_data(Path(path).expanduser().parent)
     return motion, motion.to_keep(written)
 
 

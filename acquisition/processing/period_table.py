@@ -149,7 +149,7 @@ class PeriodCutter:
         if start is None:
             start = self._first_row()
         if start != self._origin:
-            self._blocks = self._moved(self._blocks, self._origin - start)
+            self._blocks = self._shift(self._blocks, self._origin - start)
             self._origin = start
         n = len(self._first.joint_names)
         count = (self._main[1] - start) // samples + 1
@@ -195,7 +195,7 @@ class PeriodCutter:
             )
         return latest
 
-    def _moved(self, blocks: BlockFile, shift: int) -> BlockFile:
+    def _shift(self, blocks: BlockFile, shift: int) -> BlockFile:
         """Return the periods, cut again with each row moved later by `shift` rows."""
         samples = self._samples
         moved = BlockFile(blocks.shape)
@@ -270,12 +270,12 @@ def _refuse_gaps(table: PeriodTable, reached: int) -> None:
         raise DataQualityError(
             f"{table.of_joint(worst)}{missing[worst]} of {reached} rows of the main periods are"
             f" missing or invalid; the limit is {MISSING_FRACTION_LIMIT:.0%} (exceeded in"
-            f" {_listed(where + 1)}): check for lost frames on the bus",
+            f" {_list_periods(where + 1)}): check for lost frames on the bus",
             code="RID-RECORDING-ROWS-LOST",
         )
 
 
-def _listed(periods: IntArray) -> str:
+def _list_periods(periods: IntArray) -> str:
     """Return the numbers of periods in words, consecutive ones as ranges."""
     runs = np.split(periods, np.flatnonzero(np.diff(periods) > 1) + 1)
     words = [f"{run[0]} to {run[-1]}" if len(run) > 1 else f"{run[0]}" for run in runs]

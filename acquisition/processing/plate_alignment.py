@@ -53,7 +53,7 @@ def with_plate(recording: Recording, rows: PlateRows) -> Recording:
     reason = "it has no row"
     for stream in np.unique(rows.stream):
         try:
-            parts.append(_aligned(recording, rows, rows.stream == stream, int(stream)))
+            parts.append(_align(recording, rows, rows.stream == stream, int(stream)))
         except DataQualityError as error:
             reason = str(error)
     if not parts:
@@ -96,7 +96,7 @@ def stream_clock(recording: Recording, rows: PlateRows, stream: int) -> DeviceCl
     return clock
 
 
-def _aligned(recording: Recording, rows: PlateRows, use: BoolArray, stream: int) -> Reaction:
+def _align(recording: Recording, rows: PlateRows, use: BoolArray, stream: int) -> Reaction:
     """Return the force plate's readings of one stream, at the recording's times.
 
     Raises:
@@ -105,7 +105,7 @@ def _aligned(recording: Recording, rows: PlateRows, use: BoolArray, stream: int)
     device_s = rows.device_s[use]
     ahead = np.concatenate([[True], np.diff(device_s) > 0.0])  # a row received twice counts once
     amplifier = rows.header.plate.amplifier
-    over = _settling(rows.overload[use], device_s, SETTLING_CYCLES / amplifier.low_pass_hz)
+    over = _find_settling(rows.overload[use], device_s, SETTLING_CYCLES / amplifier.low_pass_hz)
     valid = ~over & rows.operating[use][:, np.newaxis]
     return resample_reaction(
         rows.header.plate,
@@ -117,7 +117,7 @@ def _aligned(recording: Recording, rows: PlateRows, use: BoolArray, stream: int)
     )
 
 
-def _settling(over: BoolArray, device_s: FloatArray, settling_s: float) -> BoolArray:
+def _find_settling(over: BoolArray, device_s: FloatArray, settling_s: float) -> BoolArray:
     """Return True for overloaded values and for the settling time after an overload, (rows, 8)."""
     last_s = np.where(over, device_s[:, np.newaxis], -np.inf)
     return np.asarray(device_s[:, np.newaxis] - np.maximum.accumulate(last_s, axis=0) <= settling_s)

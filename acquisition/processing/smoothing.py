@@ -19,9 +19,9 @@ from acquisition.processing.repeated_torque import find_repeated_torques
 from acquisition.processing.torque_channel import TorqueChannel
 from acquisition.processing.unfiltered import (
     UnfilteredSignals,
-    derived,
-    smoothed,
+    smooth_gaussian,
     smoothing_width,
+    spline_derivatives,
 )
 from acquisition.recording.recording import Recording
 from config.arrays import FloatArray, IntArray, freeze
@@ -193,13 +193,13 @@ def smooth_nonperiodic(
             own = np.maximum(held.update_row[rows][at] - rows[0], 0)
             raw_torque = np.take_along_axis(torque[rows], own, axis=0)
             renewed.append(before + _rows_at(grid, stamps)[own])
-        motion = (raw_position, *derived(raw_position, step_s))
+        motion = (raw_position, *spline_derivatives(raw_position, step_s))
         if torque_limit_hz is not None:
             raw_torque = low_pass(raw_torque, step_s, torque_limit_hz)
-        signals = (smoothed(values, step_s, width_s) for values in (*motion, raw_torque))
+        signals = (smooth_gaussian(values, step_s, width_s) for values in (*motion, raw_torque))
         rough.append(_Segment(grid, *signals))
         smooth_position = low_pass(raw_position, step_s, cutoff_hz)
-        motion = (smooth_position, *derived(smooth_position, step_s))
+        motion = (smooth_position, *spline_derivatives(smooth_position, step_s))
         signals = (values[kept] for values in (*motion, low_pass(raw_torque, step_s, cutoff_hz)))
         segments.append(_Segment(grid[kept], *signals))
     if not segments:
@@ -208,7 +208,7 @@ def smooth_nonperiodic(
             f" {GAP_STEPS * step_s * 1e3:.3g} ms: use a higher cut-off or a better recording",
             code="RID-RECORDING-CUTOFF",
         )
-    joined = _joined(segments)
+    joined = _join(segments)
     return SmoothedSignals(
         joint_names=recording.joint_names,
         **joined._asdict(),
@@ -219,7 +219,7 @@ def smooth_nonperiodic(
             None if recording.temperature_k is None else _temperature_at(recording, joined.time_s)
         ),
         unfiltered=UnfilteredSignals(
-            **_joined(rough)._asdict(),
+            **_join(rough)._asdict(),
             segment=_numbers(rough),
             sample_period_s=step_s,
             smoothing_s=width_s,
@@ -236,7 +236,7 @@ def _rows_at(stamps: FloatArray, time_s: FloatArray) -> IntArray:
     return np.asarray(np.maximum(np.searchsorted(stamps, time_s + slack_s) - 1, 0))
 
 
-def _joined(segments: Sequence[_Segment]) -> _Segment:
+def _join(segments: Sequence[_Segment]) -> _Segment:
     return _Segment(*(np.concatenate(arrays) for arrays in zip(*segments, strict=True)))
 
 

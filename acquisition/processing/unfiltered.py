@@ -81,7 +81,7 @@ class UnfilteredSignals:
         return int(np.max(np.arange(len(self.torque_row))[:, np.newaxis] - self.torque_row))
 
 
-def derived(position: FloatArray, step_s: float) -> tuple[FloatArray, FloatArray]:
+def spline_derivatives(position: FloatArray, step_s: float) -> tuple[FloatArray, FloatArray]:
     """Return velocity and acceleration of a quintic spline through uniform rows.
 
     Args:
@@ -111,7 +111,7 @@ def smoothing_width(position: FloatArray, step_s: float) -> float:
     return width_s if width_s > step_s else 0.0
 
 
-def smoothed(values: FloatArray, step_s: float, width_s: float) -> FloatArray:
+def smooth_gaussian(values: FloatArray, step_s: float, width_s: float) -> FloatArray:
     """Return uniform rows convolved with a Gaussian of standard deviation `width_s` [s]."""
     if width_s == 0.0:
         return values

@@ -222,7 +222,7 @@ def _units(
 ) -> Iterator[dict[str, str]]:
     """Yield the possible units, the likeliest first."""
     given = {} if source is None else dict(source.units)
-    stated = {name: _stated(group) for name, group in groups.items()}
+    stated = {name: _unit_in_name(group) for name, group in groups.items()}
     fixed = {name: unit for name, unit in stated.items() if unit} | given
     positions = [fixed["position"]] if "position" in fixed else ["rad", "deg", "rev"]
     for position in positions:
@@ -240,7 +240,7 @@ def _units(
             yield units
 
 
-def _stated(group: ColumnGroup) -> str:
+def _unit_in_name(group: ColumnGroup) -> str:
     """Return the unit that the name of a group states, as a map writes it."""
     known: Mapping[str, Sequence[str]] = {
         "position": ("rad", "deg", "rev"),
@@ -291,7 +291,7 @@ def _first_that_works(
             continue
         assumed = [
             f"{name}: the file does not state its unit, {each} is assumed"
-            for name, each in _assumed(units, groups, source).items()
+            for name, each in _find_assumed_units(units, groups, source).items()
         ]
         doubts = (*doubts, *assumed)
         because = f"With these units the recording can be imported: {words}{_agreement(report)}"
@@ -301,7 +301,7 @@ def _first_that_works(
     return first
 
 
-def _assumed(
+def _find_assumed_units(
     units: Mapping[str, str], groups: Mapping[str, ColumnGroup], source: KnownSource | None
 ) -> dict[str, str]:
     """Return the units that neither the columns nor their program state."""
@@ -311,7 +311,7 @@ def _assumed(
     return {
         name: str(default[name])
         for name in used
-        if source is None and not _stated(groups[name]) and name not in known
+        if source is None and not _unit_in_name(groups[name]) and name not in known
     }
 
 

@@ -19,7 +19,7 @@ from acquisition.journal.plate import (
     LINE_RESTORED,
     PlateHeader,
     PlateJournalWriter,
-    overloaded,
+    find_overloads,
 )
 from acquisition.session.plate_block import PlateBlock, PlateState
 from config.cell.amplifier_profile import BITS_PER_BYTE, AmplifierProfile
@@ -221,7 +221,7 @@ class _PlateRecorder:
         rows = writer.append(read, self._stream)
         if len(rows):
             self._last_stream = int(rows["stream"][-1])
-            over = overloaded(rows, self._task.plate.amplifier.full_scale_counts)
+            over = find_overloads(rows, self._task.plate.amplifier.full_scale_counts)
             words = np.packbits(over, axis=1, bitorder="little")[:, 0]
             block.add_rows(rows["force_n"], words, read.read_s)
             self._clear_overloads(amplifier, int(rows["status"][-1]) & 0xFF)

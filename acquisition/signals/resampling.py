@@ -49,7 +49,7 @@ def resample(
     there = np.zeros((size, channels), dtype=np.bool_)
     there[place] = valid
     gaps = _short_gaps(place, size)
-    filled = _filled(place, values, gaps)
+    filled = _fill(place, values, gaps)
     bad = ~(there | gaps[:, np.newaxis])
     rate_hz = min(1.0 / step_s, at_rate_hz)
     half_rows = HALF_WIDTH / rate_hz / step_s
@@ -96,7 +96,7 @@ def _grid(row_s: FloatArray) -> tuple[IntArray, float]:
     )
 
 
-def _filled(place: IntArray, values: FloatArray, gaps: BoolArray) -> FloatArray:
+def _fill(place: IntArray, values: FloatArray, gaps: BoolArray) -> FloatArray:
     """Return the whole grid, with gaps interpolated by a cubic through their neighbours."""
     grid = np.zeros((len(gaps), values.shape[1]))
     grid[place] = values

@@ -167,7 +167,7 @@ class Supervisor:
                 return self._not_enabled(i, cycle)
             if not cycle.valid[i]:
                 if positions.implausible[i] >= IMPLAUSIBLE_LIMIT:
-                    return self._jumped(i)
+                    return self._check_jump(i)
                 continue
             actual, velocity = cycle.position[i], positions.velocity[i]
             torque_nm = cycle.torque_nm[i]
@@ -195,7 +195,7 @@ class Supervisor:
         if not all(cycle.valid):
             for i in self._joints:
                 if self._positions.unknown[i] >= self._rules.missed_frames_limit:
-                    return self._unknown(i, coupling.motors_of[i])
+                    return self._check_known(i, coupling.motors_of[i])
             return None
         velocities = coupling.to_motors(self._positions.velocity).tolist()
         commands = coupling.to_motors(self._wanted).tolist()
@@ -240,7 +240,7 @@ class Supervisor:
             limit=float(self._rules.missed_frames_limit),
         )
 
-    def _unknown(self, i: int, motors: Sequence[int]) -> StopReason:
+    def _check_known(self, i: int, motors: Sequence[int]) -> StopReason:
         for motor in motors:
             if reason := self._second_answers.explain(motor):
                 return reason
@@ -267,7 +267,7 @@ class Supervisor:
             value=float(word),
         )
 
-    def _jumped(self, i: int) -> StopReason:
+    def _check_jump(self, i: int) -> StopReason:
         step, limit = self._positions.jump[i], self._positions.jump_limit[i]
         return StopReason(
             StopCode.IMPLAUSIBLE_POSITION,

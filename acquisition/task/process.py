@@ -71,10 +71,10 @@ def run_cyclic_task(
     control.task.state = TaskState.BRING_UP
     axes: CanServoAxes | None = None
 
-    def orphaned() -> bool:
+    def is_orphaned() -> bool:
         return os.getppid() != owner.parent
 
-    orders = StopOrders(control, orphaned, owner.service)
+    orders = StopOrders(control, is_orphaned, owner.service)
     try:
         _wait_for_recorder(control, orders)
         source.prepare()

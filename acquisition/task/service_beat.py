@@ -30,7 +30,7 @@ class ServiceBeat(SharedBlock):
     WORDS = _Words
 
     @classmethod
-    def inherited(cls, descriptor: int) -> Self:
+    def from_descriptor(cls, descriptor: int) -> Self:
         """Return the block behind an inherited file descriptor."""
         return cls(SharedMemory(descriptor))
 

@@ -234,7 +234,7 @@ def _loops_in_interval(loop: VelocityLoop) -> list[VelocityLoop]:
     root = np.linalg.cholesky(loop.covariance + 1e-18 * np.eye(len(loop.names)))
     reach = math.sqrt(_CHI2_95[min(len(loop.names), len(_CHI2_95)) - 1])
     return [
-        loop.moved(dict(zip(loop.names, step.tolist(), strict=True)))
+        loop.add(dict(zip(loop.names, step.tolist(), strict=True)))
         for step in reach * ways @ root.T
     ]
 

@@ -69,7 +69,7 @@ class AxisMechanics:
         s = 2j * math.pi * np.asarray(frequency_hz, dtype=float)
         return np.asarray(self.transfer_function(s), dtype=np.complex128)
 
-    def moved(self, inertia: float, damping: float) -> AxisMechanics:
+    def add(self, inertia: float, damping: float) -> AxisMechanics:
         """Return the axis with these amounts added to J and B; the inertia J stays positive."""
         return replace(
             self,

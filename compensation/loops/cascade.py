@@ -152,8 +152,8 @@ class Cascade:
         return tuple(
             replace(
                 self,
-                loop=loop.moved({name: sign * step for name, step in controller.items()}),
-                mechanics=self.mechanics.moved(sign * inertia, sign * damping),
+                loop=loop.add({name: sign * step for name, step in controller.items()}),
+                mechanics=self.mechanics.add(sign * inertia, sign * damping),
             )
             for controller, inertia, damping in steps
             for sign in (1.0, -1.0)

@@ -78,8 +78,8 @@ def measure_loops(
             loop.
     """
     spectra = multisine_spectra(recording, motion, robot)
-    first = _measured(spectra, position_gain_per_s)
-    return _measured(without_images(spectra, first.cascades), position_gain_per_s)
+    first = _measure(spectra, position_gain_per_s)
+    return _measure(without_images(spectra, first.cascades), position_gain_per_s)
 
 
 def without_images(spectra: MultisineSpectra, cascades: Sequence[Cascade]) -> MultisineSpectra:
@@ -114,7 +114,7 @@ def without_images(spectra: MultisineSpectra, cascades: Sequence[Cascade]) -> Mu
     return replace(spectra, torque=torque, error=error, velocity=velocity)
 
 
-def _measured(spectra: MultisineSpectra, position_gain_per_s: float) -> LoopMeasurement:
+def _measure(spectra: MultisineSpectra, position_gain_per_s: float) -> LoopMeasurement:
     controllers, mechanics = controller_responses(spectra), mechanics_responses(spectra)
     return LoopMeasurement(
         controllers=controllers,

@@ -101,7 +101,7 @@ class VelocityLoop:
         values = (self.gain, self.integral_time_s, self.delay_s, self.lag_s)
         return _response(np.asarray(frequency_hz), *values)
 
-    def moved(self, by: Mapping[str, float]) -> VelocityLoop:
+    def add(self, by: Mapping[str, float]) -> VelocityLoop:
         """Return the loop with amounts added to its parameters, limited to possible values."""
         least = 1e-3
         return replace(

@@ -43,7 +43,7 @@ class OnlineFeedforward:
     axes: FloatArray
 
     @classmethod
-    def identified(
+    def from_model(
         cls,
         cell: CellConfig,
         robot: RobotDescription,

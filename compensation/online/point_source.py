@@ -243,7 +243,7 @@ class PointSource:
         position, velocity, ahead = self._out.tolist()
         at = int(self._counts[stage.HEAD]) - 1 - int(self._counts[stage.DELAY])
         node = int(self._line[at % len(self._line), stage.INDEX, 0])
-        point = self._clipped(node - path.BEFORE)
+        point = self._clip(node - path.BEFORE)
         phase = Phase.MAIN if self._phase is None else int(self._phase[point])
         return SetPoint(position, velocity, ahead, point, phase)
 
@@ -279,11 +279,11 @@ class PointSource:
                 return
             time.sleep(PAUSE_S)
 
-    def _clipped(self, point: int) -> int:
+    def _clip(self, point: int) -> int:
         return min(max(point, 0), max(int(self._ring.counters[READ]) - 1, 0))
 
     def _point(self, word: int) -> int:
-        return self._clipped(int(self._counts[word]) - path.BEFORE)
+        return self._clip(int(self._counts[word]) - path.BEFORE)
 
     def _stop_reason(self) -> StopReason:
         counts, pace = self._counts, self._pace

@@ -111,7 +111,7 @@ def stream_points(
     gate = PointGate(feedforward.robot, cell.workspace, cell.cycle_time_s)
     with PointFeed(ring, gate, points) as thread:
         thread.wait(ring.capacity, options.patience_s)
-        return _recorded(feedforward, ring, record, options)
+        return _record(feedforward, ring, record, options)
 
 
 def stream_socket(
@@ -160,7 +160,7 @@ def stream_socket(
                 f"{path}: {ring.failure or 'no points arrived'}; nothing was moved",
                 code="RID-STREAM-CLIENT",
             )
-        return _recorded(feedforward, ring, record, options)
+        return _record(feedforward, ring, record, options)
 
 
 def _ring(cell: CellConfig, feedforward: OnlineFeedforward, options: StreamSettings) -> PointRing:
@@ -169,7 +169,7 @@ def _ring(cell: CellConfig, feedforward: OnlineFeedforward, options: StreamSetti
     return PointRing.create(joints, buffer_points(options.buffer_s, cell.cycle_time_s) // 2)
 
 
-def _recorded(
+def _record(
     feedforward: OnlineFeedforward, ring: PointRing, record: Record, options: StreamSettings
 ) -> RecordOutcome:
     source = PointSource(

@@ -158,7 +158,7 @@ class PathRows:
             fastest=1.0 / np.maximum(speed, FASTEST**-0.5) ** 2,
         )
 
-    def tightened(self, free: FloatArray) -> FloatArray:
+    def tighten(self, free: FloatArray) -> FloatArray:
         """Return bounds with a further fraction `free` (points, rows) of limits held in reserve.
 
         The fraction is reduced if the path could otherwise not even be driven slowly.

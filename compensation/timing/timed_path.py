@@ -164,7 +164,7 @@ class _Search:
         """Scan again if a limit was tightened; return the result if its rows keep all limits."""
         timer = self._timer
         if self._profile is None:
-            self._bounds = self._rows.tightened(self._free)
+            self._bounds = self._rows.tighten(self._free)
             self._profile = fastest(
                 self._rows, self._bounds, ends=self._ends, closed=self._closed, most=self._most
             )
@@ -230,7 +230,7 @@ class _Search:
             found.path, self._timer.cycle_s, limits.acceleration
         )
         if self._timer.positions_alone:
-            seen = differenced(found.path.position, self._timer.cycle_s)
+            seen = difference(found.path.position, self._timer.cycle_s)
             more, beside = np.empty_like(seen.position), np.empty((len(seen.position), 6))
             torques_of(self._timer.torque.arrays, *seen, more, beside)
             more = _fold_rests(np.abs(more)) + (0.0 if margins is None else margins.torque)
@@ -341,7 +341,7 @@ def _spread_margins(over: FloatArray, found: RowsInTime, points: int) -> FloatAr
     return more
 
 
-def differenced(position: FloatArray, step_s: float) -> JointTrajectory:
+def difference(position: FloatArray, step_s: float) -> JointTrajectory:
     """Return positions with five-point differences, extended by two rows of rest at each end."""
     q = np.concatenate([position[[0] * 4], position, position[[-1] * 4]])
     a2, a1, own, b1, b2 = (q[k : len(q) - 4 + k] for k in range(5))

@@ -67,7 +67,7 @@ class ModelMargin:
             estimate.model, estimate.base, motion, Conditions(), estimate.standard_values
         )
         variance = self._variance(columns)
-        variance += _unexplained(estimate.residual_nm, estimate.noise_nm)
+        variance += _unexplained_variance(estimate.residual_nm, estimate.noise_nm)
         return np.sqrt(variance)
 
     def _wrench_deviations(self, path: JointTrajectory) -> FloatArray:
@@ -79,7 +79,7 @@ class ModelMargin:
         )
         variance = self._variance(columns)
         if estimate.plate is not None:
-            variance += _unexplained(estimate.plate.residual, estimate.plate.noise)
+            variance += _unexplained_variance(estimate.plate.residual, estimate.plate.noise)
         return np.sqrt(variance)
 
     def _variance(self, columns: FloatArray) -> FloatArray:
@@ -97,7 +97,7 @@ def _quadratic(columns: FloatArray, covariance: FloatArray) -> FloatArray:
     return np.asarray(np.einsum("skb,skb->sk", columns @ covariance, columns))
 
 
-def _unexplained(residual: FloatArray, noise: FloatArray | None) -> FloatArray:
+def _unexplained_variance(residual: FloatArray, noise: FloatArray | None) -> FloatArray:
     """Return the variance of the residual that the noise does not explain."""
     own = 0.0 if noise is None else noise**2
     return np.asarray(np.maximum(residual**2 - own, 0.0))

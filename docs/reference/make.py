@@ -248,7 +248,7 @@ def _help(arguments: list[str]) -> str:
 
 def _model(model: type[BaseModel], seen: list[type[BaseModel]], parts: list[str]) -> None:
     seen.append(model)
-    text, meanings = _documented(model)
+    text, meanings = _split_docstring(model)
     parts.append(f"### {model.__name__}\n\n{text}\n")
     parts.append("| key | kind | default | meaning |\n|---|---|---|---|")
     inner: list[type[BaseModel]] = []
@@ -265,7 +265,7 @@ def _model(model: type[BaseModel], seen: list[type[BaseModel]], parts: list[str]
             _model(child, seen, parts)
 
 
-def _documented(model: type[BaseModel]) -> tuple[str, dict[str, str]]:
+def _split_docstring(model: type[BaseModel]) -> tuple[str, dict[str, str]]:
     """Return a model's docstring without its attributes, and the attributes' meanings by name."""
     text, notes = "", ""
     meanings: dict[str, str] = {}

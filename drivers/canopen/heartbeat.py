@@ -84,7 +84,7 @@ class HeartbeatConsumer:
         self.lost = False
         self._toggle = -1
 
-    def heard(self, state: int, now_s: float, toggle: int = 0) -> None:
+    def note_heartbeat(self, state: int, now_s: float, toggle: int = 0) -> None:
         """Process a heartbeat, or an answer to life guarding, that arrived at `now_s` [s]."""
         if self.guarded and toggle == self._toggle:
             return
@@ -93,7 +93,7 @@ class HeartbeatConsumer:
         self._last_s = now_s
         self.lost = False
 
-    def expired(self, now_s: float) -> bool:
+    def has_expired(self, now_s: float) -> bool:
         """Return True, once, if the node has been silent for longer than the timeout."""
         if self.lost or self._last_s is None or now_s - self._last_s <= self._timeout_s:
             return False

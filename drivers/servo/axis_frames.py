@@ -214,11 +214,11 @@ class AnswerJoiner:
             parts.first[arrival.cob_id] = arrival
             if parts.first.keys() == self._wanted[axis]:
                 parts.joined = True
-                yield from self._joined(axis, parts.first)
+                yield from self._join(axis, parts.first)
                 for cob_id, again in parts.again.items():
-                    yield from self._joined(axis, parts.first | {cob_id: again})
+                    yield from self._join(axis, parts.first | {cob_id: again})
         elif parts.joined:
-            yield from self._joined(axis, parts.first | {arrival.cob_id: arrival})
+            yield from self._join(axis, parts.first | {arrival.cob_id: arrival})
         else:
             parts.again[arrival.cob_id] = arrival
 
@@ -232,7 +232,7 @@ class AnswerJoiner:
         size = 4 - (data[0] >> _UNUSED_SHIFT & 0x03) if expedited else 0
         return data[1:_VALUE] == wanted and _VALUE + size >= self._ends[arrival.cob_id]
 
-    def _joined(self, axis: int, parts: dict[int, Arrival]) -> Iterator[Arrival]:
+    def _join(self, axis: int, parts: dict[int, Arrival]) -> Iterator[Arrival]:
         """Yield the joined answer; yield nothing if the torque does not fit into 16 bits.
 
         Without it, the axis counts as not having answered in this cycle.

@@ -87,16 +87,16 @@ class SpreadCommands:
         Raises:
             struct.error: A value does not fit into 32 bits.
         """
-        return self._filled(self._enables, values)
+        return self._fill(self._enables, values)
 
     def words(self, words: Sequence[int], rest: Sequence[int]) -> Frames:
         """Return the frames with controlwords, and set-points `rest` that cause no motion."""
-        return self._filled(_with_own_enable(words, self._enables), rest)
+        return self._fill(_with_own_enable(words, self._enables), rest)
 
     def forget(self) -> None:
         """Do nothing, because every frame contains its controlword."""
 
-    def _filled(self, words: Sequence[int], values: Sequence[int]) -> Frames:
+    def _fill(self, words: Sequence[int], values: Sequence[int]) -> Frames:
         for (buffer, start), value in zip(self._targets, values, strict=True):
             _VELOCITY.pack_into(buffer, start, value)
         for (buffer, start), word in zip(self._words, words, strict=True):
@@ -135,7 +135,7 @@ class TrimmedCommands:
             _VELOCITY.pack_into(buffer, 0, value)
         if self._sent == self._enabled:
             return self._velocities
-        return [*self._changed(self._enables), *self._velocities]
+        return [*self._find_changes(self._enables), *self._velocities]
 
     def words(self, words: Sequence[int], rest: Sequence[int]) -> Frames:
         """Return controlwords that changed or must be repeated, and set-points without motion."""
@@ -145,13 +145,13 @@ class TrimmedCommands:
         for axis in range(len(self._sent)):
             if (self._cycle + axis) % REFRESH_CYCLES == 0:
                 self._sent[axis] = None
-        return [*self._changed(_with_own_enable(words, self._enables)), *self._velocities]
+        return [*self._find_changes(_with_own_enable(words, self._enables)), *self._velocities]
 
     def forget(self) -> None:
         """Repeat all controlwords in the next frames, because some may not have been sent."""
         self._sent = [None] * len(self._sent)
 
-    def _changed(self, words: Sequence[int]) -> list[tuple[int, bytearray]]:
+    def _find_changes(self, words: Sequence[int]) -> list[tuple[int, bytearray]]:
         frames = []
         for axis, (word, frame) in enumerate(zip(words, self._words, strict=True)):
             if self._sent[axis] != word:

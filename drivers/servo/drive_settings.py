@@ -162,7 +162,7 @@ def restore_drive(
             refusals.get(address, "") if after[address] != values[address] else "",
         )
         for address in different
-        if dry_run or after[address] == values[address] or not _unused(address, values)
+        if dry_run or after[address] == values[address] or not _is_unused(address, values)
     ]
     results += [
         RestoredSetting(saved.node_id, address, None, why, why)
@@ -202,7 +202,7 @@ def _read_or_missing(port: SdoPort, address: Address) -> bytes | str:
     return "not in this drive" if value is None else value
 
 
-def _unused(address: Address, values: dict[Address, bytes]) -> bool:
+def _is_unused(address: Address, values: dict[Address, bytes]) -> bool:
     """Return True for a mapping entry beyond the number of the PDO's mapped objects."""
     index, subindex = address
     if not (0x1600 <= index < 0x1800 or 0x1A00 <= index < 0x1C00):

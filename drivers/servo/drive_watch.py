@@ -131,7 +131,7 @@ class DriveWatch:
         elif cob_id in self._answers:
             return
         elif self._armed:
-            self._unexpected(cob_id, now_s)
+            self._report_unexpected(cob_id, now_s)
         else:
             self.refuse_foreign_master(cob_id)
 
@@ -164,7 +164,7 @@ class DriveWatch:
         if not self._armed:
             return
         for axis, consumer in enumerate(self.heartbeats):
-            if consumer.expired(now_s + reaction_s):
+            if consumer.has_expired(now_s + reaction_s):
                 self._note(EventKind.HEARTBEAT_LOST, axis, now_s, "stopped sending its heartbeat")
 
     @property
@@ -196,7 +196,7 @@ class DriveWatch:
             )
             return
         state = data[0] & 0x7F
-        self.heartbeats[axis].heard(state, now_s, data[0] & TOGGLE_BIT)
+        self.heartbeats[axis].note_heartbeat(state, now_s, data[0] & TOGGLE_BIT)
         if state == NmtState.INITIALISING:
             self.boot_ups[axis] += 1
             if self._armed:
@@ -215,7 +215,7 @@ class DriveWatch:
         kind = EventKind.EMERGENCY if code else EventKind.EMERGENCY_CLEARED
         self._note(kind, axis, now_s, words, code)
 
-    def _unexpected(self, cob_id: int, now_s: float) -> None:
+    def _report_unexpected(self, cob_id: int, now_s: float) -> None:
         foreign = self.foreign_master(cob_id)
         self.unexpected_frames += 1
         # identifiers of a master are few, so there is always room for them

@@ -80,14 +80,16 @@ def reset_fault(
     try:
         for word in (ControlWord.DISABLE_VOLTAGE, ControlWord.FAULT_RESET):
             port.write(0x6040, 0, word.to_bytes(2, "little"))
-        after = _settled(link, port, others)
+        after = _wait_until_reset(link, port, others)
         port.write(0x6040, 0, ControlWord.DISABLE_VOLTAGE.to_bytes(2, "little"))
     except SdoAbort as abort:
         return FaultReset(joint, node, before, before, error, abort_text(abort.code))
     return FaultReset(joint, node, before, after, error)
 
 
-def _settled(link: CanLink, port: SdoPort, others: Callable[[Frame, float], None]) -> PowerState:
+def _wait_until_reset(
+    link: CanLink, port: SdoPort, others: Callable[[Frame, float], None]
+) -> PowerState:
     """Wait until the drive is no longer in fault, at most `RESET_TIMEOUT_S`; return its state."""
     until_s = link.clock.now_s() + RESET_TIMEOUT_S
     while (state := state_of(port.read_int(0x6041, 0))).faulty:

@@ -100,7 +100,7 @@ class Requirement:
         """Return a value in decimal or hexadecimal text."""
         return f"{value & (1 << 8 * self.size) - 1:X}h" if self.hexadecimal else str(value)
 
-    def encoded(self, value: int) -> bytes:
+    def encode(self, value: int) -> bytes:
         """Return a value as bytes.
 
         Raises:

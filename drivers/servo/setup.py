@@ -221,7 +221,7 @@ class DriveSetup:
         try:
             value = self._port.read_int(index, subindex)
         except SdoAbort as abort:
-            self._note(index, subindex, name, "a number", _refused(abort), "red")
+            self._note(index, subindex, name, "a number", _explain_abort(abort), "red")
             return False
         self._values[index, subindex] = value
         good = value > 0
@@ -260,7 +260,7 @@ class DriveSetup:
         refusal = ""
         if r.write and r.value is not None:
             try:
-                self._port.write(r.index, r.subindex, r.encoded(r.value))
+                self._port.write(r.index, r.subindex, r.encode(r.value))
             except SdoAbort as abort:
                 refusal = f" (write refused: {abort_text(abort.code)})"
         required = "" if r.value is None else r.words(r.value & r.mask)
@@ -268,7 +268,7 @@ class DriveSetup:
             found = self._port.read_int(r.index, r.subindex, signed=r.signed)
         except SdoAbort as abort:
             verdict = self._fault(r)
-            text = _refused(abort)
+            text = _explain_abort(abort)
             if is_missing(abort) and r.lack != "red" and verdict == "red":
                 verdict = "shown"
                 if r.lack == "trial":
@@ -364,7 +364,7 @@ class DriveSetup:
         )
 
 
-def _refused(abort: SdoAbort) -> str:
+def _explain_abort(abort: SdoAbort) -> str:
     return "not in this drive" if is_missing(abort) else abort_text(abort.code)
 
 

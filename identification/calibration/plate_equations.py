@@ -79,7 +79,7 @@ class PlateEquations:
         power, size = self._component_sizes(matrix)
         crossed = np.einsum("wbc,wc->wb", self.crossed, matrix)
         weight = 1.0 / size**2
-        values = _solved(np.tensordot(weight, self.columns, axes=1), weight @ crossed)
+        values = _solve(np.tensordot(weight, self.columns, axes=1), weight @ crossed)
         left = power - 2.0 * crossed @ values + self.columns @ values @ values
         return np.asarray(np.maximum(np.sqrt(np.maximum(left, 0.0)) / size, SMALLEST_SHARE))
 
@@ -95,7 +95,7 @@ class PlateEquations:
         gram = np.block([[np.tensordot(weight, self.columns, axes=1), mixed], [mixed.T, own]])
         of_columns = np.einsum("w,wbc,wc->b", weight, self.crossed, matrix)
         of_slopes = -np.einsum("w,kwc,cd,wd->k", weight, slopes, self.channels, matrix)
-        return _solved(gram, np.concatenate([of_columns, of_slopes]))[-k:]
+        return _solve(gram, np.concatenate([of_columns, of_slopes]))[-k:]
 
     def weight(self, matrix: FloatArray, drawn: FloatArray) -> float:
         """Return the measured wrench over that of drawn parameters (b,), by projection."""
@@ -116,7 +116,7 @@ class PlateEquations:
         return power, np.maximum(size, 1e-12)
 
 
-def _solved(gram: FloatArray, rhs: FloatArray) -> FloatArray:
+def _solve(gram: FloatArray, rhs: FloatArray) -> FloatArray:
     scale = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
     scaled = gram / scale / scale[:, np.newaxis] + RIDGE * np.eye(len(scale))
     return np.asarray(np.linalg.solve(scaled, rhs / scale) / scale)

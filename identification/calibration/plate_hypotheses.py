@@ -116,7 +116,7 @@ def _rotations(equations: PlateEquations, plate: PlateConfig) -> Iterator[PlateH
     """Yield rotations by multiples of 90°, and the best yaw of an upright or inverted plate."""
     stated = rotation_of(plate)
 
-    def turned(turn: FloatArray, free: int) -> PlateHypothesis:
+    def turn_plate(turn: FloatArray, free: int) -> PlateHypothesis:
         right = angles_of(stated @ turn)
         angle = math.degrees(math.acos(max(-1.0, min(1.0, 0.5 * (float(np.trace(turn)) - 1.0)))))
         shown = ", ".join(f"{each:.4g}" for each in right)
@@ -128,7 +128,7 @@ def _rotations(equations: PlateEquations, plate: PlateConfig) -> Iterator[PlateH
     for order, signs in product(permutations(range(3)), product((1.0, -1.0), repeat=3)):
         turn = np.diag(signs)[list(order)]
         if np.linalg.det(turn) > 0.0 and not np.array_equal(turn, np.eye(3)):
-            yield turned(turn, 0)
+            yield turn_plate(turn, 0)
     for side in (np.eye(3), np.diag([1.0, -1.0, -1.0])):
 
         def cost(degrees: float, side: FloatArray = side) -> float:
@@ -138,7 +138,7 @@ def _rotations(equations: PlateEquations, plate: PlateConfig) -> Iterator[PlateH
         coarse = min(range(-180, 180, YAW_STEP_DEG), key=cost)
         fine = min(range(coarse - YAW_STEP_DEG, coarse + YAW_STEP_DEG + 1), key=cost)
         if abs(math.remainder(fine, 360.0)) >= LEAST_YAW_DEG and fine % 90:
-            yield turned(side @ _yaw(fine), 1)
+            yield turn_plate(side @ _yaw(fine), 1)
 
 
 def _sensitivities(equations: PlateEquations, matrix: FloatArray) -> Iterator[PlateHypothesis]:
@@ -148,24 +148,24 @@ def _sensitivities(equations: PlateEquations, matrix: FloatArray) -> Iterator[Pl
         slope[0][:, list(channels)] = matrix[:, list(channels)]
         factor = 1.0 + float(equations.best_parameters(matrix, slope)[0])
         if abs(factor - 1.0) >= LEAST_CHANGE:
-            yield _scaled(matrix, channels, (factor,) * len(channels), 1)
+            yield _scale(matrix, channels, (factor,) * len(channels), 1)
     for pair in combinations(range(CHANNELS), 2):
         slopes = np.zeros((2, 6, CHANNELS))
         for k, channel in enumerate(pair):
             slopes[k, :, channel] = matrix[:, channel]
         first, second = (1.0 + equations.best_parameters(matrix, slopes)).tolist()
         if min(abs(first - 1.0), abs(second - 1.0)) >= LEAST_CHANGE:
-            yield _scaled(matrix, pair, (first, second), 2)
+            yield _scale(matrix, pair, (first, second), 2)
 
 
 def _signs(matrix: FloatArray) -> Iterator[PlateHypothesis]:
     """Yield reversed readings of every set of channels, except of all channels together."""
     for size in range(1, CHANNELS):
         for channels in combinations(range(CHANNELS), size):
-            yield _scaled(matrix, channels, (-1.0,) * size, 0)
+            yield _scale(matrix, channels, (-1.0,) * size, 0)
 
 
-def _scaled(
+def _scale(
     matrix: FloatArray, channels: tuple[int, ...], factors: tuple[float, ...], free: int
 ) -> PlateHypothesis:
     scale = np.ones(CHANNELS)
@@ -188,9 +188,9 @@ def _orders(equations: PlateEquations, matrix: FloatArray) -> Iterator[PlateHypo
     residuals.
     """
     identity = tuple(range(CHANNELS))
-    swaps = [_swapped(identity, *pair) for pair in combinations(identity, 2)]
+    swaps = [_swap(identity, *pair) for pair in combinations(identity, 2)]
     for order in swaps:
-        yield _reordered(matrix, order)
+        yield _reorder(matrix, order)
 
     def cost(order: Sequence[int]) -> float:
         return float(np.sum(np.log(equations.shares(matrix[:, list(order)]))))
@@ -202,21 +202,21 @@ def _orders(equations: PlateEquations, matrix: FloatArray) -> Iterator[PlateHypo
     best = min((each for each in orders if each != identity), key=cost)
     lowest = cost(best)
     while True:
-        near = min((_swapped(best, *pair) for pair in combinations(identity, 2)), key=cost)
+        near = min((_swap(best, *pair) for pair in combinations(identity, 2)), key=cost)
         if cost(near) >= lowest:
             break
         best, lowest = near, cost(near)
     if best != identity and best not in swaps:
-        yield _reordered(matrix, best)
+        yield _reorder(matrix, best)
 
 
-def _swapped(order: tuple[int, ...], first: int, second: int) -> tuple[int, ...]:
+def _swap(order: tuple[int, ...], first: int, second: int) -> tuple[int, ...]:
     own = list(order)
     own[first], own[second] = own[second], own[first]
     return tuple(own)
 
 
-def _reordered(matrix: FloatArray, order: tuple[int, ...]) -> PlateHypothesis:
+def _reorder(matrix: FloatArray, order: tuple[int, ...]) -> PlateHypothesis:
     """Return the hypothesis that the reading of channel i is that of channel `order[i]`."""
     moved = [i for i, other in enumerate(order) if i != other]
     names = [CHANNEL_NAMES[i] for i in moved]

@@ -125,7 +125,7 @@ def torque_consistency(fitted: FittedPeriods) -> TorqueConsistency:
         known.append(step_prior(fitted.model, len(fitted.base), width + n))
     covariance, clusters = np.zeros((n, n)), 2
     for _ in range(STEPS):
-        white = tuple(tuple(_scaled(parts, near, scale)) for parts in fitted.fit.white)
+        white = tuple(tuple(_with_scale_columns(parts, near, scale)) for parts in fitted.fit.white)
         triangles = [
             Triangle.empty(width + n).add(part.matrix, part.rhs, part.rows)
             for parts in white
@@ -153,7 +153,7 @@ def torque_consistency(fitted: FittedPeriods) -> TorqueConsistency:
     )
 
 
-def _scaled(
+def _with_scale_columns(
     parts: tuple[WhitenedEquations, ...], near: FloatArray, scale: FloatArray
 ) -> Iterator[WhitenedEquations]:
     """Yield the equations of each output with columns for the factors of the joints' torques.

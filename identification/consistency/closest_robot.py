@@ -92,7 +92,7 @@ class ConsistentEstimate:
         return tuple(LinkBody.of(body) for body in values.reshape(-1, PARAMETERS_PER_LINK))
 
 
-def consistent(estimate: Estimate) -> ConsistentEstimate:
+def find_closest(estimate: Estimate) -> ConsistentEstimate:
     """Find the physically consistent robot that is closest to an estimate.
 
     The squared distance is computed with `jackknife_metric`, so that it is comparable to a
@@ -129,7 +129,7 @@ def check_consistency(estimate: Estimate) -> ConsistencyTest:
 
 
 def programme(estimate: Estimate) -> ConsistencyProgramme:
-    """Return the semidefinite programme that `consistent` solves."""
+    """Return the semidefinite programme that `find_closest` solves."""
     return _programme(estimate, NOMINAL_WEIGHT, FLOOR_SHARE)
 
 

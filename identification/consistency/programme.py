@@ -19,7 +19,7 @@ UNITS_SIGMAS: Final = (1.0, 100.0, 1e4)
 TO_BODY: Final = np.linalg.pinv(BASIS.reshape(len(BASIS), -1).T)
 
 
-def _stacked(matrix: FloatArray) -> FloatArray:
+def _stack(matrix: FloatArray) -> FloatArray:
     """Return a symmetric matrix as the vector that Clarabel expects.
 
     It is the upper triangle column by column, with off-diagonal elements times sqrt(2).
@@ -28,7 +28,7 @@ def _stacked(matrix: FloatArray) -> FloatArray:
     return np.asarray(matrix[row, column] * np.where(row == column, 1.0, np.sqrt(2.0)))
 
 
-_STACKED_BASIS: Final = np.array([_stacked(element) for element in BASIS]).T
+_STACKED_BASIS: Final = np.array([_stack(element) for element in BASIS]).T
 
 
 @dataclass(frozen=True, eq=False)

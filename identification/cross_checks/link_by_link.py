@@ -78,12 +78,12 @@ def estimate_link_by_link(
     values = scaled / size
     basis = np.hstack(steps) / size[:, np.newaxis]
     own = [step / size[:, np.newaxis] for step in steps]
-    information = _condensed([(f[:, :-1], f[:, -1]) for f in factors], own, basis, values).gram
-    clusters = (_condensed(rows, own, basis, values) for rows in _equations(estimate, runs))
+    information = _condense([(f[:, :-1], f[:, -1]) for f in factors], own, basis, values).gram
+    clusters = (_condense(rows, own, basis, values) for rows in _equations(estimate, runs))
     return values, np.asarray(basis @ jackknife(information, clusters).quoted @ basis.T)
 
 
-def _condensed(
+def _condense(
     rows: list[tuple[FloatArray, FloatArray]],
     own: list[FloatArray],
     basis: FloatArray,

@@ -125,7 +125,7 @@ class Grams:
         )
         plain = plain._with_identified()
         for _ in range(4):
-            plain = plain._reweighted(plain.fit([PLAIN] * n))
+            plain = plain._reweight(plain.fit([PLAIN] * n))
         return plain
 
     @property
@@ -141,7 +141,7 @@ class Grams:
     def _with_identified(self) -> Grams:
         """Return the Gram matrices, with `rigid` reduced to linearly independent columns."""
         n, p = self.joints, self.width
-        total, _ = self._assembled([PLAIN] * n)
+        total, _ = self._assemble([PLAIN] * n)
         matrix = total.sum(axis=0)
         size = np.sqrt(np.maximum(np.diagonal(matrix), 1e-300))
         matrix = matrix / np.outer(size, size)
@@ -163,7 +163,7 @@ class Grams:
                 kept.append(c)
         return Grams(self.gram, self.rows, np.array(kept, dtype=np.int64), self.scale_nm)
 
-    def _reweighted(self, fit: Fit) -> Grams:
+    def _reweight(self, fit: Fit) -> Grams:
         """Return the Gram matrices of rows divided by each joint's held-out residual in a fit."""
         error = np.nansum(fit.errors * self.rows, axis=0) / np.maximum(self.rows.sum(axis=0), 1.0)
         factor = np.sqrt(np.maximum(error, 1e-18 * error.max() + 1e-300))
@@ -176,7 +176,7 @@ class Grams:
         at = np.append(self.rigid, -1)
         return np.asarray(sum(gram[:, at[:, np.newaxis], at] for gram in self.gram))
 
-    def _assembled(self, chosen: Sequence[Terms]) -> tuple[FloatArray, list[IntArray]]:
+    def _assemble(self, chosen: Sequence[Terms]) -> tuple[FloatArray, list[IntArray]]:
         """Return the Gram matrix of all joints for each block, and the indices of their columns.
 
         The last index is that of the torque.
@@ -209,7 +209,7 @@ class Grams:
         Raises:
             np.linalg.LinAlgError: The data do not identify the terms.
         """
-        total, places = self._assembled(chosen)
+        total, places = self._assemble(chosen)
         size = np.sqrt(np.maximum(np.diagonal(total.sum(axis=0))[:-1], 1e-300))
         scaled = total[:, :-1, :-1] / np.outer(size, size)
         torque = total[:, :-1, -1] / size

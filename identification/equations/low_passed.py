@@ -83,14 +83,14 @@ class LowPassedColumns:
         wide, inner = shared.window(np.arange(rows.start, rows.stop, stride))
         changing = changing_columns(self.model, self.base)
         if changing is None:
-            return _expand_columns(*self._filtered(self.unfiltered(wide), wide, inner))
+            return _expand_columns(*self._filter(self.unfiltered(wide), wide, inner))
         fixed = ~changing
         names = tuple(name for name, own in zip(self.base.names, fixed, strict=True) if own)
         self.kept.begin(self.model.chain, names)
         place = (rows.start, stride)
         if place not in self.kept.blocks:
             columns = self.unfiltered(wide, linear=True)[:, :, fixed]
-            self.kept.keep(place, *(block := self._filtered(columns, wide, inner)))
+            self.kept.keep(place, *(block := self._filter(columns, wide, inner)))
         else:
             block = self.kept.blocks[place]
         moving = changing_torque_columns(
@@ -100,7 +100,7 @@ class LowPassedColumns:
         slopes = moving.shape[2] - count
         out = np.empty((len(block[1]), moving.shape[1], len(self.base) + slopes))
         out[:, :, : len(self.base)][:, :, fixed] = _expand_columns(*block)
-        rest = _expand_columns(*self._filtered(moving, wide, inner))
+        rest = _expand_columns(*self._filter(moving, wide, inner))
         out[:, :, : len(self.base)][:, :, changing] = rest[:, :, :count]
         out[:, :, len(self.base) :] = rest[:, :, count:]
         return out
@@ -112,7 +112,7 @@ class LowPassedColumns:
         motion = ParallelFilter(self.signals).motion(rows)
         return torque_columns(self.model, self.base, motion, conditions, standard)
 
-    def _filtered(
+    def _filter(
         self, columns: FloatArray, wide: slice, inner: IntArray
     ) -> tuple[BoolArray, FloatArray]:
         """Return the mask of the columns that are not zero, (n, any), and their low-passed rows."""

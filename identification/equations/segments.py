@@ -14,9 +14,9 @@ from acquisition.processing.periods import PeriodAverage
 from acquisition.processing.smoothing import SmoothedSignals, low_pass
 from acquisition.processing.unfiltered import (
     UnfilteredSignals,
-    derived,
-    smoothed,
+    smooth_gaussian,
     smoothing_width,
+    spline_derivatives,
 )
 from acquisition.recording.recording import Recording
 from acquisition.signals.bins import differentiate_on_bins, filter_response, from_bins, to_bins
@@ -65,7 +65,7 @@ def period_signals(average: PeriodAverage, band_hz: float) -> SmoothedSignals:
     return _on_bins(average, (average.position, average.torque_nm), band_hz, average.temperature_k)
 
 
-def unfiltered_period(average: PeriodAverage, band_hz: float) -> SmoothedSignals:
+def unfiltered_period_signals(average: PeriodAverage, band_hz: float) -> SmoothedSignals:
     """Return a mean period as `period_signals` does, together with its unfiltered signals.
 
     These include the rows before and after the period that affect filtered rows.
@@ -90,10 +90,10 @@ def unfiltered_period(average: PeriodAverage, band_hz: float) -> SmoothedSignals
     at = np.arange(-margin, rows + margin) % rows
     position, torque_nm = average.position[at], torque_nm[at]
     width_s = smoothing_width(average.position, step_s)
-    motion = (position, *derived(position, step_s))
+    motion = (position, *spline_derivatives(position, step_s))
     if limit_hz is not None:
         torque_nm = low_pass(torque_nm, step_s, limit_hz)
-    q, v, a, torque = (smoothed(values, step_s, width_s) for values in (*motion, torque_nm))
+    q, v, a, torque = (smooth_gaussian(values, step_s, width_s) for values in (*motion, torque_nm))
     inner = slice(SPLINE_ROWS, len(at) - SPLINE_ROWS)
     return replace(
         signals,

@@ -20,7 +20,7 @@ from dynamics.model.robot_model import RobotModel
 from dynamics.terms.friction import Friction, FrictionColumn
 from dynamics.terms.friction_functions import FrictionFunction
 from identification.estimation.estimate import Estimate
-from identification.estimation.transformed import transformed
+from identification.estimation.transformed import transform
 
 _BY_TEMPERATURE: Final[dict[FrictionFunction, tuple[FrictionFunction, ...]]] = {
     "coulomb_by_temperature": ("coulomb", "forward", "backward"),
@@ -66,7 +66,7 @@ def at_temperature(estimate: Estimate, temperature_k: FloatArray) -> Estimate:
     options = replace(estimate.options, friction_terms=None)
     model = options.build(robot)
     matrix = _matrix_at_temperature(estimate.model, model, temperature_k)
-    return replace(transformed(estimate, robot, options, matrix), warming=None)
+    return replace(transform(estimate, robot, options, matrix), warming=None)
 
 
 def _without_temperature_term(joint: Joint, terms: tuple[FrictionTerm, ...]) -> Joint:

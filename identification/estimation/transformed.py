@@ -1,4 +1,4 @@
-"""`transformed`: an estimate whose standard parameters are a linear map of another estimate's."""
+"""`transform`: an estimate whose standard parameters are a linear map of another estimate's."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from identification.model.base_parameters import base_parameters
 from identification.model.options import ModelOptions
 
 
-def transformed(
+def transform(
     estimate: Estimate, robot: RobotDescription, options: ModelOptions, matrix: FloatArray
 ) -> Estimate:
     """Return an estimate with other terms, and with the covariances that follow.

@@ -78,7 +78,7 @@ class ExportModel:
             )
 
     @classmethod
-    def identified(cls, estimate: Estimate) -> ExportModel:
+    def from_estimate(cls, estimate: Estimate) -> ExportModel:
         """Return an estimate's own parameters; they can be physically inconsistent."""
         line = "Parameters as identified; they give the torques of the model file."
         origin = _origin(estimate, line)
@@ -86,7 +86,7 @@ class ExportModel:
         return cls(estimate.robot, estimate.model, values, origin, estimate.warming)
 
     @classmethod
-    def consistent(cls, found: ConsistentEstimate) -> ExportModel:
+    def from_closest_robot(cls, found: ConsistentEstimate) -> ExportModel:
         """Return the closest physically consistent parameters."""
         estimate = found.estimate
         origin = _origin(estimate, found.sentence)

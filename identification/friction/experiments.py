@@ -100,7 +100,7 @@ def reversed_curves(
         velocity, swing = coupling.to_motors(velocity), coupling.to_motors(swing)
     unequal = 0.5 * (forward.acceleration - backward.acceleration[at])
     return tuple(
-        _binned(name, velocity[:, j], difference[:, j], unequal)
+        _average_in_bins(name, velocity[:, j], difference[:, j], unequal)
         for j, name in enumerate(recording.joint_names)
         if np.ptp(swing[:, j]) > 1e-3
     )
@@ -318,7 +318,7 @@ def _on_the_bins(average: PeriodAverage) -> tuple[Derivatives, FloatArray]:
     return motion, torque
 
 
-def _binned(
+def _average_in_bins(
     joint: str, velocity: FloatArray, difference: FloatArray, unequal: FloatArray
 ) -> FrictionCurve:
     """Average a period in bins of speed; every passage through a bin counts as one value."""

@@ -1,4 +1,4 @@
-"""`carry`, `carry_own`, `unloaded`: models of a robot with and without the payload on its flange.
+"""`carry`, `carry_own`, `without_payload`: models of a robot with and without the payload on its flange.
 
 The parameters of the last link contain a payload that the robot always carries: its ten parameters
 are added to those of the link (5.6). Therefore everything that uses an `Estimate` also works with a
@@ -14,7 +14,7 @@ import numpy as np
 from config.errors import ConfigError, EstimationError
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.estimation.estimate import Estimate
-from identification.estimation.transformed import transformed
+from identification.estimation.transformed import transform
 from identification.payload.body import flange_pose, to_link
 from identification.payload.estimate import PayloadEstimate
 
@@ -24,7 +24,7 @@ def contains_payload(estimate: Estimate) -> bool:
     return estimate.options.payload
 
 
-def unloaded(estimate: Estimate) -> Estimate:
+def without_payload(estimate: Estimate) -> Estimate:
     """Return an estimate of the robot alone, without the parameters of a payload."""
     return _without_columns(estimate, carries=False) if contains_payload(estimate) else estimate
 
@@ -57,7 +57,7 @@ def carry(estimate: Estimate, payload: PayloadEstimate) -> Estimate:
     Raises:
         EstimationError: A parameter of the payload is not determined.
     """
-    estimate = unloaded(estimate)
+    estimate = without_payload(estimate)
     hidden = payload.is_parameter_determined.count(False)
     if hidden:
         raise EstimationError(
@@ -94,7 +94,7 @@ def _without_columns(estimate: Estimate, *, carries: bool) -> Estimate:
         matrix[_last_link(estimate), estimate.model.parameter_groups["payload"]] = np.eye(
             PARAMETERS_PER_LINK
         )
-    return transformed(estimate, estimate.robot, options, matrix)
+    return transform(estimate, estimate.robot, options, matrix)
 
 
 def _last_link(estimate: Estimate) -> slice:

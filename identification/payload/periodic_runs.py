@@ -83,13 +83,13 @@ class PeriodicRuns(MeasuredRuns):
         loaded = 1 if procedure == "difference" else sum(self.loaded)
         divisors = np.outer((len(binned), loaded), np.ones(n))
         none = [np.zeros((n, n))] * len(binned)
-        first = _condensed(model, layout, procedure, binned, none, divisors, known)
+        first = _condense(model, layout, procedure, binned, none, divisors, known)
         values = minimum_norm(first)
         sizes = []
         for run, average in enumerate(averages):
             own = base_values(layout, values, run)
             sizes.append(inertia_size(model.model, model.base, average.position, own))
-        equations = _condensed(model, layout, procedure, binned, sizes, divisors, known)
+        equations = _condense(model, layout, procedure, binned, sizes, divisors, known)
         if procedure == "difference":
             empty = self.part([self.loaded.index(False)])
             equations = replace(equations, explained_nm=empty.torque_nm)
@@ -111,7 +111,7 @@ class PeriodicRuns(MeasuredRuns):
         ]
 
 
-def _condensed(
+def _condense(
     model: PayloadModel,
     layout: Layout,
     procedure: Procedure,

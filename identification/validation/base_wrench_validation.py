@@ -97,7 +97,7 @@ def validate_base_wrench(
     # Products of angles and accelerations above the cut-off contribute below the cut-off.
     motion_hz = max(cutoff_hz, min(MOTION_CUTOFFS * cutoff_hz, HIGHEST_SHARE / step_s))
     signals = smooth_nonperiodic(recording, motion_hz)
-    curve, counted = _measured(recording, signals, cutoff_hz)
+    curve, counted = _measured_wrench(recording, signals, cutoff_hz)
     conditions = Conditions(temperature_k=signals.temperature_k)
     predicted = predict_base_wrench(
         estimate, signals.position, signals.velocity, signals.acceleration, conditions
@@ -129,7 +129,7 @@ def validate_base_wrench(
     )
 
 
-def _measured(
+def _measured_wrench(
     recording: Recording, signals: SmoothedSignals, cutoff_hz: float
 ) -> tuple[CubicSpline, BoolArray]:
     """Return the low-passed wrench as a function of time, and a mask of the valid smoothed rows."""

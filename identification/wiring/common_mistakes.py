@@ -198,13 +198,13 @@ def _couplings(
         reversed_ = np.where(np.eye(n, dtype=bool), matrix, -matrix)
         for other in (reversed_, np.linalg.inv(matrix), matrix.T):
             if not np.allclose(other, matrix):
-                yield joints, _coupled(robot, other)
+                yield joints, _with_coupling(robot, other)
         return
     for moved in range(max(1, n - 2), n):
         for sign in (1.0, -1.0):
             matrix = np.eye(n)
             matrix[moved, moved - 1] = sign
-            yield (moved - 1, moved), _coupled(robot, matrix)
+            yield (moved - 1, moved), _with_coupling(robot, matrix)
 
 
 def _matrix(robot: RobotDescription) -> FloatArray:
@@ -213,6 +213,6 @@ def _matrix(robot: RobotDescription) -> FloatArray:
     return np.eye(n) if robot.coupling is None else np.array(robot.coupling, dtype=np.float64)
 
 
-def _coupled(robot: RobotDescription, matrix: FloatArray) -> RobotDescription:
+def _with_coupling(robot: RobotDescription, matrix: FloatArray) -> RobotDescription:
     rows = tuple(tuple(row) for row in matrix.tolist())
     return robot.model_copy(update={"coupling": rows})

@@ -74,7 +74,7 @@ def find_fine_mistake(signals: WiredSignals) -> FineMistake | None:
         return None
     found = []
     for mistake in fine_mistakes(signals.robot):
-        undone = mistake.corrected(signals)
+        undone = mistake.correct(signals)
         if not keeps_limits(mistake, signals, undone):
             continue
         fit = stated.fit_other(undone, mistake.torque)

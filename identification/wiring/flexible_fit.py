@@ -75,7 +75,7 @@ class FlexibleFit:
             return None
         for _ in range(PASSES - 1):
             equations.load(rigid_nm)
-            residual, rigid_nm = equations.solved(variance)
+            residual, rigid_nm = equations.solve(variance)
             left = np.sum(np.square(residual), axis=0, where=use) / rows
             variance = np.where(size > 0.0, np.maximum(left, floor), UNKNOWN)
         return cls._of(equations, rigid_nm, variance, 1)
@@ -93,8 +93,8 @@ class FlexibleFit:
         residual = rigid_nm
         for _ in range(passes):
             equations.load(rigid_nm)
-            residual, rigid_nm = equations.solved(variance)
-        predicted = equations.predicted(variance)
+            residual, rigid_nm = equations.solve(variance)
+        predicted = equations.predict(variance)
         return cls(
             equations.squares(residual, variance),
             equations.squares(predicted, variance),
@@ -128,14 +128,14 @@ class _Equations:
         loaded = np.abs(rigid_nm) * np.sign(self._speed)
         self._columns[:, joints, self._columns.shape[2] - n + joints] = loaded
 
-    def solved(self, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def solve(self, variance: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the residual and the rigid-body torque of a fit to all parts, each (rows, n)."""
         grams, rhs = self._sums(variance)
         values = _solve_ridge(grams.sum(axis=0), rhs.sum(axis=0))
         rigid_nm = self._columns[:, :, self._own] @ values[self._own]
         return self._torque - self._columns @ values, rigid_nm
 
-    def predicted(self, variance: FloatArray) -> FloatArray:
+    def predict(self, variance: FloatArray) -> FloatArray:
         """Return the residual (rows, n) in which each part is predicted by a fit to other parts."""
         grams, rhs = self._sums(variance)
         residual = np.zeros_like(self._torque)

@@ -103,7 +103,7 @@ class GravitySearch:
         still = np.eye(len(self.signals.robot.joints))
 
         def cost(direction: FloatArray) -> float:
-            return self._condensed(size * direction).trial(still).cost
+            return self._condense(size * direction).trial(still).cost
 
         best = min(_directions(), key=cost)
         lowest, step = cost(best), math.pi / math.sqrt(DIRECTIONS)
@@ -125,7 +125,7 @@ class GravitySearch:
     def _mistake(self, gravity: FloatArray) -> Mistake:
         return robot_mistake(MistakeKind.MOUNTING, (), _with_gravity(self.signals.robot, gravity))
 
-    def _condensed(self, gravity: FloatArray) -> CondensedEquations:
+    def _condense(self, gravity: FloatArray) -> CondensedEquations:
         """Return the equations with another gravity vector."""
         p, n = self.stated.brakes.shape[1], len(self.stated.rows)
         weights = np.array([1.0, *gravity])

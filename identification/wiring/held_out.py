@@ -45,11 +45,11 @@ def held_out_share(signals: WiredSignals) -> FloatArray:
     torque = signals.torque_nm / np.where(size > 0.0, size, 1.0)
     equations = _Equations(scaled, torque, used)
     whole = equations.products(np.ones(len(torque), dtype=np.bool_))
-    fitted = torque - scaled @ equations.solved(*whole)
+    fitted = torque - scaled @ equations.solve(*whole)
     left = np.zeros_like(torque)
     for predicted, out in _parts(signals):
         without = (every - own for every, own in zip(whole, equations.products(out), strict=True))
-        values = equations.solved(*without)
+        values = equations.solve(*without)
         left[predicted] = torque[predicted] - scaled[predicted] @ values
     inside, outside = (_rms(each, used) for each in (fitted, left))
     return np.where(outside >= GROWN * inside, outside, 0.0)
@@ -67,7 +67,7 @@ class _Equations:
         matrix, rhs = self._columns[pick], self._torque[pick]
         return matrix.T @ matrix, matrix.T @ rhs
 
-    def solved(self, gram: FloatArray, rhs: FloatArray) -> FloatArray:
+    def solve(self, gram: FloatArray, rhs: FloatArray) -> FloatArray:
         """Return the least-squares parameters."""
         scale = np.sqrt(np.maximum(np.diagonal(gram), 1e-300))
         scaled = gram / scale / scale[:, np.newaxis] + RIDGE * np.eye(len(scale))

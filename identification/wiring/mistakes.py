@@ -108,9 +108,9 @@ class Mistake:
         position[np.abs(position) < ROUNDING * np.abs(position).max()] = 0.0
         return replace(self, position=position)
 
-    def corrected(self, signals: WiredSignals) -> WiredSignals:
+    def correct(self, signals: WiredSignals) -> WiredSignals:
         """Return signals and robot with this mistake corrected."""
-        right = signals.transformed(self.position, self.offset_rad, self.clock)
+        right = signals.transform(self.position, self.offset_rad, self.clock)
         torque_nm = signals.torque_nm @ self.torque.T
         return replace(right, robot=self.robot or signals.robot, torque_nm=torque_nm)
 

@@ -52,7 +52,7 @@ def wrong_scale(
     units: list[tuple[float, Mistake]] = []
     for unit in torque_units(signals.robot):
         right, after = stated.weight(unit.torque), stated.held_out(unit.torque)
-        possible = keeps_limits(unit, signals, unit.corrected(signals))
+        possible = keeps_limits(unit, signals, unit.correct(signals))
         if right is None or not possible or after.cost > fit.cost + AS_GOOD:
             continue
         if low <= right.share <= high:
@@ -63,7 +63,7 @@ def wrong_scale(
         return ()  # the weight is noise: its inverse is no factor
     factor = 1.0 / weight.share
     every = scale_mistake(MistakeKind.TORQUE_FACTOR, (), factor, n=n, torque=np.full(n, factor))
-    return (every,) if keeps_limits(every, signals, every.corrected(signals)) else ()
+    return (every,) if keeps_limits(every, signals, every.correct(signals)) else ()
 
 
 def copied_motion(signals: WiredSignals) -> Mistake | None:

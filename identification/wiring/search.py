@@ -95,7 +95,7 @@ def find_mistakes(signals: WiredSignals, *, fine: bool = True) -> tuple[FoundMis
         found.append(better)
         if better.mistake.kind is MistakeKind.GRAVITY_REMOVED:
             return tuple(found)
-        signals, fits = better.mistake.corrected(signals), better.after.good
+        signals, fits = better.mistake.correct(signals), better.after.good
     return _add_fine_mistake(tuple(found), signals) if fine else tuple(found)
 
 
@@ -111,7 +111,7 @@ def _add_fine_mistake(
     fine = find_fine_mistake(signals)
     if fine is None:
         return found
-    undone = fine.mistake.corrected(signals)
+    undone = fine.mistake.correct(signals)
     still = np.eye(len(signals.robot.joints))
     before, after = (CondensedEquations.of(each).trial(still) for each in (signals, undone))
     own = FoundMistake(fine.mistake, fine.alternatives, before, after, held_out_ratio=fine.ratio)
@@ -150,18 +150,18 @@ def _best_common_mistake(
     few = before.overfits(before_out)
     mistakes = [*common_mistakes(signals.robot), *gravity.mistakes()]
     tried: list[_CorrectedMistake] = []
-    some, model = signals.thinned(), plain_model(signals)
+    some, model = signals.thin(), plain_model(signals)
     screened = CondensedEquations.of(some, model).trial(still)
     for mistake in _refine_zero_positions(some, mistakes):
         if mistake.moves:
-            undone = mistake.corrected(some)
+            undone = mistake.correct(some)
             own = model if mistake.robot is None else plain_model(undone)
             after = CondensedEquations.of(undone, own).trial(still)
             if not after.may_be_better_than(screened, before.impossible):
                 continue
         if mistake.kind is MistakeKind.POSITION_OFFSET:
             mistake = _best_zero(signals, mistake, SCREENED_RAD)
-        undone = mistake.corrected(signals)
+        undone = mistake.correct(signals)
         if not keeps_limits(mistake, signals, undone):
             continue
         condensed = CondensedEquations.of(undone) if mistake.moves else stated
@@ -225,9 +225,7 @@ def _refine_zero_positions(signals: WiredSignals, mistakes: list[Mistake]) -> li
     for grid in grids.values():
         near = min(
             grid,
-            key=lambda each: (
-                CondensedEquations.of(each.corrected(signals), model).trial(still).cost
-            ),
+            key=lambda each: CondensedEquations.of(each.correct(signals), model).trial(still).cost,
         )
         exact.append(_best_zero(signals, near, 2.0 * math.pi / OFFSET_STEPS))
     return [each for each in mistakes if each.kind is not MistakeKind.POSITION_OFFSET] + exact
@@ -239,7 +237,7 @@ def _best_zero(signals: WiredSignals, near: Mistake, within_rad: float) -> Mista
     (joint,), middle = near.joints, near.factor
 
     def cost(angle: float) -> float:
-        undone = zero_mistake(signals.robot, joint, angle).corrected(signals)
+        undone = zero_mistake(signals.robot, joint, angle).correct(signals)
         return CondensedEquations.of(undone, model).trial(still).cost
 
     angle = _minimise(cost, middle - within_rad, middle + within_rad)

@@ -65,7 +65,7 @@ class WiredSignals:
         moving = np.sqrt(np.mean(np.square(v), axis=0)) >= MOVING_RAD_S
         return cls(robot, q, v, a, together("torque_nm"), moving)
 
-    def thinned(self) -> WiredSignals:
+    def thin(self) -> WiredSignals:
         """Return fewer rows, enough to find the mistakes that must be tried on all rows."""
         every = slice(None, None, max(1, len(self.position) // SCREEN_ROWS))
         names = ("position", "velocity", "acceleration", "torque_nm")
@@ -81,7 +81,7 @@ class WiredSignals:
         q, v, a = (values @ across for values in motors)
         return q, v, a
 
-    def transformed(self, matrix: FloatArray, offset_rad: FloatArray, clock: float) -> WiredSignals:
+    def transform(self, matrix: FloatArray, offset_rad: FloatArray, clock: float) -> WiredSignals:
         """Return signals with transformed positions and another clock.
 
         Args:

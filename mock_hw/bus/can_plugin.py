@@ -133,7 +133,7 @@ class RidSimBus(can.BusABC):
                 if self._filters is None or self._matches_filters(message):
                     self._empty_polls = 0
                     return message
-            if self._expired(until_ns):
+            if self._has_expired(until_ns):
                 return None
             try:
                 self._inbox.extend(self._client.wait(until_ns))
@@ -169,7 +169,7 @@ class RidSimBus(can.BusABC):
             return self._receive_realtime(timeout_s)
         until_ns = self.now_ns + _nanoseconds(timeout_s)
         while not self._inbox:
-            if self._expired(until_ns):
+            if self._has_expired(until_ns):
                 return None
             try:
                 self._inbox.extend(self._client.wait(until_ns))
@@ -223,7 +223,7 @@ class RidSimBus(can.BusABC):
         """Return the socket's file descriptor for python-can's notifier; -1 in lock-step."""
         return -1 if self._client.lockstep else self._client.fileno()
 
-    def _expired(self, until_ns: int) -> bool:
+    def _has_expired(self, until_ns: int) -> bool:
         """Return True if a lock-step deadline has passed, so that no frame can arrive until then.
 
         Simulated time stands still while the program works, so a program that polls without a

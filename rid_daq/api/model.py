@@ -308,7 +308,7 @@ class Model:
             EstimationError: The model does not explain its own data (RID-MODEL-MISFIT), or no
                 physically consistent parameters explain the data (RID-MODEL-INCONSISTENT).
         """
-        return urdf(self._exported(Format.URDF, despite_misfit))
+        return urdf(self._export_model(Format.URDF, despite_misfit))
 
     def to_pinocchio(self, *, despite_misfit: bool = False) -> Any:
         """Return the robot as a `pinocchio.Model`, with armatures, friction and damping.
@@ -320,7 +320,7 @@ class Model:
             EstimationError: As for `to_urdf`.
         """
         names: dict[str, Any] = {}
-        source = pinocchio_model(self._exported(Format.PINOCCHIO, despite_misfit))
+        source = pinocchio_model(self._export_model(Format.PINOCCHIO, despite_misfit))
         exec(compile(source, "pinocchio_model.py", "exec"), names)  # `export` writes this source
         return names["build_model"]()
 
@@ -341,7 +341,7 @@ class Model:
                 "to_mujoco needs MuJoCo, which is not installed: `pip install mujoco`",
                 code="RID-INSTALL-LIBRARY",
             ) from None
-        exported = self._exported(Format.URDF, despite_misfit)
+        exported = self._export_model(Format.URDF, despite_misfit)
         model = mujoco.MjModel.from_xml_string(urdf(exported))
         for j in range(len(self.robot.joint_names)):
             friction = exported.straight_friction(j)
@@ -367,7 +367,7 @@ class Model:
     def __repr__(self) -> str:
         return f"Model({self.estimate.robot.name}, {len(self.values)} base parameters)"
 
-    def _exported(self, form: Format, despite_misfit: bool) -> ExportModel:
+    def _export_model(self, form: Format, despite_misfit: bool) -> ExportModel:
         request = ExportRequest(
             what=f"model of {self.estimate.robot.name}",
             to=form,

@@ -70,7 +70,7 @@ class Motion:
         """
         with tempfile.TemporaryDirectory(prefix="rid-daq-") as folder:
             loaded = load_cell(cell_reference(cell, Path(folder)))
-        return cls._planned(load_motion(path), loaded, cell)
+        return cls._plan(load_motion(path), loaded, cell)
 
     @classmethod
     def through(
@@ -103,10 +103,10 @@ class Motion:
             points=tuple(map(tuple, rows.tolist())),
             speed_fraction=speed_fraction,
         )
-        return cls._planned(motion, loaded, cell)
+        return cls._plan(motion, loaded, cell)
 
     @classmethod
-    def _planned(cls, motion: AnyMotion, loaded: LoadedCell, cell: Robot | str | Path) -> Self:
+    def _plan(cls, motion: AnyMotion, loaded: LoadedCell, cell: Robot | str | Path) -> Self:
         return cls(motion, motion.plan(loaded.robot, loaded.config.cycle_time_s).whole(), cell)
 
     @property
@@ -212,7 +212,7 @@ def design(
             result = run_design(request, SilentConsole(callback=progress))
         except SystemExit:
             raise KeyboardInterrupt from None
-        shown = _shown(result.blocks(), folder)
+        shown = _public_blocks(result.blocks(), folder)
     return Motion(result.designed.motion, result.designed.samples.whole(), cell, shown)
 
 
@@ -265,8 +265,8 @@ def retime(
             shown="retime",
         )
         result = RetimeResult(request, retime_motion(request))
-        loaded, shown = load_cell(request.cell), _shown(result.blocks(), folder)
-    planned = Motion._planned(result.made.timed.motion, loaded, motion.cell)
+        loaded, shown = load_cell(request.cell), _public_blocks(result.blocks(), folder)
+    planned = Motion._plan(result.made.timed.motion, loaded, motion.cell)
     return replace(planned, shown=shown)
 
 
@@ -284,7 +284,7 @@ def cell_reference(cell: Robot | str | Path, folder: Path) -> str:
     return str(folder / CELL)
 
 
-def _shown(blocks: Iterator[AnyBlock], folder: Path) -> tuple[AnyBlock, ...]:
+def _public_blocks(blocks: Iterator[AnyBlock], folder: Path) -> tuple[AnyBlock, ...]:
     """Return an operation's blocks, without temporary file names and next commands."""
     place = f"{folder}/"
     return tuple(

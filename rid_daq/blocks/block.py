@@ -103,7 +103,7 @@ class Table(ConfigModel):
     def cells(self) -> Iterator[tuple[str, ...]]:
         """Yield the rows as texts; the digits of a value follow from its interval."""
         for row in self.rows:
-            yield tuple(map(_shown, row, self.columns))
+            yield tuple(map(_format, row, self.columns))
 
     def as_texts(self) -> Table:
         """Return the table with all cells as texts."""
@@ -192,7 +192,7 @@ def _full(cell: Cell) -> str:
     return str(cell) if isinstance(cell, float) else ""
 
 
-def _shown(cell: Cell, column: Column) -> str:
+def _format(cell: Cell, column: Column) -> str:
     if isinstance(cell, str):
         return cell
     if isinstance(cell, Interval):

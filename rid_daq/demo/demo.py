@@ -98,7 +98,7 @@ def run_demo(
         presliding = (_presliding(on.estimate), _presliding(off.estimate))
         verdict = _verdict(on.validation, truth, presliding, on.tracking, on.retiming)
         title = f"rid-daq demo on the simulated cell {loaded.config.name}"
-        result = Result.new(title, loaded.robot.name).updated(
+        result = Result.new(title, loaded.robot.name).with_sections(
             cell=CellSection.of(loaded.config),
             seed=seed,
             runs=on.runs,

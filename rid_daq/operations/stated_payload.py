@@ -10,7 +10,7 @@ from config.errors import ConfigError, EstimationError
 from config.formats.approved_files import sha256_of
 from config.formats.json_file import read_content
 from identification.estimation.estimate import Estimate
-from identification.payload.carried import carry, carry_own, contains_payload, unloaded
+from identification.payload.carried import carry, carry_own, contains_payload, without_payload
 from identification.payload.file import LARGEST_FILE_BYTES, payload_content, refuse_failed
 from identification.payload.verdict import PayloadResult
 from rid_daq.operations.cell_files import refuse_other_robot
@@ -70,7 +70,7 @@ def state_payload(
         except ConfigError as error:
             raise ConfigError(f"{model}: {error}", code=error.refusal) from None
     if payload == NO_PAYLOAD:
-        return LoadedModel(unloaded(estimate), payload)
+        return LoadedModel(without_payload(estimate), payload)
     found = find_file_or_run(runs, payload, having=(PAYLOAD,))
     if isinstance(found, Path):
         path, content = found, read_content(found, LARGEST_FILE_BYTES)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from acquisition.journal.monitor import monitored, with_temperature_compensation
+from acquisition.journal.monitor import read_run_temperatures, with_temperature_compensation
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.session.early_stop import NewPeriods
 from config.arrays import FloatArray
@@ -121,7 +121,7 @@ class AccuracyWatch:
         """Add the new periods without missing rows to the running estimate."""
         if self._estimate is None:
             return
-        monitor, _ = monitored(new.recording, new.folder)
+        monitor, _ = read_run_temperatures(new.recording, new.folder)
         recording = with_temperature_compensation(new.recording, monitor, self._robot)
         for signals in single_periods(recording, BAND_HZ, new.first_row).values():
             run = TimeRun(signals, Conditions(temperature_k=signals.temperature_k))

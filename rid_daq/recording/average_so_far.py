@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import math
 
-from acquisition.journal.monitor import MONITOR, monitored, with_temperature_compensation
+from acquisition.journal.monitor import (
+    MONITOR,
+    read_run_temperatures,
+    with_temperature_compensation,
+)
 from acquisition.processing.period_table import PeriodCutter
 from acquisition.processing.periods import PeriodAverage, average_table
 from acquisition.recording.recording import Recording, concatenate_recordings
@@ -30,7 +34,7 @@ class AverageSoFar:
             DataQualityError: The periods are not good enough yet.
         """
         rows = concatenate_recordings([*self._unsettled, new.recording])
-        stream, _ = monitored(rows, new.folder)
+        stream, _ = read_run_temperatures(rows, new.folder)
         self._cutter.add(with_temperature_compensation(rows, stream, self._robot))
         if (new.folder / MONITOR).exists():
             # temperatures are interpolated: rows after the last reading wait for the next reading

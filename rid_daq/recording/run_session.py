@@ -180,7 +180,7 @@ class RunSession:
                 self._store_pose(folder, outcome)
                 run = self._evaluate(folder, request, outcome)
                 run.facts.update(facts, rows=outcome.rows)
-                run.result = run.result.updated(
+                run.result = run.result.with_sections(
                     timing=Timing(
                         elapsed_s=elapsed_s,
                         created_utc=created_utc,
@@ -269,14 +269,14 @@ class RunSession:
             quality = run_quality(data.tally, lambda: data.average) if outcome.complete else None
         if quality is not None and quality.average is not None:
             average = AverageSection.of(quality.average, robot)
-        result = Result.new(f"Recording on {self.cell.name}", robot.name).updated(
+        result = Result.new(f"Recording on {self.cell.name}", robot.name).with_sections(
             cell=CellSection.of(self.cell),
             runs=None if section is None else (section,),
             average=average,
         )
         run = RecordedRun(folder, outcome, data, quality, result, held=request.held)
         goals = [] if request.watch is None else request.watch.sentences()
-        run.result = result.updated(verdict=run.verdict(goals))
+        run.result = result.with_sections(verdict=run.verdict(goals))
         return run
 
     @contextlib.contextmanager

@@ -112,7 +112,7 @@ class Result(Section):
             software=software_versions(),
         )
 
-    def updated(self, **sections: object) -> Result:
+    def with_sections(self, **sections: object) -> Result:
         """Return the document with some sections (or title, verdict, notes) replaced or added.
 
         Raises:
@@ -132,7 +132,7 @@ class Result(Section):
             **sections: The sections, and other fields to replace.
         """
         if self.model == model:
-            return self.updated(**sections)
+            return self.with_sections(**sections)
         gone = [name for name in BY_MODEL if getattr(self, name) is not None]
         gone = [name for name in gone if sections.get(name) is None]
         judged = {"validation", "base_load"} & set(gone)
@@ -144,7 +144,7 @@ class Result(Section):
             note = f"the sections of {older} were removed ({words}): validate the new model"
             cleared |= {"title": title, "verdict": NOTHING_JUDGED}
             cleared |= {"notes": (*(self.notes or ()), note)}
-        return self.updated(**{**cleared, **sections, "model": model})
+        return self.with_sections(**{**cleared, **sections, "model": model})
 
     def sections(self) -> Iterator[tuple[str, Section]]:
         """Yield name and content of each section that is present, in the order of the page."""

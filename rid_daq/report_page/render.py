@@ -60,7 +60,7 @@ def render_report(result: Result, before: Result | None = None) -> str:
 def render_certificate(certificate: Certificate) -> str:
     """Return the certificate of a payload as an HTML page; equal contents give equal bytes."""
     robot = certificate.payload.estimate.robot.name
-    result = Result.new("rid-daq payload certificate", robot).updated(
+    result = Result.new("rid-daq payload certificate", robot).with_sections(
         verdict=certificate.verdict, software=certificate.folder.software, cell=certificate.cell
     )
     parts = [

@@ -50,4 +50,4 @@ def _with_section_times(result: Result, before: Result | None) -> Result:
     if not known_times:
         return result
     timing = (result.timing or Timing()).model_copy(update={"made": known_times})
-    return result.updated(timing=timing)
+    return result.with_sections(timing=timing)

@@ -17,11 +17,11 @@ from acquisition.clock.report import ClockReport
 from acquisition.imports.report import ImportReport
 from acquisition.journal.cycle_reader import CycleReader
 from acquisition.journal.header import JournalHeader
-from acquisition.journal.mcap_writer import being_written
+from acquisition.journal.mcap_writer import is_being_written
 from acquisition.journal.monitor import (
     MONITOR,
     MonitorStream,
-    monitored,
+    read_run_temperatures,
     with_temperature_compensation,
 )
 from acquisition.journal.plate import PLATE_RECORDING, read_plate_journal
@@ -144,7 +144,7 @@ class RunData:
                 report = ImportReport.from_json(folder.read(IMPORT), str(folder.file(IMPORT)))
                 data = cls.of(folder, concatenate_recordings([first, *parts]), robot, report)
                 return replace(data, damage=reader.damage.notes)
-            monitor, cold = monitored(first, folder.path)
+            monitor, cold = read_run_temperatures(first, folder.path)
             repeats = RepeatCounter()
             first = repeats.add(first)
             tally = RecordingTally(with_temperature_compensation(first, monitor, robot))
@@ -203,7 +203,7 @@ def _require_readable(folder: RunFolder, unfinished: bool) -> None:
             " or imported in this run"
         )
         raise RecordingError(words, code="RID-RECORDING-EMPTY")
-    if being_written(folder.file(RECORDING)):
+    if is_being_written(folder.file(RECORDING)):
         words = f"{folder.path}: the run is still being recorded; wait until it has ended"
         raise LockedError(words, code="RID-RUN-OPEN")
     if not unfinished and folder.manifest().status == RunStatus.UNFINISHED:
@@ -346,7 +346,7 @@ def result_of(data: RunData, notes: Sequence[str] = ()) -> Result:
         RecordingError: There is a document that cannot be read.
     """
     result = read_result(data.folder) if data.folder.file(RESULT).exists() else _first_result(data)
-    return result.updated(notes=tuple(notes) or None)
+    return result.with_sections(notes=tuple(notes) or None)
 
 
 def _first_result(data: RunData) -> Result:
@@ -354,7 +354,7 @@ def _first_result(data: RunData) -> Result:
     section = RunSection.of("recording", "As recorded.", data.tally, data.robot)
     if report is not None:
         section = section.with_import(report)
-    return Result.new(f"Run {manifest.label}", data.robot.name).updated(
+    return Result.new(f"Run {manifest.label}", data.robot.name).with_sections(
         runs=(section,),
         timing=Timing(created_utc=manifest.created_utc, run_ids=(manifest.run_id,)),
     )

@@ -72,9 +72,9 @@ class SystemdUnit:
             head=_HEAD,
             version=program_version(),
             name=NAME,
-            cells=_escaped(", ".join(cells)),
-            folder=_escaped(str(folder.resolve())),
-            command=_escaped(shlex.join(program)),
+            cells=_escape(", ".join(cells)),
+            folder=_escape(str(folder.resolve())),
+            command=_escape(shlex.join(program)),
             target="multi-user.target" if is_root else "default.target",
         )
         return cls(home / NAME, text)
@@ -121,6 +121,6 @@ class SystemdUnit:
         return True
 
 
-def _escaped(text: str) -> str:
+def _escape(text: str) -> str:
     """Return the text for systemd: percent signs doubled, line breaks replaced by spaces."""
     return text.replace("%", "%%").replace("\n", " ")

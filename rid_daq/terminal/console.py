@@ -56,7 +56,7 @@ SERVICE_HELP: Final = (
 
 def make_printable(text: str) -> str:
     """Return text, which may come from a device or a file, with control characters made visible."""
-    return "".join(c if c.isprintable() or c in "\n\t" else _escaped(c) for c in text)
+    return "".join(c if c.isprintable() or c in "\n\t" else _escape(c) for c in text)
 
 
 def as_command(*words: object) -> str:
@@ -94,7 +94,7 @@ def _rich_console() -> RichConsole:
     return RichConsole()
 
 
-def _escaped(character: str) -> str:
+def _escape(character: str) -> str:
     number = ord(character)
     return f"\\x{number:02x}" if number < 0x100 else f"\\u{number:04x}"
 
@@ -249,7 +249,7 @@ class Console:
             except ConfigError as error:
                 raise click.BadParameter(str(error)) from None
 
-        answer: T = _answered(lambda: click.prompt(question, value_proc=meaning, err=True))
+        answer: T = _answer(lambda: click.prompt(question, value_proc=meaning, err=True))
         return answer
 
     def confirm(self, question: str) -> bool:
@@ -258,7 +258,7 @@ class Console:
         Raises:
             PreflightError: The input ended without an answer.
         """
-        return _answered(lambda: click.confirm(question, err=True))
+        return _answer(lambda: click.confirm(question, err=True))
 
     def require_keys(self, *, simulated: bool) -> None:
         """Raise an error if keys cannot be held on this terminal, or not safely.
@@ -341,7 +341,7 @@ class Console:
             yield _Lines(title, total, unit)
 
 
-def _answered(ask: Callable[[], T]) -> T:
+def _answer(ask: Callable[[], T]) -> T:
     try:
         return ask()
     except click.Abort:

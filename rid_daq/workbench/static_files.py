@@ -79,7 +79,7 @@ async def versioned_file(request: Request, version: str, name: str) -> Response:
     """Return a file that browsers cache."""
     require_current(version, name)
     _content(name)
-    return _compressed(name).answer(request, _media_type(name), CACHED)
+    return _compress(name).answer(request, _media_type(name), CACHED)
 
 
 @router.get("/static/{name}")
@@ -92,7 +92,7 @@ async def static_file(name: str) -> Response:
 
 
 @functools.cache
-def _compressed(name: str) -> CompressedBody:
+def _compress(name: str) -> CompressedBody:
     return CompressedBody.of(static_files()[name])
 
 

@@ -79,7 +79,7 @@ def main() -> int:
         descriptor = fork_workers(line)
     except BrokenPipeError:  # the service ended before it read a report
         return 0
-    return 0 if descriptor is None else run_worker(ServiceBeat.inherited(descriptor))
+    return 0 if descriptor is None else run_worker(ServiceBeat.from_descriptor(descriptor))
 
 
 def run_worker(service: ServiceBeat) -> int:
@@ -147,13 +147,13 @@ def work(
             ending = ending_of(job)
         except BaseException as error:
             ending = Ending(1, "Mistake", f"internal error: {type(error).__name__}: {error}")
-            events.write(_ended(ending))
+            events.write(_end_event(ending))
             raise
-        events.write(_ended(ending))
+        events.write(_end_event(ending))
     return ending.code
 
 
-def _ended(ending: Ending) -> EndEvent:
+def _end_event(ending: Ending) -> EndEvent:
     return EndEvent(
         at_s=time.time(),
         exit_code=ending.code,

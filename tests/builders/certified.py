@@ -81,7 +81,7 @@ def note_payload(folder: RunFolder, payload: PayloadResult) -> None:
     folder.write(PAYLOAD, folder.file(PAYLOAD).read_bytes())
     section = PayloadSection.of(payload, None, ["Warm-up: settled."])
     result = Result.new("Payload", payload.estimate.robot.name)
-    write_result(folder, result.updated(payload=section, verdict=payload_verdict(payload)))
+    write_result(folder, result.with_sections(payload=section, verdict=payload_verdict(payload)))
 
 
 def estimate_of(loaded: LoadedCell, run_ids: tuple[str, ...]) -> PayloadEstimate:

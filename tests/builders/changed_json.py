@@ -29,7 +29,7 @@ def places(document: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
     return found + [place for key, child in children for place in places(child, (*path, key))]
 
 
-def changed(document: Any, path: tuple[Any, ...], nasty: str | None) -> bytes:
+def change(document: Any, path: tuple[Any, ...], nasty: str | None) -> bytes:
     """Return the document with one value replaced by `nasty`, or removed if `nasty` is None."""
     tree = copy.deepcopy(document)
     parent = tree
@@ -45,4 +45,4 @@ def changed(document: Any, path: tuple[Any, ...], nasty: str | None) -> bytes:
 def changes(document: Any) -> st.SearchStrategy[bytes]:
     """Draw a document with one changed value."""
     where, what = st.sampled_from(places(document)[1:]), st.sampled_from((None, *NASTY))
-    return st.builds(lambda path, nasty: changed(document, path, nasty), where, what)
+    return st.builds(lambda path, nasty: change(document, path, nasty), where, what)

@@ -41,7 +41,7 @@ def written(kind: str) -> Result:
     return Result.model_validate_json((WRITTEN / f"{kind}.json").read_bytes())
 
 
-def invented() -> Result:
+def invented_result() -> Result:
     """Return a result with long curves and invented numbers."""
     return Result.model_validate_json(json.dumps(whole_result()))
 
@@ -88,7 +88,7 @@ def payload(*, held: str = "", unseen: str = "") -> PayloadEstimate:
 
 def all_figures() -> dict[str, UIElement]:
     """Return all figures with their names."""
-    long, cell = invented(), load_cell("kr15")
+    long, cell = invented_result(), load_cell("kr15")
     curves, tracking, friction = long.curves, long.tracking, written("friction").friction
     loops = written("velocity_loops").velocity_loops
     assert curves is not None

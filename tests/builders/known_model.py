@@ -17,7 +17,7 @@ from identification.payload.body import flange_pose, to_link
 from tests.builders.certified import MEDIUM
 
 
-def known(cell: LoadedCell, deviations: dict[str, float]) -> Estimate:
+def known_estimate(cell: LoadedCell, deviations: dict[str, float]) -> Estimate:
     """Return a simulated arm's true values as an estimate; `deviations` sets some uncertainties."""
     assert cell.plant is not None
     model = design_model(cell.robot)
@@ -45,11 +45,11 @@ def known(cell: LoadedCell, deviations: dict[str, float]) -> Estimate:
     )
 
 
-def chosen(
+def estimate_with_terms(
     cell: LoadedCell, terms: tuple[FrictionTerm, ...], size: float, nonlinear: float | None = None
 ) -> Estimate:
     """Return the true values with other friction terms, whose coefficients are all `size`."""
-    true = known(cell, {})
+    true = known_estimate(cell, {})
     joints = tuple(joint.model_copy(update={"friction": terms}) for joint in cell.robot.joints)
     robot = cell.robot.model_copy(update={"joints": joints})
     names = ModelOptions().build(robot).nonlinear_names

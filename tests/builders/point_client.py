@@ -18,7 +18,7 @@ from compensation.online.point_codec import PROTOCOL
 
 
 @contextmanager
-def sending(
+def send_batches(
     path: Path, batches: Sequence[NDArray[np.float64]], *, end: bool = True
 ) -> Iterator[list[dict[str, Any]]]:
     """Send batches to a listening socket; yield the received messages.

@@ -16,7 +16,7 @@ from config.load import LoadedCell
 from dynamics.geometry.kinematics import Chain
 
 
-def streamed(
+def stream_motion(
     cell: LoadedCell,
     forward: OnlineFeedforward,
     samples: MotionSamples,

@@ -14,7 +14,7 @@ from acquisition.motion.kinds.multipoint import MultipointMotion
 from config.load import load_robot
 from dynamics.geometry.kinematics import Chain
 from rid_daq.app import run
-from tests.builders.point_client import sending
+from tests.builders.point_client import send_batches
 from tests.builders.told import document
 
 CHAIN = Chain.from_description(load_robot("ir361"))
@@ -37,7 +37,7 @@ def model_of(workshop: Path) -> list[str]:
     return [*model_and_loops(workshop), "--runs", str(workshop / "runs")]
 
 
-def streamed(
+def stream_batches(
     workshop: Path,
     capsys: pytest.CaptureFixture[str],
     batches: list[NDArray[np.float64]],
@@ -47,7 +47,7 @@ def streamed(
     """Stream batches of a client; return exit code, answer to the client, and document."""
     path = workshop / "points"
     capsys.readouterr()
-    with sending(path, batches, end=end) as answers:
+    with send_batches(path, batches, end=end) as answers:
         words = ["stream", str(workshop / "arm.yaml"), "--socket", str(path), "--json"]
         code = run([*words, *model_of(workshop)])
     return code, answers[0] if answers else None, document(capsys)

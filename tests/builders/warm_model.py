@@ -11,7 +11,7 @@ from identification.equations.warming import Warming
 from identification.estimation.estimate import Estimate
 from identification.model.base_parameters import base_parameters
 from identification.model.options import ModelOptions
-from tests.builders.known_model import known
+from tests.builders.known_model import known_estimate
 
 FALL = 0.002
 """Relative decrease of friction per kelvin, or per watt."""
@@ -23,7 +23,7 @@ def by_temperature(cell: LoadedCell, *, measured: bool) -> Estimate:
     Without measured temperatures, the time constant of warming is 60 s for axis 1 and 90 s for axis
     2.
     """
-    estimate = known(cell, {})
+    estimate = known_estimate(cell, {})
     joints = tuple(
         joint.model_copy(update={"friction": (*joint.friction, "temperature")} if j < 2 else {})
         for j, joint in enumerate(cell.robot.joints)

@@ -15,7 +15,7 @@ from identification.accuracy.goals import Goal, goal_states
 from identification.estimation.estimate import Estimate, predict
 from identification.payload.carried import carry
 from tests.builders.certified import estimate_of
-from tests.builders.known_model import chosen, known
+from tests.builders.known_model import estimate_with_terms, known_estimate
 from tests.builders.warm_model import by_temperature
 
 
@@ -26,7 +26,7 @@ def cell() -> LoadedCell:
 
 @pytest.fixture(scope="module")
 def lossy(cell: LoadedCell) -> Estimate:
-    return chosen(cell, ("coulomb", "viscous", "load"), 10.0, 0.1)
+    return estimate_with_terms(cell, ("coulomb", "viscous", "load"), 10.0, 0.1)
 
 
 def motion() -> JointTrajectory:
@@ -37,7 +37,7 @@ def motion() -> JointTrajectory:
 def test_losses_jump_and_are_excluded_from_the_smooth_model_of_refinement(
     cell: LoadedCell, lossy: Estimate
 ) -> None:
-    smooth, plain = without_jumps(lossy), without_jumps(known(cell, {}))
+    smooth, plain = without_jumps(lossy), without_jumps(known_estimate(cell, {}))
     np.testing.assert_allclose(predict(smooth, *motion()), predict(plain, *motion()), atol=1e-9)
 
 

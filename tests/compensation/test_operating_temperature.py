@@ -13,7 +13,7 @@ from config.load import LoadedCell, load_cell
 from dynamics.terms.conditions import Conditions
 from identification.equations.warming import Warming
 from identification.estimation.estimate import Estimate, predict
-from tests.builders.known_model import known
+from tests.builders.known_model import known_estimate
 from tests.builders.raised_codes import raises_code
 from tests.builders.warm_model import FALL, by_temperature
 from tests.builders.warming_arm import motion, recording
@@ -56,7 +56,7 @@ def test_measured_temperatures_are_given_in_degrees_celsius(
 def test_cold_is_the_friction_without_warming(cell: LoadedCell, followed: Estimate) -> None:
     found = at_operating_temperature(followed, "cold", None)
     np.testing.assert_allclose(
-        predict(found.estimate, *WAY), predict(known(cell, {}), *WAY), rtol=1e-9, atol=1e-7
+        predict(found.estimate, *WAY), predict(known_estimate(cell, {}), *WAY), rtol=1e-9, atol=1e-7
     )
     assert found.sentence == "Friction of axis1, axis2 after a long rest."
 
@@ -110,13 +110,13 @@ def test_on_line_compensation_needs_a_model_at_one_temperature(
         for joint in cell.robot.joint_names
     ]
     with raises_code(EstimationError, "RID-MODEL-TEMPERATURE"):
-        OnlineFeedforward.identified(cell.config, cell.robot, followed, loops)
+        OnlineFeedforward.from_model(cell.config, cell.robot, followed, loops)
     warm = at_operating_temperature(followed, "warm", WAY[1]).estimate
-    OnlineFeedforward.identified(cell.config, cell.robot, warm, loops)
+    OnlineFeedforward.from_model(cell.config, cell.robot, warm, loops)
 
 
 def test_a_temperature_without_effect_is_refused(cell: LoadedCell) -> None:
-    plain = known(cell, {})
+    plain = known_estimate(cell, {})
     assert at_operating_temperature(plain, None, None).estimate is plain
     assert at_operating_temperature(plain, None, None).notes == []
     with raises_code(ConfigError, "RID-OPTION-NO-EFFECT", "--temperature", "40"):

@@ -36,7 +36,7 @@ def report_of(data: bytes) -> str:
         run.write("result.json", data)
         try:
             result = read_result(run)
-            write_result(run, result.updated(**dict.fromkeys(unchanged_sections(result))))
+            write_result(run, result.with_sections(**dict.fromkeys(unchanged_sections(result))))
         except RidDaqError as error:
             return str(error)
     return "done"

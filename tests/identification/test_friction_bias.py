@@ -16,7 +16,7 @@ from benchmarks.friction_bias import (
     identify_recording,
     run,
 )
-from benchmarks.simulated_arm import MOTIONS, Kind, SimulatedArm, simulated
+from benchmarks.simulated_arm import MOTIONS, Kind, SimulatedArm, simulate
 from identification.accuracy.identifiability import noiseless_findings
 from identification.choices import BAND_HZ
 
@@ -25,7 +25,7 @@ from identification.choices import BAND_HZ
 def exact(request: pytest.FixtureRequest) -> Exact:
     kind: Kind = request.param
     arm = SimulatedArm.of("three")
-    return Exact(arm, kind, 1, simulated(arm, kind, 1, 20.0))
+    return Exact(arm, kind, 1, simulate(arm, kind, 1, 20.0))
 
 
 @pytest.mark.parametrize("rate_hz", [500, 100])
@@ -38,7 +38,7 @@ def test_friction_has_no_bias(exact: Exact, rate_hz: int, band_hz: float) -> Non
 def coupled() -> Exact:
     """Return a robot of six joints with reversals at any time and strong coupling."""
     arm = SimulatedArm.of("six")
-    return Exact(arm, "quick reversals", 4, simulated(arm, "quick reversals", 4, 40.0))
+    return Exact(arm, "quick reversals", 4, simulate(arm, "quick reversals", 4, 40.0))
 
 
 @pytest.mark.parametrize("rate_hz", [200, 100])

@@ -24,7 +24,7 @@ from rid_daq.app import run
 from rid_daq.operations.identify.run_estimation import EstimationJob, estimate_runs
 from rid_daq.runs.run_data import RunData
 from tests.builders.console_blocks import assert_shown
-from tests.builders.known_model import known
+from tests.builders.known_model import known_estimate
 
 FILES = {
     "unloaded": ("ur-20_01_31-unload.csv", "300-2623"),
@@ -311,7 +311,7 @@ def test_a_model_of_another_robot_is_refused_with_any_torque_channel(
 ) -> None:
     late = TorqueChannel.of_delays(np.full(3, 0.004), np.full(3, 1e-4))
     model = workshop / "three_axes.json"
-    write_estimate(model, replace(known(load_cell("ir361"), {}), channel=late))
+    write_estimate(model, replace(known_estimate(load_cell("ir361"), {}), channel=late))
     assert run(identify(workshop, "--loaded", "loaded", "--model", str(model))) == 2
     error = capsys.readouterr().err
     assert "[RID-ROBOT-OTHER]" in error

@@ -72,7 +72,7 @@ class Motion(PhysicalFile):
         """Return a description of a row's place on the path; empty for kinds without a path."""
         return ""
 
-    def completed(self, folder: Path) -> Self:
+    def with_file_data(self, folder: Path) -> Self:
         """Return the motion with the data of other files that it names, relative to `folder`."""
         return self
 

@@ -51,7 +51,7 @@ class ReversedMotion(Motion):
         """Return the periodic motion q(t)."""
         return FourierMotion.from_attributes(self, kind="fourier")
 
-    def reversed(self) -> FourierMotion:
+    def reverse(self) -> FourierMotion:
         """Return the periodic motion backwards in time, q(-t): sine coefficients change sign."""
         joints = tuple(
             joint.model_copy(update={"sine": tuple(-value for value in joint.sine)})
@@ -61,5 +61,5 @@ class ReversedMotion(Motion):
 
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
         require_duration(self.transient_periods + self.periods, self.period_s, self.ramp_s, parts=2)
-        parts = [self.forward(), self.reversed()]
+        parts = [self.forward(), self.reverse()]
         return join_periodic_motions(parts, robot, sample_period_s, self.dwell_s)

@@ -78,7 +78,7 @@ class PathPiece:
         across = second - direction * (direction * second).sum(axis=1, keepdims=True)
         return PathPoints(point, direction, across / speed**2)
 
-    def between(self, begin_m: float, end_m: float) -> PathPiece:
+    def cut(self, begin_m: float, end_m: float) -> PathPiece:
         """Return the part of the curve between two lengths."""
         begin, end = self.parameters(np.array([begin_m, end_m])).tolist()
         return measure_curve(
@@ -165,7 +165,7 @@ def path_sections(
         end_m = piece.length_m - (0.0 if joint is None else joint.reach_m)
         if end_m - begin_m > SHORTEST_M:
             untouched = begin_m == 0.0 and end_m == piece.length_m
-            pieces.append(piece if untouched else piece.between(begin_m, end_m))
+            pieces.append(piece if untouched else piece.cut(begin_m, end_m))
         begin_m = 0.0
         if joint is None or joint.stops:
             parts.append(PathSection(tuple(pieces)))

@@ -106,7 +106,7 @@ def zero_plate(request: PlateZeroRequest, context: Context) -> ZeroedPlate:
                 return ZeroedPlate(run)
             found = _estimate_offset(run.data, _plate_of(session.cell), turn, readings)
             judged = zero_verdict(found, turn, plate)
-            run.result = run.result.updated(
+            run.result = run.result.with_sections(
                 title=f"Zero of the plate of {loaded.config.name}",
                 plate_zero=PlateZeroSection.of(found, turn),
                 verdict=judged,

@@ -73,7 +73,7 @@ def run(request: AverageRequest, _context: Context) -> AverageResult:
     data = RunData.load(find_run(request.runs, request.run), unfinished=request.unfinished)
     notes = all_defects([data])
     section = AverageSection.of(data.average, data.robot)
-    report = write_result(data.folder, result_of(data, notes).updated(average=section))
+    report = write_result(data.folder, result_of(data, notes).with_sections(average=section))
     return AverageResult(data.folder.run_id, section, notes, report)
 
 

@@ -149,7 +149,7 @@ def _write_run(
         if report.findings:
             headline += f"; {len(report.findings)} findings"
         sentences = [*report.lines()[:2], *report.findings]
-        result = result_of(data).updated(
+        result = result_of(data).with_sections(
             title=f"Import of {report.file}",
             verdict=VerdictSection.of([], headline, f"{'. '.join(sentences)}."),
         )

@@ -12,7 +12,7 @@ from acquisition.runs.catalogue import find_file_or_run
 from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError, EstimationError
 from config.formats.whole_file import write_whole
-from identification.consistency.closest_robot import consistent
+from identification.consistency.closest_robot import find_closest
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import read_estimate
 from identification.export.description import pinocchio_model, sdf, urdf
@@ -124,8 +124,10 @@ def exported_parameters(request: ExportRequest, estimate: Estimate) -> tuple[Exp
             code="RID-MODEL-MISFIT",
         )
     if request.as_identified:
-        return ExportModel.identified(estimate), "The file contains the parameters as identified."
-    found = consistent(estimate)
+        return ExportModel.from_estimate(
+            estimate
+        ), "The file contains the parameters as identified."
+    found = find_closest(estimate)
     if not (found.test.is_consistent or request.despite_misfit):
         as_they_are = request.to in NEED_NO_LINKS
         also = ", write the identified parameters (--as-identified)" if as_they_are else ""
@@ -135,7 +137,7 @@ def exported_parameters(request: ExportRequest, estimate: Estimate) -> tuple[Exp
             " (--despite-misfit)",
             code="RID-MODEL-INCONSISTENT",
         )
-    return ExportModel.consistent(found), found.sentence
+    return ExportModel.from_closest_robot(found), found.sentence
 
 
 def export_recording(request: ExportRequest, folder: RunFolder) -> ExportedRecording:

@@ -64,7 +64,7 @@ def measure_friction(request: FrictionRequest) -> FrictionMeasurement:
     compared = None if model is None else EstimatedFriction(read_estimate_for(model, first.robot))
     fits = [fit_friction(curve, first.robot) for curve in whole]
     section = FrictionSection.of(whole, fits, first.robot, compared)
-    report = write_result(first.folder, result_of(first, notes).updated(friction=section))
+    report = write_result(first.folder, result_of(first, notes).with_sections(friction=section))
     return FrictionMeasurement(first.folder.run_id, section, report, notes)
 
 

@@ -161,11 +161,11 @@ def identify_runs(request: IdentifyRequest, context: Context) -> IdentifiedRuns:
         ModelFile.of(output), estimate=section, plate=plate, comparison=robot.comparison
     )
     verdict = _fit_verdict(before.verdict, section, robot.wiring, plate)
-    result = result if verdict is None else result.updated(verdict=verdict)
+    result = result if verdict is None else result.with_sections(verdict=verdict)
     if first.is_periodic:
         average = robot.averages[0]
         period = compare_period(robot.estimate, average)
-        result = result.updated(
+        result = result.with_sections(
             average=AverageSection.of(average, first.robot),
             curves=CurvesSection.of_period(robot.estimate, period, average.periods_kept),
         )

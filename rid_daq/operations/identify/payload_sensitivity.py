@@ -16,7 +16,7 @@ from config.load import LoadedCell, load_cell
 from dynamics.model.robot_model import RobotModel
 from dynamics.model.true_parameters import true_parameters
 from identification.choices import REPORTED
-from identification.consistency.closest_robot import consistent
+from identification.consistency.closest_robot import find_closest
 from identification.payload.body import PayloadBody
 from identification.payload.file import read_payload
 from identification.sensitivity.cases import (
@@ -147,7 +147,7 @@ def _sensitivity_problems(
                 " options that change the terms",
                 code="RID-MODEL-TERMS-DIFFER",
             )
-        parameters = consistent(estimate).standard_values
+        parameters = find_closest(estimate).standard_values
         noise = np.maximum(estimate.residual_nm, 1e-6)
     elif cell.plant is not None:
         parameters = true_parameters(terms, robot, cell.plant)

@@ -24,7 +24,7 @@ from identification.calibration.torque_scale import TorqueConsistency, torque_co
 from identification.cross_checks.agreement import CrossCheck, cross_checks
 from identification.equations.bus_delay import split_implausible_delays
 from identification.equations.deconvolution import smoothed_recording
-from identification.equations.segments import period_signals, unfiltered_period
+from identification.equations.segments import period_signals, unfiltered_period_signals
 from identification.equations.time_domain import time_runs
 from identification.equations.warming import Warming
 from identification.estimation.estimate import Estimate
@@ -261,7 +261,7 @@ def _signals_of_estimate(
     """Return the signals from which an estimate was computed; mean periods are unfiltered."""
     if data[0].is_periodic:
         averages = period_averages(data, estimate.channel)
-        return [unfiltered_period(average, how.options.band_hz) for average in averages]
+        return [unfiltered_period_signals(average, how.options.band_hz) for average in averages]
     return with_joint_warming(
         signals_of(data, how, estimate.channel), estimate.robot, estimate.warming
     )

@@ -61,7 +61,7 @@ def measure_velocity_loops(request: LoopRequest) -> MeasuredLoops:
     output = request.output or data.folder.file("loops.json")
     write_loops(output, found.loops, data.robot.name, data.folder.run_id)
     register_output(data.folder, output)
-    report = write_result(data.folder, result_of(data, notes).updated(velocity_loops=section))
+    report = write_result(data.folder, result_of(data, notes).with_sections(velocity_loops=section))
     return MeasuredLoops(
         data.folder.run_id, section, output, report, notes, cell_argument(data.folder)
     )

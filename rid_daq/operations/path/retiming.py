@@ -109,7 +109,7 @@ def retime_motion(request: RetimeRequest) -> RetimedMotion:
     )
     write_whole(request.output, to_yaml(timed.motion, comment).encode())
     if request.report is not None:
-        page = Result.new(f"{request.motion.name} retimed to its limits", robot.name).updated(
+        page = Result.new(f"{request.motion.name} retimed to its limits", robot.name).with_sections(
             verdict=VerdictSection.of(section.checks, "All limits are kept", section.sentence),
             retiming=section,
         )

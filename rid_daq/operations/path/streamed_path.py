@@ -45,7 +45,7 @@ def stream_path(request: StreamRequest, context: Context) -> RecordedRun:
     warm = at_operating_temperature(carrying.estimate, request.temperature, velocity)
     for note in warm.notes:
         context.say(f"note: {note}")
-    forward = OnlineFeedforward.identified(loaded.config, loaded.robot, warm.estimate, loops)
+    forward = OnlineFeedforward.from_model(loaded.config, loaded.robot, warm.estimate, loops)
     name = request.label or as_label("stream" if request.motion is None else request.motion.stem)
     require_label(name)
     options = StreamSettings(**request.options.model_dump())

@@ -88,7 +88,7 @@ def track_runs(request: TrackingRequest) -> TrackedRuns:
         torques = _torque_words(estimate) + payload_words(request.payload)
     motions = [compare_with_motion(*pair, robot, estimate) for pair in pairs]
     section = TrackingSection.of(motions, robot, torques=torques)
-    result = result_of(first.data, notes).updated(
+    result = result_of(first.data, notes).with_sections(
         title=f"Paths of {robot.name}", tracking=section, verdict=section.verdict
     )
     return TrackedRuns(pairs, section, notes, write_result(first.data.folder, result))

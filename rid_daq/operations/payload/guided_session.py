@@ -204,7 +204,7 @@ def _session_result(
     file: SessionFile, loaded: LoadedCell, motion: FourierMotion, data: Sequence[RunData]
 ) -> Result:
     """Return the result of the session, without the payload."""
-    return Result.new(f"Payload session on {loaded.config.name}", loaded.robot.name).updated(
+    return Result.new(f"Payload session on {loaded.config.name}", loaded.robot.name).with_sections(
         cell=CellSection.of(loaded.config),
         runs=tuple(
             RunSection.of(name, motion.describe(), item.tally, item.robot)

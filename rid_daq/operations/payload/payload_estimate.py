@@ -163,7 +163,7 @@ def report_payload(
     register_output(folder, path)
     section = PayloadSection.of(payload, repeats, findings)
     verdict = payload_verdict(payload, empty)
-    report = write_result(folder, result.updated(payload=section, verdict=verdict))
+    report = write_result(folder, result.with_sections(payload=section, verdict=verdict))
     fits = all(line.passed for line in payload.checks if line.advice == BAD_FIT)
     return IdentifiedPayload(section, verdict, path, report, fits)
 

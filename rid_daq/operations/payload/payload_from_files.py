@@ -46,7 +46,7 @@ def identify_payload_runs(request: PayloadIdentifyRequest) -> IdentifiedPayload:
     robot = None if request.model is None else read_estimate_for(request.model, data[0].robot)
     asked = payload_request_of(request, robot, known)
     first = data[flags.index(True)]
-    result = result_of(first, notes).updated(title=f"Payload on {first.robot.name}")
+    result = result_of(first, notes).with_sections(title=f"Payload on {first.robot.name}")
     payload, repeats = estimate_payload(data, flags, asked)
     path = request.output or first.folder.file(PAYLOAD)
     write_payload(path, payload)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pydantic import JsonValue
 
-from acquisition.journal.mcap_writer import being_written
+from acquisition.journal.mcap_writer import is_being_written
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import MANIFEST, RECORDING, FileEntry, Manifest, RunStatus
 from acquisition.session.repair import Repair, examine_journal, repair_journal
@@ -227,7 +227,7 @@ def _missing_entries(
 
 
 def _refuse_open(path: Path) -> None:
-    if being_written(path):
+    if is_being_written(path):
         raise LockedError(
             f"{path}: is still being written: wait until the recording ends, or stop it",
             code="RID-RUN-OPEN",

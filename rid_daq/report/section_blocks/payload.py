@@ -57,12 +57,12 @@ def _parameters(section: PayloadSection) -> Table:
         ),
         Cells("σ from noise", lambda each: each.std_noise, digits=2),
         Cells("unit", lambda each: unit(each.unit)),
-        Cells("consistent body", _exported),
+        Cells("consistent body", _exported_value),
         Cells("", lambda each: "known" if each.known else ""),
     )
 
 
-def _exported(parameter: PayloadParameter) -> str | None:
+def _exported_value(parameter: PayloadParameter) -> str | None:
     """Return the value of the consistent body with the digits of the estimate."""
     if parameter.exported is None or parameter.std is None:
         return None

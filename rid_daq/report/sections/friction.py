@@ -200,7 +200,7 @@ def _joint(
     torque: dict[str, Numbers] = {
         name: tuple(_odd(fit.torque, speed).tolist()) for name, fit in lines.items()
     }
-    graded = _graded(curve, fits)
+    graded = _grade(curve, fits)
     sentence = _sentence(curve, fits, graded, clearly_better)
     if model is not None:
         torque["the model file"] = tuple(_odd(lambda v: model.torque(j, v), speed).tolist())
@@ -227,7 +227,7 @@ def _joint(
     )
 
 
-def _graded(curve: FrictionCurve, fits: tuple[FrictionFit, ...]) -> FitGrade | None:
+def _grade(curve: FrictionCurve, fits: tuple[FrictionFit, ...]) -> FitGrade | None:
     """Grade the best model by its error relative to friction and noise; None without a model."""
     if not fits:
         return None

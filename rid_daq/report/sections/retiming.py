@@ -298,7 +298,7 @@ def _way(
         time_s=round_values(time_s[rows]),
         torques=tuple(round_values(column) for column in shares[rows].T),
         margins=tuple(round_values(column) for column in margins[rows].T),
-        reached=_reached(way, robot, limits, time_s),
+        reached=_find_reached_limits(way, robot, limits, time_s),
         done=round_values(way.in_time.length[rows] / original[-1]),
         original_s=round_values(original_s[before]),
         original_done=round_values(original[before] / original[-1]),
@@ -311,7 +311,7 @@ def _margins(way: TimedPath) -> tuple[FloatArray, FloatArray]:
     return way.margins
 
 
-def _reached(
+def _find_reached_limits(
     way: TimedPath, robot: RobotDescription, limits: TimingLimits, time_s: FloatArray
 ) -> tuple[ReachedLimit, ...]:
     """Return the intervals of the retimed path with the limit that is reached in each."""

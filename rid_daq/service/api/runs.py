@@ -153,7 +153,7 @@ def list_files(service: Service, who: Who) -> list[FolderFile]:
 @router.get("/files/{path:path}", response_class=FileResponse)
 def get_file(path: str, service: Service, who: Who) -> Response:
     """Return a file of the service's folder as a download, including exported files."""
-    found = _named(service, path, _SAVED)
+    found = _find_file(service, path, _SAVED)
     if not found.is_file():
         raise UnknownError(f"no file {path!r}", code="RID-FILE-UNKNOWN")
     return FileResponse(found, media_type="application/octet-stream", filename=found.name)
@@ -162,7 +162,7 @@ def get_file(path: str, service: Service, who: Who) -> Response:
 @router.put("/files/{path:path}", status_code=HTTPStatus.CREATED)
 async def put_file(path: str, request: Request, service: Service, who: Operator) -> FolderFile:
     """Upload a motion, a model or another YAML or JSON file; existing files are not replaced."""
-    found = _named(service, path)
+    found = _find_file(service, path)
     if found.is_relative_to(service.runs.resolve()) or found.name == MANIFEST:
         raise ConfigError(
             f"{path}: only recordings write into the runs folder: choose a path outside it",
@@ -229,7 +229,7 @@ def _file(folder: RunFolder, name: str, kind: str, *, saved: bool = False) -> Re
     return FileResponse(path, media_type=kind, filename=name if saved else None)
 
 
-def _named(service: CellService, path: str, kinds: frozenset[str] = KINDS) -> Path:
+def _find_file(service: CellService, path: str, kinds: frozenset[str] = KINDS) -> Path:
     found = require_inside(path, service.folder)
     if found.suffix not in kinds:
         raise ConfigError(

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from acquisition.clock.torque_test import torque_gain
-from benchmarks.logged_robots import Arm, Logged, logged
+from benchmarks.logged_robots import Arm, Logged, log_motion
 from config.arrays import FloatArray
 
 
@@ -24,7 +24,7 @@ class BendingArm(Arm):
 def arm_and_recording(kind: str) -> tuple[Arm, Logged]:
     arm = Arm.of(3, 961)
     bending = BendingArm(arm.robot, arm.model, arm.coulomb, arm.viscous, arm.rotor)
-    (found,) = logged(bending, kind, 12.0, 961, ("stamps jitter by 2.5 ms",))
+    (found,) = log_motion(bending, kind, 12.0, 961, ("stamps jitter by 2.5 ms",))
     return bending, found
 
 

@@ -24,7 +24,7 @@ import pytest
 
 from acquisition.journal.cycle_row import row_struct
 from acquisition.journal.cycles import Journal, read_journal
-from acquisition.journal.mcap_writer import being_written
+from acquisition.journal.mcap_writer import is_being_written
 from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.runs.folder import RunFolder
@@ -358,7 +358,7 @@ def test_killing_all_processes_leaves_the_axes_at_rest_and_a_recoverable_recordi
             os.kill(pid, signal.SIGKILL)
         program.wait()
         wait_for(lambda: at_rest(simulated))
-        wait_for(lambda: not being_written(folder.file("recording.mcap")))
+        wait_for(lambda: not is_being_written(folder.file("recording.mcap")))
     timeout_ms = simulated.cell.drive_safety.master_heartbeat_timeout_ms
     assert timeout_ms <= 100
     repair = repair_journal(folder.file("recording.mcap"), tmp_path / "new.mcap")

@@ -17,7 +17,7 @@ from mcap.reader import make_reader
 
 from acquisition.journal.cycle_row import row_struct
 from acquisition.journal.cycles import JournalWriter, read_journal
-from acquisition.journal.mcap_writer import being_written
+from acquisition.journal.mcap_writer import is_being_written
 from acquisition.journal.monitor import MonitorHeader, MonitorWriter, read_monitor
 from acquisition.session.cycle_recorder import run_recorder
 from acquisition.session.repair import examine_journal, repair_journal
@@ -145,10 +145,10 @@ def test_a_killed_writer_loses_no_flushed_row(
         assert writer.stdout is not None
         for _ in range(7 + 11 * kill):
             flushed = int(writer.stdout.readline())
-        assert being_written(path)
+        assert is_being_written(path)
         writer.kill()
         flushed = int([flushed, *writer.stdout][-1])
-    assert not being_written(path)
+    assert not is_being_written(path)
     repair = repair_journal(path, tmp_path / "new.mcap")
     rows = read_journal(tmp_path / "new.mcap").rows
     assert rows["cycle"].tolist() == list(range(repair.kept_rows))
@@ -218,5 +218,5 @@ def test_rows_without_a_header_are_refused_and_no_file_is_written(
 def test_a_file_is_reported_as_being_written_until_it_is_closed(tmp_path: Path) -> None:
     path = tmp_path / "open.mcap"
     with JournalWriter(path, HEADER):
-        assert being_written(path)
-    assert not being_written(path)
+        assert is_being_written(path)
+    assert not is_being_written(path)

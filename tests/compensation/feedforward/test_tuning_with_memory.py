@@ -13,7 +13,7 @@ from compensation.feedforward.tuning import tune
 from config.load import load_cell
 from dynamics.model.memory import with_presliding_history
 from identification.estimation.estimate import predict
-from tests.builders.known_model import known
+from tests.builders.known_model import known_estimate
 from tests.builders.point_streams import T, loops_of
 
 ROWS = 500
@@ -28,7 +28,7 @@ def test_a_correct_feedforward_is_not_changed() -> None:
         for joint in cell.robot.joints
     )
     cell = replace(cell, robot=cell.robot.model_copy(update={"joints": joints}))
-    model, loops = known(cell, {}), loops_of(cell)
+    model, loops = known_estimate(cell, {}), loops_of(cell)
     turn = 2.0 * np.pi / (ROWS * T)
     angle = turn * T * np.arange(ROWS)[:, np.newaxis] + [0.0, 1.0, 2.0]
     q = 0.3 * np.sin(angle) + 0.02 * np.sin(3.0 * angle)

@@ -28,7 +28,7 @@ from identification.design.two_harmonic import TwoHarmonicOptions, design_two_ha
 from identification.estimation.estimate import Estimate
 from identification.estimation.fitted_periods import fit_periodic
 from identification.validation.robot_terms import with_friction
-from tests.builders.streamed_arm import streamed
+from tests.builders.streamed_arm import stream_motion
 
 pytestmark = pytest.mark.slow
 
@@ -74,7 +74,7 @@ def forwards(
     elastic: LoadedCell, models: tuple[Estimate, Estimate], loops: list[VelocityLoop]
 ) -> tuple[OnlineFeedforward, ...]:
     return tuple(
-        OnlineFeedforward.identified(elastic.config, elastic.robot, model, loops)
+        OnlineFeedforward.from_model(elastic.config, elastic.robot, model, loops)
         for model in models
     )
 
@@ -89,9 +89,9 @@ def errors(
     by_sign, with_memory = forwards
     pose = np.array(start)
     return (
-        streamed(elastic, by_sign, samples, start=pose, compensated=False),
-        streamed(elastic, by_sign, samples, start=pose),
-        streamed(elastic, with_memory, samples, start=pose),
+        stream_motion(elastic, by_sign, samples, start=pose, compensated=False),
+        stream_motion(elastic, by_sign, samples, start=pose),
+        stream_motion(elastic, with_memory, samples, start=pose),
     )
 
 

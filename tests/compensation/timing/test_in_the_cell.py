@@ -25,7 +25,7 @@ from dynamics.model.true_parameters import true_parameters
 from identification.estimation.estimate import Estimate, predict
 from identification.model.base_parameters import base_parameters
 from identification.model.options import ModelOptions
-from tests.builders.known_model import known
+from tests.builders.known_model import known_estimate
 
 pytestmark = pytest.mark.slow
 
@@ -159,7 +159,7 @@ def test_the_base_reaction_stays_within_its_limit(
     base = base_parameters(whole, kind="combined")
     values = base.from_standard(true_parameters(whole, robot, cell.plant))
     combined = replace(
-        known(cell, {}),
+        known_estimate(cell, {}),
         robot=robot,
         options=ModelOptions(kind="combined"),
         base=base,

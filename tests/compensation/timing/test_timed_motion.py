@@ -18,7 +18,7 @@ from compensation.timing.uncertainty import ModelMargin
 from config.errors import ConfigError, LimitError
 from config.load import LoadedCell, load_cell
 from identification.estimation.estimate import Estimate, predict
-from tests.builders.known_model import known
+from tests.builders.known_model import known_estimate
 from tests.builders.raised_codes import raises_code
 
 POINTS = ((0.0, 0.0, 0.0), (0.5, 0.3, -0.4), (0.9, 0.1, 0.3), (0.0, 0.2, 0.5))
@@ -53,7 +53,7 @@ def cell() -> LoadedCell:
 @pytest.fixture(scope="module")
 def model(cell: LoadedCell) -> Estimate:
     """Return the true values with an uncertainty of 1 %."""
-    found = known(cell, {})
+    found = known_estimate(cell, {})
     covariance = np.diag((0.01 * found.values) ** 2)
     return replace(found, covariance_jackknife=covariance, residual_nm=np.array([4.0, 4.0, 1.5]))
 

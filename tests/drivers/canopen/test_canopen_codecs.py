@@ -98,13 +98,13 @@ class TestHeartbeat:
     def test_the_consumer_starts_with_the_first_heartbeat(self) -> None:
         # CiA 301, 7.2.8.3.2
         consumer = HeartbeatConsumer(0.1)
-        assert not consumer.expired(100.0)
-        consumer.heard(5, 100.0)
-        assert not consumer.expired(100.1)
-        assert consumer.expired(100.101)
-        assert not consumer.expired(100.2), "a loss is reported once"
+        assert not consumer.has_expired(100.0)
+        consumer.note_heartbeat(5, 100.0)
+        assert not consumer.has_expired(100.1)
+        assert consumer.has_expired(100.101)
+        assert not consumer.has_expired(100.2), "a loss is reported once"
         assert consumer.lost
-        consumer.heard(5, 100.3)
+        consumer.note_heartbeat(5, 100.3)
         assert not consumer.lost
 
     def test_a_guarded_node_is_alive_while_its_toggle_bit_alternates(self) -> None:
@@ -113,10 +113,10 @@ class TestHeartbeat:
         assert guard_answer(3, NmtState.OPERATIONAL, True) == (0x703, b"\x85")
         consumer = HeartbeatConsumer(0.1, guarded=True)
         for number, time_s in enumerate((1.0, 1.05, 1.1, 1.15)):
-            consumer.heard(5, time_s, 0x80 * (number % 2))
-            assert not consumer.expired(time_s + 0.09)
-        consumer.heard(5, 1.2, 0x80)
-        assert consumer.expired(1.251), "a repeated answer does not count"
+            consumer.note_heartbeat(5, time_s, 0x80 * (number % 2))
+            assert not consumer.has_expired(time_s + 0.09)
+        consumer.note_heartbeat(5, 1.2, 0x80)
+        assert consumer.has_expired(1.251), "a repeated answer does not count"
 
 
 class TestEmergency:

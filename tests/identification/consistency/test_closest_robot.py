@@ -22,7 +22,7 @@ from config.load import load_bundled_or_path, load_robot
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel, regressor, torque
 from dynamics.terms.conditions import Conditions
-from identification.consistency.closest_robot import NOMINAL_WEIGHT, consistent
+from identification.consistency.closest_robot import NOMINAL_WEIGHT, find_closest
 from identification.consistency.constraints import not_negative
 from identification.consistency.metric import jackknife_metric
 from identification.consistency.nominal_robot import nominal_parameters
@@ -142,7 +142,7 @@ def test_a_nominal_robot_is_physically_consistent(name: str) -> None:
 @pytest.mark.parametrize("name", ROBOTS)
 def test_a_consistent_estimate_is_unchanged(make: Make, name: str) -> None:
     estimate, _ = make(name, 1e-3)
-    result = consistent(estimate)
+    result = find_closest(estimate)
     assert np.max(np.abs(result.moved_sigmas)) < 0.01
     assert result.test.p_value > 0.999
 
@@ -151,7 +151,7 @@ def test_a_consistent_estimate_is_unchanged(make: Make, name: str) -> None:
 @pytest.mark.parametrize("noise_nm", [0.3, 3.0, 30.0])
 def test_the_result_is_consistent_for_any_noise(make: Make, name: str, noise_nm: float) -> None:
     estimate, truth = make(name, noise_nm)
-    result = consistent(estimate)
+    result = find_closest(estimate)
     assert all(link.is_consistent for link in result.links)
     bodies = result.standard_values[: 10 * len(result.links)].reshape(-1, 10)
     assert np.min(np.linalg.eigvalsh(pseudo_inertia(bodies))) > 0.0
@@ -171,7 +171,7 @@ def test_the_result_is_consistent_for_any_noise(make: Make, name: str, noise_nm:
 
 def test_its_standard_parameters_give_the_torques_of_its_base_parameters(make: Make) -> None:
     estimate, _ = make("ur10e", 3.0)
-    result = consistent(estimate)
+    result = find_closest(estimate)
     q, v, a = np.random.default_rng(1).normal(size=(3, 30, 6))
     model = estimate.model
     by_base = estimate.base.columns(regressor(model, q, v, a)) @ result.base_values
@@ -183,7 +183,7 @@ def test_its_standard_parameters_give_the_torques_of_its_base_parameters(make: M
 def test_no_consistent_robot_is_closer(make: Make, name: str) -> None:
     # Convex problem: at the optimum the cost decreases towards no feasible point.
     estimate, truth = make(name, 10.0)
-    result = consistent(estimate)
+    result = find_closest(estimate)
     model, base = estimate.model, estimate.base
     centre, scale = nominal_parameters(model, estimate.robot)
     information = np.linalg.inv(estimate.covariance_jackknife)
@@ -199,7 +199,7 @@ def test_no_consistent_robot_is_closer(make: Make, name: str) -> None:
 def test_nonlinear_friction_dissipates_at_every_speed(make: Make) -> None:
     options = ModelOptions(friction_terms=("coulomb", "viscous", "cube_root", "offset"))
     estimate, _ = make("ir361", 60.0, 3, options)
-    result = consistent(estimate)
+    result = find_closest(estimate)
     names = estimate.model.parameter_names
     for joint in estimate.robot.joints:
         speed = np.linspace(0.05, 1.0, 50) * joint.limits.velocity
@@ -213,7 +213,7 @@ def test_nonlinear_friction_dissipates_at_every_speed(make: Make) -> None:
 
 def test_a_payload_is_physically_consistent_too(make: Make) -> None:
     estimate, _ = make("ir361", 30.0, 2, ModelOptions(payload=True))
-    result = consistent(estimate)
+    result = find_closest(estimate)
     body = result.standard_values[estimate.model.parameter_groups["payload"]]
     assert LinkBody.of(body).is_consistent
 
@@ -238,7 +238,7 @@ def test_the_ur10e_is_consistent_within_its_intervals(real_robot: Path) -> None:
     estimate = fit_smoothed(load_robot("ur10e"), [smooth_nonperiodic(recording, 9.4)]).estimate()
     free = estimate.base.names.index("Ixx5")
     assert estimate.values[free] < 0.0  # physically impossible
-    result = consistent(estimate)
+    result = find_closest(estimate)
     assert all(link.is_consistent for link in result.links)
     assert result.test.p_value > 0.3
     assert np.max(np.abs(result.moved_sigmas)) < 2.0

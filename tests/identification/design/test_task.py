@@ -15,7 +15,7 @@ from identification.design.problem import ExcitationProblem
 from identification.design.task import excitation_problem
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.estimation.estimate import Estimate, predict
-from tests.builders.known_model import chosen, known
+from tests.builders.known_model import estimate_with_terms, known_estimate
 from tests.builders.raised_codes import raises_code
 
 
@@ -36,14 +36,14 @@ def problem_of(cell: LoadedCell, model: Estimate) -> ExcitationProblem:
 
 
 def test_a_model_with_the_robot_files_terms_uses_the_full_limits(cell: LoadedCell) -> None:
-    assert problem_of(cell, known(cell, {})).torque_share == 1.0
+    assert problem_of(cell, known_estimate(cell, {})).torque_share == 1.0
 
 
 def test_friction_missing_in_the_robot_file_is_subtracted_from_the_limits(
     cell: LoadedCell, motion: FourierMotion
 ) -> None:
     terms: tuple[FrictionTerm, ...] = ("coulomb", "viscous", "cube_root", "offset")
-    model = chosen(cell, terms, 10.0)
+    model = estimate_with_terms(cell, terms, 10.0)
     problem = problem_of(cell, model)
     assert problem.parameters is not None
     assert 0.5 < problem.torque_share < 1.0
@@ -57,6 +57,6 @@ def test_friction_missing_in_the_robot_file_is_subtracted_from_the_limits(
 
 
 def test_friction_that_exceeds_a_limit_is_refused(cell: LoadedCell) -> None:
-    model = chosen(cell, ("coulomb", "viscous", "offset"), 1e4)
+    model = estimate_with_terms(cell, ("coulomb", "viscous", "offset"), 1e4)
     with raises_code(ConfigError, "RID-MODEL-TERMS-DIFFER", "of axis3", "%"):
         problem_of(cell, model)

@@ -14,7 +14,7 @@ from acquisition.recording.recording import Recording
 from config.arrays import FloatArray
 from dynamics.model.robot_model import RobotModel, torque
 from dynamics.terms.conditions import Conditions
-from identification.equations.segments import split_recording, thin_rows, unfiltered_period
+from identification.equations.segments import split_recording, thin_rows, unfiltered_period_signals
 from identification.equations.time_domain import TimeRun, count_rows, time_blocks
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
@@ -157,5 +157,5 @@ def test_a_mean_period_has_no_filter_error_at_its_ends() -> None:
     whole = replace(
         recording_of((time_s, q, v, a)), sample_period_s=STEP_S, samples_per_period=period
     )
-    signals = unfiltered_period(average_periods(whole), 10.0)
+    signals = unfiltered_period_signals(average_periods(whole), 10.0)
     assert misfit(signals) < 1e-5

@@ -19,7 +19,7 @@ from identification.estimation.file import EstimateDocument, read_estimate, writ
 from identification.estimation.fitted_periods import fit_periodic
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
-from tests.builders.changed_json import NASTY, changed, places
+from tests.builders.changed_json import NASTY, change, places
 from tests.builders.raised_codes import raises_code
 
 if TYPE_CHECKING:
@@ -205,7 +205,7 @@ def test_a_changed_model_causes_only_our_errors(
     write_estimate(path, estimate)
     document = json.loads(path.read_text())
     where = places(document)[1:]
-    path.write_bytes(changed(document, where[number % len(where)], nasty))
+    path.write_bytes(change(document, where[number % len(where)], nasty))
     message = str(path)
     try:
         read_estimate(path)

@@ -9,7 +9,7 @@ from config.load import LoadedCell, load_cell
 from dynamics.terms.conditions import Conditions
 from identification.estimation.estimate import predict
 from identification.estimation.limit_torque import limit_temperature_note, limit_torque
-from tests.builders.known_model import known
+from tests.builders.known_model import known_estimate
 from tests.builders.warm_model import by_temperature
 from tests.builders.warming_arm import motion
 
@@ -48,6 +48,6 @@ def test_with_measured_temperatures_the_torque_is_that_at_the_reference_with_a_n
 
 
 def test_other_models_have_their_own_torque(cell: LoadedCell) -> None:
-    plain = known(cell, {})
+    plain = known_estimate(cell, {})
     np.testing.assert_array_equal(limit_torque(plain, *WAY), predict(plain, *WAY))
     assert limit_temperature_note(plain) == ""

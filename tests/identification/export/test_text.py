@@ -12,6 +12,6 @@ def test_omitted_presliding_distance_and_fraction_are_listed() -> None:
     way = motion(20.0, 1)
     measured = recording({1: iwan(way[0][:, 1], 0.01)}, way)
     estimate = fit_smoothed(with_presliding((1,), 0.01, share=0.5), [measured]).estimate()
-    header = " ".join(header_lines(ExportModel.identified(estimate)))
+    header = " ".join(header_lines(ExportModel.from_estimate(estimate)))
     assert "Left out: presliding (dp_axis2 = 0.01" in header
     assert " rad, sp_axis2 = 0.9" in header or " rad, sp_axis2 = 1)" in header

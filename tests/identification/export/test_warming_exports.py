@@ -16,13 +16,13 @@ import pytest
 from config.arrays import FloatArray
 from config.load import LoadedCell, load_cell
 from dynamics.terms.conditions import Conditions
-from identification.consistency.closest_robot import consistent
+from identification.consistency.closest_robot import find_closest
 from identification.estimation.estimate import Estimate, predict
 from identification.export.description import pinocchio_model, sdf, urdf
 from identification.export.function import c_function, python_function
 from identification.export.model import ExportModel
 from identification.export.table import csv_table, json_table
-from tests.builders.known_model import known
+from tests.builders.known_model import known_estimate
 from tests.builders.warm_model import by_temperature
 from tests.builders.warming_arm import recording
 
@@ -60,7 +60,7 @@ def temperature_by_head(text: str, time_s: FloatArray, v: FloatArray) -> FloatAr
 def test_the_function_with_temperatures_from_its_head_gives_the_models_torques(
     warming: Estimate, tmp_path: Path
 ) -> None:
-    text = python_function(ExportModel.identified(warming))
+    text = python_function(ExportModel.from_estimate(warming))
     (tmp_path / "arm.py").write_text(text, encoding="utf-8")
     spec = importlib.util.spec_from_file_location("arm", tmp_path / "arm.py")
     assert spec is not None
@@ -85,17 +85,19 @@ def test_the_head_says_that_temperatures_are_computed_and_not_measured(
     warming: Estimate,
 ) -> None:
     for write in (python_function, c_function):
-        text = " ".join(write(ExportModel.consistent(consistent(warming))).split())
+        text = " ".join(write(ExportModel.from_closest_robot(find_closest(warming))).split())
         assert "temperature_k is not a measured temperature" in text
         assert "T x' = P - x, P = (f_C + f_v |v|) |v|, temperature_k = T0 + x" in text
         assert [found[0] for found in LINE.findall(text)] == ["1", "2"]
 
 
 def test_the_head_names_the_sensor_of_measured_temperatures(cell: LoadedCell) -> None:
-    text = python_function(ExportModel.identified(by_temperature(cell, measured=True)))
+    text = python_function(ExportModel.from_estimate(by_temperature(cell, measured=True)))
     assert "temperature_k: measured temperatures of the joints' drives in K." in text
     assert "thermometer" not in text
-    assert "temperature_k" not in python_function(ExportModel.identified(known(cell, {})))
+    assert "temperature_k" not in python_function(
+        ExportModel.from_estimate(known_estimate(cell, {}))
+    )
 
 
 def test_tables_contain_the_data_for_computed_temperatures(warming: Estimate) -> None:
@@ -122,13 +124,13 @@ def test_tables_contain_the_data_for_computed_temperatures(warming: Estimate) ->
 def test_descriptions_state_that_their_friction_is_for_a_cold_robot(
     write: Callable[[ExportModel], str], warming: Estimate, cell: LoadedCell
 ) -> None:
-    text = write(ExportModel.consistent(consistent(warming)))
+    text = write(ExportModel.from_closest_robot(find_closest(warming)))
     assert (
         "the change of the friction of axis1 as it warms up (time constant 60 s): the file contains"
         " the friction of a cold robot" in text
     )
-    measured = consistent(by_temperature(cell, measured=True))
-    text = write(ExportModel.consistent(measured))
+    measured = find_closest(by_temperature(cell, measured=True))
+    text = write(ExportModel.from_closest_robot(measured))
     assert (
         "the change of the friction of axis1 with its drive's temperature: the file has the"
         " friction at 298.15 K" in text

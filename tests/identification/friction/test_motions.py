@@ -72,5 +72,5 @@ def test_a_periodic_motion_is_extended_by_its_reversal() -> None:
     )
     both = reversed_motion(forward_motion)
     assert both.forward() == forward_motion
-    back = both.reversed().joints[0]
+    back = both.reverse().joints[0]
     assert (back.offset, back.sine, back.cosine) == (0.1, (-0.2, -0.3), (0.4, -0.1))

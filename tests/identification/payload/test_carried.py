@@ -18,9 +18,9 @@ from identification.estimation.estimate import (
     predict,
     predict_base_wrench,
 )
-from identification.payload.carried import carry, carry_own, unloaded
+from identification.payload.carried import carry, carry_own, without_payload
 from tests.builders.certified import estimate_of
-from tests.builders.known_model import chosen, known, with_payload_columns
+from tests.builders.known_model import estimate_with_terms, known_estimate, with_payload_columns
 from tests.builders.raised_codes import raises_code
 
 LOADED = Conditions(payload=True)
@@ -30,8 +30,8 @@ LOADED = Conditions(payload=True)
 def alone(request: pytest.FixtureRequest) -> Estimate:
     cell = load_cell("ir361")
     if request.param == "plain":
-        return known(cell, {})
-    return chosen(cell, ("coulomb", "viscous", "load"), 10.0, 0.1)
+        return known_estimate(cell, {})
+    return estimate_with_terms(cell, ("coulomb", "viscous", "load"), 10.0, 0.1)
 
 
 def motion(rows: int = 30) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -45,7 +45,9 @@ def torque_variance(estimate: Estimate, conditions: Conditions | None = None) ->
     return np.asarray(np.einsum("skb,bc,skc->sk", columns, covariance, columns))
 
 
-@pytest.mark.parametrize(("change", "conditions"), [(carry_own, LOADED), (unloaded, Conditions())])
+@pytest.mark.parametrize(
+    ("change", "conditions"), [(carry_own, LOADED), (without_payload, Conditions())]
+)
 def test_torques_and_their_variances_equal_those_of_separate_columns(
     alone: Estimate, change: Callable[[Estimate], Estimate], conditions: Conditions
 ) -> None:
@@ -62,8 +64,8 @@ def test_torques_and_their_variances_equal_those_of_separate_columns(
 
 
 def test_the_base_wrench_equals_that_of_separate_columns() -> None:
-    both = with_payload_columns(known(load_cell("ir361"), {}), kind="combined")
-    for change, conditions in ((carry_own, LOADED), (unloaded, Conditions())):
+    both = with_payload_columns(known_estimate(load_cell("ir361"), {}), kind="combined")
+    for change, conditions in ((carry_own, LOADED), (without_payload, Conditions())):
         np.testing.assert_allclose(
             predict_base_wrench(change(both), *motion()),
             predict_base_wrench(both, *motion(), conditions),
@@ -89,7 +91,7 @@ def test_a_separate_payload_gives_the_torques_of_a_payload_identified_with_the_r
 
 
 def test_another_payload_replaces_the_one_in_the_model() -> None:
-    alone = known(load_cell("ir361"), {})
+    alone = known_estimate(load_cell("ir361"), {})
     payload = estimate_of(load_cell("ir361"), ())
     heavier = replace(payload, values=2.0 * payload.values)
     np.testing.assert_allclose(
@@ -102,10 +104,10 @@ def test_another_payload_replaces_the_one_in_the_model() -> None:
 
 def test_the_payload_of_a_model_without_one_is_refused() -> None:
     with raises_code(ConfigError, "RID-PAYLOAD-UNSTATED"):
-        carry_own(known(load_cell("ir361"), {}))
+        carry_own(known_estimate(load_cell("ir361"), {}))
 
 
 def test_a_payload_that_is_not_fully_determined_is_refused() -> None:
     hidden = replace(estimate_of(load_cell("ir361"), ()), unseen=np.eye(10)[:, -1:])
     with raises_code(EstimationError, "RID-MOTION-UNINFORMATIVE"):
-        carry(known(load_cell("ir361"), {}), hidden)
+        carry(known_estimate(load_cell("ir361"), {}), hidden)

@@ -12,7 +12,7 @@ from config.load import load_cell
 from identification.estimation.estimate import Estimate
 from identification.model.options import ModelOptions
 from identification.validation.estimated_friction import EstimatedFriction
-from tests.builders.known_model import known
+from tests.builders.known_model import known_estimate
 from tests.builders.raised_codes import raises_code
 from tests.builders.warm_model import by_temperature
 
@@ -28,7 +28,7 @@ def with_load_friction(estimate: Estimate, joint: int) -> Estimate:
 
 
 def test_friction_equals_that_of_the_model() -> None:
-    estimate = known(CELL, {})
+    estimate = known_estimate(CELL, {})
     values = dict(zip(estimate.base.names, estimate.values, strict=True))
     found = EstimatedFriction(estimate).torque(1, SPEED)
     np.testing.assert_allclose(
@@ -38,7 +38,7 @@ def test_friction_equals_that_of_the_model() -> None:
 
 @pytest.mark.parametrize("measured", [True, False])
 def test_friction_is_without_warming_and_says_so(measured: bool) -> None:
-    plain = EstimatedFriction(known(CELL, {}))
+    plain = EstimatedFriction(known_estimate(CELL, {}))
     warm = EstimatedFriction(by_temperature(CELL, measured=measured))
     np.testing.assert_allclose(warm.torque(0, SPEED), plain.torque(0, SPEED))
     assert plain.conditions_in_words(0) == ""
@@ -49,7 +49,7 @@ def test_friction_is_without_warming_and_says_so(measured: bool) -> None:
 
 
 def test_load_dependent_friction_is_omitted_and_that_is_stated() -> None:
-    estimate = known(CELL, {})
+    estimate = known_estimate(CELL, {})
     friction = EstimatedFriction(with_load_friction(estimate, 1))
     np.testing.assert_allclose(
         friction.torque(1, SPEED), EstimatedFriction(estimate).torque(1, SPEED)
@@ -62,4 +62,4 @@ def test_load_dependent_friction_is_omitted_and_that_is_stated() -> None:
 
 def test_a_model_without_friction_is_refused() -> None:
     with raises_code(ConfigError, "RID-MODEL-NO-FRICTION"):
-        EstimatedFriction(replace(known(CELL, {}), options=ModelOptions(friction=False)))
+        EstimatedFriction(replace(known_estimate(CELL, {}), options=ModelOptions(friction=False)))

@@ -68,7 +68,7 @@ def test_a_mistake_masked_by_friction_is_found(
     arm: WiredSignals, kind: MistakeKind, what: str, joints: tuple[int, ...]
 ) -> None:
     made = fine_mistake(arm.robot, kind, what, *joints)
-    fine = find_fine_mistake(made.corrected(arm))
+    fine = find_fine_mistake(made.correct(arm))
     assert fine is not None
     assert kind in {each.kind for each in (fine.mistake, *fine.alternatives)}
     assert fine.ratio < 0.9

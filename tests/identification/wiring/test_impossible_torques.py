@@ -165,7 +165,7 @@ def test_proposals_keep_the_limits_of_the_robot_file(arm: WiredSignals) -> None:
     refused = [
         (mistake.kind, mistake.factor)
         for mistake in common_mistakes(arm.robot)
-        if not keeps_limits(mistake, arm, mistake.corrected(arm))
+        if not keeps_limits(mistake, arm, mistake.correct(arm))
     ]
     assert (MistakeKind.TORQUE_FACTOR, 1000.0) in refused
     assert (MistakeKind.TORQUE_FACTOR, 0.001) in refused

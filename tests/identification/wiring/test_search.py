@@ -37,7 +37,7 @@ def with_mistake(
     arm: WiredSignals, kind: MistakeKind, *joints: int, factor: float | None = None
 ) -> WiredSignals:
     """Return signals with a mistake of the given kind on the given joints (counted from 0)."""
-    return mistake_of(arm, kind, *joints, factor=factor).corrected(arm)
+    return mistake_of(arm, kind, *joints, factor=factor).correct(arm)
 
 
 def mistake_of(arm: WiredSignals, kind: MistakeKind, *joints: int, factor: float | None) -> Mistake:
@@ -82,7 +82,7 @@ def test_a_mistake_is_found_with_its_joint_and_factor(
 
 
 def test_a_zero_position_is_found_within_a_degree(arm: WiredSignals) -> None:
-    wrong = zero_mistake(arm.robot, 1, math.radians(40.0)).corrected(arm)
+    wrong = zero_mistake(arm.robot, 1, math.radians(40.0)).correct(arm)
     (found,) = find_mistakes(wrong)
     assert (found.mistake.kind, found.mistake.joints) == (MistakeKind.POSITION_OFFSET, (1,))
     assert math.degrees(found.mistake.factor) == pytest.approx(-40.0, abs=1.0)
@@ -142,7 +142,7 @@ def test_a_superfluous_coupling_is_found_for_joint_and_motor_positions(
 ) -> None:
     coupled = arm.robot.model_copy(update={"coupling": COUPLING})
     for position in (np.eye(3), np.linalg.inv(np.array(COUPLING))):
-        stated = replace(arm.transformed(position, np.zeros(3), 1.0), robot=coupled)
+        stated = replace(arm.transform(position, np.zeros(3), 1.0), robot=coupled)
         (found,) = find_mistakes(stated)
         assert found.mistake.kind is MistakeKind.COUPLING
         assert found.mistake.joints == (1, 2)
@@ -156,7 +156,7 @@ def test_a_position_factor_of_a_coupled_joint_is_found(
     assert sound.robot.coupling is not None
     scale = np.diag([1.0] * 5 + [factor])
     coupling = np.array(sound.robot.coupling)
-    stated = sound.transformed(np.linalg.solve(coupling, scale @ coupling), np.zeros(6), 1.0)
+    stated = sound.transform(np.linalg.solve(coupling, scale @ coupling), np.zeros(6), 1.0)
     (found,) = find_mistakes(stated)
     assert (found.mistake.kind, found.mistake.joints) == (MistakeKind.POSITION_FACTOR, (5,))
     assert found.mistake.factor == pytest.approx(1.0 / factor)
@@ -166,7 +166,7 @@ def test_a_position_factor_of_a_coupled_joint_is_found(
     ("in_units", "what"), [(1.0 / (2.0 * math.pi), "in turns"), (1000.0, "in mrad")]
 )
 def test_positions_in_another_unit_are_found(arm: WiredSignals, in_units: float, what: str) -> None:
-    (found,) = find_mistakes(arm.transformed(in_units * np.eye(3), np.zeros(3), 1.0))
+    (found,) = find_mistakes(arm.transform(in_units * np.eye(3), np.zeros(3), 1.0))
     assert (found.mistake.kind, found.mistake.joints) == (MistakeKind.POSITION_FACTOR, ())
     assert found.mistake.what == what
     assert found.mistake.factor == pytest.approx(1.0 / in_units)

@@ -37,7 +37,7 @@ from tests.builders.streamed_paths import (
     model_and_loops,
     model_of,
     require_rest_on,
-    streamed,
+    stream_batches,
 )
 from tests.builders.told import document
 
@@ -301,7 +301,7 @@ class TestStream:
         self, workshop: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         path = joint_path()
-        code, answer, result = streamed(workshop, capsys, [path[:100], path[100:]])
+        code, answer, result = stream_batches(workshop, capsys, [path[:100], path[100:]])
         assert code == 0
         assert answer == {"points": len(path), "error": None}
         rows = read_journal(Path(result["folder"]) / "recording.mcap").rows
@@ -315,7 +315,7 @@ class TestStream:
         self, workshop: Path, capsys: pytest.CaptureFixture[str]
     ) -> None:
         path = joint_path()
-        code, answer, result = streamed(workshop, capsys, [path[:400]], end=False)
+        code, answer, result = stream_batches(workshop, capsys, [path[:400]], end=False)
         assert code == 4
         assert answer is None
         assert result["stop"]["code"] == "POINTS_LOST"
@@ -326,7 +326,7 @@ class TestStream:
     ) -> None:
         path = joint_path()
         path[400, 1] = np.nan
-        code, answer, result = streamed(workshop, capsys, [path])
+        code, answer, result = stream_batches(workshop, capsys, [path])
         assert code == 5
         assert answer is not None
         assert {"400,", "axis2:"} <= set(answer["error"].split())
@@ -336,7 +336,7 @@ class TestStream:
         self, workshop: Path
     ) -> None:
         cell = load_cell(str(workshop / "arm.yaml"))
-        forward = OnlineFeedforward.identified(
+        forward = OnlineFeedforward.from_model(
             cell.config,
             cell.robot,
             read_estimate(workshop / "model.json"),

@@ -29,7 +29,7 @@ from identification.design.verification import check_motion
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import write_estimate
 from rid_daq.app import run
-from tests.builders.known_model import known
+from tests.builders.known_model import known_estimate
 from tests.builders.raised_codes import raises_code
 from tests.builders.told import document
 
@@ -110,7 +110,7 @@ def test_a_model_limits_the_torques_and_a_plane_the_workspace(
             "    - {name: the wall, normal: [-1.0, 0.0, 0.0], offset_m: -0.9}\n"
         )
     model = tmp_path / "model.json"
-    write_estimate(model, known(load_cell(str(folder / "cell.yaml")), {}))
+    write_estimate(model, known_estimate(load_cell(str(folder / "cell.yaml")), {}))
     capsys.readouterr()
     words = ["design", str(folder / "cell.yaml"), "-o", str(tmp_path / "m.yaml"), "--starts", "2"]
     assert run([*words, "--model", str(model), "--json"]) == 0
@@ -118,7 +118,7 @@ def test_a_model_limits_the_torques_and_a_plane_the_workspace(
     assert uses["distance between the wall and the tool point"]["used"] >= 0.02
     motion = load_motion(tmp_path / "m.yaml")
     path = motion.plan(cell.robot, cell.config.cycle_time_s)
-    estimate = known(cell, {})
+    estimate = known_estimate(cell, {})
     parameters = np.zeros(len(estimate.base.standard_names))
     parameters[list(estimate.base.kept)] = estimate.values
     tau = torque(estimate.model, path.position, path.velocity, path.acceleration, parameters)
@@ -148,7 +148,7 @@ def test_options_select_the_criterion(
 
 def test_earlier_runs_direct_the_design_to_uncertain_parameters(cell: LoadedCell) -> None:
     weak = {"Ixz3": 100.0, "Iyz3": 100.0}
-    earlier = known(cell, weak)
+    earlier = known_estimate(cell, weak)
     cycle_s = cell.config.cycle_time_s
     alone = problem(cell, model=earlier)
     next_one = problem(cell, model=earlier, given=[earlier])
@@ -165,7 +165,7 @@ def test_earlier_runs_direct_the_design_to_uncertain_parameters(cell: LoadedCell
 
 
 def test_information_about_friction_is_not_used_from_earlier_runs(cell: LoadedCell) -> None:
-    earlier = known(cell, {})
+    earlier = known_estimate(cell, {})
     task = problem(cell, given=[earlier, earlier])
     assert task.given is not None
     names = task.base.names
@@ -178,7 +178,7 @@ def test_information_about_friction_is_not_used_from_earlier_runs(cell: LoadedCe
 
 
 def test_a_model_of_another_robot_is_refused(cell: LoadedCell) -> None:
-    ours = known(cell, {})
+    ours = known_estimate(cell, {})
     joint = ours.robot.joints[0].model_copy(update={"name": "other"})
     robot = ours.robot.model_copy(update={"joints": (joint, *ours.robot.joints[1:])})
     with raises_code(ConfigError, "RID-ROBOT-OTHER"):

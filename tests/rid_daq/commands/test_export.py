@@ -23,7 +23,7 @@ from acquisition.recording.recording import Recording
 from config.load import load_cell
 from dynamics.model.robot_model import RobotModel, torque
 from dynamics.model.true_parameters import true_parameters
-from identification.consistency.closest_robot import consistent
+from identification.consistency.closest_robot import find_closest
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.estimation.estimate import Estimate, predict
 from identification.estimation.file import write_estimate
@@ -133,7 +133,7 @@ def test_an_exported_function_uses_the_physically_consistent_parameters(
     out = tmp_path / name
     assert run(["export", str(model_file), "--to", form, "-o", str(out)]) == 0
     q, v, a = motion
-    expected = torque(estimate.model, q, v, a, consistent(estimate).standard_values)
+    expected = torque(estimate.model, q, v, a, find_closest(estimate).standard_values)
     np.testing.assert_allclose(torques(out, motion), expected, rtol=1e-9, atol=1e-9)
 
 
@@ -145,7 +145,7 @@ def test_pinocchio_reads_the_physically_consistent_links(
     robot = pin.buildModelFromUrdf(str(out))
     tau = [pin.rnea(robot, robot.createData(), *x) for x in motion.transpose(1, 0, 2)]
     links = ModelOptions(rotors=False, friction=False, spring=False).build(estimate.robot)
-    values = consistent(estimate).standard_values[: len(links.parameter_names)]
+    values = find_closest(estimate).standard_values[: len(links.parameter_names)]
     q, v, a = motion
     np.testing.assert_allclose(tau, torque(links, q, v, a, values), rtol=1e-9, atol=1e-9)
 

@@ -20,8 +20,8 @@ from acquisition.journal.cycles import read_journal
 from acquisition.journal.monitor import (
     MONITOR,
     MonitorStream,
-    monitored,
     read_monitor,
+    read_run_temperatures,
     with_temperature_compensation,
 )
 from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
@@ -153,7 +153,7 @@ def excited(
         path = tmp_path_factory.mktemp("runs")
         outcome, folder = record(replace(loaded, robot=wrist), simulated.cell, motion(4), path)
     recording = read_journal(outcome.path).recording()
-    stream, notes = monitored(recording, folder.path)
+    stream, notes = read_run_temperatures(recording, folder.path)
     assert stream is not None
     assert notes == ()
     recording = replace(recording, temperature_k=stream.temperatures_at(recording.time_s))

@@ -25,7 +25,7 @@ from identification.payload.verdict import PayloadCheck, PayloadResult
 from mock_hw.plant.rigid_bodies import build_rigid_bodies
 from rid_daq.app import run
 from tests.builders.certified import estimate_of
-from tests.builders.known_model import known
+from tests.builders.known_model import known_estimate
 from tests.builders.told import document
 
 PATH = """
@@ -42,7 +42,7 @@ points:
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    estimate = known(load_cell("ir361"), {})
+    estimate = known_estimate(load_cell("ir361"), {})
     estimate = replace(estimate, covariance_jackknife=np.diag((0.01 * estimate.values) ** 2))
     write_estimate(tmp_path / "model.json", estimate)
     (tmp_path / "path.yaml").write_text(PATH)
@@ -142,8 +142,8 @@ def test_a_result_beyond_the_torque_limits_with_payload_is_not_written(
     empty = read_estimate(folder / "model.json")
     monkeypatch.setattr(
         "rid_daq.operations.path.retiming.retime_path",
-        lambda samples, robot, _loaded, *known, **more: retime_path(
-            samples, robot, empty, *known, **more
+        lambda samples, robot, _loaded, *known_estimate, **more: retime_path(
+            samples, robot, empty, *known_estimate, **more
         ),
     )
     assert run(retime_words(folder, "--confidence", "0", "--payload", tool)) != 0

@@ -23,7 +23,7 @@ from identification.payload.verdict import PayloadCheck, PayloadResult
 from rid_daq.app import run
 from tests.builders.certified import MEDIUM, estimate_of, write_payload_file
 from tests.builders.identified_run import arm_in_motion, identified_run
-from tests.builders.known_model import known, with_payload_columns
+from tests.builders.known_model import known_estimate, with_payload_columns
 from tests.builders.told import document
 
 CIRCLE = """
@@ -46,7 +46,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return files of a robot: models without and with payload, velocity loops and a path."""
     folder = tmp_path_factory.mktemp("stated")
     cell = load_cell("ir361")
-    alone = known(cell, {})
+    alone = known_estimate(cell, {})
     write_estimate(folder / "alone.json", alone)
     write_estimate(folder / "both.json", with_payload_columns(alone))
     loops = [

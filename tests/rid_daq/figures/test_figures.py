@@ -26,7 +26,7 @@ from rid_daq.workbench.run_blocks import warm_up_plot
 from tests.builders.drawn_figures import (
     JOINTS,
     all_figures,
-    invented,
+    invented_result,
     payload,
     six_axes,
     tables,
@@ -115,7 +115,7 @@ def test_a_table_has_seven_digits_and_empty_cells_for_gaps() -> None:
 
 
 def test_fit_and_residual_equal_those_of_the_result() -> None:
-    curves = invented().curves
+    curves = invented_result().curves
     assert curves is not None
     assert curves.torque is not None
     drawn = tables(plot_figure(torque_plot(curves.torque)))
@@ -136,7 +136,7 @@ def test_fit_and_residual_equal_those_of_the_result() -> None:
 
 
 def test_all_joints_share_one_time_axis() -> None:
-    curves = invented().curves
+    curves = invented_result().curves
     assert curves is not None
     assert curves.torque is not None
     panels = [
@@ -179,7 +179,7 @@ def test_bode_shows_the_margins_of_the_result() -> None:
 
 
 def test_path_deviations_are_those_of_the_result_in_millimetres() -> None:
-    tracking = invented().tracking
+    tracking = invented_result().tracking
     assert tracking is not None
     motion = tracking.motions[0]
     _, _, errors = path_plots(motion, tracking.joints)
@@ -189,7 +189,7 @@ def test_path_deviations_are_those_of_the_result_in_millimetres() -> None:
 
 
 def test_a_path_without_a_reference_run_is_drawn_alone() -> None:
-    tracking = invented().tracking
+    tracking = invented_result().tracking
     assert tracking is not None
     motion = tracking.motions[0]
     alone = motion.model_copy(update={"drawn": motion.drawn.model_copy(update={"before": None})})
@@ -299,7 +299,7 @@ def test_dragging_zooms_in_every_panel(figures: dict[str, UIElement]) -> None:
 
 
 def test_equal_results_give_identical_figures() -> None:
-    curves = invented().curves
+    curves = invented_result().curves
     assert curves is not None
     assert curves.torque is not None
     first, again = (

@@ -16,7 +16,7 @@ from config.load import LoadedCell, load_cell, load_robot, to_yaml
 from identification.estimation.file import write_estimate
 from rid_daq.app import run
 from rid_daq.operations.cell_files import read_estimate_for, read_motion_and_bytes, read_motion_for
-from tests.builders.known_model import known
+from tests.builders.known_model import known_estimate
 from tests.builders.raised_codes import raises_code
 
 
@@ -61,7 +61,7 @@ def test_a_motion_of_another_robot_is_refused_with_both_names(
 def test_a_model_of_the_cells_robot_may_have_other_limits_and_friction(
     cell: LoadedCell, tmp_path: Path
 ) -> None:
-    write_estimate(tmp_path / "model.json", known(cell, {}))
+    write_estimate(tmp_path / "model.json", known_estimate(cell, {}))
     text = cell.files["robot.yaml"].decode().replace("velocity: 2.6", "velocity: 2.0")
     (tmp_path / "robot.yaml").write_text(text.replace("[coulomb, viscous]", "[coulomb, cubic]"))
     robot = load_robot(str(tmp_path / "robot.yaml"))
@@ -81,7 +81,7 @@ def test_a_model_of_the_cells_robot_may_have_other_limits_and_friction(
 def test_a_model_of_another_robot_is_refused_with_the_differences(
     cell: LoadedCell, tmp_path: Path, right: str, wrong: str, key: str
 ) -> None:
-    write_estimate(tmp_path / "model.json", known(cell, {}))
+    write_estimate(tmp_path / "model.json", known_estimate(cell, {}))
     (tmp_path / "robot.yaml").write_text(cell.files["robot.yaml"].decode().replace(right, wrong))
     robot = load_robot(str(tmp_path / "robot.yaml"))
     with raises_code(ConfigError, "RID-ROBOT-OTHER", f" {key}. "):
@@ -104,7 +104,7 @@ def test_every_command_with_a_cell_compares_the_model_with_its_robot(
     robot, mine = tmp_path / "cell" / "robot.yaml", str(tmp_path / "cell" / "cell.yaml")
     robot.write_text(robot.read_text().replace("name: my_robot", "name: ir361"))
     model, loops = tmp_path / "model.json", tmp_path / "loops.json"
-    write_estimate(model, known(load_cell(mine), {}))
+    write_estimate(model, known_estimate(load_cell(mine), {}))
     robot.write_text(robot.read_text().replace("a_m: 0.480", "a_m: 0.580"))
     motion = write_motion(tmp_path, "ir361")
     write_loops(loops, velocity_loops(cell), "ir361", "a run")
@@ -133,7 +133,7 @@ def test_refine_and_payload_compare_the_model_with_the_robot(
     )
     other = cell.robot.model_copy(update={"kinematics": longer})
     model, loops = tmp_path / "model.json", tmp_path / "loops.json"
-    write_estimate(model, known(replace(cell, robot=other), {}))
+    write_estimate(model, known_estimate(replace(cell, robot=other), {}))
     write_loops(loops, velocity_loops(cell), "ir361", "a run")
     new = ["-o", str(tmp_path / "new.json")]
     made = sorted((tmp_path / "runs").iterdir())

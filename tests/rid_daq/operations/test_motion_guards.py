@@ -24,7 +24,7 @@ from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import send
 from rid_daq.service.request_check import check_request, parse_request
 from rid_daq.terminal.console import Console
-from tests.builders.known_model import known
+from tests.builders.known_model import known_estimate
 from tests.builders.point_streams import loops_of
 from tests.builders.raised_codes import raises_code
 
@@ -90,7 +90,7 @@ class Cell:
 def cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Cell:
     bundled = load_cell("ir361")
     (tmp_path / "motion.yaml").write_text(MOTION)
-    write_estimate(tmp_path / "model.json", known(bundled, {}))
+    write_estimate(tmp_path / "model.json", known_estimate(bundled, {}))
     write_loops(tmp_path / "loops.json", loops_of(bundled), "ir361", "a run")
     real = replace(bundled, config=bundled.config.model_copy(update={"simulated": False}))
     found = Cell(real, tmp_path, [])

@@ -12,7 +12,7 @@ from acquisition.journal.monitor import (
     MONITOR,
     MonitorHeader,
     MonitorWriter,
-    monitored,
+    read_run_temperatures,
     with_temperature_compensation,
 )
 from acquisition.motion.samples import Phase
@@ -78,7 +78,7 @@ def test_the_incremental_average_equals_the_average_of_all_periods(
         new = NewPeriods(recording.part(slice(begin, periods * K)), tmp_path, begin, periods)
         found = average.with_new_periods(new)
         raw = recording.part(slice(0, periods * K))
-        stream, _ = monitored(raw, tmp_path)
+        stream, _ = read_run_temperatures(raw, tmp_path)
         whole = average_periods(with_temperature_compensation(raw, stream, robot))
         assert (found.temperature_k is not None) is (warm and periods > 3)  # one drive was late
         for field in fields(whole):

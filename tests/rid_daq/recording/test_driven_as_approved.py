@@ -32,7 +32,7 @@ from rid_daq.recording import run_session
 from rid_daq.recording.run_session import RunRequest, RunSession
 from rid_daq.runs.run_data import FEEDFORWARD, MOTION, ONLINE_LOOPS, ONLINE_MODEL
 from rid_daq.terminal.console import Console
-from tests.builders.known_model import known
+from tests.builders.known_model import known_estimate
 from tests.builders.point_streams import loops_of
 from tests.builders.raised_codes import raises_code
 
@@ -107,7 +107,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     samples = motion.plan(cell.robot, cell.config.cycle_time_s).whole()
     ahead = replace(samples, feedforward=samples.velocity)
     (tmp_path / "ahead.json").write_bytes(feedforward_bytes(motion, ahead))
-    write_estimate(tmp_path / "model.json", known(cell, {}))
+    write_estimate(tmp_path / "model.json", known_estimate(cell, {}))
     write_loops(tmp_path / "loops.json", loops_of(cell), "ir361", "a run")
     return tmp_path
 
@@ -278,7 +278,7 @@ def test_motion_plus_feedforward_is_checked_against_torque_limits(folder: Path) 
     cell = load_cell(str(folder / "cell.yaml"))
     plan = load_motion(folder / "motion.yaml").plan(cell.robot, cell.config.cycle_time_s).whole()
     moved = (plan.position, plan.velocity, plan.acceleration)
-    enough = 1.3 * float(np.abs(limit_torque(known(cell, {}), *moved)[:, 0]).max())
+    enough = 1.3 * float(np.abs(limit_torque(known_estimate(cell, {}), *moved)[:, 0]).max())
     file = json.loads((folder / "ahead.json").read_text())
     rows = np.array(file["feedforward"])
     k = np.arange(len(rows))

@@ -24,7 +24,7 @@ from rid_daq.operations.payload.payload_session import PayloadSessionRequest
 from rid_daq.operations.payload.session_watches import MassWatch, WarmUpWatch
 from rid_daq.recording.average_so_far import AverageSoFar
 from rid_daq.terminal.console import Console
-from tests.builders.known_model import known
+from tests.builders.known_model import known_estimate
 from tests.builders.raised_codes import raises_code
 from tests.builders.warm_model import by_temperature
 
@@ -131,7 +131,7 @@ def model_beyond_mean_period(what: str) -> Estimate:
     if what == "the warming of the joints":
         return by_temperature(load_cell("ir361"), measured=False)
     narrow = replace(TorqueChannel.none(3), width_s=np.full(3, 0.05))
-    return replace(known(load_cell("ir361"), {}), channel=narrow)
+    return replace(known_estimate(load_cell("ir361"), {}), channel=narrow)
 
 
 @pytest.mark.parametrize("what", ["the warming of the joints", "a low-pass filter of the torques"])

@@ -15,7 +15,7 @@ from tests.builders.invented import whole_result
 
 def full_result() -> Result:
     """Return a result with every section that belongs to a model."""
-    return Result.model_validate_json(json.dumps(whole_result())).updated(
+    return Result.model_validate_json(json.dumps(whole_result())).with_sections(
         model=ModelFile(name="model.json", sha256="1" * 64)
     )
 
@@ -39,11 +39,11 @@ def test_a_newer_model_removes_all_sections_of_the_older_one() -> None:
 def test_the_same_model_keeps_its_sections() -> None:
     old = full_result()
     assert old.model is not None
-    assert old.with_model_sections(old.model, plate=None) == old.updated(plate=None)
+    assert old.with_model_sections(old.model, plate=None) == old.with_sections(plate=None)
 
 
 def test_every_section_has_its_creation_time(tmp_path: Path) -> None:
-    undrawn = full_result().updated(curves=None, truth=None, tracking=None)
+    undrawn = full_result().with_sections(curves=None, truth=None, tracking=None)
     folder, result = RunFolder.create(tmp_path, "one"), undrawn
     timing = result.timing
     assert timing is not None
@@ -56,7 +56,7 @@ def test_every_section_has_its_creation_time(tmp_path: Path) -> None:
     stored = json.loads(folder.read("result.json"))
     stored["timing"]["made"] = early
     folder.write("result.json", json.dumps(stored).encode())
-    write_result(folder, result.updated(average=None))
+    write_result(folder, result.with_sections(average=None))
     write_result(folder, result)
     again = read_result(folder).timing
     assert again is not None

@@ -220,7 +220,7 @@ def test_the_verdict_is_the_first_section(
         [VerdictCheck.of("error", 2.0, "≤", 1.3)], "Failed: badly off", "It is."
     )
     assert 'class="verdict failed"' in render_report(
-        result_of(result_without_drawings).updated(verdict=judged)
+        result_of(result_without_drawings).with_sections(verdict=judged)
     )
 
 

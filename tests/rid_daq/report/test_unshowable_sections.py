@@ -58,7 +58,7 @@ def test_a_tool_point_at_rest_has_a_page_without_a_scale_bar(
     for panel in path_plots(still.motions[0], still.joints)[0].panels:
         assert not panel.marks
         assert "scale" not in [line.label for line in panel.lines]
-    page = write_result(folder, empty_result().updated(tracking=still)).read_text()
+    page = write_result(folder, empty_result().with_sections(tracking=still)).read_text()
     assert "Path errors" in page
     assert "of deviation" not in page
 
@@ -67,13 +67,13 @@ def test_a_new_section_that_cannot_be_drawn_leaves_the_run_unchanged(folder: Run
     write_result(folder, empty_result())
     before = {name: folder.read(name) for name in ("result.json", "report.html")}
     with raises_code(RecordingError, "RID-RESULT-UNSOUND", "result.json", "tracking") as caught:
-        write_result(folder, empty_result().updated(tracking=tracking(FLAT)))
+        write_result(folder, empty_result().with_sections(tracking=tracking(FLAT)))
     assert str(caught.value).endswith("; nothing was written")
     assert {name: folder.read(name) for name in before} == before
 
 
 def test_an_existing_section_that_cannot_be_drawn_is_reported_as_edited(folder: RunFolder) -> None:
-    edited = empty_result().updated(tracking=tracking(FLAT))
+    edited = empty_result().with_sections(tracking=tracking(FLAT))
     folder.write("result.json", edited.model_dump_json(by_alias=True).encode())
     with raises_code(RecordingError, "RID-RESULT-UNSOUND", "tracking: ", "edited"):
         write_result(folder, edited)

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from acquisition.journal.mcap_writer import JournalFile, being_written
+from acquisition.journal.mcap_writer import JournalFile, is_being_written
 from config.cell.cell import CanBusConfig, CellConfig
 from config.errors import RecordingError
 from config.load import load_cell
@@ -68,7 +68,7 @@ def test_reading_locks_never_prevents_a_session_from_starting(
     for look, start in (
         (running_sessions, start_a_session),
         (lambda: is_bus_served(bus), serve_a_bus),
-        (lambda: being_written(journal), record),
+        (lambda: is_being_written(journal), record),
     ):
         with monkeypatch.context() as patch:
             call_at_every_step(patch, start)
@@ -106,7 +106,7 @@ def call_at_every_step(patch: pytest.MonkeyPatch, start: Callable[[], None]) -> 
 
 def test_a_recording_is_detected_while_it_is_written(tmp_path: Path) -> None:
     with JournalFile(tmp_path / "recording.mcap", {}):
-        assert being_written(tmp_path / "recording.mcap")
-    assert not being_written(tmp_path / "recording.mcap")
+        assert is_being_written(tmp_path / "recording.mcap")
+    assert not is_being_written(tmp_path / "recording.mcap")
     with raises_code(RecordingError, "RID-FILE-READ"):
-        being_written(tmp_path / "missing.mcap")
+        is_being_written(tmp_path / "missing.mcap")
