@@ -219,7 +219,7 @@ def main() -> int:
         "kinds": len({each.name for each in every}),
         "made": len(every),
         "shown_by_data": len(shown),
-        "told": len(detected),
+        "detected": len(detected),
         "share": round(share, 3),
         "bar": DETECTED_BAR,
         "missed": dict(missed),

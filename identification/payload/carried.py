@@ -1,4 +1,4 @@
-"""`carry`, `carry_own`, `without_payload`: models of a robot with and without the payload on its flange.
+"""`carry`, `carry_own`, `without_payload`: models of a robot with and without its payload.
 
 The parameters of the last link contain a payload that the robot always carries: its ten parameters
 are added to those of the link (5.6). Therefore everything that uses an `Estimate` also works with a

@@ -117,8 +117,8 @@ def _candidate_information(estimate: PayloadEstimate) -> Tried:
     lossless = model.model
     white = np.diagonal(estimate.covariance_noise)
     clustered = np.diagonal(estimate.covariance)
-    told = clustered > 0.0
-    colour = min(1.0, float(np.median(white[told] / clustered[told]))) if told.any() else 1.0
+    shown = clustered > 0.0
+    colour = min(1.0, float(np.median(white[shown] / clustered[shown]))) if shown.any() else 1.0
     tried: Tried = []
     for words, motion in joint_motions(estimate.robot):
         columns = torque_columns(lossless, model.base, motion, warm)
@@ -181,12 +181,12 @@ def _sigma_with(estimate: PayloadEstimate, more: FloatArray, target: FloatArray)
     known = _information(estimate)
     total = (known + more) * np.outer(scale, scale)
     values, axes = np.linalg.eigh(total)
-    told = values > SHOWN * values[-1]
+    shown = values > SHOWN * values[-1]
     aim = scale * target
-    hidden = axes[:, ~told].T @ aim
+    hidden = axes[:, ~shown].T @ aim
     if np.linalg.norm(hidden) > 1e-3 * np.linalg.norm(aim):
         return float(np.inf)
-    return float(np.sqrt(np.sum((axes[:, told].T @ aim) ** 2 / values[told])))
+    return float(np.sqrt(np.sum((axes[:, shown].T @ aim) ** 2 / values[shown])))
 
 
 def _size_of(estimate: PayloadEstimate) -> FloatArray:

@@ -67,11 +67,11 @@ def further_term_findings(
         return ()
     if not asked:
         return ()
-    told = "; ".join(
+    shown = "; ".join(
         f"{name}: {', '.join(asked[name])}" for name in robot.joint_names if name in asked
     )
     return (
         "Further friction terms predict held-out parts of the runs better than the terms of the"
-        f" robot file. Joint, term, and RMS error [N m or N] without and with it: {told}."
+        f" robot file. Joint, term, and RMS error [N m or N] without and with it: {shown}."
         " `rid-daq identify --choose` compares these terms and uses those that help.",
     )

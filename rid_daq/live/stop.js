@@ -64,12 +64,12 @@
     document.dispatchEvent(new CustomEvent("stop-asked", { detail: message }));
   }
 
-  function acknowledge({ number: of, told = true, sentence = "Stop requested: check that the axes come to rest." }) {
+  function acknowledge({ number: of, sent = true, sentence = "Stop requested: check that the axes come to rest." }) {
     if (!asked || (of !== undefined && of !== asked.number)) return;
     asked = null;
     delete document.documentElement.dataset.stop;
     keep(null);
-    const shown = [told ? "good" : "wait", sentence];
+    const shown = [sent ? "good" : "wait", sentence];
     answer = shown;
     show();
     setTimeout(() => {
@@ -109,10 +109,10 @@
       const headers = { "x-rid-daq": "stop", "content-type": "application/json" };
       const options = { method: "POST", headers, body: "{}", keepalive: true, priority: "high", signal: ending.signal };
       const got = await fetch(press.request, options);
-      const told = await got.json().catch(() => ({}));
-      if (got.ok) acknowledge({ ...told, number: press.number });
+      const reply = await got.json().catch(() => ({}));
+      if (got.ok) acknowledge({ ...reply, number: press.number });
       else if (asked === press) {
-        press.refusal = told.message ?? `The service answered ${got.status}.`;
+        press.refusal = reply.message ?? `The service answered ${got.status}.`;
         press.refusedAt = performance.now();
       }
     } catch {
@@ -141,8 +141,8 @@
     line.addEventListener("message", (message) => {
       line.heardAt = performance.now();
       failures = 0;
-      const told = JSON.parse(message.data);
-      if (told.type === "stopped") acknowledge(told);
+      const reply = JSON.parse(message.data);
+      if (reply.type === "stopped") acknowledge(reply);
     });
     line.addEventListener("open", () => {
       line.heardAt = performance.now();

@@ -14,8 +14,8 @@ from acquisition.motion.kinds.multipoint import MultipointMotion
 from config.load import load_robot
 from dynamics.geometry.kinematics import Chain
 from rid_daq.app import run
+from tests.builders.json_output import document
 from tests.builders.point_client import send_batches
-from tests.builders.told import document
 
 CHAIN = Chain.from_description(load_robot("ir361"))
 LIMITS = [joint.limits for joint in load_robot("ir361").joints]

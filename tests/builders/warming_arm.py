@@ -12,7 +12,7 @@ from config.load import load_cell
 from config.simulation.plant import SimulatedThermal, UnmodelledAxis, UnmodelledEffects
 from dynamics.model.robot_model import RobotModel, torque
 from mock_hw.plant.thermal import MotorTemperatures
-from tests.builders.remembering_arm import arm
+from tests.builders.presliding_arm import arm
 
 STEP_S: Final = 0.02
 CUTOFF_HZ: Final = 4.0

@@ -20,16 +20,16 @@ class StopAnswer:
     """Answer to a STOP request.
 
     Attributes:
-        told: True if a stop request was sent to at least one job.
+        sent: True if a stop request was sent to at least one job.
         sentence: Result for the user, with the next step.
     """
 
-    told: bool
+    sent: bool
     sentence: str
 
     def document(self) -> dict[str, object]:
         """Return the answer as a JSON document."""
-        return {"told": self.told, "sentence": self.sentence}
+        return {"sent": self.sent, "sentence": self.sentence}
 
 
 def unknown_sender_error() -> NotKnownError:
@@ -73,17 +73,17 @@ def stop_each(
         wrong: Function that is called with the name of a cell whose stop failed, inside the
             exception handler.
     """
-    told, failed = False, []
+    sent, failed = False, []
     for name in cells:
         try:
-            told = stop(name) or told
+            sent = stop(name) or sent
         except Exception:
             wrong(name)
             failed.append(name)
     if failed:
         sentence = f"Cell {', '.join(failed)} could not be stopped: use the emergency stop."
-    elif told:
+    elif sent:
         sentence = "Stop requested: check that the axes come to rest."
     else:
         sentence = "This service moves nothing now."
-    return StopAnswer(told, sentence)
+    return StopAnswer(sent, sentence)

@@ -166,4 +166,4 @@ def answer_to_stop(
     try:
         return answer | handler.stop(str(message["stop"]), who).document()
     except UnknownError as error:
-        return answer | {"told": False, "sentence": str(error)}
+        return answer | {"sent": False, "sentence": str(error)}

@@ -6,7 +6,7 @@ import numpy as np
 
 from dynamics.model.robot_model import RobotModel
 from dynamics.model.standstill import moving_actuators, moving_without_reversal
-from tests.builders.remembering_arm import arm
+from tests.builders.presliding_arm import arm
 
 SLOW_RAD_S = 0.02
 

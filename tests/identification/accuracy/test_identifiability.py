@@ -13,7 +13,7 @@ from identification.accuracy.identifiability import unseen_findings, weak_parame
 from identification.estimation.estimate import Estimate
 from identification.estimation.fitted_signals import fit_smoothed
 from rid_daq.report.sections.estimate import EstimateSection
-from tests.builders.remembering_arm import iwan, motion, recording, with_presliding
+from tests.builders.presliding_arm import iwan, motion, recording, with_presliding
 
 
 def estimate_from_sines(

@@ -18,8 +18,8 @@ from identification.equations.segments import single_periods
 from identification.equations.time_domain import TimeRun
 from identification.estimation.estimate import Estimate
 from identification.estimation.fitted_signals import fit_smoothed
-from tests.builders.remembering_arm import STEP_S, iwan, motion, recording, with_presliding
-from tests.builders.remembering_arm import measured as written
+from tests.builders.presliding_arm import STEP_S, iwan, motion, recording, with_presliding
+from tests.builders.presliding_arm import measured as written
 
 if TYPE_CHECKING:
     from tests.identification.conftest import KnownArm

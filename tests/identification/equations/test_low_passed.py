@@ -17,7 +17,7 @@ from identification.equations.low_passed import ColumnCache, LowPassedColumns
 from identification.model.base_parameters import BaseParameters, base_parameters
 from identification.model.torque_columns import torque_columns
 from identification.validation.robot_terms import with_friction, with_presliding
-from tests.builders.remembering_arm import CUTOFF_HZ, STEP_S, arm, motion, signals_of
+from tests.builders.presliding_arm import CUTOFF_HZ, STEP_S, arm, motion, signals_of
 
 WAY = motion(4.0, 3)
 ROWS = slice(0, len(WAY[0]))

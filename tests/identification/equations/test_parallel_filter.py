@@ -21,7 +21,7 @@ from identification.estimation.options import EstimationOptions
 from identification.model.base_parameters import base_parameters
 from identification.validation.model_choice import choose_model
 from identification.validation.robot_terms import with_friction
-from tests.builders.remembering_arm import CLASSICAL, arm
+from tests.builders.presliding_arm import CLASSICAL, arm
 
 STEP_S = 0.002
 STANDSTILL_RAD_S = 0.02

@@ -18,8 +18,8 @@ from identification.estimation.at_temperature import at_temperature, depends_on_
 from identification.estimation.estimate import Estimate, predict
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.validation.robot_terms import with_friction
+from tests.builders.presliding_arm import arm
 from tests.builders.raised_codes import raises_code
-from tests.builders.remembering_arm import arm
 from tests.builders.warming_arm import motion, recording
 
 TERMS: dict[str, tuple[FrictionTerm, ...]] = {

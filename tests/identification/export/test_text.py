@@ -5,7 +5,7 @@ from __future__ import annotations
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.export.model import ExportModel
 from identification.export.text import header_lines
-from tests.builders.remembering_arm import iwan, motion, recording, with_presliding
+from tests.builders.presliding_arm import iwan, motion, recording, with_presliding
 
 
 def test_omitted_presliding_distance_and_fraction_are_listed() -> None:

@@ -10,7 +10,7 @@ from config.robot.friction_terms import FrictionTerm
 from identification.estimation.options import EstimationOptions
 from identification.validation.further_terms import further_term_findings
 from identification.validation.robot_terms import with_friction
-from tests.builders.remembering_arm import CLASSICAL, arm, measured, motion
+from tests.builders.presliding_arm import CLASSICAL, arm, measured, motion
 
 WAY = motion(40.0, 1)
 

@@ -11,7 +11,7 @@ from config.load import load_robot
 from identification.estimation.estimate import Estimate
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.validation.extrapolation import extrapolation_findings
-from tests.builders.remembering_arm import motion, signals_of
+from tests.builders.presliding_arm import motion, signals_of
 
 
 @pytest.fixture(scope="module")

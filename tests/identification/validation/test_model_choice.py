@@ -29,9 +29,9 @@ from identification.estimation.file import read_estimate, write_estimate
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.validation import common_filter
 from identification.validation.model_choice import ModelChoice, choose_model
-from tests.builders.remembering_arm import arm, with_presliding
-from tests.builders.remembering_arm import motion as remembering_motion
-from tests.builders.remembering_arm import recording as remembering_recording
+from tests.builders.presliding_arm import arm, with_presliding
+from tests.builders.presliding_arm import motion as remembering_motion
+from tests.builders.presliding_arm import recording as remembering_recording
 
 AVERAGE_ROWS = 20  # 80 ms
 PLAIN = ("coulomb", "viscous")

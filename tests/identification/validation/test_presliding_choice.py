@@ -12,8 +12,7 @@ from dynamics.kernels.presliding import RIGID_SLIP
 from identification.estimation.estimate import Estimate
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.validation.presliding_choice import PreslidingChoice, choose_presliding
-from tests.builders.raised_codes import raises_code
-from tests.builders.remembering_arm import (
+from tests.builders.presliding_arm import (
     STEP_S,
     arm,
     dahl,
@@ -23,6 +22,7 @@ from tests.builders.remembering_arm import (
     signals_of,
     with_presliding,
 )
+from tests.builders.raised_codes import raises_code
 
 DISTANCE = 0.02
 WAY = motion(40.0, 1)

@@ -17,8 +17,7 @@ from identification.validation.torque_prediction import (
 )
 from rid_daq.report.sections.curves import TorqueCurves
 from rid_daq.report.sections.validation import AxisError, ValidationSection
-from tests.builders.raised_codes import raises_code
-from tests.builders.remembering_arm import (
+from tests.builders.presliding_arm import (
     CUTOFF_HZ,
     STEP_S,
     arm,
@@ -28,6 +27,7 @@ from tests.builders.remembering_arm import (
     recording,
     with_presliding,
 )
+from tests.builders.raised_codes import raises_code
 
 DISTANCE = 0.02
 SPREAD = round(1.0 / (CUTOFF_HZ * STEP_S))

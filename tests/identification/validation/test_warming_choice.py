@@ -16,7 +16,7 @@ from identification.estimation.estimate import Estimate, predict
 from identification.estimation.file import read_estimate, write_estimate
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.validation.warming_choice import choose_warming
-from tests.builders.remembering_arm import arm
+from tests.builders.presliding_arm import arm
 from tests.builders.warming_arm import (
     COULOMB_NM,
     STEP_S,

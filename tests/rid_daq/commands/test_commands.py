@@ -24,8 +24,8 @@ from acquisition.runs.manifest import RunStatus
 from acquisition.session.repair import repair_journal
 from config.errors import ConfigError
 from rid_daq.app import run
+from tests.builders.json_output import document
 from tests.builders.raised_codes import raises_code
-from tests.builders.told import document
 
 pytestmark = pytest.mark.slow
 

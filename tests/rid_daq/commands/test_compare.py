@@ -18,8 +18,8 @@ from identification.estimation.file import write_estimate
 from identification.validation.estimate_difference import compare_estimates
 from rid_daq.app import run
 from tests.builders.identified_run import arm_in_motion, identified_run
+from tests.builders.json_output import document
 from tests.builders.raised_codes import raises_code
-from tests.builders.told import document
 
 pytestmark = pytest.mark.slow
 

@@ -29,6 +29,7 @@ from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
 from rid_daq.session.cells import hold_reachable_cell
 from tests.builders.certified import MEDIUM, write_payload_file
+from tests.builders.json_output import document
 from tests.builders.motion_texts import CIRCLE, MULTISINE, PICK
 from tests.builders.screens import calls_of_command, recorded_calls, require_fitting
 from tests.builders.streamed_paths import (
@@ -39,7 +40,6 @@ from tests.builders.streamed_paths import (
     require_rest_on,
     stream_batches,
 )
-from tests.builders.told import document
 
 pytestmark = pytest.mark.slow
 

@@ -20,7 +20,7 @@ from config.load import load_cell
 from rid_daq.app import run
 from rid_daq.preflight.eds_check import eds_lines, refuse_unfit_eds
 from tests.builders.console_blocks import assert_shown
-from tests.builders.told import document
+from tests.builders.json_output import document
 
 pytestmark = pytest.mark.slow
 

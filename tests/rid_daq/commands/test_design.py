@@ -29,9 +29,9 @@ from identification.design.verification import check_motion
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import write_estimate
 from rid_daq.app import run
+from tests.builders.json_output import document
 from tests.builders.known_model import known_estimate
 from tests.builders.raised_codes import raises_code
-from tests.builders.told import document
 
 pytestmark = pytest.mark.slow
 

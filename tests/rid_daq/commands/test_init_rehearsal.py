@@ -8,7 +8,7 @@ import pytest
 
 from config.load import load_robot
 from rid_daq.app import run
-from tests.builders.told import document
+from tests.builders.json_output import document
 
 pytestmark = pytest.mark.slow
 

@@ -12,7 +12,7 @@ from identification.estimation.estimate import Estimate
 from identification.estimation.file import read_estimate
 from rid_daq.app import run
 from tests.builders.foreign_tables import as_lines, two_joint_map
-from tests.builders.remembering_arm import COULOMB_NM, arm, iwan, with_presliding
+from tests.builders.presliding_arm import COULOMB_NM, arm, iwan, with_presliding
 
 pytestmark = pytest.mark.slow
 

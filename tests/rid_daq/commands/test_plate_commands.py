@@ -16,7 +16,7 @@ from config.arrays import FloatArray
 from config.load import load_cell
 from mock_hw.plant.rigid_bodies import BaseWrench
 from rid_daq.app import run
-from tests.builders.told import document
+from tests.builders.json_output import document
 
 pytestmark = pytest.mark.slow
 

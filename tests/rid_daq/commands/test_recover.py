@@ -18,7 +18,7 @@ from config.load import load_cell
 from rid_daq.app import run
 from rid_daq.runs.run_data import ONLINE_MODEL, RunData
 from tests.builders.console_blocks import assert_shown
-from tests.builders.told import document
+from tests.builders.json_output import document
 
 ROWS = 1000
 HALF = 400

@@ -25,8 +25,8 @@ from identification.payload.verdict import PayloadCheck, PayloadResult
 from mock_hw.plant.rigid_bodies import build_rigid_bodies
 from rid_daq.app import run
 from tests.builders.certified import estimate_of
+from tests.builders.json_output import document
 from tests.builders.known_model import known_estimate
-from tests.builders.told import document
 
 PATH = """
 kind: joint_path

@@ -19,7 +19,7 @@ from acquisition.task.control_block import ControlBlock
 from acquisition.task.states import RecorderState, TaskProgress
 from config.errors import RecordingError
 from rid_daq.app import run
-from tests.builders.told import document
+from tests.builders.json_output import document
 
 pytestmark = pytest.mark.slow
 

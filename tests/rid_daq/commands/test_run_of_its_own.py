@@ -27,7 +27,7 @@ from identification.estimation.file import write_estimate
 from identification.estimation.fitted_periods import fit_periodic
 from rid_daq.app import run
 from rid_daq.runs.run_data import RunData
-from tests.builders.told import document
+from tests.builders.json_output import document
 
 CYCLE_S = 0.008
 PERIODS = 4

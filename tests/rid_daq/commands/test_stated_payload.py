@@ -23,8 +23,8 @@ from identification.payload.verdict import PayloadCheck, PayloadResult
 from rid_daq.app import run
 from tests.builders.certified import MEDIUM, estimate_of, write_payload_file
 from tests.builders.identified_run import arm_in_motion, identified_run
+from tests.builders.json_output import document
 from tests.builders.known_model import known_estimate, with_payload_columns
-from tests.builders.told import document
 
 CIRCLE = """
 kind: joint_path

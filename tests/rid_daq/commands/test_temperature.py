@@ -21,8 +21,8 @@ from identification.estimation.file import read_estimate, write_estimate
 from identification.estimation.limit_torque import limit_temperature_note
 from rid_daq.app import run
 from rid_daq.workbench.motion_blocks import motion_blocks
+from tests.builders.json_output import document
 from tests.builders.raised_codes import raises_code
-from tests.builders.told import document
 from tests.builders.warm_model import FALL, by_temperature
 
 PATH = """

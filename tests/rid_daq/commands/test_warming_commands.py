@@ -12,7 +12,7 @@ from config.load import to_yaml
 from identification.estimation.file import read_estimate
 from rid_daq.app import run
 from tests.builders.foreign_tables import as_lines, two_joint_map
-from tests.builders.remembering_arm import arm
+from tests.builders.presliding_arm import arm
 from tests.builders.warming_arm import CUTOFF_HZ, recording
 
 JOINTS = [

@@ -12,7 +12,7 @@ from acquisition.journal.cycles import read_journal
 from acquisition.runs.catalogue import find_run
 from config.load import read_named
 from rid_daq.app import run
-from tests.builders.told import document
+from tests.builders.json_output import document
 
 EPOS = "servo: {base: epos4, encoder_increments: 4096.0, lacks: [6007h, 6072h, 608Fh, 6091h]}\n"
 

@@ -185,7 +185,7 @@ def test_a_stop_needs_no_lease_and_no_role(api: Api) -> None:
     answer = api.ask(Role.VIEWER, "POST", "/api/v1/cells/ir361/stop")
     assert answer.status_code == 202
     assert answer.json() == {
-        "told": False,
+        "sent": False,
         "sentence": "This service moves nothing now.",
     }
 

@@ -37,13 +37,13 @@ class Worker:
 class BrokenJob(RunningJob):
     """A job whose events cannot be read."""
 
-    told: tuple[StopCode, ...] = ()
+    codes: tuple[StopCode, ...] = ()
 
     def read_events(self) -> list[AnyEvent]:
         raise OSError(5, "Input/output error")
 
     def stop(self, why: str, code: StopCode) -> None:
-        self.stopping, self.told = why, (*self.told, code)
+        self.stopping, self.codes = why, (*self.codes, code)
 
 
 def start_job(service: CellService, kind: type[RunningJob], worker: Worker) -> Any:
@@ -102,7 +102,7 @@ def test_a_job_that_cannot_be_monitored_is_stopped_once(service: CellService) ->
     running = start_job(service, BrokenJob, Worker())
     for _ in range(3):
         asyncio.run(service.job_runner.poll())
-    assert running.told == (StopCode.INTERRUPTED,)
+    assert running.codes == (StopCode.INTERRUPTED,)
     why = "the service could not supervise the job: see the service's log"
     assert running.stopping == why
 

@@ -43,7 +43,7 @@ def test_mutated_frames_do_not_delay_a_stop_and_leave_no_connection(
             some = [streams.stream() for _ in range(AT_ONCE)]
             await asyncio.gather(*(send(made, each, in_parts=number % 2 == 0) for each in some))
             status, answer = await made.ask(made.head())
-            assert (status, answer["told"]) == (202, False)
+            assert (status, answer["sent"]) == (202, False)
         while any(groups.connections for groups in made.server._groups):
             await asyncio.sleep(0.01)
         await made.end()

@@ -60,12 +60,12 @@ def test_a_stop_reaches_the_motion_while_the_service_hangs(
             running.process.send_signal(signal.SIGSTOP)
             try:
                 if way == "http":
-                    assert post_stop(running, "/api/v1/cells/ir361/stop")["told"]
+                    assert post_stop(running, "/api/v1/cells/ir361/stop")["sent"]
                 else:
                     line.send(json.dumps({"stop": "ir361", "number": 1}))
                     while (answer_body := json.loads(line.recv(60.0)))["type"] != "stopped":
                         pass
-                    assert answer_body["told"]
+                    assert answer_body["sent"]
                 until(lambda: control.task.state is TaskState.FINISHED)
             finally:
                 running.process.send_signal(signal.SIGCONT)
@@ -82,6 +82,6 @@ def test_a_front_process_that_dies_is_replaced(running: ServedProcess) -> None:
     assert first is not None
     os.kill(first, signal.SIGKILL)
     until(lambda: front_process(running) not in (None, first))
-    assert not post_stop(running)["told"]
+    assert not post_stop(running)["sent"]
     with running.client as client:
         assert client.cell("ir361").cell == "ir361"

@@ -120,7 +120,7 @@ def test_a_stop_reaches_the_motion_while_another_program_locks_the_database(
             with contextlib.closing(sqlite3.connect(file)) as holder:
                 holder.execute("BEGIN EXCLUSIVE")
                 status, answer = await made.ask(made.head())
-                assert (status, answer["told"]) == (202, True)
+                assert (status, answer["sent"]) == (202, True)
                 assert control.program.stop_code == StopCode.STOP_BUTTON
                 assert holder.in_transaction, "the database is still locked"
         await made.end()
@@ -172,7 +172,7 @@ def test_a_stop_is_answered_before_its_body(
         made = await place(service)
         async with moving(service) as control:
             status, answer = await made.ask(made.head(STOP, *more))
-            assert (status, answer["told"]) == (202, True)
+            assert (status, answer["sent"]) == (202, True)
             assert control.program.stop_code == StopCode.STOP_BUTTON
         await made.end()
 
@@ -189,7 +189,7 @@ def test_a_stop_of_all_cells_works_and_an_unknown_cell_is_refused(
             assert (status, answer["code"]) == (404, "RID-CELL-UNKNOWN")
             assert not control.program.stop_code
             status, answer = await made.ask(made.head("/api/v1/stop"))
-            assert (status, answer["told"]) == (202, True)
+            assert (status, answer["sent"]) == (202, True)
             assert control.program.stop_code == StopCode.STOP_BUTTON
         await made.end()
 
@@ -286,7 +286,7 @@ def test_the_stop_line_stops_confirms_by_number_and_sends_heartbeats(
                 await line.send(json.dumps({"stop": target, "number": number}))
                 answer = await answer_on(line)
                 assert (answer["type"], answer["number"]) == ("stopped", number)
-                assert answer["told"] is (target != "other")
+                assert answer["sent"] is (target != "other")
             assert control.program.stop_code == StopCode.STOP_BUTTON
             before_s = time.monotonic()
             for _ in range(4):
@@ -379,7 +379,7 @@ def test_the_main_websocket_also_stops_and_sends_heartbeats(
             kinds = set()
             while (answer := json.loads(await line.recv()))["type"] != "stopped":
                 kinds.add(answer["type"])
-            assert (answer["number"], answer["told"]) == (3, True)
+            assert (answer["number"], answer["sent"]) == (3, True)
             assert control.program.stop_code == StopCode.STOP_BUTTON
             while (answer := json.loads(await line.recv()))["type"] != "beat":
                 pass

@@ -45,15 +45,15 @@ def test_the_front_process_accepts_stops_with_issued_secrets_only() -> None:
 
 def test_the_front_process_stops_known_jobs_and_reports_to_the_service() -> None:
     found, messages = handler()
-    assert not found.stop("a", "").told
+    assert not found.stop("a", "").sent
     found.note_jobs({"a": os.getpid()})
     control = ControlBlock.create()
-    assert found.stop("*", "key").told
+    assert found.stop("*", "key").sent
     assert control.program.stop_code
     control.program.declare_task_gone()
     found.note_jobs({"b": 0})
-    assert not found.stop("a", "").told
-    assert found.stop("b", "").told, "the worker is starting: the service receives the stop"
+    assert not found.stop("a", "").sent
+    assert found.stop("b", "").sent, "the worker is starting: the service receives the stop"
     with raises_code(UnknownError, "RID-CELL-UNKNOWN", "'c'"):
         found.stop("c", "")
     assert messages == [("a", ""), ("*", "key"), ("a", ""), ("b", "")]
@@ -63,7 +63,7 @@ def test_a_worker_without_a_motion_is_ended_by_a_signal() -> None:
     found, _ = handler()
     with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as worker:
         found.note_jobs({"a": worker.pid})
-        assert found.stop("a", "").told
+        assert found.stop("a", "").sent
         assert worker.wait(60.0) == -signal.SIGTERM
 
 
@@ -93,5 +93,5 @@ def test_a_failed_stop_does_not_prevent_stops_of_other_cells() -> None:
         stopped.append(cell)
         return True
 
-    assert stop_each(["a", "b"], stop, wrong.append).told
+    assert stop_each(["a", "b"], stop, wrong.append).sent
     assert (stopped, wrong) == (["b"], ["a"])
