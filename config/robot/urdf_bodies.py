@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from config.arrays import FloatArray
-from config.formats.urdf import UrdfCollision, UrdfTree
+from config.formats.urdf import UrdfPrimitive, UrdfTree
 from config.robot.axis_lines import AxisPoses
 from config.robot.bodies import Body, Capsule, Hull, Point
 
@@ -36,10 +36,12 @@ def bodies_of_urdf(
             link = tree.links[name]
             place = np.linalg.inv(axes.frames[number]) @ places[name]
             bodies += [
-                _body(number, _name(name, k, len(link.collisions)), part, place @ part.placement)
-                for k, part in enumerate(link.collisions, start=1)
+                _body(
+                    number, _name(name, k, len(link.solid.primitives)), part, place @ part.placement
+                )
+                for k, part in enumerate(link.solid.primitives, start=1)
             ]
-            if link.meshes:
+            if link.solid.meshes:
                 meshes.append(name)
     if not meshes:
         return tuple(bodies), ()
@@ -54,7 +56,7 @@ def _name(link: str, number: int, count: int) -> str:
     return (link if count == 1 else f"{link} {number}")[:LONGEST_NAME]
 
 
-def _body(link: int, name: str, part: UrdfCollision, place: FloatArray) -> Body:
+def _body(link: int, name: str, part: UrdfPrimitive, place: FloatArray) -> Body:
     if part.shape == "sphere":
         centre = _point(place[:3, 3])
         return Capsule(

@@ -1,0 +1,112 @@
+"""`PackageFolders`: search for the files that a URDF names by ROS packages or relative paths."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+from urllib.parse import unquote
+
+from config.errors import ConfigError
+from config.meshes.mesh_file import CODE
+
+DEEPEST: Final = 3
+_PACKAGE: Final = re.compile(r"(?:package|model)://+([^/]+)/+(.*)", re.DOTALL)
+_FIND: Final = re.compile(r"(?:file://)?\$\(find(?:-pkg-share)?\s+([^\s)]+)\s*\)/*(.*)", re.DOTALL)
+_NAME: Final = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
+
+
+@dataclass(frozen=True)
+class PackageFolders:
+    """Places in which the files of a URDF are searched.
+
+    Attributes:
+        urdf: The URDF; relative paths begin at its folder. Packages are also searched in all
+            folders above it.
+        folders: Folders that the user names. Each contains packages, in itself or at most three
+            folders below, or is a package.
+        installed: Folders of installed packages; they are searched last.
+    """
+
+    urdf: Path
+    folders: tuple[Path, ...] = ()
+    installed: tuple[Path, ...] = ()
+
+    def locate(self, address: str) -> Path:
+        """Return the file of an address.
+
+        Args:
+            address: `package://NAME/PATH`, `model://NAME/PATH`, `$(find NAME)/PATH`, `file:///PATH`
+                or a path.
+
+        Raises:
+            ConfigError: The file does not exist; the message lists where it was searched.
+        """
+        named = _PACKAGE.fullmatch(address) or _FIND.fullmatch(address)
+        if named is None:
+            tried = [
+                self.urdf.parent / part for part in _spellings(address.removeprefix("file://"))
+            ]
+            advice = "correct the path in the URDF"
+        else:
+            package, inside = named[1], _spellings(named[2])
+            places = list(self._places(package))
+            tried = [place / part for place in places for part in inside]
+            advice = (
+                f"give the folder that contains the ROS package {package!r} with --packages"
+                if not places
+                else f"the package {package!r} lacks it; correct the path, or give another folder"
+                " with --packages"
+            )
+        for path in tried:
+            if path.is_file():
+                return path
+        searched = ", ".join(dict.fromkeys(map(str, tried))) or "all known folders"
+        raise ConfigError(f"{address}: no such file (searched: {searched}): {advice}", code=CODE)
+
+    def _places(self, package: str) -> Iterator[Path]:
+        """Yield every folder of a package, the most likely first."""
+        for folder in self.folders:
+            yield from _packages_below(folder.absolute(), package, DEEPEST)
+        for above in self.urdf.absolute().parents:
+            if _is_package(above, package):
+                yield above
+            if (above / package).is_dir():
+                yield above / package
+        for folder in self.installed:
+            if (folder / package).is_dir():
+                yield folder / package
+
+
+def _spellings(path: str) -> list[str]:
+    """Return a path as written and, if it differs, with its percent escapes decoded."""
+    return list(dict.fromkeys((path, unquote(path))))
+
+
+def _packages_below(folder: Path, package: str, depth: int) -> Iterator[Path]:
+    """Yield the folders of a package in a folder and at most `depth` folders below it."""
+    if _is_package(folder, package):
+        yield folder
+    if depth == 0:
+        return
+    try:
+        below = sorted(each for each in folder.iterdir() if each.is_dir())
+    except OSError:
+        return
+    for each in below:
+        if not each.name.startswith(".") and not each.is_symlink():
+            yield from _packages_below(each, package, depth - 1)
+
+
+def _is_package(folder: Path, package: str) -> bool:
+    """Return whether a folder has the package's name, itself or in its package.xml."""
+    if folder.name == package:
+        return True
+    try:
+        text = (folder / "package.xml").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return False
+    found = _NAME.search(text)
+    return found is not None and found[1] == package
