@@ -46,25 +46,24 @@ class PackageFolders:
         """
         named = _PACKAGE.fullmatch(address) or _FIND.fullmatch(address)
         if named is None:
-            tried = [
-                self.urdf.parent / part for part in _spellings(address.removeprefix("file://"))
-            ]
-            advice = "correct the path in the URDF"
+            places, inside = [self.urdf.parent], _spellings(address.removeprefix("file://"))
         else:
-            package, inside = named[1], _spellings(named[2])
-            places = list(self._places(package))
-            tried = [place / part for place in places for part in inside]
-            advice = (
-                f"give the folder that contains the ROS package {package!r} with --packages"
-                if not places
-                else f"the package {package!r} lacks it; correct the path, or give another folder"
-                " with --packages"
-            )
+            places, inside = list(self._places(named[1])), _spellings(named[2])
+            if not places:
+                raise ConfigError(
+                    f"the ROS package {named[1]!r} is in no known folder: give the folder that"
+                    " contains it with --packages",
+                    code=CODE,
+                )
+        tried = list(dict.fromkeys(place / part for place in places for part in inside))
         for path in tried:
             if path.is_file():
                 return path
-        searched = ", ".join(dict.fromkeys(map(str, tried))) or "all known folders"
-        raise ConfigError(f"{address}: no such file (searched: {searched}): {advice}", code=CODE)
+        raise ConfigError(
+            f"there is no file {' or '.join(map(str, tried))}: correct the path in the URDF"
+            + (", or give another folder of the package with --packages" if named else ""),
+            code=CODE,
+        )
 
     def _places(self, package: str) -> Iterator[Path]:
         """Yield every folder of a package, the most likely first."""

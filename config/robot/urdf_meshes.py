@@ -15,7 +15,7 @@ from config.meshes.package_folders import PackageFolders
 
 LARGEST: Final = 2.0
 SMALLEST: Final = 2e-3
-"""Limits of a mesh's size, relative to the reach: beyond them its unit is wrong."""
+"""Limits of a link's size, relative to the reach: beyond them the unit of its mesh is wrong."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,18 +32,26 @@ class LinkMesh:
 
 
 @dataclass(frozen=True)
+class RefusedMesh:
+    """A mesh that was not read: its address in the URDF, and the reason with the remedy."""
+
+    address: str
+    reason: str
+
+
+@dataclass(frozen=True)
 class LinkMeshes:
-    """Meshes of a URDF's links, and reasons why others were not read.
+    """Meshes of a URDF's links, and meshes that were not read.
 
     Attributes:
         by_link: The meshes of each link, by the name of the URDF's link; links without meshes have
             no entry.
-        refused: Reasons, with file and remedy, by the name of the URDF's link. The other meshes of
+        refused: The meshes that were not read, by the name of the URDF's link. The other meshes of
             such a link are in `by_link`.
     """
 
     by_link: dict[str, tuple[LinkMesh, ...]]
-    refused: dict[str, tuple[str, ...]]
+    refused: dict[str, tuple[RefusedMesh, ...]]
 
 
 def read_link_meshes(
@@ -52,6 +60,7 @@ def read_link_meshes(
     reach_m: float,
     *,
     links: Iterable[str] | None = None,
+    largest: float = LARGEST,
     purpose: Literal["solid", "visual"] = "solid",
 ) -> LinkMeshes:
     """Read the meshes of a URDF's links, in metres, in the frames of the URDF's links.
@@ -63,33 +72,34 @@ def read_link_meshes(
     Args:
         tree: The URDF.
         packages: Places in which the files are searched.
-        reach_m: Length of the stretched arm. A mesh larger than twice this length, or smaller than
-            0.2 % of it, is refused, because its unit is probably wrong.
+        reach_m: Length of the stretched arm.
         links: Names of the links (default: all).
+        largest: A mesh larger than this multiple of `reach_m`, or smaller than 0.2 % of `reach_m`,
+            is refused, because its unit is probably wrong.
         purpose: `solid` for collision checks: the meshes of <collision> or, if a link has no
             <collision>, of <visual>. `visual` for drawings: the meshes of <visual> or, if a link
             has no <visual>, of <collision>.
     """
     files: dict[Path, Mesh] = {}
     by_link: dict[str, tuple[LinkMesh, ...]] = {}
-    refused: dict[str, tuple[str, ...]] = {}
+    refused: dict[str, tuple[RefusedMesh, ...]] = {}
     for name in tree.links if links is None else links:
         made: list[LinkMesh] = []
-        reasons: list[str] = []
+        failed: list[RefusedMesh] = []
         for stated in _meshes_of(tree.links[name], purpose):
             try:
                 file = packages.locate(stated.address)
                 if file not in files:
                     files[file] = read_mesh(file)
                 mesh = files[file].scaled(stated.scale)
-                _refuse_size(stated, file, mesh, reach_m)
+                _refuse_size(stated, file, mesh, (SMALLEST * reach_m, largest * reach_m))
                 made.append(LinkMesh(file, mesh.placed(stated.placement)))
             except ConfigError as error:
-                reasons.append(str(error))
+                failed.append(RefusedMesh(stated.address, str(error)))
         if made:
             by_link[name] = tuple(made)
-        if reasons:
-            refused[name] = tuple(reasons)
+        if failed:
+            refused[name] = tuple(failed)
     return LinkMeshes(by_link, refused)
 
 
@@ -99,14 +109,16 @@ def _meshes_of(link: UrdfLink, purpose: Literal["solid", "visual"]) -> tuple[Urd
     return (link.collision if link.visual.is_empty else link.visual).meshes
 
 
-def _refuse_size(stated: UrdfMesh, file: Path, mesh: Mesh, reach_m: float) -> None:
-    """Raise an error if a mesh is too large or too small for the robot."""
-    size_m = mesh.size_m
-    if SMALLEST * reach_m <= size_m <= LARGEST * reach_m:
+def _refuse_size(
+    stated: UrdfMesh, file: Path, mesh: Mesh, plausible_m: tuple[float, float]
+) -> None:
+    """Raise an error if a mesh is too small or too large for the robot."""
+    low_m, high_m = plausible_m
+    if low_m <= mesh.size_m <= high_m:
         return
     raise ConfigError(
-        f"{file}: the mesh is {size_m:.4g} m long, and the stretched arm {reach_m:.4g} m: probably"
-        f" a wrong unit. Correct `scale` of <mesh> ({stated.where}); for a mesh in mm it is"
+        f"{file}: the mesh is {mesh.size_m:.3g} m long; for this robot, {low_m:.2g} to {high_m:.2g}"
+        f" m is plausible: correct `scale` of <mesh> ({stated.where}); for a mesh in mm it is"
         ' "0.001 0.001 0.001"',
         code=CODE,
     )
