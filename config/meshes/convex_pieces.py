@@ -20,6 +20,8 @@ LEAST_SAVING: Final = 0.08
 """A cut must save this fraction of the volume of the whole mesh's hull."""
 CUTS: Final = (0.15, 0.3, 0.5, 0.7, 0.85)
 """Places of the tried planes, as fractions of the piece's length in each direction."""
+SHIFTS: Final = (-0.09, -0.06, -0.03, 0.0, 0.03, 0.06, 0.09)
+"""Shifts of the best of these planes that are tried next, as fractions of the same length."""
 _FINE: Final = 20
 """Number of samples along the longest side of a piece, to estimate volumes."""
 _MOST_STEPS: Final = 40
@@ -53,18 +55,22 @@ class _Piece:
     def best_cut(self) -> tuple[float, tuple[_Piece, ...]]:
         """The volume that the best plane saves [m³], and the two parts."""
         cloud, step = _surface_samples(self.corners_m)
-        axes = np.linalg.eigh(np.cov(cloud.T))[1].T if len(cloud) > 3 else np.eye(3)
-        least, best = np.inf, _Plane(axes[0], -np.inf)
-        for axis in axes:
+        axes = np.linalg.eigh(np.cov(cloud.T))[1].T if len(cloud) > 3 else np.zeros((0, 3))
+        axes = np.concatenate([np.eye(3), axes])
+
+        def volume_m3(axis: FloatArray, share: float) -> float:
+            """Return the volume of both hulls; both parts keep the samples close to the plane."""
             along = cloud @ axis
-            low, high = float(along.min()), float(along.max())
-            for share in CUTS:
-                offset = low + share * (high - low)
-                # Both parts keep the samples close to the plane.
-                volume = hull_volume(cloud[along <= offset + 0.5 * step])
-                volume += hull_volume(cloud[along >= offset - 0.5 * step])
-                if volume < least:
-                    least, best = volume, _Plane(axis, offset)
+            offset = _between(along, share)
+            below, above = along <= offset + 0.5 * step, along >= offset - 0.5 * step
+            return hull_volume(cloud[below]) + hull_volume(cloud[above])
+
+        tried = [
+            (volume_m3(axis, share), k, share) for k, axis in enumerate(axes) for share in CUTS
+        ]
+        _, k, place = min(tried)
+        tried = [(volume_m3(axes[k], place + shift), k, place + shift) for shift in SHIFTS]
+        best = _Plane(axes[k], _between(cloud @ axes[k], min(tried)[2]))
         parts = self.cut(best)
         return self.volume_m3 - sum(part.volume_m3 for part in parts), parts
 
@@ -104,6 +110,12 @@ def hull_volume(points_m: FloatArray) -> float:
         return float(ConvexHull(points_m).volume)
     except QhullError:
         return 0.0
+
+
+def _between(along: FloatArray, share: float) -> float:
+    """Return the value at a fraction of the range of an array."""
+    low, high = float(along.min()), float(along.max())
+    return low + share * (high - low)
 
 
 def _clipped(corners: FloatArray, height: FloatArray) -> FloatArray:

@@ -88,7 +88,7 @@ def _extreme_points(corners: FloatArray) -> list[int]:
     while True:
         centre = corners[chosen].mean(axis=0)
         spread, own = np.linalg.svd(corners[chosen] - centre)[1:]
-        if len(chosen) > 3 and spread[2] > 1e-3 * spread[0]:
+        if len(chosen) == len(corners) or (len(chosen) > 3 and spread[2] > 1e-6 * spread[0]):
             return chosen
         height = np.abs((corners - centre) @ own[2])
         height[chosen] = -1.0
