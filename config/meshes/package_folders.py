@@ -13,6 +13,8 @@ from config.errors import ConfigError
 from config.meshes.mesh_file import CODE
 
 DEEPEST: Final = 3
+RENAMED: Final = 4
+"""Number of folders above a URDF that can be a package whose folder was renamed."""
 _PACKAGE: Final = re.compile(r"(?:package|model)://+([^/]+)/+(.*)", re.DOTALL)
 _FIND: Final = re.compile(r"(?:file://)?\$\(find(?:-pkg-share)?\s+([^\s)]+)\s*\)/*(.*)", re.DOTALL)
 _NAME: Final = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
@@ -24,7 +26,8 @@ class PackageFolders:
 
     Attributes:
         urdf: The URDF; relative paths begin at its folder. Packages are also searched in all
-            folders above it.
+            folders above it. If a package is nowhere, the nearest of these folders count as a copy
+            of it with another name.
         folders: Folders that the user names. Each contains packages, in itself or at most three
             folders below, or is a package.
         installed: Folders of installed packages; they are searched last.
@@ -49,16 +52,17 @@ class PackageFolders:
             places, inside = [self.urdf.parent], _spellings(address.removeprefix("file://"))
         else:
             places, inside = list(self._places(named[1])), _spellings(named[2])
-            if not places:
-                raise ConfigError(
-                    f"the ROS package {named[1]!r} is in no known folder: give the folder that"
-                    " contains it with --packages",
-                    code=CODE,
-                )
-        tried = list(dict.fromkeys(place / part for place in places for part in inside))
+        renamed = list(self.urdf.absolute().parents)[:RENAMED] if named and not places else []
+        tried = list(dict.fromkeys(place / part for place in places or renamed for part in inside))
         for path in tried:
             if path.is_file():
                 return path
+        if renamed and named:
+            raise ConfigError(
+                f"the ROS package {named[1]!r} is in no known folder: give the folder that contains"
+                " it with --packages",
+                code=CODE,
+            )
         raise ConfigError(
             f"there is no file {' or '.join(map(str, tried))}: correct the path in the URDF"
             + (", or give another folder of the package with --packages" if named else ""),

@@ -37,6 +37,7 @@ def tree(tmp_path: Path) -> Path:
         ("package://camera/lens.stl", "other/deep/er/camera/lens.stl"),
         ("package://tool/tip.stl", "other/renamed/tip.stl"),
         ("package://table/top.stl", "ros/share/table/top.stl"),
+        ("package://old_name/meshes/link 1.stl", "src/arm_description/meshes/link 1.stl"),
     ],
 )
 def test_an_address_leads_to_its_file(tree: Path, address: str, file: str) -> None:
