@@ -109,19 +109,9 @@ def revolve(
     angles = 2.0 * np.pi * np.arange(segments) / segments
     around = np.cos(angles)[:, np.newaxis] * x + np.sin(angles)[:, np.newaxis] * y
     rings = [at * z + radius * around for at, radius in profile[1:-1]]
-    ends = [profile[0][0] * z, profile[-1][0] * z]
-    points = np.asarray(start) + np.concatenate([*rings, ends])
-    this = np.arange(segments)
-    following = np.roll(this, -1)
-    top, bottom = len(points) - 1, len(points) - 2
-    triangles = [np.column_stack([np.full(segments, bottom), following, this])]
-    for ring in range(len(rings) - 1):
-        low, high = ring * segments, (ring + 1) * segments
-        triangles.append(np.column_stack([this + low, following + low, following + high]))
-        triangles.append(np.column_stack([this + low, following + high, this + high]))
-    last = (len(rings) - 1) * segments
-    triangles.append(np.column_stack([this + last, following + last, np.full(segments, top)]))
-    return TriangleMesh(points, np.concatenate(triangles))
+    ends = np.array([profile[0][0] * z, profile[-1][0] * z])
+    first = np.asarray(start)
+    return _skin(first + np.concatenate(rings), first + ends, segments)
 
 
 def capsule_mesh(
@@ -159,6 +149,23 @@ def arrow_mesh(start: npt.ArrayLike, end: npt.ArrayLike, radius: float) -> Trian
     return revolve(start, along / length, profile, 16)
 
 
+def tube_mesh(path: FloatArray, normal: FloatArray, radius: float) -> TriangleMesh:
+    """Return a tube along a path in a plane, with flat ends.
+
+    Args:
+        path: Shape (places, 3).
+        normal: Shape (3,). Unit normal of the path's plane.
+        radius: Radius of the tube [m].
+    """
+    along = np.gradient(path, axis=0)
+    side = np.cross(along / np.linalg.norm(along, axis=1, keepdims=True), normal)
+    angles = 2.0 * np.pi * np.arange(8) / 8
+    ring = np.cos(angles)[:, np.newaxis, np.newaxis] * side
+    ring = ring + np.sin(angles)[:, np.newaxis, np.newaxis] * normal
+    points = (path + radius * ring).transpose(1, 0, 2).reshape(-1, 3)
+    return _skin(points, np.array([path[0], path[-1]]), 8)
+
+
 def box_mesh(least: npt.ArrayLike, most: npt.ArrayLike) -> TriangleMesh:
     """Return a box along the axes between two opposite corners."""
     corners = np.array(np.meshgrid(*np.transpose([least, most]))).reshape(3, -1).T
@@ -189,6 +196,28 @@ def coarse_hull_mesh(points: FloatArray, most_points: int) -> TriangleMesh:
     directions = np.column_stack([level * np.cos(angle), level * np.sin(angle), height])
     farthest = (points @ directions.T).argmax(axis=0)
     return hull_mesh(points[np.unique([*kept, *farthest])])
+
+
+def _skin(rings: FloatArray, ends: FloatArray, segments: int) -> TriangleMesh:
+    """Return the skin of successive rings, closed by triangles to a point at each end.
+
+    Args:
+        rings: Shape (rings * segments, 3). Points ring by ring; seen along the rings' order, each
+            ring runs clockwise.
+        ends: Shape (2, 3). Points that close the first and the last ring.
+        segments: Number of points per ring.
+    """
+    this = np.arange(segments)
+    following = np.roll(this, -1)
+    first, last = np.full(segments, len(rings)), np.full(segments, len(rings) + 1)
+    triangles = [np.column_stack([first, following, this])]
+    for low in range(0, len(rings) - segments, segments):
+        high = low + segments
+        triangles.append(np.column_stack([this + low, following + low, following + high]))
+        triangles.append(np.column_stack([this + low, following + high, this + high]))
+    top = len(rings) - segments
+    triangles.append(np.column_stack([this + top, following + top, last]))
+    return TriangleMesh(np.concatenate([rings, ends]), np.concatenate(triangles))
 
 
 def _normals_to(z: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -108,7 +108,9 @@ def test_axes_and_tool_of_a_urdf_agree_with_pinocchio() -> None:
                 apart = drawn[number, :3, 3] - (place.translation - offset)
                 np.testing.assert_allclose(np.cross(apart, axis), np.zeros(3), atol=1e-12)
     down = in_base.rotation @ [0.0, 0.0, -G]
-    np.testing.assert_allclose(scene.upright @ down, [0.0, 0.0, -G], rtol=1e-3, atol=1e-12)
+    np.testing.assert_allclose(
+        scene.upright @ down, np.array([0.0, 0.0, -G]), rtol=1e-3, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize(
@@ -129,7 +131,8 @@ def test_gravity_points_down_in_the_view(
     turn = upright_rotation(np.array(gravity))
     np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-15)
     assert np.linalg.det(turn) > 0.0
-    np.testing.assert_allclose(turn @ gravity, [0.0, 0.0, -np.linalg.norm(gravity)], atol=1e-14)
+    down = np.array([0.0, 0.0, -float(np.linalg.norm(gravity))])
+    np.testing.assert_allclose(turn @ gravity, down, atol=1e-14)
     if kept is not None:
         np.testing.assert_allclose(turn @ kept, [1.0, 0.0, 0.0], atol=1e-15)
     else:
