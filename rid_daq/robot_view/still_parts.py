@@ -101,10 +101,25 @@ def still_parts(scene: RobotScene, q: FloatArray) -> StillParts:
         scene: The scene.
         q: Shape (n,). Joint positions [rad or m].
     """
-    made = list(_made(scene, q))
+    return _sorted(_made(scene, q))
+
+
+def flange_parts(scene: RobotScene) -> StillParts:
+    """Return the last two links with tool frame and payload, in the tool's frame.
+
+    The last joint is at zero.
+
+    Args:
+        scene: The scene.
+    """
+    return _sorted(_made_at_flange(scene))
+
+
+def _sorted(made: Iterator[DrawnPart | Label]) -> StillParts:
+    found = list(made)
     return StillParts(
-        tuple(part for part in made if isinstance(part, DrawnPart)),
-        tuple(label for label in made if isinstance(label, Label)),
+        tuple(part for part in found if isinstance(part, DrawnPart)),
+        tuple(label for label in found if isinstance(label, Label)),
     )
 
 
@@ -131,6 +146,20 @@ def _made(scene: RobotScene, q: FloatArray) -> Iterator[DrawnPart | Label]:
     yield from _triad("base", frames[0], size)
     if scene.plate is not None:
         yield from _plate(view @ scene.plate, size)
+
+
+def _made_at_flange(scene: RobotScene) -> Iterator[DrawnPart | Label]:
+    last = np.linalg.inv(scene.tool)
+    size = 0.45 * size_of(scene)
+    frames = (last @ np.linalg.inv(scene.joints[-1].origin), last)
+    for number, frame in zip((-2, -1), frames, strict=True):
+        link = scene.links[number]
+        colour = LINKS[(len(scene.links) + number) % 2]
+        yield DrawnPart.of(link, frame, colour)
+    if scene.payload_centre_m is not None:
+        yield from _centre(scene.payload_centre_m, last, size)
+    yield from _triad("flange", np.eye(4), size)
+    yield from _axis(len(scene.joints), scene.joints[-1], last, size)
 
 
 def _triad(name: str, frame: FloatArray, size: float) -> Iterator[DrawnPart | Label]:
@@ -206,7 +235,7 @@ def _centre(centre_m: FloatArray, frame: FloatArray, size: float) -> Iterator[Dr
         part = TriangleMesh(ball.points + centre_m, ball.triangles[chosen])
         yield DrawnPart.of(part, frame, colour, in_front=True)
     centre = _place(frame, centre_m)
-    yield Label("centre of gravity", centre + radius * np.array([0.6, -0.6, 0.8]), centre)
+    yield Label("centre of gravity", centre + 1.2 * radius * np.array([0.6, -0.6, 0.8]), centre)
 
 
 def _plate(frame: FloatArray, size: float) -> Iterator[DrawnPart | Label]:

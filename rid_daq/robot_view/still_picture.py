@@ -15,7 +15,7 @@ from config.arrays import FloatArray
 from rid_daq.robot_view.link_shapes import ShapeKind
 from rid_daq.robot_view.rasterizer import OUTLINE, Canvas
 from rid_daq.robot_view.scene import RobotScene
-from rid_daq.robot_view.still_parts import Label, StillParts, still_parts
+from rid_daq.robot_view.still_parts import Label, StillParts, flange_parts, still_parts
 from rid_daq.robot_view.triangle_mesh import TriangleMesh, arrow_mesh
 
 WIDTH_PX: Final = 700
@@ -26,6 +26,14 @@ VIEWS: Final[Mapping[str, tuple[float, float, float]]] = {
     "top view": (0.0, 0.0, 1.0),
 }
 """Directions towards the viewer in the view's frame, in which gravity points along -z."""
+
+FLANGE_VIEWS: Final[Mapping[str, tuple[float, float, float]]] = {
+    "flange": (1.0, -1.15, 0.62),
+    "flange seen from +X": (1.0, 0.0, 0.0),
+    "flange seen from -Y": (0.0, -1.0, 0.0),
+    "flange seen from +Z": (0.0, 0.0, 1.0),
+}
+"""Directions towards the viewer in the flange's frame."""
 
 SHAPE_WORDS: Final[Mapping[ShapeKind, str]] = {
     "meshes": "MESHES",
@@ -38,6 +46,9 @@ GRAVITY: Final = (190.0, 70.0, 20.0)
 
 _FILLED_PX: Final = (560.0, 540.0)
 """Largest width and height of the robot in a picture [px]."""
+
+_COLOURS: Final = 255
+"""Colours of a picture; a palette makes the file three times smaller."""
 
 _AROUND_PX: Final = 150
 _LEAST_HEIGHT_PX: Final = 420
@@ -100,8 +111,27 @@ def still_views(scene: RobotScene, q: FloatArray) -> tuple[Still, ...]:
         scene: The scene.
         q: Shape (n,). Joint positions [rad or m].
     """
-    parts = still_parts(scene, q)
-    turns = {title: _turn(np.array(back)) for title, back in VIEWS.items()}
+    falls = bool(np.any(scene.gravity_m_s2))
+    return _views(still_parts(scene, q), VIEWS, SHAPE_WORDS[scene.shape], falls=falls)
+
+
+def flange_views(scene: RobotScene) -> tuple[Still, ...]:
+    """Return four views of the flange with its frame and the payload's centre of gravity."""
+    return _views(flange_parts(scene), FLANGE_VIEWS, SHAPE_WORDS[scene.shape], falls=False)
+
+
+def _views(
+    parts: StillParts, views: Mapping[str, tuple[float, float, float]], words: str, *, falls: bool
+) -> tuple[Still, ...]:
+    """Return views to the same scale.
+
+    Args:
+        parts: Parts and labels.
+        views: Title of each view, and direction towards the viewer.
+        words: Origin of the shape.
+        falls: True to show the direction of gravity, which is -z.
+    """
+    turns = {title: _turn(np.array(back)) for title, back in views.items()}
     extents = {title: _extent(parts, turn) for title, turn in turns.items()}
     size = np.max([(most - least)[:2] for least, most in extents.values()], axis=0)
     scale = float(np.min(_FILLED_PX / size))
@@ -111,7 +141,7 @@ def still_views(scene: RobotScene, q: FloatArray) -> tuple[Still, ...]:
         for title, turn in turns.items()
     }
     return tuple(
-        Still(title, WIDTH_PX, height, _picture(parts, camera, title, scene))
+        Still(title, WIDTH_PX, height, _picture(parts, camera, (title, words), falls=falls))
         for title, camera in cameras.items()
     )
 
@@ -128,7 +158,7 @@ def _extent(parts: StillParts, turn: FloatArray) -> tuple[FloatArray, FloatArray
     return points.min(axis=0), points.max(axis=0)
 
 
-def _picture(parts: StillParts, camera: _Camera, title: str, scene: RobotScene) -> bytes:
+def _picture(parts: StillParts, camera: _Camera, texts: tuple[str, str], *, falls: bool) -> bytes:
     canvas = Canvas(WIDTH_PX, camera.height_px)
     for part in parts.parts:
         canvas.draw(
@@ -137,12 +167,11 @@ def _picture(parts: StillParts, camera: _Camera, title: str, scene: RobotScene) 
             part.colour,
             in_front=part.in_front,
         )
-    falls = np.any(scene.gravity_m_s2)
     if falls:
         _draw_gravity(canvas, camera)
     image = Image.fromarray(canvas.pixels())
     pen = ImageDraw.Draw(image)
-    words = SHAPE_WORDS[scene.shape]
+    title, words = texts
     pen.text((14, 10), title, _INK, ImageFont.load_default(24))
     pen.text((WIDTH_PX - 14, 10), words, _INK, ImageFont.load_default(24), anchor="ra")
     if falls:
@@ -153,7 +182,8 @@ def _picture(parts: StillParts, camera: _Camera, title: str, scene: RobotScene) 
     _draw_scale_bar(pen, camera)
     _draw_labels(pen, camera, parts.labels)
     packed = io.BytesIO()
-    image.save(packed, "PNG", optimize=True)
+    few = image.quantize(_COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    few.save(packed, "PNG", optimize=True)
     return packed.getvalue()
 
 
