@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from config.cell.plate import PlateConfig
+from config.formats.interval import with_minus_sign
 from config.robot.robot import RobotDescription
 from rid_daq.blocks.picture import Picture, PictureImage
 from rid_daq.robot_view.link_shapes import ShapeKind
@@ -64,7 +65,7 @@ def flange_picture(robot: RobotDescription, payload_centre_m: Centre) -> Picture
         payload_centre_m: Centre of gravity in the flange's frame.
     """
     scene = RobotScene.of(robot, None, payload_centre_m)
-    x, y, z = (f"{1e3 * value:.1f}" for value in payload_centre_m)
+    x, y, z = (with_minus_sign(f"{1e3 * value:.1f}") for value in payload_centre_m)
     text = (
         f"Centre of gravity of the payload (quartered ball) at x {x}, y {y}, z {z} mm in the"
         " flange's frame, with the last two links of the robot. Compare the picture with the"

@@ -172,12 +172,12 @@ def _picture(parts: StillParts, camera: _Camera, texts: tuple[str, str], *, fall
     image = Image.fromarray(canvas.pixels())
     pen = ImageDraw.Draw(image)
     title, words = texts
-    pen.text((14, 10), title, _INK, ImageFont.load_default(24))
-    pen.text((WIDTH_PX - 14, 10), words, _INK, ImageFont.load_default(24), anchor="ra")
+    pen.text((14, 10), title, _INK, ImageFont.load_default(28))
+    pen.text((WIDTH_PX - 14, 10), words, _INK, ImageFont.load_default(28), anchor="ra")
     if falls:
         away = " (away from you)" if camera.turn[2, 2] > 0.99 else ""
         pen.text(
-            (20, camera.height_px - 14), f"gravity{away}", _INK, ImageFont.load_default(18), "lb"
+            (20, camera.height_px - 14), f"gravity{away}", _INK, ImageFont.load_default(22), "lb"
         )
     _draw_scale_bar(pen, camera)
     _draw_labels(pen, camera, parts.labels)
@@ -190,7 +190,7 @@ def _picture(parts: StillParts, camera: _Camera, texts: tuple[str, str], *, fall
 def _draw_gravity(canvas: Canvas, camera: _Camera) -> None:
     """Draw an arrow along gravity in the lower left corner."""
     along = camera.turn @ [0.0, 0.0, -1.0] * [1.0, -1.0, 1.0]
-    middle = np.array([50.0, camera.height_px - 90.0, 0.0])
+    middle = np.array([50.0, camera.height_px - 98.0, 0.0])
     mesh, normals = arrow_mesh(middle - 46.0 * along, middle + 46.0 * along, 5.0).with_sharp_edges()
     canvas.draw(mesh, normals, np.array(GRAVITY), in_front=True)
 
@@ -204,21 +204,21 @@ def _draw_scale_bar(pen: ImageDraw.ImageDraw, camera: _Camera) -> None:
     left = right - length * camera.pixels_per_m
     pen.line([(left, y - 6), (left, y), (right, y), (right, y - 6)], _INK, 2)
     text = f"{length:g} m" if length >= 1.0 else f"{1e3 * length:g} mm"
-    pen.text(((left + right) / 2, y - 4), text, _INK, ImageFont.load_default(18), "mb")
+    pen.text(((left + right) / 2, y - 4), text, _INK, ImageFont.load_default(22), "mb")
 
 
 def _draw_labels(pen: ImageDraw.ImageDraw, camera: _Camera, labels: Sequence[Label]) -> None:
     """Draw the labels without overlaps; a line connects a label that is not at its place."""
-    font = ImageFont.load_default(18)
+    font = ImageFont.load_default(22)
     bottom = camera.height_px
     taken: list[tuple[float, float, float, float]] = [
-        (0, 0, WIDTH_PX, 40),
-        (0, bottom - 48, WIDTH_PX, bottom),
-        (0, bottom - 140, 100, bottom),
+        (0, 0, WIDTH_PX, 44),
+        (0, bottom - 52, WIDTH_PX, bottom),
+        (0, bottom - 150, 100, bottom),
     ]
     lines, texts = [], []
     for label in labels:
-        wide, high = 0.5 * pen.textlength(label.text, font) + 2.0, 11.0
+        wide, high = 0.5 * pen.textlength(label.text, font) + 2.0, 13.0
         start, tip = camera.project(np.array([label.start, label.place]))[:, :2]
         along = (tip - start) / max(float(np.linalg.norm(tip - start)), 1.0)
         x, y = (tip + along * [wide + 3.0, high + 3.0]).tolist()
