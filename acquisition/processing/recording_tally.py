@@ -22,6 +22,8 @@ class RecordingTally:
         rows, valid_rows: Numbers of all rows, and of rows with a valid answer.
         position_min, position_max, speed, torque: Shape (joints,). Lowest and highest position,
             largest speed and torque of the valid rows [rad or m, per second, N m or N].
+        start: Shape (joints,). Position in the first valid row after the approach [rad or m]; None
+            before it.
         following_error: Shape (joints,). Largest following error after the approach [rad or m];
             None without set-points.
         last_row: Latest row of the motion; -1 before the motion.
@@ -37,6 +39,7 @@ class RecordingTally:
         self.rows = self.valid_rows = 0
         self.position_min, self.position_max = np.full(n, np.inf), np.full(n, -np.inf)
         self.speed, self.torque = np.zeros(n), np.zeros(n)
+        self.start: FloatArray | None = None
         self.following_error = None if first.target_position is None else np.zeros(n)
         self.last_row, self.last_phase = -1, Phase.APPROACH
         self._undriven = 0
@@ -84,8 +87,10 @@ class RecordingTally:
         self._before = time_s[-1:], way[-1:]
         speed = np.abs(np.diff(way, axis=0) / np.diff(time_s)[:, np.newaxis])
         self.speed = np.maximum(self.speed, speed.max(axis=0, initial=0.0))
+        moving = good & (part.phase != Phase.APPROACH)
+        if self.start is None and moving.any():
+            self.start = part.position[moving][0]
         if self.following_error is not None and part.target_position is not None:
-            moving = good & (part.phase != Phase.APPROACH)
             error = np.abs(part.target_position - part.position)[moving]
             self.following_error = np.maximum(self.following_error, error.max(axis=0, initial=0.0))
 

@@ -26,27 +26,59 @@ class UrdfInertial:
 
 
 @dataclass(frozen=True, eq=False)
-class UrdfCollision:
-    """A primitive of a link's collision geometry; `size` has the shape's dimensions in m."""
+class UrdfPrimitive:
+    """A box, cylinder or sphere; `size` has its dimensions [m], `placement` is in the link."""
 
     shape: str
     size: tuple[float, ...]
     placement: FloatArray
 
 
+@dataclass(frozen=True, eq=False)
+class UrdfMesh:
+    """A mesh that a link names.
+
+    Attributes:
+        where: `file:line` of the element.
+        address: Address of the mesh's file, as written.
+        scale: Factors on the mesh's coordinates; a negative factor mirrors it.
+        placement: Pose (4, 4) of the mesh in the link's frame.
+    """
+
+    where: str
+    address: str
+    scale: tuple[float, float, float]
+    placement: FloatArray
+
+
+@dataclass(frozen=True)
+class UrdfGeometry:
+    """Primitives and meshes of a link's <collision> or <visual> elements."""
+
+    primitives: tuple[UrdfPrimitive, ...] = ()
+    meshes: tuple[UrdfMesh, ...] = ()
+
+    @property
+    def is_empty(self) -> bool:
+        """True if it contains nothing."""
+        return not self.primitives and not self.meshes
+
+
 @dataclass(frozen=True)
 class UrdfLink:
-    """A link; `meshes` are the files of its collision geometry, which are not read.
-
-    `oddities` describes its invalid elements and how they were read.
-    """
+    """A link; `oddities` describes its invalid elements and how they were read."""
 
     name: str
     where: str
     inertial: UrdfInertial | None
-    collisions: tuple[UrdfCollision, ...]
-    meshes: tuple[str, ...]
+    collision: UrdfGeometry
+    visual: UrdfGeometry
     oddities: tuple[str, ...]
+
+    @property
+    def solid(self) -> UrdfGeometry:
+        """The geometry for collision checks: <collision> or, without it, <visual>."""
+        return self.visual if self.collision.is_empty else self.collision
 
 
 @dataclass(frozen=True)

@@ -19,10 +19,12 @@ from config.formats.number import is_not_finite
 from config.formats.rounded_angle import AngleReading, angle_notes
 from config.formats.urdf import (
     MOVING,
-    UrdfCollision,
+    UrdfGeometry,
     UrdfInertial,
     UrdfJoint,
     UrdfLink,
+    UrdfMesh,
+    UrdfPrimitive,
     UrdfTree,
     rotation_of_rpy,
 )
@@ -126,19 +128,11 @@ class _Reader:
         """Return a link; None if it has no name."""
         name = self._try(lambda found: found.attribute("name"), element)
         oddities: list[str] = []
-        collisions: list[UrdfCollision] = []
-        meshes: list[str] = []
-        for part in element.all("collision"):
-            placement = self._try(self._placement, part)
-            for shape in (shape for held in part.all("geometry") for shape in held.children):
-                if shape.tag == "mesh":
-                    meshes.append(shape.attributes.get("filename", "?"))
-                elif shape.tag in _SIZES and placement is not None:
-                    size = self._try(_SIZES[shape.tag], shape)
-                    if size is not None and size and min(size) > 0.0:
-                        collisions.append(UrdfCollision(shape.tag, size, placement))
-                    elif size is not None:
-                        oddities.append(f"a <{shape.tag}> without size is ignored")
+        collision = self._geometry(element.all("collision"), oddities)
+        shown, of_visual = _Reader(self._literal), list[str]()
+        visual = shown._geometry(element.all("visual"), of_visual)
+        if collision.is_empty:
+            oddities += [*of_visual, *map(str, shown.errors)]
         inertial = self._try(lambda found: found.one("inertial"), element)
         read = None
         if inertial is not None:
@@ -149,10 +143,36 @@ class _Reader:
             name=name,
             where=element.where,
             inertial=read,
-            collisions=tuple(collisions),
-            meshes=tuple(meshes),
+            collision=collision,
+            visual=visual,
             oddities=tuple(oddities),
         )
+
+    def _geometry(self, parts: list[XmlElement], oddities: list[str]) -> UrdfGeometry:
+        """Return the shapes of <collision> or <visual> elements."""
+        primitives: list[UrdfPrimitive] = []
+        meshes: list[UrdfMesh] = []
+        for part in parts:
+            placement = self._try(self._placement, part)
+            for shape in (shape for held in part.all("geometry") for shape in held.children):
+                if placement is None or shape.tag not in (*_SIZES, "mesh"):
+                    continue
+                if shape.tag == "mesh":
+                    address = self._try(lambda found: found.attribute("filename"), shape)
+                    size = self._try(lambda found: found.numbers("scale", 3, (1.0,) * 3), shape)
+                else:
+                    address = None
+                    size = self._try(_SIZES[shape.tag], shape)
+                if size is None:
+                    continue
+                if not size or (min(map(abs, size)) if shape.tag == "mesh" else min(size)) <= 0.0:
+                    oddities.append(f"a <{shape.tag}> without size is ignored")
+                elif shape.tag != "mesh":
+                    primitives.append(UrdfPrimitive(shape.tag, size, placement))
+                elif address is not None:
+                    x, y, z = size
+                    meshes.append(UrdfMesh(shape.where, address, (x, y, z), placement))
+        return UrdfGeometry(tuple(primitives), tuple(meshes))
 
     def joint(self, element: XmlElement, gears: Transmissions) -> UrdfJoint | None:
         """Return a joint; None if the element has an error."""

@@ -36,19 +36,21 @@ class Capsule(ConfigModel):
 
 
 class Hull(ConfigModel):
-    """The convex hull of some points, such as a simplified mesh.
+    """The convex hull of some points, such as a simplified mesh, and a margin around it.
 
     Attributes:
         kind: Kind of body.
         link: The link in whose frame the points are, 0 for the base.
         name: Name of the body in messages and in `may_touch`; without it, messages show its number.
         points_m: The points.
+        radius_m: Margin: all points within this distance of the hull belong to the body.
     """
 
     kind: Literal["hull"]
     link: Annotated[int, Field(ge=0)]
     name: BodyName = ""
     points_m: tuple[Point, ...] = Field(min_length=4, max_length=2000)
+    radius_m: Annotated[float, Field(ge=0.0), Plausible(1e-5, 1.0, "m")] = 0.0
 
     @model_validator(mode="after")
     def _check_volume(self) -> Hull:

@@ -13,6 +13,7 @@ from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.formats.urdf import UrdfTree, rpy_of_rotation
 from config.formats.yaml_tree import Path
+from config.meshes.package_folders import PackageFolders
 from config.plausible import implausible, key_name
 from config.quantities import Vector3
 from config.robot.axis_lines import rows_of_axes
@@ -48,6 +49,7 @@ def robot_of_urdf(
     base: str | None = None,
     tip: str | None = None,
     defaults: LimitDefaults | None = None,
+    packages: PackageFolders | None = None,
 ) -> UrdfRobot:
     """Return the serial robot between two links of a URDF.
 
@@ -62,6 +64,7 @@ def robot_of_urdf(
         tip: The link whose origin is the tool point; the last moving link if not given.
         defaults: Limits to use if the URDF states none; if not given, they follow from the robot's
             size.
+        packages: Places of the mesh files; if not given, meshes are not read.
 
     Raises:
         SeveralArmsError: There are several arms and no `tip`.
@@ -96,7 +99,8 @@ def robot_of_urdf(
     ratios, motors, replaced = motors_of_urdf(tree, arm, [one.limits for one in found])
     for values_here, one in zip(replaced, found, strict=True):
         values_here += one.replaced
-    bodies, of_bodies = bodies_of_urdf(tree, carried, places, axes)
+    reach_m = max(size.reach_m for size in sizes)
+    solids = bodies_of_urdf(tree, carried, places, axes, reach_m, packages)
     try:
         robot = RobotDescription(
             name=_plain_name(tree.name or "robot"),
@@ -117,7 +121,7 @@ def robot_of_urdf(
                 for joint, name, one, ratio in zip(arm.joints, names, found, ratios, strict=True)
             ),
             cad=links.cad,
-            bodies=bodies,
+            bodies=solids.bodies,
         )
     except ValidationError as error:
         lines = [
@@ -132,7 +136,7 @@ def robot_of_urdf(
         for i, values_here in enumerate(replaced)
         if values_here
     }
-    notes += [*links.notes, *_group_replaced(names, replaced), *of_bodies]
+    notes += [*links.notes, *_group_replaced(names, replaced), *solids.notes]
     return UrdfRobot(robot, tuple(notes), comments, motors)
 
 

@@ -26,7 +26,8 @@ class _Solid:
 
     A capsule encloses the shape: all points within `radius` of a line segment, whose middle is
     `centre` and whose ends are `centre` ± `half`. Solids of the workspace have no capsule. `body`
-    is the name of the body in the robot file; empty for solids of the workspace.
+    is the name of the body in the robot file; empty for solids of the workspace. All points within
+    `margin` of the shape belong to the solid.
     """
 
     name: str
@@ -37,6 +38,7 @@ class _Solid:
     half: FloatArray
     radius: float
     body: str = ""
+    margin: float = 0.0
 
     @property
     def reach(self) -> float:
@@ -252,9 +254,10 @@ class Clearances:
                 request,
                 result,
             )
-            points[0][k] = result.getNearestPoint1()
-            points[1][k] = result.getNearestPoint2()
             normals[k] = result.normal
+            points[0][k] = result.getNearestPoint1() + first.margin * normals[k]
+            points[1][k] = result.getNearestPoint2() - second.margin * normals[k]
+            distance[k] -= first.margin + second.margin
         return _Touch(distance, points, normals)
 
 
@@ -334,13 +337,34 @@ def _body_solid(body: Body, number: int) -> _Solid:
         turn = _z_along(half)
         return _Solid(name, body.link, shape, turn, centre, half, body.radius_m, body.name)
     corners = np.array(body.points_m)
-    centre = (corners.min(axis=0) + corners.max(axis=0)) / 2.0
+    centre, half, radius = _enclosing_capsule(corners)
     points = coal.StdVec_Vec3s()
     for corner in corners:
         points.append(corner - centre)
     hull = coal.Convex.convexHull(points, True, "Qt")
-    radius = float(np.linalg.norm(corners - centre, axis=1).max())
-    return _Solid(name, body.link, hull, np.eye(3), centre, np.zeros(3), radius, body.name)
+    radius += body.radius_m
+    return _Solid(name, body.link, hull, np.eye(3), centre, half, radius, body.name, body.radius_m)
+
+
+def _enclosing_capsule(points: FloatArray) -> tuple[FloatArray, FloatArray, float]:
+    """Return a capsule that contains points, (points, 3): its centre, half axis (3,) and radius.
+
+    Its axis has the direction in which the points extend farthest.
+    """
+    middle = points.mean(axis=0)
+    axis = np.linalg.svd(points - middle, full_matrices=False)[2][0]
+    along = (points - middle) @ axis
+    across = points - middle - along[:, np.newaxis] * axis
+    centre_across = (across.min(axis=0) + across.max(axis=0)) / 2.0
+    centre_across -= (centre_across @ axis) * axis
+    offset = np.linalg.norm(across - centre_across, axis=1)
+    radius = float(offset.max())
+    cap = np.sqrt(np.maximum(radius**2 - offset**2, 0.0))
+    low, high = float((along + cap).min()), float((along - cap).max())
+    if low > high:
+        low = high = (low + high) / 2.0
+    centre = middle + centre_across + 0.5 * (low + high) * axis
+    return centre, 0.5 * (high - low) * axis, radius
 
 
 def _ball(name: str, link: int, centre: FloatArray, radius: float, body: str = "") -> _Solid:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
@@ -40,7 +41,12 @@ class Robot:
 
     @classmethod
     def from_urdf(
-        cls, path: str | Path, *, base: str | None = None, tip: str | None = None
+        cls,
+        path: str | Path,
+        *,
+        base: str | None = None,
+        tip: str | None = None,
+        packages: Sequence[str | Path] = (),
     ) -> Self:
         """Return the robot of a URDF, as `rid-daq init --urdf` makes it.
 
@@ -50,13 +56,21 @@ class Robot:
             path: The URDF.
             base: The fixed link; by default the URDF's root.
             tip: The link at the tool point; by default the last moving link.
+            packages: Folders with the ROS packages that contain the meshes.
 
         Raises:
             ConfigError: The file is not the URDF of a serial robot, or it has several arms and
                 `tip` does not choose one (RID-URDF-ARM).
         """
         request = InitRequest.of(
-            {"folder": Path(), "urdf": Path(path), "base": base, "tip": tip}, shown="from_urdf"
+            {
+                "folder": Path(),
+                "urdf": Path(path),
+                "base": base,
+                "tip": tip,
+                "packages": tuple(map(Path, packages)),
+            },
+            shown="from_urdf",
         )
         made = starting_robot(request, Path(path))
         return cls(made.robot, made.notes)

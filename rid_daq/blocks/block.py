@@ -10,6 +10,7 @@ from pydantic import Field, Strict, model_validator
 
 from config.model import ConfigModel
 from rid_daq.blocks.formats import format_measured, number
+from rid_daq.blocks.picture import Picture
 from rid_daq.blocks.plot import Plot
 
 T = TypeVar("T")
@@ -173,7 +174,9 @@ class Next(ConfigModel):
     words: Annotated[tuple[str, ...], Strict(False)]
 
 
-AnyBlock = Annotated[Heading | Text | Verdict | Table | Plot | Next, Field(discriminator="kind")]
+AnyBlock = Annotated[
+    Heading | Text | Verdict | Table | Plot | Picture | Next, Field(discriminator="kind")
+]
 
 
 def note_blocks(notes: Iterable[str]) -> Iterator[Text]:

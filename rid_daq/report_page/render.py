@@ -24,7 +24,9 @@ from rid_daq.report_page.live_figures import LiveFigures, dark_map, library, scr
 from rid_daq.terminal.console import make_printable
 
 
-def render_report(result: Result, before: Result | None = None) -> str:
+def render_report(
+    result: Result, before: Result | None = None, robot: Iterable[AnyBlock] = ()
+) -> str:
     """Return the report of a result as HTML.
 
     All numbers are those of the result. All texts from outside the program are escaped.
@@ -33,6 +35,7 @@ def render_report(result: Result, before: Result | None = None) -> str:
         result: The result to show; sections that it does not contain are left out.
         before: The result in the run's file; None without a file. Sections of `result` that are
             equal in `before` were read from that file.
+        robot: Blocks that show the robot; they follow the sections.
 
     Raises:
         RecordingError: A section contains numbers that cannot be shown.
@@ -47,6 +50,7 @@ def render_report(result: Result, before: Result | None = None) -> str:
         page = _environment().get_template("page.html")
         simulated = result.cell is not None and result.cell.simulated
         checks = _part("verdict", check_tables(result.verdict), figures)
+        parts.append(_part("robot", robot, figures))
         return page.render(
             result=result,
             parts=[checks, *parts],

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Final
 
 from rid_daq.blocks.block import AnyBlock, Heading, Next, Table, Text, Verdict
+from rid_daq.blocks.picture import Picture
 from rid_daq.blocks.plot import Plot
 
 if TYPE_CHECKING:
@@ -32,6 +33,8 @@ def print_blocks(blocks: Iterable[AnyBlock], console: Console) -> None:
                 _print_table(block, console)
             case Next():
                 console.next_step(*block.words, lead=block.lead)
+            case Picture():
+                console.say(f"Picture: {block.caption}")
             case Plot():
                 pass  # only reports show plots
 

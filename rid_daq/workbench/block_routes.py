@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import functools
 import threading
-from collections.abc import Iterable
-from typing import Annotated, Any, Final, Literal
+from collections.abc import Iterable, Sequence
+from typing import Annotated, Any, Final, Literal, TypeVar
 
 from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import JSONResponse, Response
 from pydantic import TypeAdapter
 
 from rid_daq.blocks.block import AnyBlock, Table
+from rid_daq.blocks.picture import Picture, PictureImage
 from rid_daq.blocks.plot import Plot
 from rid_daq.service.api.context import OfCell, OfJob, Service, Who
 from rid_daq.service.api.runs import run_folder
@@ -28,38 +29,43 @@ router = APIRouter(prefix="/blocks", include_in_schema=False)
 KEPT: Final = {"cache-control": "private, max-age=31536000, immutable"}
 _DRAWING_LOCK: Final = threading.Lock()
 
+Item = TypeVar("Item")
+
 
 class View:
     """Form in which a page requests blocks.
 
-    Without `plot`, the answer is the blocks as JSON: tables as texts, plots as caption and number.
-    With `plot`, the answer is the plot with that number, as a figure to zoom or as a CSV table.
+    Without `plot` and `image`, the answer is the blocks as JSON: tables as texts, plots and images
+    as texts and numbers. With `plot`, the answer is the plot with that number, as a figure to zoom
+    or as a CSV table. With `image`, it is the image with that number as PNG.
     """
 
     def __init__(
         self,
         request: Request,
         plot: Annotated[int | None, Query(ge=0)] = None,
+        image: Annotated[int | None, Query(ge=0)] = None,
         dark: bool = False,
         form: Annotated[Literal["csv"] | None, Query(alias="as")] = None,
     ) -> None:
-        self._request, self._plot, self._dark, self._form = request, plot, dark, form
+        self._request, self._dark, self._form = request, dark, form
+        self._plot, self._image = plot, image
 
     def answer(self, blocks: Iterable[AnyBlock]) -> Response:
         """Return the answer of a route.
 
         Raises:
-            UnknownError: There is no plot with this number.
+            UnknownError: There is no plot or image with this number.
         """
         found = list(blocks)
         plots = [block for block in found if isinstance(block, Plot)]
-        if self._plot is None:
-            return JSONResponse([_as_document(block, plots) for block in found])
-        if self._plot >= len(plots):
-            raise UnknownError(
-                f"there is no plot number {self._plot} in these blocks", code="RID-RUN-FILE"
-            )
-        return self._draw(plots[self._plot])
+        images = [each for block in found if isinstance(block, Picture) for each in block.images]
+        if self._plot is not None:
+            return self._draw(_numbered(plots, self._plot, "plot"))
+        if self._image is not None:
+            png = _numbered(images, self._image, "image").read()
+            return Response(png, media_type="image/png")
+        return JSONResponse([_as_document(block, plots, images) for block in found])
 
     def _draw(self, plot: Plot) -> Response:
         """Return a plot; only one plot is drawn at a time."""
@@ -155,11 +161,30 @@ def send_history(cell: OfCell, service: Service, view: RequestedView, quantity: 
     raise UnknownError(f"no run of {robot} has an estimate of {quantity!r}", code="RID-RUN-FILE")
 
 
-def _as_document(block: AnyBlock, plots: list[Plot]) -> dict[str, Any]:
+def _as_document(block: AnyBlock, plots: list[Plot], images: list[PictureImage]) -> dict[str, Any]:
     if isinstance(block, Plot):
-        number = next(i for i, each in enumerate(plots) if each is block)
+        number = _number_of(block, plots)
         return {"kind": "plot", "name": block.name, "caption": block.caption, "number": number}
+    if isinstance(block, Picture):
+        shown = [
+            each.model_dump(exclude={"png"}) | {"number": _number_of(each, images)}
+            for each in block.images
+        ]
+        return {"kind": "picture", "name": block.name, "caption": block.caption, "images": shown}
     return (block.as_texts() if isinstance(block, Table) else block).model_dump(mode="json")
+
+
+def _number_of(item: object, items: Sequence[object]) -> int:
+    return next(i for i, each in enumerate(items) if each is item)
+
+
+def _numbered(items: Sequence[Item], number: int, what: str) -> Item:
+    """Return the item with a number; raise UnknownError if there is none."""
+    if number >= len(items):
+        raise UnknownError(
+            f"there is no {what} number {number} in these blocks", code="RID-RUN-FILE"
+        )
+    return items[number]
 
 
 @functools.cache

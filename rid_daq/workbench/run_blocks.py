@@ -17,6 +17,7 @@ from rid_daq.report.result_file import RESULT, read_result
 from rid_daq.report.section_blocks.estimate import fit_verdict
 from rid_daq.report.section_blocks.sections import BLOCKS_BY_SECTION
 from rid_daq.report.section_blocks.verdict import verdict_blocks
+from rid_daq.report_page.run_robot import run_robot_blocks
 from rid_daq.runs.run_data import SESSION, RunData
 
 
@@ -25,7 +26,8 @@ def run_blocks(folder: RunFolder, names: Sequence[str] = ()) -> Iterator[AnyBloc
 
     Args:
         folder: The run.
-        names: Names of the sections, `verdict` for the verdict (default: all).
+        names: Names of the sections, `verdict` for the verdict, `robot` for views of the robot
+            (default: all).
 
     Raises:
         RidDaqError: A file of the run cannot be read.
@@ -40,6 +42,8 @@ def run_blocks(folder: RunFolder, names: Sequence[str] = ()) -> Iterator[AnyBloc
         for name, section in result.sections():
             if not names or name in names:
                 yield from BLOCKS_BY_SECTION[name](section)
+        if not names or "robot" in names:
+            yield from run_robot_blocks(folder, result)
     if folder.file(SESSION).exists():
         yield from _warm_up(folder)
 

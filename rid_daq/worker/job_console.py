@@ -16,6 +16,7 @@ from pydantic import BaseModel
 from config.errors import ConfigError, PreflightError
 from config.process.safety_clock import safety_now_s
 from rid_daq.blocks.block import AnyBlock, Table
+from rid_daq.blocks.picture import Picture
 from rid_daq.blocks.plot import Plot
 from rid_daq.terminal.console import Console, Progress, make_printable
 from rid_daq.terminal.job_events import (
@@ -109,7 +110,7 @@ class JobConsole(Console):
                 each.as_texts().model_dump() if isinstance(each, Table) else each.model_dump()
             )
             for each in blocks
-            if not isinstance(each, Plot)
+            if not isinstance(each, Plot | Picture)
         ]
         result = {"at_s": time.time(), "document": content, "blocks": shown}
         self.events.write(ResultEvent.model_validate(result))

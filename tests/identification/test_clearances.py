@@ -92,6 +92,35 @@ def test_a_hull_has_the_distance_of_its_box(robot) -> None:
     assert clearances.nearest(q)[0] == pytest.approx(lowest + 2.0, abs=1e-9)
 
 
+def test_the_margin_of_a_hull_reduces_its_distance_and_keeps_the_gradient(robot, poses) -> None:
+    corners = [(x, y, z) for x in (-0.05, 0.05) for y in (-0.04, 0.04) for z in (0.0, 0.1)]
+    long = [(x, y, z) for x in (-0.1, 0.7) for y in (-0.04, 0.04) for z in (0.0, 0.1)]
+    pairs = [
+        [
+            Hull(kind="hull", link=1, points_m=tuple(long), radius_m=one),
+            Hull(kind="hull", link=6, points_m=tuple(corners), radius_m=other),
+        ]
+        for one, other in ((0.0, 0.0), (0.05, 0.03))
+    ]
+    bare, padded = (
+        Clearances.of(robot.model_copy(update={"bodies": tuple(pair)}), Workspace(clearance_m=0.5))
+        for pair in pairs
+    )
+    for q in poses:
+        apart = bare.nearest(q[np.newaxis])
+        np.testing.assert_allclose(padded.nearest(q[np.newaxis]), apart - 0.08, atol=1e-9)
+    assert padded.nearest(poses) == pytest.approx(
+        min(padded.nearest(q[np.newaxis])[0] for q in poses)
+    )
+    gradient = padded.shortfall(poses)[1]
+    step = 1e-6
+    for sample, joint in ((k, j) for k in range(len(poses)) for j in (1, 4)):
+        shift = np.zeros_like(poses)
+        shift[sample, joint] = step
+        up, down = (padded.shortfall(poses + s * shift)[0] for s in (1, -1))
+        assert gradient[sample, joint] == pytest.approx((up - down) / (2.0 * step), abs=2e-4)
+
+
 def test_a_flat_hull_is_refused() -> None:
     with raises_invalid("", "points_m", "plane"):
         Hull(kind="hull", link=1, points_m=((0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)))
@@ -115,7 +144,8 @@ def test_distances_of_line_segments_agree_with_scipy(seed: int) -> None:
 
 def test_quick_bounds_never_exceed_the_distances(robot, poses) -> None:
     corners = np.random.default_rng(8).uniform(-0.1, 0.1, (12, 3))
-    lump = Hull(kind="hull", link=6, points_m=tuple(map(tuple, corners.tolist())))
+    corners *= (1.0, 1.0, 4.0)
+    lump = Hull(kind="hull", link=6, points_m=tuple(map(tuple, corners.tolist())), radius_m=0.02)
     workspace = Workspace(
         planes=(Plane(name="floor", normal=(0.0, 0.6, 0.8), offset_m=-1.0),),
         boxes=(Box(name="post", keep="out", min_m=(0.4, -0.2, 0.0), max_m=(0.6, 0.2, 1.0)),),

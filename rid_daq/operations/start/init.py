@@ -30,6 +30,10 @@ class InitRequest(Request):
     --velocity, --acceleration and --effort take one number for all joints, or one per joint
     separated by commas; if they are not set, the values follow from the robot's size.
 
+    The meshes of the URDF become convex bodies for collision checks. Their files are searched in
+    the folders of --packages, in the folders above the URDF, and in the packages of a ROS
+    installation (AMENT_PREFIX_PATH, ROS_PACKAGE_PATH).
+
     The cell of a URDF is rehearsed in simulated time: it is checked and moved for some seconds,
     with lower speeds if the motion is stopped. The exit code is 1 if the rehearsal fails.
     """
@@ -54,6 +58,14 @@ class InitRequest(Request):
         Field(description="Link of the arm's tool point in the URDF."),
         Option(group=FROM_URDF, metavar="LINK", needs="urdf"),
     ] = None
+    packages: Annotated[
+        tuple[Path, ...],
+        Field(
+            description="Folder with the ROS packages that contain the meshes of the URDF; can be"
+            " repeated."
+        ),
+        Option(group=FROM_URDF, metavar="DIR", needs="urdf"),
+    ] = ()
     position: Annotated[
         str | None,
         Field(

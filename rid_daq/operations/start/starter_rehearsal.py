@@ -7,6 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+import numpy as np
+
+from acquisition.motion.approach import approach
+from acquisition.motion.collision import clear_rows
+from acquisition.motion.samples import MotionSamples
 from acquisition.runs.folder import RunFolder
 from acquisition.session.outcome import RecordOutcome
 from acquisition.session.record import record_motion
@@ -14,7 +19,9 @@ from config.errors import RecordingError, RidDaqError, system_errors
 from config.formats.whole_file import write_whole
 from config.load import LoadedCell, load_cell
 from config.robot.urdf_robot import UrdfRobot
+from dynamics.geometry.clearances import Clearances
 from identification.design.criteria import DOptimal
+from identification.design.problem import ExcitationProblem
 from identification.design.search import refine_start
 from identification.design.task import excitation_problem
 from rid_daq.operations.start.urdf_starter import slower_robot, starting_files
@@ -27,6 +34,8 @@ PERIOD_S: Final = 5.0
 HARMONICS: Final = 3
 ITERATIONS: Final = 20
 CHECK_S: Final = 0.5
+SEEDS: Final = 6
+"""Number of excitations that are designed until one can be approached without collision."""
 TRIES: Final = 3
 SPEED: Final = 0.7
 """Factor on the speeds for the next try, if the motion was stopped."""
@@ -84,15 +93,29 @@ def rehearse_cell(urdf: Path, made: UrdfRobot) -> RehearsedCell:
         made = slower_robot(made, SPEED, f"the rehearsal was stopped: {outcome.stop.text}")
 
 
+def _excitation(loaded: LoadedCell, problem: ExcitationProblem) -> MotionSamples:
+    """Return a short excitation, if possible one whose approach keeps all bodies apart."""
+    cell, robot = loaded.config, loaded.robot
+    clearances = Clearances.of(robot, cell.workspace)
+    assert loaded.plant is not None
+    pose = np.array([axis.initial_position for axis in loaded.plant.axes])
+    for seed in range(SEEDS):
+        found = refine_start(problem, seed, cell.cycle_time_s, iterations=ITERATIONS, periods=1)
+        motion = found.motion.model_copy(update={"transient_periods": 0})
+        samples = motion.plan(robot, cell.cycle_time_s)
+        way = approach(pose, samples.position[0], robot, cell.cycle_time_s).position
+        if not found.check.broken and clear_rows(clearances, way) == len(way):
+            break
+    return samples
+
+
 def _check_and_move(loaded: LoadedCell, folder: Path) -> RecordOutcome:
     """Check a cell and move it; raise an error if a check before the motion fails."""
     cell, robot = loaded.config, loaded.robot
     problem = excitation_problem(
         cell, robot, period_s=PERIOD_S, harmonics=HARMONICS, criterion=DOptimal()
     )
-    found = refine_start(problem, 0, cell.cycle_time_s, iterations=ITERATIONS, periods=1)
-    motion = found.motion.model_copy(update={"transient_periods": 0})
-    samples = motion.plan(robot, cell.cycle_time_s)
+    samples = _excitation(loaded, problem)
     with hold_reachable_cell(loaded) as (reachable, _):
         lines, failure = preflight(
             loaded,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import textwrap
 from collections.abc import Mapping
 from dataclasses import replace
@@ -16,6 +17,7 @@ from config.formats.urdf_file import read_urdf
 from config.formats.xml_tree import MAX_BYTES
 from config.formats.yaml_tree import Path as YamlPath
 from config.formats.yaml_tree import dump_yaml
+from config.meshes.package_folders import PackageFolders
 from config.model import ConfigModel
 from config.robot.robot import RobotDescription
 from config.robot.urdf_chain import SeveralArmsError, UrdfArm
@@ -54,7 +56,13 @@ def starting_robot(request: InitRequest, path: Path) -> UrdfRobot:
         ) from None
     tree = read_urdf(data, str(path))
     try:
-        made = robot_of_urdf(tree, base=request.base, tip=request.tip, defaults=defaults)
+        made = robot_of_urdf(
+            tree,
+            base=request.base,
+            tip=request.tip,
+            defaults=defaults,
+            packages=PackageFolders(path, request.packages, installed_packages()),
+        )
     except SeveralArmsError as error:
         raise ConfigError(
             _several_arms_text(request, path, error.arms), code=error.refusal
@@ -63,6 +71,15 @@ def starting_robot(request: InitRequest, path: Path) -> UrdfRobot:
     made = replace(made, robot=robot, notes=(*made.notes, *touching))
     held, notes = limit_to_motors(robot)
     return _with_limits_of(made, held, "so that the motors can move the links", notes)
+
+
+def installed_packages() -> tuple[Path, ...]:
+    """Return the folders of ROS packages that the environment names (ROS 2, then ROS 1)."""
+    prefixes, folders = (
+        [Path(part) for part in os.environ.get(name, "").split(os.pathsep) if part]
+        for name in ("AMENT_PREFIX_PATH", "ROS_PACKAGE_PATH")
+    )
+    return (*(prefix / "share" for prefix in prefixes), *folders)
 
 
 def slower_robot(made: UrdfRobot, speed: float, why: str) -> UrdfRobot:

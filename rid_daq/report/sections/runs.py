@@ -45,6 +45,8 @@ class AxisExtremes(Section):
         torque_unit: Unit of the joint's torque.
         position_min: Lowest position, in `unit`.
         position_max: Highest position, in `unit`.
+        position_start: Position at the start of the motion, in `unit`; null if no row after the
+            approach is valid.
         max_velocity: Largest speed, in `unit` per second.
         max_torque: Largest absolute torque, in `torque_unit`.
         max_torque_percent: Largest absolute torque relative to the limit in the robot file [%].
@@ -61,6 +63,7 @@ class AxisExtremes(Section):
     max_torque: float
     max_torque_percent: float
     max_following_error: float | None
+    position_start: float | None = None
 
 
 class BadRows(Section):
@@ -234,6 +237,7 @@ def _extremes(tally: RecordingTally, robot: RobotDescription) -> tuple[AxisExtre
         torque_unit=[joint_units(joint)[1] for joint in robot.joints],
         position_min=tally.position_min,
         position_max=tally.position_max,
+        position_start=[None] * len(robot.joints) if tally.start is None else tally.start.tolist(),
         max_velocity=tally.speed,
         max_torque=tally.torque,
         max_torque_percent=100.0 * tally.torque / limit,

@@ -10,8 +10,9 @@ export function verdictOf({ passed, text }) {
 }
 
 // Return the elements of blocks. `figure` creates the container of a plot; without it, plots are left out.
+// `imageUrl` returns the address of an image by its number; without it, a picture is its caption.
 // A table with more than `mostRows` rows is collapsed, unless it has a red row.
-export function blockParts(blocks, figure = null, mostRows = 15) {
+export function blockParts(blocks, figure = null, mostRows = 15, imageUrl = null) {
   let title = "table";
   return blocks.flatMap((block) => {
     switch (block.kind) {
@@ -20,9 +21,16 @@ export function blockParts(blocks, figure = null, mostRows = 15) {
       case "text": return block.text ? [element("p", { class: block.is_note ? "soft" : null }, block.text)] : [];
       case "table": return [tablePart(block, title, mostRows)];
       case "plot": return figure ? [figure(block), element("p", { class: "soft" }, block.caption)] : [];
+      case "picture": return [...(imageUrl ? [imagesPart(block, imageUrl)] : []), element("p", { class: "soft" }, block.caption)];
       case "next": return [element("p", {}, `${block.lead}: rid-daq ${block.words.join(" ")}`)];
     }
   });
+}
+
+function imagesPart({ images }, url) {
+  const shown = images.map(({ text, width, height, number }) =>
+    element("img", { src: url(number), alt: text, width, height, loading: "lazy" }));
+  return element("div", { class: "images" }, ...shown);
 }
 
 function tablePart({ columns, rows, failed }, title, mostRows) {

@@ -155,7 +155,7 @@ export async function showBlocks(place, url, { keep = () => true, signal = null 
     endFigure(old);
     old.lastElementChild?.takeOut?.();
   }
-  place.replaceChildren(...blockParts(blocks, figure));
+  place.replaceChildren(...blockParts(blocks, figure, 15, (number) => `${url}&image=${number}`));
   return blocks;
 }
 

@@ -16,6 +16,7 @@ from config.load import load_cell
 from mock_hw.plant.plant import Plant
 from mock_hw.plant.rigid_bodies import build_rigid_bodies
 from rid_daq.app import run
+from tests.builders.mesh_files import binary_stl, box, write
 
 T = TypeVar("T", bound=BaseModel)
 
@@ -223,3 +224,24 @@ def test_the_simulated_cell_has_the_friction_and_directions_of_the_urdf(tmp_path
     assert (axis.coulomb_nm, axis.viscous_nm_s) == (2.5, 1.5)
     assert [each.direction for each in loaded.config.axes] == [-1, 1]
     assert loaded.robot.joints[0].gear_ratio == 50.0
+
+
+def test_meshes_of_the_named_packages_become_bodies(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(
+        tmp_path / "packages/two/fore.stl", binary_stl(*box((0, -0.05, -0.05), (0.3, 0.05, 0.05)))
+    )
+    shape = '<collision><geometry><mesh filename="package://two/fore.stl"/></geometry></collision>'
+    text = urdf().replace('<link name="fore">', f'<link name="fore">{shape}')
+    write(tmp_path / "robot/two.urdf", text)
+    words = ["init", "--no-rehearsal", "--json", "--urdf", str(tmp_path / "robot/two.urdf")]
+    assert run([*words, str(tmp_path / "cell"), "--packages", str(tmp_path / "packages")]) == 0
+    assert any("fore 1, 8 points" in note for note in json.loads(capsys.readouterr().out)["notes"])
+    bodies = load_cell(str(tmp_path / "cell" / "cell.yaml")).robot.bodies
+    assert [(body.link, body.name) for body in bodies] == [(2, "fore")]
+
+    assert run([*words, str(tmp_path / "other")]) == 0
+    notes = json.loads(capsys.readouterr().out)["notes"]
+    assert any("'two'" in note and "--packages" in note for note in notes)
+    assert load_cell(str(tmp_path / "other" / "cell.yaml")).robot.bodies == ()

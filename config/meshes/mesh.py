@@ -1,0 +1,45 @@
+"""`Mesh`: a surface made of triangles."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from config.arrays import FloatArray, IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class Mesh:
+    """Triangles in space; they need not be closed, connected or consistently oriented.
+
+    Attributes:
+        vertices_m: Shape (vertices, 3). Corners of the triangles [m].
+        triangles: Shape (triangles, 3). Numbers of each triangle's three vertices.
+    """
+
+    vertices_m: FloatArray
+    triangles: IntArray
+
+    @property
+    def corners_m(self) -> FloatArray:
+        """Corners of each triangle, (triangles, 3, 3) [m]."""
+        return np.asarray(self.vertices_m[self.triangles])
+
+    @property
+    def size_m(self) -> float:
+        """Longest side of the box along the axes that encloses the mesh [m]."""
+        return float(np.ptp(self.vertices_m, axis=0).max())
+
+    def scaled(self, scale: tuple[float, float, float]) -> Mesh:
+        """Return the mesh with each axis multiplied by a factor, which is negative for a mirror.
+
+        A mirrored mesh keeps its outward side: the order of each triangle's corners is reversed.
+        """
+        mirrored = np.prod(np.sign(scale)) < 0.0
+        order = [0, 2, 1] if mirrored else [0, 1, 2]
+        return Mesh(self.vertices_m * np.array(scale), self.triangles[:, order])
+
+    def placed(self, pose: FloatArray) -> Mesh:
+        """Return the mesh in another frame; `pose`, (4, 4), is the pose of its frame there."""
+        return Mesh(self.vertices_m @ pose[:3, :3].T + pose[:3, 3], self.triangles)

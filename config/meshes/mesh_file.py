@@ -1,0 +1,126 @@
+"""Conversion of a mesh file (STL, DAE or OBJ) to a `Mesh` in metres.
+
+The library coal reads the geometry, including the nested nodes of a DAE file. It ignores the unit
+of a DAE file, which is therefore read here. The `<up_axis>` of a DAE file is ignored on purpose:
+RViz, MoveIt and Gazebo ignore it, and the files of robots are made for them (decision 0073).
+"""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import BinaryIO, Final
+from xml.parsers import expat
+
+import coal  # pyright: ignore[reportMissingImports]
+import numpy as np
+
+from config.errors import ConfigError
+from config.formats.bounded_file import open_file
+from config.formats.number import parse_number
+from config.meshes.mesh import Mesh
+
+CODE: Final = "RID-URDF-MESH"
+FORMATS: Final = (".stl", ".dae", ".obj")
+MOST_BYTES: Final = 300_000_000
+MOST_TRIANGLES: Final = 3_000_000
+_CHUNK: Final = 1 << 16
+_POINTER: Final = b"version https://git-lfs"
+
+
+def read_mesh(path: Path) -> Mesh:
+    """Read a mesh file.
+
+    Args:
+        path: A file with the ending stl, dae or obj, in capital or small letters.
+
+    Returns:
+        The mesh. DAE files are scaled to metres by their `<unit>`; the numbers of STL and OBJ
+        files, which state no unit, are taken as metres.
+
+    Raises:
+        ConfigError: The file does not exist, is damaged, or contains no triangle.
+    """
+    if path.suffix.lower() not in FORMATS:
+        raise ConfigError(
+            f"{path}: the format {path.suffix or 'without ending'!r} is not read; convert the mesh"
+            " to STL",
+            code=CODE,
+        )
+    unit_m = 1.0
+    try:
+        with open_file(path, MOST_BYTES) as file:
+            start = file.read(len(_POINTER))
+            if path.suffix.lower() == ".dae":
+                file.seek(0)
+                unit_m = _unit_of_dae(file, path)
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be read: {error.strerror}", code=CODE) from None
+    if start == _POINTER:
+        raise ConfigError(
+            f"{path}: contains only a pointer of Git LFS; fetch the mesh with `git lfs pull`",
+            code=CODE,
+        )
+    try:
+        found = coal.MeshLoader().load(os.fspath(path))
+    except (ValueError, RuntimeError):
+        raise ConfigError(
+            f"{path}: is not a complete {path.suffix[1:].upper()} file with triangles; export it"
+            " again",
+            code=CODE,
+        ) from None
+    vertices = np.array(found.vertices(), dtype=float).reshape(-1, 3)
+    if found.num_tris > MOST_TRIANGLES:
+        raise ConfigError(
+            f"{path}: {found.num_tris} triangles; at most {MOST_TRIANGLES} are read: simplify the"
+            " mesh",
+            code=CODE,
+        )
+    corners = [(t[0], t[1], t[2]) for t in map(found.tri_indices, range(found.num_tris))]
+    if not np.isfinite(vertices).all():
+        raise ConfigError(f"{path}: a vertex is not finite; export the mesh again", code=CODE)
+    return Mesh(vertices * unit_m, np.array(corners, dtype=np.int64).reshape(-1, 3))
+
+
+def _unit_of_dae(file: BinaryIO, path: Path) -> float:
+    """Return the length unit of a DAE file, which its first <asset> states [m]; 1 if none.
+
+    Raises:
+        ConfigError: The unit is not a positive number, or the file is not XML.
+    """
+    stated: list[str] = []
+    open_tags: list[str] = []
+    over = False
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        open_tags.append(tag.rpartition(":")[2])
+        if not over and open_tags[1:] == ["asset", "unit"] and "meter" in attributes:
+            stated.append(attributes["meter"])
+
+    def end(_tag: str) -> None:
+        nonlocal over
+        over = over or open_tags[1:] == ["asset"]
+        open_tags.pop()
+
+    parser = expat.ParserCreate()
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    try:
+        while not over and (chunk := file.read(_CHUNK)):
+            parser.Parse(chunk)
+    except expat.ExpatError as error:
+        raise ConfigError(
+            f"{path}:{error.lineno}: not XML: {expat.ErrorString(error.code)}; export the mesh"
+            " again",
+            code=CODE,
+        ) from None
+    if not stated:
+        return 1.0
+    try:
+        unit_m = parse_number(stated[0])
+    except ConfigError:
+        unit_m = 0.0
+    if not 0.0 < unit_m < float("inf"):
+        raise ConfigError(
+            f"{path}: the unit is {stated[0]!r} m; correct <unit meter> in <asset>", code=CODE
+        )
+    return unit_m
