@@ -16,6 +16,7 @@ from identification.sensitivity.problem import (
     SensitivityProblem,
     deviation_percent,
     estimate_under_assumption,
+    prediction_error,
 )
 
 SHARE: Final = 0.1
@@ -23,6 +24,7 @@ PERIOD_S: Final = 30.0
 HIGH: Final = 20
 SAMPLES: Final = 834
 PHASES: Final = 21
+OTHER_PHASES: Final = 22
 DIFFERENCE: Final = "difference"
 Motion = Literal["wrist", "all"]
 
@@ -49,14 +51,29 @@ class SensitivityCase:
 
 @dataclass(frozen=True)
 class SensitivityRow:
-    """A case with its deviations in percent of the true values, in the order of `REPORTED`."""
+    """A case, the errors of the payload's parameters, and the torque errors on another motion.
+
+    Attributes:
+        percent: Deviations of the parameters in the order of `REPORTED`, relative to the true
+            values [%]; None if the true value is zero.
+        torque_percent: RMS torque error of each axis relative to the axis's RMS torque, on a motion
+            that was not used for the estimate [%]; None for an axis that stands still.
+    """
 
     case: SensitivityCase
     against: Comparison
     percent: tuple[float | None, ...]
+    torque_percent: tuple[float | None, ...]
+
+    @property
+    def worst_torque_percent(self) -> float:
+        """Largest torque error of an axis [%]."""
+        return max(each for each in self.torque_percent if each is not None)
 
 
-def thesis_motion(robot: RobotDescription, axes: Sequence[int]) -> SampledMotion:
+def thesis_motion(
+    robot: RobotDescription, axes: Sequence[int], phases_seed: int = PHASES
+) -> SampledMotion:
     """Return a motion like those of the thesis's chapter 5, around mid-range.
 
     Each axis moves with harmonics 1 and 20 of a period of 30 s.
@@ -64,8 +81,10 @@ def thesis_motion(robot: RobotDescription, axes: Sequence[int]) -> SampledMotion
     Args:
         robot: The robot, for its limits.
         axes: The moving axes, from 0.
+        phases_seed: Random seed of the phases; `OTHER_PHASES` for the motion on which torques are
+            predicted.
     """
-    random = np.random.default_rng(PHASES)
+    random = np.random.default_rng(phases_seed)
     time_s = np.arange(SAMPLES) * (PERIOD_S / SAMPLES)
     q, v, a = np.zeros((3, SAMPLES, len(robot.joints)))
     phases = random.uniform(0.0, 2.0 * np.pi, (len(robot.joints), 2))
@@ -163,6 +182,14 @@ def sensitivity_row(
     """
     problem, against = problems[case.motion], against or case.against
     percent = deviation_percent(problem, estimate_under_assumption(problem, case.assumed, against))
+    axes = problem.motion.moving.tolist()
+    other = thesis_motion(problem.robot, axes, OTHER_PHASES)
+    error, size = prediction_error(problem, case.assumed, against, other)
     return SensitivityRow(
-        case, against, tuple(float(p) if np.isfinite(p) else None for p in percent)
+        case,
+        against,
+        tuple(float(p) if np.isfinite(p) else None for p in percent),
+        tuple(
+            100.0 * float(error[j] / size[j]) if j in axes else None for j in range(len(size))
+        ),
     )

@@ -232,13 +232,29 @@ class MotionEstimator:
         size = np.linalg.norm(free, axis=0)
         return np.asarray(np.linalg.pinv(free / size) / size[:, np.newaxis])
 
-    def parameters(self, tau: FloatArray) -> FloatArray:
-        """Return the payload's ten parameters from torques (samples, n)."""
+    def values(self, tau: FloatArray) -> FloatArray:
+        """Return the payload's ten parameters and the friction, from torques (samples, n)."""
         rhs = ((tau - self.offset) * self.weights).ravel()
         if self.mass is None:
-            return np.asarray((self.inverse @ rhs)[:PARAMETERS_PER_LINK])
-        rest = self.inverse @ (rhs - self.mass * self.matrix[:, 0])
-        return np.array([self.mass, *rest[: PARAMETERS_PER_LINK - 1]])
+            return np.asarray(self.inverse @ rhs)
+        return np.array([self.mass, *(self.inverse @ (rhs - self.mass * self.matrix[:, 0]))])
+
+    def parameters(self, tau: FloatArray) -> FloatArray:
+        """Return the payload's ten parameters from torques (samples, n)."""
+        return self.values(tau)[:PARAMETERS_PER_LINK]
+
+    def residual(self, tau: FloatArray, values: FloatArray) -> FloatArray:
+        """Return torques (samples, n) minus those of assumed robot, payload and friction.
+
+        Args:
+            values: Result of `values` for a motion of the same axes.
+
+        Returns:
+            Shape (samples, n); 0 for an axis that stands still [N m or N].
+        """
+        moving = self.weights > 0.0
+        weighted = (tau - self.offset) * self.weights - (self.matrix @ values).reshape(tau.shape)
+        return np.asarray(np.where(moving, weighted / np.where(moving, self.weights, 1.0), 0.0))
 
 
 def estimate_under_assumption(
@@ -249,10 +265,61 @@ def estimate_under_assumption(
     Raises:
         EstimationError: The motion does not determine all ten parameters.
     """
-    tau = problem.torque(assumed, True)
-    if against == "difference":
-        tau = tau - problem.torque(assumed, False)
+    tau = compared_torque(problem, assumed, against)
     return reported(MotionEstimator.of(problem, assumed, against).parameters(tau))
+
+
+def compared_torque(
+    problem: SensitivityProblem, assumed: Assumptions, against: Comparison
+) -> FloatArray:
+    """Return the torques (samples, n) that the payload is estimated from [N m or N].
+
+    They are the torques of the loaded robot. If `against` is "difference", the torques of the
+    unloaded robot are subtracted.
+    """
+    tau = problem.torque(assumed, True)
+    return tau - problem.torque(assumed, False) if against == "difference" else tau
+
+
+def prediction_error(
+    problem: SensitivityProblem,
+    assumed: Assumptions,
+    against: Comparison,
+    other: SampledMotion,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the torque error of a payload estimate on another motion, as in figure 5.4.
+
+    Assumed robot, estimated payload and estimated friction predict the loaded robot's torque. If
+    `against` is "difference", the unloaded robot's torque on the other motion is known too.
+
+    Args:
+        other: Motion of the same axes that was not used for the estimate.
+
+    Returns:
+        RMS error and RMS torque of the loaded robot, of shape (n,) each; the error of an axis that
+        stands still is 0 [N m or N].
+
+    Raises:
+        EstimationError: A motion does not determine all ten parameters, or the motions move
+            different axes.
+    """
+    if not np.array_equal(other.moving, problem.motion.moving):
+        raise EstimationError(
+            "both motions must move the same axes, because friction is known only for these",
+            code="RID-API-ARGUMENT",
+        )
+    used = MotionEstimator.of(problem, assumed, against)
+    values = used.values(compared_torque(problem, assumed, against))
+    judged = replace(problem, motion=other)
+    error = MotionEstimator.of(judged, assumed, against).residual(
+        compared_torque(judged, assumed, against), values
+    )
+    return root_mean_square(error), root_mean_square(judged.torque(assumed, True))
+
+
+def root_mean_square(values: FloatArray) -> FloatArray:
+    """Return the root mean square of each column."""
+    return np.asarray(np.sqrt(np.mean(values**2, axis=0)))
 
 
 def deviation_percent(problem: SensitivityProblem, values: FloatArray) -> FloatArray:

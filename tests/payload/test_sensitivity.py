@@ -11,12 +11,18 @@ from typing import Any
 import numpy as np
 import pytest
 
+from config.errors import EstimationError
 from config.load import load_cell
 from dynamics.model.robot_model import RobotModel
 from dynamics.model.true_parameters import true_parameters
 from identification.choices import REPORTED
 from identification.payload.body import PayloadBody
-from identification.sensitivity.cases import sensitivity_row, thesis_cases, thesis_motion
+from identification.sensitivity.cases import (
+    OTHER_PHASES,
+    sensitivity_row,
+    thesis_cases,
+    thesis_motion,
+)
 from identification.sensitivity.monte_carlo import (
     PriorUncertainty,
     draw_batch,
@@ -29,8 +35,10 @@ from identification.sensitivity.problem import (
     SensitivityProblem,
     deviation_percent,
     estimate_under_assumption,
+    prediction_error,
 )
 from rid_daq.app import run
+from tests.builders.raised_codes import raises_code
 
 
 @pytest.fixture(scope="module")
@@ -133,6 +141,49 @@ def test_a_known_mass_is_unchanged(table: dict[tuple[str, str], dict[str, float]
     assert table["model", "known mass 5 % too large"]["m"] == pytest.approx(5.0, abs=1e-9)
 
 
+def test_correct_assumptions_predict_the_torque_of_another_motion(
+    problems: dict[Any, SensitivityProblem],
+) -> None:
+    sides: tuple[Comparison, ...] = ("model", "difference")
+    for name, axes in (("wrist", range(2, 6)), ("all", range(6))):
+        problem = problems[name]
+        other = thesis_motion(problem.robot, axes, OTHER_PHASES)
+        for against in sides:
+            error, size = prediction_error(problem, Assumptions(), against, other)
+            assert (error < 1e-6 * size).all()
+
+
+def test_a_torque_bias_that_friction_and_payload_cannot_explain_remains(
+    problems: dict[Any, SensitivityProblem],
+) -> None:
+    # Axis 3 alone has the bias, so a change of the payload that explained it would show at axis 4.
+    problem = problems["wrist"]
+    other = thesis_motion(problem.robot, range(2, 6), OTHER_PHASES)
+    bias = (0.0, 0.0, -12.0, 0.0, 0.0, 0.0)
+    error, _ = prediction_error(problem, Assumptions(bias=bias), "model", other)
+    assert 0.1 < error[2] < 12.0
+    assert (error[:2] == 0.0).all()
+
+
+def test_wrong_parameters_hardly_change_the_predicted_torque(
+    problems: dict[Any, SensitivityProblem],
+) -> None:
+    # Figure 5.4 of the thesis: the prediction error is small although the parameters are wrong.
+    rows = [sensitivity_row(case, problems) for case in thesis_cases(6)]
+    worst = {row.case.words: row.worst_torque_percent for row in rows}
+    assert max(worst.values()) < 10.0
+    assert worst["torque constants 3-6"] == pytest.approx(0.0, abs=1e-6)
+    (links,) = (row for row in rows if row.case.words == "robot links")
+    assert max(abs(each or 0.0) for each in links.percent) > 1000.0
+    assert links.torque_percent[:2] == (None, None)
+
+
+def test_torques_of_other_axes_are_not_predicted(problems: dict[Any, SensitivityProblem]) -> None:
+    other = thesis_motion(problems["wrist"].robot, range(6), OTHER_PHASES)
+    with raises_code(EstimationError, "RID-API-ARGUMENT"):
+        prediction_error(problems["wrist"], Assumptions(), "model", other)
+
+
 def test_the_scatter_of_draws_agrees_with_least_squares_theory(
     problems: dict[Any, SensitivityProblem],
 ) -> None:
@@ -187,6 +238,8 @@ def test_the_command_writes_the_table(tmp_path: Path, capsys: pytest.CaptureFixt
     with out.open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == len(document["rows"]) == 18
+    worst = max(each or 0.0 for each in document["rows"][0]["torque_percent"])
+    assert float(rows[0]["torque_percent"]) == pytest.approx(worst, rel=1e-4)
     assert float(rows[0]["m_percent"]) == pytest.approx(document["rows"][0]["percent"][0], rel=1e-4)
 
 

@@ -198,8 +198,10 @@ def _sampled_motion(cell: LoadedCell, motion: Path) -> SampledMotion:
 
 
 def _csv_table(rows: list[SensitivityRow]) -> str:
-    lines = [",".join(("row", "wrong", "less", *(f"{name}_percent" for name in REPORTED)))]
+    names = (*REPORTED, "torque")
+    lines = [",".join(("row", "wrong", "less", *(f"{name}_percent" for name in names)))]
     for row in rows:
-        cells = ("" if p is None else f"{p:.6g}" for p in row.percent)
+        percent = (*row.percent, row.worst_torque_percent)
+        cells = ("" if p is None else f"{p:.6g}" for p in percent)
         lines.append(",".join((str(row.case.number), f'"{row.case.words}"', row.against, *cells)))
     return "\n".join(lines) + "\n"

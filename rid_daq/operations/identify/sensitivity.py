@@ -31,7 +31,8 @@ class SensitivityRequest(Request):
 
     The errors are of torque constants, links, rotors, coupling or gears. Each row simulates a robot
     that differs in one property from the assumed one, estimates the payload with the assumed robot,
-    and gives the error in percent of the true value. With --draws, noise and errors of the robot's
+    and gives the error in percent of the true value. The last column is the error of the torque
+    that the estimate predicts on another motion. With --draws, noise and errors of the robot's
     parameters are drawn at random, on all cores or on a Dask cluster.
     """
 
@@ -154,6 +155,7 @@ class SensitivityResult:
                     "case": row.case.words,
                     "against": row.against,
                     "percent": list(row.percent),
+                    "torque_percent": list(row.torque_percent),
                 }
                 for row in self.found.rows
             ],
@@ -175,7 +177,8 @@ class SensitivityResult:
         yield Text(
             text="Error of the estimate in percent of the true value; inertia about the centre"
             " of gravity. Before the estimate, a model of the unloaded robot or a run"
-            " without the payload is subtracted."
+            " without the payload is subtracted. The column torque is the torque error on a"
+            " motion that was not used for the estimate, of the axis with the largest error."
         )
         yield self._case_table()
         if self.request.output is not None:
@@ -195,6 +198,7 @@ class SensitivityResult:
             Cells("wrong", lambda row: row.case.words),
             Cells("subtracted", lambda row: "a run" if row.against == DIFFERENCE else "a model"),
             *(_percent_column(name, i) for i, name in enumerate(REPORTED)),
+            Cells("torque", lambda row: _percent_text(row.worst_torque_percent)),
             key=3,
         )
 
