@@ -26,7 +26,7 @@ if [ $signed = yes ] && [ -n "$(git status --porcelain)" ]; then
     exit 2
 fi
 . ./environment.sh
-[ -x .venv/bin/python ] || rid_daq_environment
+rid_daq_environment
 uv=$(rid_daq_uv)
 SOURCE_DATE_EPOCH=$(git log -1 --format=%ct)
 export SOURCE_DATE_EPOCH
@@ -36,7 +36,7 @@ trap 'rm -rf "$work"' EXIT
 for build in first second; do
     git archive --prefix=source/ HEAD | tar -x -C "$work"
     .venv/bin/python docs/site/build.py "$work/source/rid_daq/site"
-    "$uv" build --quiet --out-dir "$work/$build" "$work/source"
+    "$uv" build --out-dir "$work/$build" "$work/source"
     rm -rf "$work/source" "$work/$build/.gitignore"
 done
 diff -r "$work/first" "$work/second" || { echo "The two builds differ: the release is not reproducible." >&2; exit 1; }
@@ -47,6 +47,7 @@ cp "$work"/first/* "$out"
     --output-file "$out/constraints.txt" >/dev/null
 "$uv" export --quiet --frozen --no-dev --format cyclonedx1.5 --preview-features sbom-export \
     --output-file "$out/rid-daq.cdx.json" >/dev/null
+.venv/bin/python release/third_party.py "$out/rid-daq.cdx.json"
 .venv/bin/python release/third_party.py "$out/THIRD-PARTY-LICENCES.txt"
 cp release/Containerfile release/80-rid-daq.rules release/rid-daq-limits.conf "$out"
 (cd "$out" && sha256sum -- * >"$work/SHA256SUMS" && mv "$work/SHA256SUMS" .)

@@ -1,12 +1,15 @@
-"""Licences of all packages that are installed with rid-daq.
+"""Licences of all packages that are installed with rid-daq, or bundled with it.
 
 `python release/third_party.py` writes `docs/reference/third-party.md`, which
 `tests/test_release.py` checks. `python release/third_party.py FILE` writes the texts of the
-licences to a file.
+licences to a file. `python release/third_party.py FILE.cdx.json` adds the bundled JavaScript to a
+bill of materials of the Python packages.
 """
 
 from __future__ import annotations
 
+import base64
+import json
 import re
 import sys
 import tomllib
@@ -16,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
+BUNDLE = ROOT / "rid_daq" / "workbench" / "bundled"
 PAGE = ROOT / "docs" / "reference" / "third-party.md"
 
 _HEAD = """# What is installed with rid-daq, and under which licence
@@ -26,6 +30,13 @@ versions and hashes (CycloneDX). Made by `python release/third_party.py`.
 
 | package | licence |
 |---|---|
+"""
+_HEAD_OF_BUNDLE = """
+The pages of the workbench contain parts of these JavaScript packages, which the build takes from
+npm ([0070](../decisions/0070-javascript-bundled-at-build-time.md)).
+
+| package | version | licence |
+|---|---|---|
 """
 _LICENCE_FILE = re.compile(r"(?i)^(licen[cs]e|copying|notice|copyright|lgpl)")
 
@@ -65,18 +76,47 @@ def licence(name: str) -> str:
     return ", ".join(classified) or "see its licence file"
 
 
+def bundled() -> list[dict[str, str]]:
+    """Return name, version, licence and hash of the JavaScript packages in the bundle."""
+    manifest = json.loads((BUNDLE / "manifest.json").read_text(encoding="utf-8"))
+    packages: list[dict[str, str]] = manifest["packages"]
+    return packages
+
+
 def page() -> str:
     """Return the page that lists the licences."""
-    return _HEAD + "".join(f"| {name} | {licence(name)} |\n" for name in needed_packages())
+    python = "".join(f"| {name} | {licence(name)} |\n" for name in needed_packages())
+    javascript = "".join(
+        f"| {each['name']} | {each['version']} | {each['licence']} |\n" for each in bundled()
+    )
+    return _HEAD + python + _HEAD_OF_BUNDLE + javascript
 
 
 def texts() -> str:
     """Return the texts of all licences, each with its package's name and version."""
-    return "\n".join(
+    python = "\n".join(
         f"{'=' * 72}\n{name} {metadata.version(name)}: {licence(name)}\n{'=' * 72}\n{text}"
         for name in needed_packages()
         for text in _texts_of(name)
     )
+    return f"{python}\n{(BUNDLE / 'licences.txt').read_text(encoding='utf-8')}"
+
+
+def add_bundle(bill: dict[str, Any]) -> None:
+    """Add the bundled JavaScript packages to the components of a bill of materials (CycloneDX)."""
+    for each in bundled():
+        digest = base64.b64decode(each["integrity"].removeprefix("sha512-")).hex()
+        bill["components"].append(
+            {
+                "type": "library",
+                "bom-ref": f"pkg:npm/{each['name']}@{each['version']}",
+                "name": each["name"],
+                "version": each["version"],
+                "purl": f"pkg:npm/{each['name']}@{each['version']}",
+                "hashes": [{"alg": "SHA-512", "content": digest}],
+                "licenses": [{"license": {"id": each["licence"]}}],
+            }
+        )
 
 
 def _texts_of(name: str) -> Iterator[str]:
@@ -92,7 +132,12 @@ def _texts_of(name: str) -> Iterator[str]:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) > 1:
+    if sys.argv[1:] and sys.argv[1].endswith(".cdx.json"):
+        path = Path(sys.argv[1])
+        complete = json.loads(path.read_text(encoding="utf-8"))
+        add_bundle(complete)
+        path.write_text(json.dumps(complete, indent=2) + "\n", encoding="utf-8")
+    elif sys.argv[1:]:
         Path(sys.argv[1]).write_text(texts(), encoding="utf-8")
     else:
         PAGE.write_text(page(), encoding="utf-8")

@@ -9,7 +9,8 @@ from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import HTMLResponse
 
 from acquisition.runs.manifest import Manifest
-from rid_daq.service.api.runs import REPORT, RESULT, run_folder
+from rid_daq.service.api.run_index import REPORT
+from rid_daq.service.api.runs import RESULT, run_folder
 from rid_daq.service.service import CellService
 from rid_daq.workbench.robot_history import history_of
 from rid_daq.workbench.visit import PageRoute, Visitor

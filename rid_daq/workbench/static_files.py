@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import json
 from collections.abc import Mapping
 from importlib.metadata import version
 from importlib.resources import files
@@ -18,6 +19,7 @@ from typing import Final
 from fastapi import APIRouter, Request
 from starlette.responses import Response
 
+from config.errors import ConfigError
 from rid_daq.service.refusals import UnknownError
 from rid_daq.workbench.compressed import CompressedBody
 
@@ -27,22 +29,50 @@ CACHED: Final = MappingProxyType({"cache-control": "public, max-age=31536000, im
 _KINDS: Final = MappingProxyType(
     {".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
 )
+_BUNDLE: Final = files("rid_daq.workbench").joinpath("bundled")
+"""Third-party modules that the build makes, with their manifest: see `javascript/bundle.py`."""
 _NO_MODULES: Final = ("stop.js", "login.js", "beat.js")
 
 
 @functools.cache
 def static_files() -> Mapping[str, bytes]:
-    """Return the files by name, including files of other packages that pages need."""
+    """Return the files by name, including files of other packages that pages need.
+
+    Raises:
+        ConfigError: The bundle of third-party modules is missing or damaged.
+    """
     own = files("rid_daq.workbench").joinpath("static").iterdir()
     shared = (
         files("rid_daq.live").joinpath("stop.js"),
         files("rid_daq.figures").joinpath("figure.js"),
     )
-    return {
+    ours = {
         file.name: file.read_bytes()
         for file in (*own, *shared)
         if file.name[file.name.rfind(".") :] in _KINDS
     }
+    return ours | _bundled_modules()
+
+
+def _bundled_modules() -> dict[str, bytes]:
+    try:
+        listed = json.loads(_BUNDLE.joinpath("manifest.json").read_bytes())["files"]
+        modules = {name: _BUNDLE.joinpath(name).read_bytes() for name in listed}
+    except OSError as error:
+        raise ConfigError(
+            f"the bundle of JavaScript is not installed ({error}): in a clone, run `uv sync"
+            " --reinstall-package rid-daq`; otherwise install the wheel of the release again",
+            code="RID-INSTALL-BUNDLE",
+        ) from error
+    for name, content in modules.items():
+        if hashlib.sha256(content).hexdigest() != listed[name]:
+            raise ConfigError(
+                f"{_BUNDLE.joinpath(name)} is not the file that the build made: in a clone, run"
+                " `uv sync --reinstall-package rid-daq`; otherwise install the wheel of the"
+                " release again",
+                code="RID-INSTALL-BUNDLE",
+            )
+    return {name: content for name, content in modules.items() if name.endswith(".js")}
 
 
 @functools.cache

@@ -132,7 +132,9 @@ def run(request: ServeRequest, context: Context) -> OperationResult:
     from rid_daq.service.systemd_unit import SystemdUnit
     from rid_daq.web.access import Access
     from rid_daq.workbench.pages import PAGES
+    from rid_daq.workbench.static_files import static_version
 
+    static_version()  # refuse an incomplete installation before anything starts
     access = Access.of_service(request.listen, request.certificate)
     unit = SystemdUnit.of(request.cells, request.folder, request.arguments)
     if request.install:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import itertools
 from http import HTTPStatus
 from pathlib import Path
 from typing import Annotated, Final
@@ -11,13 +12,15 @@ from typing import Annotated, Final
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import FileResponse, Response
 
-from acquisition.runs.catalogue import find_run_below, list_damaged_runs, list_runs
+from acquisition.runs.catalogue import find_run_below
 from acquisition.runs.folder import RunFolder
-from acquisition.runs.manifest import MANIFEST, Manifest
+from acquisition.runs.manifest import MANIFEST
+from acquisition.runs.run_id import RUN_ID
 from config.errors import ConfigError, RecordingError, system_errors
 from config.formats.whole_file import write_new
 from rid_daq.service.api.context import Operator, Service, Who
-from rid_daq.service.folder_files import KINDS, motion_kind, visible_files
+from rid_daq.service.api.run_index import REPORT, RunEntry, entry_of, run_index
+from rid_daq.service.folder_files import KINDS, visible_files
 from rid_daq.service.records import Record
 from rid_daq.service.refusals import UnknownError
 from rid_daq.service.request_check import refuse_bad_file, require_inside
@@ -25,7 +28,7 @@ from rid_daq.service.service import CellService
 
 router = APIRouter(prefix="/api/v1", tags=["runs"])
 
-REPORT, RESULT, MOTION = "report.html", "result.json", "motion.yaml"
+RESULT: Final = "result.json"
 REPORT_HEADERS: Final = {
     "content-security-policy": "sandbox allow-scripts allow-downloads; default-src 'none';"
     " script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:;"
@@ -42,21 +45,6 @@ AXIS_TEST_SUFFIX: Final = ".axes.json"
 
 _SAVED = KINDS | {".urdf", ".sdf", ".c", ".py", ".csv", ".parquet", ".mat", ".mf4"}
 _SAVED |= {".src", ".mod", ".ls", ".script", ".txt", ".pdf", ".html"}
-
-
-class RunEntry(Record):
-    """Summary of a run: its manifest, the kind of its motion, and the problem if it is damaged."""
-
-    id: str
-    label: str
-    kind: str
-    status: str
-    created_utc: str
-    robot: str = ""
-    motion: str = ""
-    has_report: bool = False
-    problem: str = ""
-    files: tuple[str, ...] = ()
 
 
 class FolderFile(Record):
@@ -77,34 +65,22 @@ def list_all_runs(
     limit: Annotated[int, Query(ge=1, le=1000)] = 200,
 ) -> list[RunEntry]:
     """Return the runs, newest first; `search` is a part of the id, label or robot's name."""
-    found = [_entry(folder, manifest) for folder, manifest in list_runs(service.runs)]
-    found += [
-        RunEntry(
-            id=folder.run_id,
-            label="",
-            kind="",
-            status="damaged",
-            created_utc="",
-            problem=str(problem),
-        )
-        for folder, problem in list_damaged_runs(service.runs)
-    ]
     words = search.lower()
-    wanted = [
+    wanted = (
         run
-        for run in sorted(found, key=lambda each: each.id, reverse=True)
+        for run in run_index(service.runs).newest_first()
         if words in f"{run.id} {run.label} {run.robot}".lower()
         and status in (None, run.status)
         and kind in (None, run.kind)
-    ]
-    return wanted[:limit]
+    )
+    return list(itertools.islice(wanted, limit))
 
 
 @router.get("/runs/{run}")
 def get_run(run: str, service: Service, who: Who) -> RunEntry:
     """Return a run."""
     folder = run_folder(service, run)
-    return _entry(folder, folder.manifest())
+    return entry_of(folder, folder.manifest())
 
 
 @router.get("/runs/{run}/manifest")
@@ -198,25 +174,15 @@ def run_folder(service: CellService, run: str) -> RunFolder:
     Raises:
         UnknownError: There is no such run.
     """
+    folder = RunFolder(service.runs.resolve() / run, run)
+    if RUN_ID.fullmatch(run) and not folder.path.is_symlink():  # no search through all runs
+        with contextlib.suppress(RecordingError):
+            if folder.manifest().run_id == run:
+                return folder
     try:
         return find_run_below(service.runs, run)
     except ConfigError as error:
         raise UnknownError(str(error), code="RID-RUN-UNKNOWN") from None
-
-
-def _entry(folder: RunFolder, manifest: Manifest) -> RunEntry:
-    robot = manifest.facts.get("robot")
-    return RunEntry(
-        id=manifest.run_id,
-        label=manifest.label,
-        kind=manifest.kind,
-        status=manifest.status,
-        created_utc=manifest.created_utc,
-        robot=robot if isinstance(robot, str) else "",
-        motion=motion_kind(folder.file(MOTION)) if MOTION in manifest.files else "",
-        has_report=folder.file(REPORT).exists(),
-        files=tuple(sorted(manifest.files)),
-    )
 
 
 def _file(folder: RunFolder, name: str, kind: str, *, saved: bool = False) -> Response:

@@ -1,0 +1,139 @@
+"""`RunIndex`: summaries of all runs of a service; a run is read again only after a change."""
+
+from __future__ import annotations
+
+import functools
+import os
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import MANIFEST, Manifest
+from acquisition.runs.run_id import RUN_ID
+from config.errors import RecordingError
+from rid_daq.service.folder_files import motion_kind
+from rid_daq.service.records import Record
+
+REPORT: Final = "report.html"
+MOTION: Final = "motion.yaml"
+DAMAGED: Final = "damaged"
+
+_CHANGING_S: Final = 2.0
+"""A folder that was changed within this time is read at each call: a further change may have the
+same time stamp [s]."""
+
+_Stamp = tuple[int, int]
+
+
+class RunEntry(Record):
+    """Summary of a run: its manifest, the kind of its motion, and the problem if it is damaged."""
+
+    id: str
+    label: str
+    kind: str
+    status: str
+    created_utc: str
+    robot: str = ""
+    motion: str = ""
+    has_report: bool = False
+    problem: str = ""
+    files: tuple[str, ...] = ()
+
+
+class RunIndex:
+    """Summaries of the runs below a folder; several threads may use it.
+
+    A summary is kept as long as the time stamps of the run's folder and manifest are the same.
+
+    Args:
+        root: Folder of the run folders.
+    """
+
+    def __init__(self, root: Path) -> None:
+        self._root = root
+        self._entries: dict[str, tuple[_Stamp, RunEntry | None]] = {}
+        self._lock = threading.Lock()
+
+    def newest_first(self) -> Sequence[RunEntry]:
+        """Return the runs, newest first; a folder with another run's manifest is left out."""
+        root = self._root.resolve()
+        with self._lock:
+            present = {name: self._entry_of(root, name) for name in self._run_names()}
+            self._entries = {name: each for name, each in present.items() if each is not None}
+            found = [(name, each[1]) for name, each in self._entries.items()]
+        return [entry for _, entry in sorted(found, reverse=True) if entry is not None]
+
+    def _run_names(self) -> list[str]:
+        try:
+            with os.scandir(self._root) as listed:
+                return [
+                    each.name
+                    for each in listed
+                    if RUN_ID.fullmatch(each.name) and not each.is_symlink()
+                ]
+        except FileNotFoundError:
+            return []
+
+    def _entry_of(self, root: Path, name: str) -> tuple[_Stamp, RunEntry | None] | None:
+        """Return the stamp and summary of a run; None if its folder has just been removed."""
+        try:
+            stamp = _stamp_of(f"{root}/{name}")
+        except OSError:
+            return None
+        known = self._entries.get(name)
+        if known is not None and known[0] == stamp:
+            return known
+        entry = read_entry(RunFolder(root / name, name))
+        is_settled = time.time_ns() - max(stamp) > _CHANGING_S * 1e9
+        return (stamp if is_settled else (0, 0)), entry
+
+
+def read_entry(folder: RunFolder) -> RunEntry | None:
+    """Return the summary of a run; None if the manifest is of another run."""
+    try:
+        manifest = folder.manifest()
+    except RecordingError as error:
+        return RunEntry(
+            id=folder.run_id,
+            label="",
+            kind="",
+            status=DAMAGED,
+            created_utc="",
+            problem=str(error),
+        )
+    return entry_of(folder, manifest) if manifest.run_id == folder.run_id else None
+
+
+def entry_of(folder: RunFolder, manifest: Manifest) -> RunEntry:
+    """Return the summary of a run with a readable manifest."""
+    robot = manifest.facts.get("robot")
+    return RunEntry(
+        id=manifest.run_id,
+        label=manifest.label,
+        kind=sys.intern(manifest.kind),
+        status=sys.intern(manifest.status),
+        created_utc=manifest.created_utc,
+        robot=sys.intern(robot) if isinstance(robot, str) else "",
+        motion=motion_kind(folder.file(MOTION)) if MOTION in manifest.files else "",
+        has_report=folder.file(REPORT).exists(),
+        files=tuple(map(sys.intern, sorted(manifest.files))),
+    )
+
+
+def _stamp_of(folder: str) -> _Stamp:
+    """Return the time stamps of a run's folder and manifest [ns]."""
+    changed_ns = os.stat(folder).st_mtime_ns
+    try:
+        return changed_ns, os.stat(f"{folder}/{MANIFEST}").st_mtime_ns
+    except FileNotFoundError:
+        return changed_ns, 0
+
+
+@functools.lru_cache(8)
+def run_index(root: Path) -> RunIndex:
+    """Return the index of a folder of runs."""
+    return RunIndex(root)

@@ -1,0 +1,132 @@
+"""Third-party JavaScript: pinned by hashes, made by the build, listed with its licence."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import shutil
+import subprocess
+import zipfile
+from pathlib import Path
+
+import pytest
+
+from config.errors import ConfigError
+from rid_daq.workbench import static_files
+from tests.builders.raised_codes import raises_code
+from tests.test_packages import PACKAGES
+
+ROOT = Path(__file__).resolve().parent.parent
+JAVASCRIPT = ROOT / "javascript"
+UV = shutil.which("uv") or str(ROOT / ".uv" / "bin" / "uv")  # like ./environment.sh
+BUNDLE = ROOT / "rid_daq" / "workbench" / "bundled"
+
+
+def test_the_lock_file_pins_each_package_by_a_hash_and_names_no_registry() -> None:
+    locked = json.loads((JAVASCRIPT / "package-lock.json").read_text())["packages"]
+    wanted = json.loads((JAVASCRIPT / "package.json").read_text())["devDependencies"]
+    packages = {place: package for place, package in locked.items() if place}
+    assert len(packages) > 3
+    assert [p for p, each in packages.items() if not each["integrity"].startswith("sha512-")] == []
+    assert [p for p, each in packages.items() if "resolved" in each] == []
+    assert {name: packages[f"node_modules/{name}"]["version"] for name in wanted} == wanted
+
+
+def test_the_bundle_was_made_from_the_present_files() -> None:
+    """If this fails, run `uv sync`."""
+    manifest = json.loads((BUNDLE / "manifest.json").read_text())
+    sources = [p for p in JAVASCRIPT.iterdir() if p.suffix in {".js", ".json", ".py"}]
+    assert manifest["sources"] == {
+        p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in sources
+    }
+    entries = {path.name for path in JAVASCRIPT.glob("*.js")}
+    assert set(manifest["files"]) == {*entries, "licences.txt"}
+    licences = (BUNDLE / "licences.txt").read_text()
+    for package in manifest["packages"]:
+        assert f"\n{package['name']} {package['version']}: {package['licence']}\n" in licences
+
+
+def test_the_modules_evaluate_no_text_and_load_nothing() -> None:
+    """The pages' Content-Security-Policy has neither `unsafe-eval` nor other hosts."""
+    modules = list(BUNDLE.glob("*.js"))
+    assert modules
+    for path in modules:
+        text = path.read_text()
+        assert not re.search(r"\beval\(|new Function\(|\bimport\(|\bfrom\s*\"", text), path
+        assert "export{" in text.replace(" ", "")
+
+
+def test_git_contains_no_bundled_file() -> None:
+    words = ("git", "ls-files", "rid_daq/workbench/bundled", "*/node_modules/*")
+    assert subprocess.run(words, cwd=ROOT, capture_output=True, check=True).stdout == b""
+
+
+@pytest.mark.parametrize("damage", ["deleted", "changed"])
+def test_a_damaged_bundle_is_refused(
+    damage: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    copied = tmp_path / "bundled"
+    shutil.copytree(BUNDLE, copied)
+    monkeypatch.setattr(static_files, "_BUNDLE", copied)
+    assert "lit.js" in static_files.static_files.__wrapped__()
+    if damage == "deleted":
+        (copied / "lit.js").unlink()
+    else:
+        (copied / "lit.js").write_text("export {}")
+    with raises_code(ConfigError, "RID-INSTALL-BUNDLE", "lit.js"):
+        static_files.static_files.__wrapped__()
+
+
+@pytest.fixture(scope="module")
+def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a copy of the files from which a release is built, without a bundle."""
+    copy = tmp_path_factory.mktemp("project")
+    words = ("git", "ls-files", "pyproject.toml", "README.md", "LICENSE", "javascript", *PACKAGES)
+    listed = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    for name in listed.splitlines():
+        (copy / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copy(ROOT / name, copy / name)
+    return copy
+
+
+def build(
+    project: Path, *words: str | Path, registry: str = ""
+) -> subprocess.CompletedProcess[str]:
+    """Run `uv build` with an empty npm cache, optionally with another npm registry."""
+    environment = {**os.environ, "npm_config_cache": str(project / ".npm")}
+    if registry:
+        environment["npm_config_registry"] = registry
+    return subprocess.run(
+        [UV, "build", "--out-dir", project / "dist", *words],
+        cwd=project,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+NO_REGISTRY = "http://127.0.0.1:9"
+"""Port 9 (discard) refuses connections."""
+
+
+@pytest.mark.slow
+def test_a_build_needs_the_registry_once_and_gives_the_same_bytes(project: Path) -> None:
+    refused = build(project, "--sdist", registry=NO_REGISTRY)
+    assert refused.returncode
+    assert "npm_config_registry" in refused.stderr
+    assert "wheel of a release" in refused.stderr
+    assert not list(project.glob("dist/*.gz"))
+    assert build(project, "--sdist").returncode == 0
+    (source,) = project.glob("dist/*.tar.gz")
+    built = build(project, "--wheel", source, registry=NO_REGISTRY)  # the source has the bundle
+    assert built.returncode == 0, built.stderr
+    with zipfile.ZipFile(next(project.glob("dist/*.whl"))) as wheel:
+        packed = {
+            Path(name).name: wheel.read(name)
+            for name in wheel.namelist()
+            if name.startswith("rid_daq/workbench/bundled/")
+        }
+    assert packed == {path.name: path.read_bytes() for path in BUNDLE.iterdir()}
