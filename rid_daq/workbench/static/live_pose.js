@@ -13,9 +13,15 @@ export function followPose(view) {
   let position = null;
   let words = "";
   let receivedAt = -Infinity;
+  let isLive = false;
+
+  // Mark the pose as old once no live values arrive any more.
+  function watch() {
+    if (isLive && (performance.now() - receivedAt >= OLD_MS || !reach.values)) rest();
+  }
 
   function rest() {
-    if (performance.now() - receivedAt < OLD_MS && reach.values) return;
+    isLive = false;
     const source = position === null ? "no pose is known; the picture shows the zero pose" : words;
     view.show({ position, words: `NO LIVE DATA: ${source}.`, kind: "old" });
   }
@@ -34,13 +40,12 @@ export function followPose(view) {
 
   on("samples", (picture) => {
     const values = picture.joints.map((joint) => joint.position);
-    if (values.some((value) => value === null || value === undefined)) return;
+    if (values.length === 0 || values.some((value) => value === null || value === undefined)) return;
     const silent = picture.joints.filter((joint) => joint.answers === false).map((joint) => joint.name);
-    const isLive = picture.age_s !== null && picture.age_s <= OLD_S && !picture.over && silent.length === 0;
+    isLive = picture.age_s !== null && picture.age_s <= OLD_S && !picture.over && silent.length === 0;
     position = values;
     words = `last pose of the motion ${moment(Date.now() / 1000)}`;
     if (!isLive) {
-      receivedAt = Math.min(receivedAt, performance.now() - OLD_MS);
       if (silent.length > 0) words = `no answer from ${silent.join(", ")}`;
       rest();
       return;
@@ -53,8 +58,8 @@ export function followPose(view) {
     receivedAt = -Infinity;
     ask();
   });
-  on("reach", rest);
+  on("reach", watch);
   on("again", ask);
-  setInterval(rest, WATCH_MS);
+  setInterval(watch, WATCH_MS);
   ask();
 }
