@@ -43,7 +43,8 @@ class CheckLine:
     """One line of the preflight: the finding, the requirement, and the remedy if it is red.
 
     `code` is the stable error code of a red line; empty for lines without their own code. A line
-    with a `headline` is shown under this name even if it is not red.
+    with a `headline` is shown under this name even if it is not red. `position` is the measured
+    position in the line of a joint's position [rad or m].
     """
 
     where: str
@@ -55,6 +56,7 @@ class CheckLine:
     of_drive: bool = False
     code: str = ""
     headline: str = ""
+    position: float | None = None
 
 
 def bus_lines(cell: CellConfig) -> list[CheckLine]:

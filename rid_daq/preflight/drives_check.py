@@ -103,6 +103,7 @@ def _position_lines(opened: Cell, robot: RobotDescription) -> list[CheckLine]:
                 f" the right value is {count} if the joint is at its zero position"
                 " now",
                 of_drive=True,
+                position=position,
             )
         )
     return lines

@@ -57,14 +57,24 @@ def known_pose(loaded: LoadedCell, *, binding: bool) -> KnownPose | None:
     Raises:
         RecordingError: The file of the pose cannot be read.
     """
+    last = last_pose(loaded)
+    if last is None:
+        return None
+    return KnownPose(last.position, f"{last.seen_by} ({last.when_utc})", binding)
+
+
+def last_pose(loaded: LoadedCell) -> LastPose | None:
+    """Return the stored pose of a cell's robot; None if there is none for its present joints.
+
+    Raises:
+        RecordingError: The file of the pose cannot be read.
+    """
     path = _pose_file(loaded)
     if not path.exists():
         return None
     last = read_json_file(path, LastPose, LARGEST_FILE_BYTES, _WHAT)
     names = loaded.robot.joint_names
-    if last.joints != names or len(last.position) != len(names):
-        return None
-    return KnownPose(last.position, f"{last.seen_by} ({last.when_utc})", binding)
+    return last if last.joints == names and len(last.position) == len(names) else None
 
 
 def store_pose(loaded: LoadedCell, position: Sequence[float], seen_by: str) -> None:

@@ -16,11 +16,13 @@ from rid_daq.workbench import (
     settings_page,
     static_files,
 )
+from rid_daq.workbench.view import scene_routes
 
 PAGES: Final[tuple[APIRouter, ...]] = (
     login_pages.router,
     static_files.router,
     block_routes.router,
+    scene_routes.router,
     cell_page.router,
     job_pages.router,
     operation_pages.router,

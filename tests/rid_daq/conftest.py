@@ -22,18 +22,27 @@ QUIET = (
 )
 
 
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    """Start Debian's chromium once for each test file.
+def chromium_path() -> str:
+    """Return the path of Debian's chromium; without it, the test is skipped, and fails in CI.
 
-    Without chromium the tests are skipped; in CI they fail. The package chromium-headless-shell is
-    used if it is installed, because it needs half the CPU time. Playwright's event loop runs until
-    the process ends, so the process must not start another event loop.
+    The package chromium-headless-shell is used if it is installed, because it needs half the CPU
+    time.
     """
     chromium = shutil.which("chromium-headless-shell") or shutil.which("chromium")
     if chromium is None and not os.environ.get("CI"):
         pytest.skip("this test needs chromium; on Debian: apt install chromium")
     assert chromium is not None, "this test needs chromium; on Debian: apt install chromium"
+    return chromium
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    """Start Debian's chromium once for each test file.
+
+    Playwright's event loop runs until the process ends, so the process must not start another event
+    loop.
+    """
+    chromium = chromium_path()
     expect.set_options(timeout=PATIENCE_MS)
     with sync_playwright() as driver:
         running = driver.chromium.launch(executable_path=chromium, args=list(QUIET))

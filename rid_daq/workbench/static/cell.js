@@ -2,12 +2,15 @@
 import { duration, element, find } from "./dom.js";
 import { JobPanel } from "./job_panel.js";
 import { showEnd, showJoints, showReturn, showSilence, showTemperatures } from "./joints.js";
+import { followPose } from "./live_pose.js";
 import { loadPreflight } from "./preflight.js";
+import { RobotView } from "./robot_view.js";
 import { runTable } from "./run_table.js";
 import { ask, on, preflightAge, reach } from "./service.js";
 
 const panel = new JobPanel(find("job"), { next, ended });
 let status = null;
+followPose(new RobotView(find("view"), { preview: true }));
 
 const LAST_POSE = "pose since the last run"; // as in rid_daq/preflight/last_pose.py
 

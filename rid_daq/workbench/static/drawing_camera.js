@@ -1,0 +1,134 @@
+// Camera of the 3-D view: it turns about a point; z is up on the screen. Keys, mouse and touch move it.
+import { Box3, PerspectiveCamera, Vector3 } from "./three.js";
+
+export const VIEWS = { "3-D": [-0.86, 0.42], Front: [0, 0.05], Side: [-Math.PI / 2, 0.05], Top: [-Math.PI / 2, 1.5533] };
+const FIELD_DEG = 28;
+const INSIDE = 0.94; // of the picture
+const MOST_ELEVATION = 1.5533; // 89 degrees
+const STEP = Math.PI / 24;
+const ZOOM = 1.2;
+const KEYS = {
+  ArrowLeft: (camera) => camera.turn(-STEP, 0),
+  ArrowRight: (camera) => camera.turn(STEP, 0),
+  ArrowUp: (camera) => camera.turn(0, STEP),
+  ArrowDown: (camera) => camera.turn(0, -STEP),
+  "+": (camera) => camera.zoom(1 / ZOOM),
+  "-": (camera) => camera.zoom(ZOOM),
+  Home: (camera) => camera.look("3-D"),
+};
+
+export class DrawingCamera {
+  // `changed()` is called after every movement of the camera.
+  constructor(canvas, changed) {
+    this.eye = new PerspectiveCamera(FIELD_DEG, 1, 0.02, 100);
+    this.eye.up.set(0, 0, 1);
+    this.target = new Vector3();
+    [this.azimuth, this.elevation] = VIEWS["3-D"];
+    this.box = new Box3(new Vector3(-1, -1, -1), new Vector3(1, 1, 1)); // the visible part
+    this.distance = 5; // from which the box fills the picture
+    this.share = 1; // of this distance
+    this.isMoved = false; // true once the user has zoomed
+    this.changed = changed;
+    this.listen(canvas);
+  }
+
+  // Show a box completely.
+  frame(box) {
+    this.box.copy(box);
+    box.getCenter(this.target);
+    this.fit();
+    this.update();
+  }
+
+  // Find the distance from which all corners of the box are inside the picture.
+  fit() {
+    const high = Math.tan((FIELD_DEG * Math.PI) / 360);
+    const back = this.direction();
+    const right = new Vector3(-Math.sin(this.azimuth), Math.cos(this.azimuth), 0);
+    const up = back.clone().cross(right);
+    const { min, max } = this.box;
+    this.distance = 0;
+    for (const x of [min.x, max.x]) for (const y of [min.y, max.y]) for (const z of [min.z, max.z]) {
+      const corner = new Vector3(x, y, z).sub(this.target);
+      const aside = Math.max(Math.abs(corner.dot(right)) / this.eye.aspect, Math.abs(corner.dot(up)));
+      this.distance = Math.max(this.distance, aside / (INSIDE * high) + corner.dot(back));
+    }
+  }
+
+  // Direction from the target to the eye.
+  direction() {
+    const flat = Math.cos(this.elevation);
+    return new Vector3(flat * Math.cos(this.azimuth), flat * Math.sin(this.azimuth), Math.sin(this.elevation));
+  }
+
+  look(name) {
+    [this.azimuth, this.elevation] = VIEWS[name];
+    [this.share, this.isMoved] = [1, false];
+    this.fit();
+    this.update();
+  }
+
+  turn(left, up) {
+    this.azimuth += left;
+    this.elevation = Math.min(MOST_ELEVATION, Math.max(-MOST_ELEVATION, this.elevation + up));
+    this.update();
+  }
+
+  zoom(factor) {
+    this.share = Math.min(3, Math.max(0.15, this.share * factor));
+    this.isMoved = true;
+    this.update();
+  }
+
+  resize(width, height) {
+    this.eye.aspect = width / height;
+    this.fit();
+    this.update();
+  }
+
+  update() {
+    const distance = this.share * this.distance;
+    this.eye.position.copy(this.target).addScaledVector(this.direction(), distance);
+    [this.eye.near, this.eye.far] = [distance / 100, 20 * distance];
+    this.eye.lookAt(this.target);
+    this.eye.updateProjectionMatrix();
+    this.eye.updateMatrixWorld(true);
+    this.changed();
+  }
+
+  listen(canvas) {
+    const fingers = new Map();
+    const spread = () => {
+      const [one, other] = [...fingers.values()];
+      return Math.hypot(one.x - other.x, one.y - other.y);
+    };
+    const release = (event) => fingers.delete(event.pointerId);
+    canvas.addEventListener("pointerdown", (event) => {
+      if (event.button !== 0) return;
+      canvas.setPointerCapture(event.pointerId);
+      fingers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+    });
+    for (const type of ["pointerup", "pointercancel", "lostpointercapture"]) canvas.addEventListener(type, release);
+    canvas.addEventListener("pointermove", (event) => {
+      const before = fingers.get(event.pointerId);
+      if (!before) return;
+      const wide = fingers.size === 2 ? spread() : null;
+      fingers.set(event.pointerId, { x: event.clientX, y: event.clientY });
+      const scale = Math.PI / canvas.clientHeight;
+      if (wide) this.zoom(wide / Math.max(1, spread()));
+      else if (fingers.size === 1) this.turn(-scale * (event.clientX - before.x), scale * (event.clientY - before.y));
+    });
+    // the wheel scrolls the page, unless the picture has the focus or the gesture is a pinch on a touch pad
+    canvas.addEventListener("wheel", (event) => {
+      if (document.activeElement !== canvas && !event.ctrlKey) return;
+      event.preventDefault();
+      this.zoom(event.deltaY > 0 ? ZOOM : 1 / ZOOM);
+    }, { passive: false });
+    canvas.addEventListener("keydown", (event) => {
+      const action = KEYS[event.key === "=" ? "+" : event.key];
+      if (!action || event.ctrlKey || event.metaKey || event.altKey) return;
+      event.preventDefault();
+      action(this);
+    });
+  }
+}

@@ -1,0 +1,129 @@
+// Marks of the 3-D view: arrows, frames, joint limits. Marks of the kinds in ON_TOP are visible inside a link, too.
+import {
+  BoxGeometry, Color, ConeGeometry, CylinderGeometry, DoubleSide, FrontSide, Group, Matrix4, Mesh, MeshLambertMaterial,
+  RingGeometry, TorusGeometry, Vector3,
+} from "./three.js";
+import { vectorOf } from "./robot_arm.js";
+
+const ON_TOP = ["axis", "chosen", "load", "wrench", "x", "y", "z", "needle", "path"];
+const Y = new Vector3(0, 1, 0);
+const Z = new Vector3(0, 0, 1);
+const FULL_TURN = 2 * Math.PI;
+const SLIDE_WIDTH = 0.12;
+
+// Materials by the name of their colour: `--view-NAME` in the style sheet.
+export class Paints {
+  constructor(section) {
+    this.section = section;
+    this.known = new Map();
+  }
+
+  colour(name) {
+    return getComputedStyle(this.section).getPropertyValue(`--view-${name}`).trim();
+  }
+
+  of(name, opacity = 1) {
+    const key = `${name} ${opacity}`;
+    if (!this.known.has(key)) {
+      const above = ON_TOP.includes(name);
+      const material = new MeshLambertMaterial({
+        color: this.colour(name),
+        emissive: above ? this.colour(name) : "#000000",
+        emissiveIntensity: 0.55,
+        opacity,
+        transparent: opacity < 1 || above,
+        depthTest: !above,
+        side: name === "limit" ? DoubleSide : FrontSide,
+        polygonOffset: name === "ghost",
+        polygonOffsetFactor: 2,
+        polygonOffsetUnits: 8,
+      });
+      this.known.set(key, Object.assign(material, { name }));
+    }
+    return this.known.get(key);
+  }
+
+  // Read all colours again, after a change of the theme.
+  renew() {
+    for (const material of this.known.values()) {
+      const colour = new Color(this.colour(material.name));
+      material.color.copy(colour);
+      if (!material.depthTest) material.emissive.copy(colour);
+    }
+  }
+
+  part(geometry, name, opacity = 1) {
+    const made = new Mesh(geometry, this.of(name, opacity));
+    if (ON_TOP.includes(name)) made.renderOrder = 1;
+    return made;
+  }
+}
+
+// An arrow from the origin of its group; `aim(direction, length)` turns and stretches it.
+export function arrow(paints, name, radius) {
+  const shaft = paints.part(new CylinderGeometry(radius, radius, 1, 10), name);
+  const head = paints.part(new ConeGeometry(2.6 * radius, 7 * radius, 14), name);
+  const group = new Group().add(shaft, head);
+  group.aim = (direction, length) => {
+    group.quaternion.setFromUnitVectors(Y, direction.clone().normalize());
+    shaft.scale.y = Math.max(length - 7 * radius, 1e-4);
+    shaft.position.y = shaft.scale.y / 2;
+    head.position.y = Math.max(length - 3.5 * radius, 3.5 * radius);
+    return group;
+  };
+  return group;
+}
+
+// A curved arrow about z that turns in the positive direction.
+export function turnArrow(paints, name, radius) {
+  const end = 0.75 * FULL_TURN;
+  const head = paints.part(new ConeGeometry(0.22 * radius, 0.5 * radius, 14), name);
+  head.position.set(radius * Math.cos(end), radius * Math.sin(end), 0);
+  head.rotation.z = end;
+  return new Group().add(paints.part(new TorusGeometry(radius, 0.07 * radius, 8, 36, end), name), head);
+}
+
+// Three arrows along x, y and z.
+export function frameArrows(paints, length, radius) {
+  const axes = ["x", "y", "z"].map((name, i) => arrow(paints, name, radius).aim(new Vector3().setComponent(i, 1), length));
+  return new Group().add(...axes);
+}
+
+// Limits of a joint: a sector (or a bar) in the fixed frame, a needle in the frame of the link.
+// `outward` is a direction in the frame of the joint: the needle points there.
+export function limitMarks(paints, joint, outward, size) {
+  const axis = vectorOf(joint.axis);
+  const [low, high] = joint.limits;
+  const needle = paints.part(new BoxGeometry(0.42 * size, 0.06 * size, 0.06 * size), "needle");
+  const dial = new Group();
+  const pointer = new Group().add(needle);
+  const out = perpendicular(outward, axis, size);
+  const frame = new Matrix4().makeBasis(out, axis.clone().cross(out), axis);
+  dial.setRotationFromMatrix(frame);
+  pointer.setRotationFromMatrix(frame);
+  if (joint.kind === "prismatic") {
+    const bar = paints.part(new BoxGeometry(SLIDE_WIDTH * size, SLIDE_WIDTH * size, high - low), "limit", 0.55);
+    bar.position.set(size, 0, (high + low) / 2);
+    dial.add(bar);
+  } else {
+    const sector = Math.min(high - low, FULL_TURN);
+    dial.add(paints.part(new RingGeometry(0.95 * size, 1.1 * size, 56, 1, low, sector), "limit", 0.6));
+  }
+  needle.position.x = 1.02 * size;
+  return { dial, pointer, needle };
+}
+
+// Turn a group, whose z axis is its own, to a direction.
+export const alongAxis = (group, axis) => {
+  group.quaternion.setFromUnitVectors(Z, axis.clone().normalize());
+  return group;
+};
+
+// Return the part of a vector that is perpendicular to an axis, with length 1; any such direction if the part is small.
+function perpendicular(vector, axis, size) {
+  const across = (of) => of.clone().addScaledVector(axis, -of.dot(axis));
+  let found = across(vector);
+  if (found.length() < 0.05 * size) found = across(new Vector3(axis.y, axis.z, axis.x));
+  if (found.length() < 1e-3) found = across(new Vector3(1, 0, 0));
+  return found.normalize();
+}

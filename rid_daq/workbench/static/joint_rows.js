@@ -1,0 +1,62 @@
+// Table of the joints beside the 3-D view: the same pose as text.
+import { element } from "./dom.js";
+
+const DEGREES = 180 / Math.PI;
+const PERIOD_MS = 200; // of updates: the layout of a table takes longer than a person needs to read it
+export const GHOST = { revolute: [2 / DEGREES, "+2°"], prismatic: [0.01, "+10 mm"] };
+
+const scaleOf = (kind) => (kind === "prismatic" ? [1000, "mm"] : [DEGREES, "°"]);
+
+export class JointRows {
+  // `preview(joint)` shows a joint moved in positive direction (null: none); without it, the rows have no buttons.
+  constructor(joints, preview = null) {
+    this.joints = joints;
+    this.cells = joints.map(() => element("td", { class: "number" }, "–"));
+    this.buttons = [];
+    this.position = null;
+    this.timer = null;
+    const rows = joints.map(({ name, kind, limits }, i) => {
+      const [factor, unit] = scaleOf(kind);
+      const [low, high] = limits.map((value) => (factor * value).toFixed(0));
+      const range = element("td", { class: "number soft" }, `${low} to ${high} ${unit}`);
+      const cells = [element("th", { scope: "row" }, name), this.cells[i], range];
+      if (preview) cells.push(element("td", {}, this.button(i, kind, name, preview)));
+      return element("tr", {}, ...cells);
+    });
+    const heads = ["joint", "position", "range", ...(preview ? ["positive direction"] : [])];
+    const head = element("tr", {}, ...heads.map((each) => element("th", { scope: "col" }, each)));
+    this.table = element("table", {}, element("thead", {}, head), element("tbody", {}, ...rows));
+  }
+
+  button(i, kind, name, preview) {
+    const words = GHOST[kind][1];
+    const made = element("button", { type: "button", class: "ghost", "aria-pressed": "false", "aria-label": `Show ${name} ${words}` }, `Show ${words}`);
+    made.addEventListener("click", () => {
+      const isOn = made.getAttribute("aria-pressed") === "false";
+      preview(isOn ? i : null);
+    });
+    this.buttons.push(made);
+    return made;
+  }
+
+  // Mark the joint whose positive direction is shown (null: none).
+  mark(joint) {
+    this.buttons.forEach((each, i) => each.setAttribute("aria-pressed", String(i === joint)));
+  }
+
+  show(position) {
+    this.position = position;
+    this.timer ??= setTimeout(() => {
+      this.timer = null;
+      this.write();
+    }, this.written ? PERIOD_MS : 0);
+  }
+
+  write() {
+    this.written = true;
+    this.joints.forEach(({ kind }, i) => {
+      const [factor, unit] = scaleOf(kind);
+      this.cells[i].textContent = this.position === null ? "unknown" : `${(factor * this.position[i]).toFixed(1)} ${unit}`;
+    });
+  }
+}

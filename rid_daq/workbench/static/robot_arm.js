@@ -1,0 +1,65 @@
+// Arm of the 3-D view: a fixed and a moving group for each joint, and the meshes of the links.
+import { BufferAttribute, BufferGeometry, Group, Matrix4, Mesh, Vector3 } from "./three.js";
+
+export const matrixOf = (rows) => new Matrix4().set(...rows.flat());
+export const vectorOf = (values) => new Vector3(...values);
+
+// Return one geometry for each link. The binary contains positions (float32), then indices (uint32), little-endian.
+export function linkGeometries({ links, vertices, triangles }, binary) {
+  if (binary.byteLength !== 12 * (vertices + triangles))
+    throw new Error(`The robot's shape has ${binary.byteLength} bytes instead of ${12 * (vertices + triangles)}: reload the page.`);
+  const positions = new Float32Array(binary, 0, 3 * vertices);
+  const indices = new Uint32Array(binary, 12 * vertices, 3 * triangles);
+  return links.map(({ first_index: first, index_count: count }) => {
+    const own = indices.subarray(first, first + count);
+    const [least, most] = own.reduce(([low, high], each) => [Math.min(low, each), Math.max(high, each)], [Infinity, -1]);
+    const made = new BufferGeometry();
+    if (count === 0) return made;
+    made.setAttribute("position", new BufferAttribute(positions.slice(3 * least, 3 * (most + 1)), 3));
+    made.setIndex(new BufferAttribute(own.map((each) => each - least), 1));
+    made.computeVertexNormals();
+    return made;
+  });
+}
+
+export class RobotArm {
+  // `material(link)` returns the material of a link; link 0 is the base.
+  constructor(document, geometries, material) {
+    this.joints = document.joints;
+    this.base = new Group();
+    this.fixed = []; // by joint: its frame at position 0
+    this.links = [this.base]; // by link: its frame
+    for (const { origin } of this.joints) {
+      const fixed = new Group().add(new Group());
+      fixed.applyMatrix4(matrixOf(origin));
+      this.links.at(-1).add(fixed);
+      this.fixed.push(fixed);
+      this.links.push(fixed.children[0]);
+    }
+    this.tool = new Group();
+    if (document.tool) this.tool.applyMatrix4(matrixOf(document.tool));
+    this.links.at(-1).add(this.tool);
+    this.meshes = geometries.map((geometry, link) => {
+      const mesh = new Mesh(geometry, material(link));
+      mesh.visible = geometry.index !== null;
+      this.links[link].add(mesh);
+      return mesh;
+    });
+  }
+
+  // Move the joints to the positions [rad or m].
+  set(position) {
+    this.joints.forEach(({ axis, kind }, i) => {
+      const link = this.links[i + 1];
+      if (kind === "prismatic") link.position.set(...axis).multiplyScalar(position[i]);
+      else link.quaternion.setFromAxisAngle(vectorOf(axis), position[i]);
+    });
+    this.base.updateWorldMatrix(true, true);
+  }
+
+  // Distance from the base to the tool with a straight arm [m]; the size of marks depends on it.
+  reach() {
+    const lengths = [...this.fixed, this.tool].map((each) => each.position.length());
+    return Math.max(0.05, lengths.reduce((sum, each) => sum + each, 0));
+  }
+}

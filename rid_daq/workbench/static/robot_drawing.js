@@ -1,0 +1,276 @@
+// Drawing of the robot with three.js: links, joint axes, limits, tool, gravity, plate. It draws only after a change.
+import { Box3, BoxGeometry, BufferGeometry, Color, DirectionalLight, Group, HemisphereLight, Line, LineBasicMaterial, Scene, SphereGeometry, Vector3, WebGLRenderer } from "./three.js";
+import { DrawingCamera } from "./drawing_camera.js";
+import { DrawingLabels } from "./drawing_labels.js";
+import { Paints, alongAxis, arrow, frameArrows, limitMarks, turnArrow } from "./drawing_marks.js";
+import { RobotArm, linkGeometries, matrixOf, vectorOf } from "./robot_arm.js";
+
+const DOWN = new Vector3(0, 0, -1);
+const NEAR_LIMIT = 0.03; // of the range
+const HARDLY_MOVED = 1e-3; // of the reach
+const LAYERS = ["axes", "limits", "frames", "gravity", "plate", "payload", "path"];
+
+export class RobotDrawing {
+  // `lost(isLost)` is called if the browser stops the drawing, and when it returns.
+  constructor({ section, canvas, labels, isSoftware, lost }) {
+    this.canvas = canvas;
+    this.paints = new Paints(section);
+    this.labels = new DrawingLabels(labels);
+    this.renderer = new WebGLRenderer({ canvas, antialias: !isSoftware });
+    this.renderer.setPixelRatio(isSoftware ? 1 : Math.min(devicePixelRatio, 2));
+    this.stage = new Scene();
+    this.hidden = new Set();
+    this.frames = 0; // number of drawn pictures
+    this.isWaiting = false;
+    this.camera = new DrawingCamera(canvas, () => this.draw());
+    const sun = new DirectionalLight("#ffffff", 1.5);
+    sun.position.set(0.5, 0.8, 1);
+    this.camera.eye.add(sun);
+    this.stage.add(this.camera.eye, new HemisphereLight("#ffffff", "#8f9aa5", 2.1));
+    new ResizeObserver(() => this.resize()).observe(canvas);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.repaint());
+    canvas.addEventListener("webglcontextlost", () => lost(true));
+    canvas.addEventListener("webglcontextrestored", () => {
+      lost(false);
+      this.draw();
+    });
+    this.resize();
+    this.repaint();
+  }
+
+  // Show a robot: the document of its scene, and the binary with the triangles.
+  open(document, binary, position) {
+    this.world?.removeFromParent();
+    this.labels.clear();
+    this.document = document;
+    this.world = new Group(); // base frame, turned so that gravity points down
+    this.world.setRotationFromMatrix(matrixOf([...document.upright.map((row) => [...row, 0]), [0, 0, 0, 1]]));
+    this.stage.add(this.world);
+    const geometries = linkGeometries(document, binary);
+    this.arm = new RobotArm(document, geometries, (link) => this.paints.of(link % 2 ? "link-odd" : "link-even"));
+    this.ghost = new RobotArm(document, geometries, () => this.paints.of("ghost", 0.45));
+    this.world.add(this.arm.base, this.ghost.base);
+    this.world.updateWorldMatrix(true, true);
+    this.layers = Object.fromEntries(LAYERS.map((name) => [name, []]));
+    this.size = 0.11 * this.arm.reach();
+    this.box = null;
+    this.arm.set(position);
+    this.addJoints();
+    this.addFrames();
+    this.addGravity();
+    if (document.payload_centre) this.addPayload(vectorOf(document.payload_centre));
+    this.position = position;
+    this.show(position, null);
+    this.camera.look("3-D");
+  }
+
+  addJoints() {
+    const { arm, paints } = this;
+    this.needles = [];
+    this.turns = [];
+    arm.joints.forEach((joint, i) => {
+      const size = this.size * (1 - (0.5 * i) / arm.joints.length); // the joints of a wrist are close together
+      const axis = vectorOf(joint.axis);
+      const holder = alongAxis(new Group(), axis);
+      holder.add(arrow(paints, "axis", 0.03 * size).aim(new Vector3(0, 0, 1), 1.5 * size));
+      arm.fixed[i].add(holder);
+      this.layers.axes.push(holder);
+      this.labels.add(joint.name, holder, new Vector3(0, 0, 1.75 * size), "axes");
+      const sense = new Group();
+      if (joint.kind === "prismatic") sense.add(arrow(paints, "chosen", 0.07 * size).aim(new Vector3(0, 0, 1), 2.2 * size));
+      else sense.add(turnArrow(paints, "chosen", 0.8 * size));
+      sense.position.z = 0.9 * size;
+      sense.visible = false;
+      holder.add(sense);
+      this.labels.add("+", sense, new Vector3(0, 0, 0.4 * size), "chosen");
+      this.turns.push(sense);
+      const next = (arm.fixed[i + 1] ?? arm.tool).position;
+      const { dial, pointer, needle } = limitMarks(paints, joint, next, size);
+      arm.fixed[i].add(dial);
+      arm.links[i + 1].add(pointer);
+      this.layers.limits.push(dial, pointer);
+      this.needles.push(needle);
+    });
+  }
+
+  addFrames() {
+    const { arm, size, paints, labels } = this;
+    for (const [name, group] of [["base", arm.base], ["tool", arm.tool]]) {
+      const frame = frameArrows(paints, 1.3 * size, 0.045 * size);
+      group.add(frame);
+      this.layers.frames.push(frame);
+      ["X", "Y", "Z"].forEach((axis, i) => labels.add(`${name} ${axis}`, frame, new Vector3().setComponent(i, 1.5 * size), "frames"));
+    }
+    const mounting = paints.part(new BoxGeometry(2.2 * size, 2.2 * size, 0.12 * size), "mounting");
+    // on the other side of the base than the robot
+    mounting.position.z = (this.measure(arm.base).getCenter(new Vector3()).applyMatrix4(this.world.matrixWorld.clone().invert()).z >= 0 ? -0.07 : 0.07) * size;
+    arm.base.add(mounting);
+    if (!this.document.plate) return;
+    const plate = new Group();
+    plate.applyMatrix4(matrixOf(this.document.plate));
+    const frame = frameArrows(paints, 1.8 * size, 0.03 * size);
+    plate.add(paints.part(new BoxGeometry(5 * size, 4 * size, 0.08 * size), "plate", 0.7), frame);
+    arm.base.add(plate);
+    this.layers.plate.push(plate);
+    labels.add("force plate X", plate, new Vector3(2.1 * size, 0, 0), "plate");
+    this.force = arrow(paints, "wrench", 0.07 * size);
+    this.moment = turnArrow(paints, "wrench", 1.1 * size);
+    [this.force.visible, this.moment.visible] = [false, false];
+    arm.base.add(this.force, this.moment);
+    this.layers.plate.push(this.force, this.moment);
+  }
+
+  addGravity() {
+    const { size } = this;
+    const gravity = this.document.gravity ?? null;
+    if (gravity !== null && Math.hypot(...gravity) === 0) return;
+    this.gravity = arrow(this.paints, "gravity", 0.07 * size).aim(DOWN, 2.4 * size);
+    this.gravity.position.set(-2.4 * size, -2.4 * size, this.measure(this.arm.base).min.z + 3.4 * size);
+    this.stage.remove(this.stage.getObjectByName("gravity"));
+    this.stage.add(Object.assign(this.gravity, { name: "gravity" }));
+    this.layers.gravity.push(this.gravity);
+    const words = gravity === null ? "gravity" : `gravity ${Math.hypot(...gravity).toFixed(2)} m/s²`;
+    this.labels.add(words, this.gravity, new Vector3(0, 0, 0.35 * size), "gravity");
+  }
+
+  // Show the centre of gravity of a payload; the place is in the frame of the last link.
+  addPayload(place) {
+    const { size } = this;
+    const ball = this.paints.part(new SphereGeometry(0.25 * size, 20, 14), "load");
+    ball.position.copy(place);
+    this.arm.links.at(-1).add(ball);
+    this.layers.payload.push(ball);
+    this.labels.add("centre of gravity", ball, new Vector3(0, 0, 0.6 * size), "payload");
+  }
+
+  // Show the path of the tool: the positions of the joints, one row for each point.
+  showPath(rows) {
+    for (const old of this.layers.path) old.removeFromParent();
+    const points = rows.map((row) => {
+      this.ghost.set(row);
+      return new Vector3().setFromMatrixPosition(this.ghost.tool.matrixWorld);
+    });
+    for (const row of rows) this.include(row);
+    const line = new Line(new BufferGeometry().setFromPoints(points), new LineBasicMaterial({ color: this.paints.colour("path"), depthTest: false, transparent: true }));
+    line.material.name = "path";
+    this.paints.known.set("path line", line.material);
+    line.renderOrder = 1;
+    this.layers.path = [line];
+    line.visible = !this.hidden.has("path");
+    this.stage.add(line);
+    this.show(this.position, this.target);
+  }
+
+  // Keep a pose inside the picture, in addition to the present one.
+  include(position) {
+    this.ghost.set(position);
+    this.box.union(this.boxOfJoints(this.ghost));
+  }
+
+  // Show a pose, and a second pose as a ghost (null: none).
+  show(position, target) {
+    const { arm, ghost } = this;
+    [this.position, this.target] = [position, target];
+    arm.set(position);
+    ghost.set(target ?? position);
+    const moved = HARDLY_MOVED * arm.reach();
+    ghost.meshes.forEach((mesh, link) => {
+      mesh.visible = target !== null && mesh.geometry.index !== null && differ(mesh.matrixWorld, arm.meshes[link].matrixWorld, moved);
+    });
+    arm.joints.forEach(({ limits: [low, high] }, i) => {
+      const room = Math.min(position[i] - low, high - position[i]) / (high - low);
+      this.needles[i].material = this.paints.of(room < NEAR_LIMIT ? "needle-end" : "needle");
+    });
+    this.keepInside();
+    this.draw();
+  }
+
+  // Show the positive direction of a joint (null: of none).
+  choose(joint) {
+    this.turns.forEach((sense, i) => {
+      sense.visible = i === joint;
+    });
+    this.draw();
+  }
+
+  // Show the force [N] and moment [N m] on the base, in the base frame (null: unknown).
+  showWrench(wrench) {
+    if (!this.force) return;
+    const [force, moment] = wrench ? [vectorOf(wrench.slice(0, 3)), vectorOf(wrench.slice(3))] : [new Vector3(), new Vector3()];
+    this.force.visible = force.length() > 1 && !this.hidden.has("plate");
+    this.moment.visible = moment.length() > 1 && !this.hidden.has("plate");
+    if (force.length() > 1) this.force.aim(force, (1.2 + Math.min(3, force.length() / 500)) * this.size);
+    if (moment.length() > 1) alongAxis(this.moment, moment);
+    this.draw();
+  }
+
+  isLayerUsed(name) {
+    return this.layers[name].length > 0;
+  }
+
+  setLayer(name, isOn) {
+    if (isOn) this.hidden.delete(name);
+    else this.hidden.add(name);
+    for (const each of this.layers[name]) each.visible = isOn;
+    this.draw();
+  }
+
+  // Box of a group and all that is below it, in the upright frame.
+  measure(group) {
+    group.updateWorldMatrix(true, true);
+    return new Box3().setFromObject(group);
+  }
+
+  // Box of the joints and the tool of an arm, with space for its links, in the upright frame.
+  boxOfJoints(arm) {
+    const points = [...arm.links, arm.tool].map((each) => new Vector3().setFromMatrixPosition(each.matrixWorld));
+    return new Box3().setFromPoints(points).expandByScalar(0.7 * this.size);
+  }
+
+  // Enlarge the visible part if the robot leaves it, unless the user has zoomed.
+  keepInside() {
+    if (this.camera.isMoved && this.box) return;
+    const present = this.boxOfJoints(this.arm);
+    const isInside = this.box?.containsBox(present);
+    if (isInside) return;
+    if (!this.box) {
+      this.box = new Box3();
+      for (const mesh of this.arm.meshes) if (mesh.visible) this.box.expandByObject(mesh);
+      if (this.gravity) this.box.expandByObject(this.gravity);
+    }
+    this.box.union(present);
+    this.camera.frame(this.box);
+  }
+
+  resize() {
+    const { clientWidth: width, clientHeight: height } = this.canvas;
+    if (width === 0 || height === 0) return;
+    this.renderer.setSize(width, height, false);
+    this.camera.resize(width, height);
+  }
+
+  repaint() {
+    this.paints.renew();
+    this.renderer.setClearColor(new Color(this.paints.colour("ground")));
+    this.draw();
+  }
+
+  // Draw with the next frame of the screen; at most one drawing waits.
+  draw() {
+    if (this.isWaiting || !this.renderer) return;
+    this.isWaiting = true;
+    requestAnimationFrame(() => {
+      this.isWaiting = false;
+      if (!this.world || this.renderer.getContext().isContextLost()) return;
+      this.renderer.render(this.stage, this.camera.eye);
+      this.frames += 1;
+      const { clientWidth: width, clientHeight: height } = this.canvas;
+      this.labels.arrange(this.camera.eye, width, height, (layer) => !this.hidden.has(layer));
+    });
+  }
+}
+
+// True if two transforms move a point of a link by more than `limit`.
+function differ(one, other, limit) {
+  return one.elements.some((value, i) => Math.abs(value - other.elements[i]) > limit);
+}

@@ -1,0 +1,157 @@
+// The 3-D view of a page: picture of the robot, its controls, and the joint table with the same values.
+import { element } from "./dom.js";
+import { GHOST, JointRows } from "./joint_rows.js";
+import { CELL } from "./service.js";
+import { request } from "./requests.js";
+
+const PATIENCE_MS = 30000;
+const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;
+const SHAPES = {
+  meshes: "MESHES: shape of the robot's CAD files",
+  bodies: "BODIES: shape of the robot file's collision bodies",
+  schematic: "SCHEMATIC: only axes and lengths are true",
+};
+const LAYERS = {
+  axes: "Joint axes", limits: "Limits", frames: "Base and tool frame", gravity: "Gravity", plate: "Force plate",
+  payload: "Centre of gravity", path: "Tool path",
+};
+const HELP = "3-D picture of the robot. Drag or use the arrow keys to turn it, + and - to zoom, Home to reset. The table shows the same pose.";
+
+export class RobotView {
+  // Show the robot of this page's cell in a section once the section is visible.
+  // `preview`: the rows of the table can show the positive directions. `hidden`: layers that are off at first.
+  // `payload`: address parameter for a payload whose centre of gravity is shown.
+  constructor(section, { preview = false, hidden = [], query = {} } = {}) {
+    this.section = section;
+    this.canPreview = preview;
+    this.hidden = hidden;
+    this.query = query;
+    this.pose = { position: null, target: null };
+    this.preview = null;
+    this.state = element("p", { class: "view-state", role: "status" });
+    this.shape = element("p", { class: "view-shape" });
+    this.canvas = element("canvas", { tabindex: "0", role: "img", "aria-label": HELP });
+    this.labels = element("div", { class: "view-labels", "aria-hidden": "true" });
+    this.problem = element("p", { class: "view-problem", hidden: true });
+    this.tools = element("div", { class: "view-tools tools" });
+    this.table = element("div", { class: "scroll", tabindex: "0", role: "group", "aria-label": "pose of the joints" });
+    const picture = element("div", { class: "view-picture" }, this.canvas, this.labels, this.problem);
+    const stage = element("div", { class: "view-stage" }, this.state, picture, this.shape, this.tools);
+    section.append(element("div", { class: "view-parts" }, stage, this.table));
+    section.robotView = this;
+    this.say("NO LIVE DATA", "old");
+    const seen = new IntersectionObserver((found) => {
+      if (!found.some((each) => each.isIntersecting)) return;
+      seen.disconnect();
+      this.load();
+    }, { rootMargin: "25%" });
+    seen.observe(section);
+  }
+
+  // Get the scene and draw it. Without WebGL, the table alone shows the pose.
+  async load() {
+    const software = findRenderer();
+    const wanted = { ...this.query, detail: software === false ? "full" : "small" };
+    try {
+      const document = await request(`/view${CELL}/scene?${new URLSearchParams(wanted)}`, {}, { patienceMs: PATIENCE_MS });
+      if (software === null) this.refuse("This browser cannot draw 3-D pictures (it has no WebGL 2). The table shows the pose.");
+      await this.open(document, software === null ? null : getBinary(document.geometry), software);
+    } catch (error) {
+      this.refuse(`No picture of the robot: ${error.message}`);
+    }
+  }
+
+  // Show the robot of a scene; the binary with its triangles may be a promise, or null without a picture.
+  async open(document, binary, isSoftware = true) {
+    this.document = document;
+    this.shape.textContent = SHAPES[document.shape];
+    this.rows = new JointRows(document.joints, this.canPreview ? (joint) => this.choose(joint) : null);
+    this.table.replaceChildren(this.rows.table);
+    this.rows.show(this.pose.position);
+    if (binary === null) return;
+    const [{ RobotDrawing }, triangles] = await Promise.all([import("./robot_drawing.js"), binary]);
+    const { section, canvas, labels } = this;
+    this.drawing ??= new RobotDrawing({ section, canvas, labels, isSoftware, lost: (isLost) => this.showLoss(isLost) });
+    this.drawing.open(document, triangles, this.position());
+    for (const name of this.hidden) this.drawing.setLayer(name, false);
+    this.refresh();
+    await this.addTools();
+  }
+
+  async addTools() {
+    const { VIEWS } = await import("./drawing_camera.js");
+    const look = (name) => element("button", { type: "button", onclick: () => this.drawing.camera.look(name) }, name);
+    const zoom = (text, words, factor) => element("button", { type: "button", "aria-label": words, onclick: () => this.drawing.camera.zoom(factor) }, text);
+    const shown = Object.keys(LAYERS).filter((name) => this.drawing.isLayerUsed(name)).map((name) => {
+      const box = element("input", { type: "checkbox", checked: !this.drawing.hidden.has(name) });
+      box.addEventListener("change", () => this.drawing.setLayer(name, box.checked));
+      return element("label", { class: "tick" }, box, LAYERS[name]);
+    });
+    const layers = element("details", {}, element("summary", {}, "Shown parts"), element("div", { class: "view-layers" }, ...shown));
+    this.tools.replaceChildren(...Object.keys(VIEWS).map(look), zoom("+", "Zoom in", 1 / 1.2), zoom("−", "Zoom out", 1.2), layers);
+  }
+
+  // Show a pose [rad or m] (null: unknown), a second pose as a ghost, and words about them.
+  // The kind of the words is "live", "old" (no live data) or "planned".
+  show({ position, target = null, wrench = null, words, kind }) {
+    this.pose = { position, target };
+    this.say(words, kind);
+    this.rows?.show(position);
+    this.refresh();
+    this.drawing?.showWrench(wrench);
+  }
+
+  // Show the positive direction of a joint, with a ghost of the robot after a small move (null: of none).
+  choose(joint) {
+    this.preview = joint;
+    this.rows?.mark(joint);
+    this.drawing?.choose(joint);
+    this.refresh();
+  }
+
+  refresh() {
+    const position = this.position();
+    const target = this.preview === null ? this.pose.target : position.map((value, i) => value + (i === this.preview ? GHOST[this.document.joints[i].kind][0] : 0));
+    this.drawing?.show(position, target);
+  }
+
+  // The pose to draw: the known one, or the zero pose (within the limits).
+  position() {
+    const zero = ({ limits: [low, high] }) => Math.min(high, Math.max(low, 0));
+    return this.pose.position ?? this.document?.joints.map(zero) ?? null;
+  }
+
+  say(words, kind) {
+    if (this.state.textContent !== words) this.state.textContent = words;
+    this.state.dataset.kind = kind;
+  }
+
+  refuse(text) {
+    this.problem.textContent = text;
+    this.problem.hidden = text === "";
+    this.canvas.hidden = text !== "";
+    this.labels.hidden = text !== "";
+  }
+
+  showLoss(isLost) {
+    this.problem.textContent = isLost ? "The browser has stopped the 3-D picture. The robot is not affected. The table shows the pose." : "";
+    this.problem.hidden = !isLost;
+    this.labels.hidden = isLost;
+  }
+}
+
+async function getBinary(address) {
+  const answer = await fetch(address, { signal: AbortSignal.timeout(PATIENCE_MS) });
+  if (!answer.ok) throw new Error(`the service refused the robot's shape (status ${answer.status}).`);
+  return answer.arrayBuffer();
+}
+
+// Return true if the processor draws, false if a graphics card does, null if the browser has no WebGL 2.
+function findRenderer() {
+  const context = document.createElement("canvas").getContext("webgl2");
+  if (context === null) return null;
+  const names = context.getExtension("WEBGL_debug_renderer_info");
+  const name = String(context.getParameter(names ? names.UNMASKED_RENDERER_WEBGL : context.RENDERER));
+  context.getExtension("WEBGL_lose_context")?.loseContext();
+  return SOFTWARE.test(name);
+}
