@@ -67,6 +67,14 @@ GROUPS: Final = {
     "plate": Group(
         "Cell", "zero the force plate under the robot", "The force plate under the robot."
     ),
+    "calibrate": Group(
+        "Identify",
+        "calibrate the robot's kinematics from a laser tracker's positions (`calibrate ROBOT`)",
+        "Kinematic calibration: geometry and gear stiffness from measured positions of one point."
+        " `rid-daq calibrate ROBOT POSES` is short for `rid-daq calibrate kinematics ROBOT POSES`.",
+        default="kinematics",
+        metavar="ROBOT",
+    ),
     "payload": Group(
         "Payload",
         "identify the robot's payload (`payload CELL`); load data for its controller",
@@ -147,6 +155,9 @@ CATALOGUE: Final = {
     "import": local("experiment", "Experiment", "import a CSV file or ROS bag into a run folder"),
     "average": local(
         "experiment", "Experiment", "cut a run into periods, reject bad ones, average the rest"
+    ),
+    "calibrate kinematics": Entry(
+        "kinematics", "", "identify geometry and gear stiffness from measured positions"
     ),
     "compare": Entry("identify", "Identify", "compare two estimates of the same robot"),
     "export": Entry("identify", "Identify", "write a model or a recording for other programs"),

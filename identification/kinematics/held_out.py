@@ -1,0 +1,91 @@
+"""`HeldOut`: errors at poses that a fit did not use."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from acquisition.tracker.pose_file import MeasuredPoses
+from config.arrays import FloatArray, freeze
+from config.errors import EstimationError
+from identification.kinematics.arm import PlacedArm
+from identification.kinematics.fit import ArmFit, fit_arm
+from identification.kinematics.parameters import KinematicParameter
+
+FOLDS: Final = 5
+"""Parts into which the poses are divided; each part is predicted from the others."""
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """Measured minus predicted points at poses that the fit did not use.
+
+    Attributes:
+        error_m: Shape (poses, 3).
+        sigma: Shape (poses, 3). Standard deviation that the fit predicts for these errors, noise
+            included [m].
+    """
+
+    error_m: FloatArray
+    sigma: FloatArray
+
+    def __post_init__(self) -> None:
+        freeze(self, EstimationError, (None, 3), "error_m")
+        freeze(self, EstimationError, (len(self.error_m), 3), "sigma")
+
+    @property
+    def distance_m(self) -> FloatArray:
+        """Distance between measured and predicted point, (poses,)."""
+        return np.asarray(np.linalg.norm(self.error_m, axis=1))
+
+    @property
+    def mean_m(self) -> float:
+        """Mean distance."""
+        return float(self.distance_m.mean())
+
+    @property
+    def rms_m(self) -> float:
+        """RMS distance."""
+        return float(np.sqrt(np.mean(self.distance_m**2)))
+
+    @property
+    def max_m(self) -> float:
+        """Largest distance."""
+        return float(self.distance_m.max())
+
+    @property
+    def excess(self) -> float:
+        """RMS of the errors over their predicted standard deviations; about 1 if all is well."""
+        return float(np.sqrt(np.mean((self.error_m / self.sigma) ** 2)))
+
+
+def cross_validate(
+    start: PlacedArm, poses: MeasuredPoses, parameters: Sequence[KinematicParameter]
+) -> HeldOut:
+    """Return the error at each pose of a fit to the other parts of the poses.
+
+    Pose k belongs to part k modulo `FOLDS`, so that a part has loaded and unloaded poses.
+
+    Raises:
+        EstimationError: A fit fails.
+    """
+    error, sigma = np.empty((2, len(poses), 3))
+    part = np.arange(len(poses)) % FOLDS
+    for number in range(FOLDS):
+        out = part == number
+        found = judge(fit_arm(start, poses.keep(~out), parameters), poses.keep(out))
+        error[out], sigma[out] = found.error_m, found.sigma
+    return HeldOut(error, sigma)
+
+
+def judge(fit: ArmFit, poses: MeasuredPoses) -> HeldOut:
+    """Return the errors of a fit at poses that it did not use."""
+    noise = np.ones(len(poses)) if poses.sigma_m is None else poses.sigma_m
+    spread = fit.point_sigma(poses.position, poses.load_kg)
+    return HeldOut(
+        poses.point_m - fit.arm.points(poses.position, poses.load_kg),
+        fit.scale * np.sqrt(spread**2 + noise[:, np.newaxis] ** 2),
+    )

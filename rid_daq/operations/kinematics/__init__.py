@@ -1,0 +1,1 @@
+"""Operations of a kinematic calibration: calibrate a robot, propose poses to measure."""

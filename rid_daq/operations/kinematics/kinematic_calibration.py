@@ -1,0 +1,178 @@
+"""`calibrate_robot`: calibrate a robot from its files, and write the corrected robot file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from acquisition.tracker.pose_file import MeasuredPoses, read_measured_poses
+from config.errors import ConfigError
+from config.formats.whole_file import write_new
+from config.load import load_robot, to_yaml
+from identification.kinematics.calibration import PRECISE, Calibration, calibrate
+from identification.kinematics.corrected import changed_keys, corrected_robot
+from identification.kinematics.held_out import HeldOut
+from rid_daq.operations.kinematics.calibrate_kinematics import CalibrateKinematicsRequest
+from rid_daq.operations.kinematics.gravity_source import read_gravity, stated_point
+from rid_daq.runs.output_file import require_writable
+
+GROSS_EXCESS: Final = 1.5
+"""Ratio of errors to their prediction above which a note warns of effects that the model lacks."""
+
+
+@dataclass(frozen=True)
+class GearStiffness:
+    """Identified stiffness of a gear.
+
+    Attributes:
+        joint: Name of the joint.
+        unit: Unit of the stiffness.
+        stiffness, std: Value and standard deviation.
+        deflection: Largest deflection in the poses [rad or m].
+    """
+
+    joint: str
+    unit: str
+    stiffness: float
+    std: float
+    deflection: float
+
+    @property
+    def is_precise(self) -> bool:
+        """True if the standard deviation is at most 20 % of the value."""
+        return self.std <= PRECISE * self.stiffness
+
+
+@dataclass(frozen=True)
+class CalibratedRobot:
+    """A calibration, and the robot file that was written.
+
+    Attributes:
+        calibration: The calibration.
+        changes: Keys that differ in the corrected robot file, with old and new value; empty if none
+            was written.
+        notes: Assumptions and warnings, one sentence each.
+    """
+
+    calibration: Calibration
+    changes: tuple[tuple[str, str, str], ...]
+    notes: list[str]
+
+    @property
+    def largest_rank(self) -> int:
+        """Number of geometric parameters that one point shows at most."""
+        sliding = self.calibration.fit.arm.chain.prismatic
+        return int(4 * (~sliding).sum() + 2 * sliding.sum() + 3)
+
+    @property
+    def residual_rms_m(self) -> float:
+        """RMS of the fit's residuals per coordinate."""
+        return float(np.sqrt(np.mean(self.calibration.fit.residual_m**2)))
+
+    @property
+    def errors(self) -> tuple[tuple[str, HeldOut], ...]:
+        """Held-out errors before, with calibrated geometry alone, and after the calibration."""
+        found = self.calibration
+        rigid = () if found.rigid is None else (("geometry", found.rigid),)
+        return (("before", found.before), *rigid, ("after", found.after))
+
+    @property
+    def suspicious_rows(self) -> list[int]:
+        """Lines of poses with a conspicuous error."""
+        return self.calibration.poses.rows[self.calibration.suspicious].tolist()
+
+    @property
+    def gears(self) -> tuple[GearStiffness, ...]:
+        """Identified stiffnesses."""
+        found = self.calibration
+        arm, poses = found.fit.arm, found.poses
+        if arm.gravity is None:
+            return ()
+        _, torque = arm.gravity.link_positions(poses.position, poses.load_kg, arm.compliance)
+        deflection = np.abs(torque * arm.compliance).max(axis=0)
+        return tuple(
+            GearStiffness(
+                found.robot.joint_names[each.joint],
+                "N/m" if arm.chain.prismatic[each.joint] else "N m/rad",
+                float(1.0 / arm.compliance[each.joint]),
+                float(sigma / arm.compliance[each.joint] ** 2),
+                float(deflection[each.joint]),
+            )
+            for each, sigma in zip(found.fit.parameters, found.sigmas, strict=True)
+            if each.kind == "compliance"
+        )
+
+
+def calibrate_robot(request: CalibrateKinematicsRequest) -> CalibratedRobot:
+    """Calibrate a robot, and write the corrected robot file if the request names one.
+
+    Raises:
+        ConfigError: A file cannot be read, does not fit the robot, or the output exists already.
+        DataQualityError: The poses do not determine the parameters.
+        EstimationError: The fit fails, or the payload failed its verdict.
+    """
+    if request.output is not None:
+        if request.output.exists():
+            raise ConfigError(
+                f"{request.output}: the file exists already, and a robot file is never replaced:"
+                " give another name",
+                code="RID-OUTPUT-EXISTS",
+            )
+        require_writable(request.output)
+    robot = load_robot(request.robot)
+    poses = read_measured_poses(request.poses, robot)
+    check = None if request.check is None else read_measured_poses(request.check, robot)
+    point = stated_point(robot, request.point)
+    centre = point if request.load_centre is None else np.array(request.load_centre)
+    gravity, notes = read_gravity(robot, request.model, request.payload, request.runs, centre)
+    notes += _left_out_notes(poses, check)
+    found = calibrate(robot, poses, gravity, point, check)
+    notes += _quality_notes(found)
+    changes: tuple[tuple[str, str, str], ...] = ()
+    if request.output is not None and found.improves:
+        corrected = corrected_robot(found, is_tool=request.point is None)
+        comment = (
+            f"Calibrated by `rid-daq calibrate kinematics` from {len(poses)} poses in"
+            f" {request.poses.name}.\nError at held-out poses: mean"
+            f" {1e3 * found.after.mean_m:.3f} mm, largest {1e3 * found.after.max_m:.3f} mm."
+        )
+        write_new(request.output, to_yaml(corrected, comment).encode())
+        changes = changed_keys(robot, corrected)
+    elif request.output is not None:
+        notes.append("no robot file is written, because the calibration does not reduce the errors")
+    return CalibratedRobot(found, changes, notes)
+
+
+def _left_out_notes(poses: MeasuredPoses, check: MeasuredPoses | None) -> list[str]:
+    return [
+        f"{each.name}: {each.left_out} rows are left out, because `valid` is 0"
+        for each in (poses, check)
+        if each is not None and each.left_out
+    ]
+
+
+def _quality_notes(found: Calibration) -> Iterator[str]:
+    """Yield warnings about the poses and about effects that the model lacks."""
+    poses, scale = found.poses, found.fit.scale
+    if poses.sigma_m is not None and scale > GROSS_EXCESS:
+        yield (
+            f"the residuals are {scale:.2g} times the stated errors of the instrument: the arm has"
+            " effects that the model lacks (backlash, bending links), or the stated errors are too"
+            " small; the intervals are widened"
+        )
+    if found.after.excess > GROSS_EXCESS:
+        yield (
+            f"the errors at held-out poses are {found.after.excess:.2g} times those that the fit"
+            " predicts; the intervals are widened"
+        )
+    if found.suspicious.any():
+        rows = ", ".join(map(str, poses.rows[found.suspicious]))
+        yield (
+            f"{poses.name}: the errors in line {rows} are conspicuous: measure these poses again,"
+            " or mark them by 0 in a column `valid`"
+        )
+    if found.fit.arm.gravity is None and poses.load_kg.any():
+        yield "the loads in the poses have no effect, because the gears count as rigid"

@@ -1,0 +1,166 @@
+"""Kinematic calibration of arms that Pinocchio simulates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from config.errors import DataQualityError
+from config.load import load_robot
+from dynamics.geometry.kinematics import Chain, forward
+from identification.kinematics.calibration import Calibration, calibrate, probe_positions
+from identification.kinematics.corrected import changed_keys, corrected_robot
+from tests.builders.raised_codes import raises_code
+from tests.identification.kinematics.conftest import NOISE_M, Experiment
+
+Calibrated = Callable[[str], Calibration]
+ROBOTS = pytest.mark.parametrize(("name", "rank"), [("ir361", 15), ("kr15", 27)])
+
+
+@pytest.fixture(params=["ir361", "kr15"])
+def experiment(
+    request: pytest.FixtureRequest, three_axes: Experiment, six_axes: Experiment
+) -> Experiment:
+    return three_axes if request.param == "ir361" else six_axes
+
+
+@ROBOTS
+def test_the_rank_of_a_revolute_arm_is_4_r_plus_3(
+    calibrated: Calibrated, name: str, rank: int
+) -> None:
+    found = calibrated(name)
+    assert found.rank == rank
+    assert found.rank + len(found.fixed) == 9 + 5 * len(found.robot.joints)
+    assert found.hidden == ("axis1",)  # its axis is vertical
+
+
+def test_points_that_were_not_measured_are_predicted_to_20_micrometres(
+    calibrated: Calibrated, experiment: Experiment
+) -> None:
+    found = calibrated(experiment.arm.robot.name)
+    probes = probe_positions(experiment.arm.robot, 300)[-100:]
+    true = experiment.arm.points(probes, np.zeros(100))
+    error = np.linalg.norm(found.fit.arm.points(probes, np.zeros(100)) - true, axis=1)
+    assert error.mean() < NOISE_M
+    assert found.fit.scale == pytest.approx(NOISE_M, rel=0.2)
+    assert found.after.rms_m == pytest.approx(np.sqrt(3.0) * NOISE_M, rel=0.4)
+    assert found.before.rms_m > 20.0 * found.after.rms_m
+    assert found.rigid is not None
+    assert found.rigid.rms_m > 5.0 * found.after.rms_m
+    assert not found.suspicious.any()
+
+
+def test_intervals_hold_the_true_compliances(
+    calibrated: Calibrated, experiment: Experiment
+) -> None:
+    found = calibrated(experiment.arm.robot.name)
+    for each, value, sigma in zip(found.fit.parameters, found.values, found.sigmas, strict=True):
+        if each.kind == "compliance":
+            true = experiment.arm.compliance[each.joint]
+            assert abs(value - true) < 3.0 * sigma + 0.015 * true  # bodies are 1 % wrong
+
+
+def test_the_corrected_robot_file_predicts_the_points(
+    calibrated: Calibrated, experiment: Experiment
+) -> None:
+    found = calibrated(experiment.arm.robot.name)
+    corrected = corrected_robot(found, is_tool=True)
+    probes = probe_positions(corrected, 20)
+    arm = found.fit.arm
+    links, _ = experiment.gravity.link_positions(
+        probes,
+        np.zeros(20),
+        np.array([1.0 / (joint.stiffness_nm_rad or np.inf) for joint in corrected.joints]),
+    )
+    here = forward(Chain.from_description(corrected), links)
+    np.testing.assert_allclose(
+        here @ arm.rotation.T + arm.origin_m, arm.points(probes, np.zeros(20)), atol=1e-9
+    )
+    keys = [key for key, _, _ in changed_keys(found.robot, corrected)]
+    assert all(key.startswith(("kinematics.calibration", "joints", "tool")) for key in keys)
+
+
+def test_a_standard_table_is_corrected_in_the_modified_convention(
+    calibrated: Calibrated,
+) -> None:
+    found, robot = calibrated("kr15"), load_robot("ur10e")
+    assert robot.kinematics.convention == "standard_dh"
+    chain = Chain.from_description(robot)
+    still = replace(
+        found.fit,
+        arm=replace(found.fit.arm, chain=replace(chain, tool_m=np.array([0.01, 0.02, 0.03]))),
+        parameters=(),
+    )
+    corrected = corrected_robot(replace(found, robot=robot, fit=still), is_tool=False)
+    probes = probe_positions(robot, 20)
+    np.testing.assert_allclose(
+        forward(Chain.from_description(corrected), probes), forward(chain, probes), atol=1e-12
+    )
+
+
+def test_a_separate_check_judges_the_result(three_axes: Experiment) -> None:
+    probes = probe_positions(three_axes.arm.robot, 60)
+    poses = three_axes.measured(probes[:40], np.zeros(40))
+    check = three_axes.measured(probes[40:], np.zeros(20))
+    found = calibrate(three_axes.arm.robot, poses, three_axes.gravity, three_axes.point_m, check)
+    assert found.is_separate_check
+    assert len(found.after.error_m) == 20
+    assert found.after.excess == pytest.approx(1.0, abs=0.3)
+
+
+def test_a_wrong_point_is_listed_and_the_intervals_are_widened(three_axes: Experiment) -> None:
+    poses = three_axes.measured(probe_positions(three_axes.arm.robot, 30), np.zeros(30))
+    points = poses.point_m.copy()
+    points[7] += [0.002, 0.0, 0.0]
+    wrong = replace(poses, point_m=points, sigma_m=np.full(30, NOISE_M))
+    found = calibrate(three_axes.arm.robot, wrong, three_axes.gravity, three_axes.point_m)
+    assert found.suspicious.nonzero()[0].tolist() == [7]
+    assert found.fit.scale > 5.0
+    sound = replace(poses, sigma_m=np.full(30, NOISE_M))
+    other = calibrate(three_axes.arm.robot, sound, three_axes.gravity, three_axes.point_m)
+    assert other.fit.scale == pytest.approx(1.0, abs=0.2)
+    shared = {each.name for each in found.fit.parameters}
+    for each, sigma in zip(other.fit.parameters, other.sigmas, strict=True):
+        if each.name in shared:
+            names = [parameter.name for parameter in found.fit.parameters]
+            assert found.sigmas[names.index(each.name)] > 5.0 * sigma
+
+
+def test_rigid_gears_are_calibrated_without_gravity(three_axes: Experiment) -> None:
+    poses = three_axes.measured(probe_positions(three_axes.arm.robot, 30), np.zeros(30))
+    found = calibrate(three_axes.arm.robot, poses, None, three_axes.point_m)
+    assert found.rank == 15
+    assert found.rigid is None
+    assert found.hidden == found.robot.joint_names
+    assert found.improves
+
+
+@pytest.mark.parametrize("count", [4, 8])
+def test_too_few_poses_are_refused(three_axes: Experiment, count: int) -> None:
+    with raises_code(DataQualityError, "RID-KINEMATICS-FEW", str(count)):
+        three_axes.calibration(count)
+
+
+def test_poses_that_do_not_move_a_joint_are_refused(three_axes: Experiment) -> None:
+    probes = probe_positions(three_axes.arm.robot, 30)
+    probes[:, 2] = 0.3
+    poses = three_axes.measured(probes, np.zeros(30))
+    with raises_code(DataQualityError, "RID-KINEMATICS-POSES", "axis3"):
+        calibrate(three_axes.arm.robot, poses, three_axes.gravity, three_axes.point_m)
+
+
+def test_poses_in_a_corner_are_refused(three_axes: Experiment) -> None:
+    probes = 0.1 * probe_positions(three_axes.arm.robot, 30)
+    poses = three_axes.measured(probes, np.zeros(30))
+    with raises_code(DataQualityError, "RID-KINEMATICS-POSES"):
+        calibrate(three_axes.arm.robot, poses, three_axes.gravity, three_axes.point_m)
+
+
+def test_points_in_another_order_are_refused(three_axes: Experiment) -> None:
+    poses = three_axes.measured(probe_positions(three_axes.arm.robot, 30), np.zeros(30))
+    mixed = replace(poses, point_m=poses.point_m[::-1])
+    with raises_code(DataQualityError, "RID-KINEMATICS-POSES", "poses.csv"):
+        calibrate(three_axes.arm.robot, mixed, three_axes.gravity, three_axes.point_m)

@@ -1,0 +1,111 @@
+"""`rid-daq calibrate`: a robot file is corrected from measured points; nothing is replaced."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.measured_arm import FRAME, MeasuredArm
+from config.load import load_cell, load_robot, to_yaml
+from dynamics.geometry.kinematics import Chain, forward
+from identification.estimation.file import write_estimate
+from identification.kinematics.calibration import probe_positions
+from rid_daq.app import run
+from tests.builders.known_model import known
+from tests.builders.told import document
+
+NOISE_M = 2e-5
+
+
+@pytest.fixture(scope="module")
+def arm() -> MeasuredArm:
+    return MeasuredArm.of(load_robot("ir361"), np.array([0.765, 0.0, 0.0]), (5e4, 6e4, 2e4), 2)
+
+
+@pytest.fixture(scope="module")
+def folder(arm: MeasuredArm, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with the nominal robot, the measured poses and further poses."""
+    folder = tmp_path_factory.mktemp("calibrate")
+    (folder / "robot.yaml").write_text(to_yaml(arm.robot))
+    probes = probe_positions(arm.robot, 60)
+    noise = NOISE_M * np.random.default_rng(7).normal(size=(60, 3))
+    loads = np.where(np.arange(60) % 2, 8.0, 0.0)
+    rows = np.column_stack([probes, 1e3 * (arm.points(probes, loads) + noise), loads])
+    header = "axis1,axis2,axis3,x_mm,y_mm,z_mm,load_kg"
+    for name, part in (("poses.csv", rows[:40]), ("check.csv", rows[40:])):
+        lines = [",".join(f"{value:.6f}" for value in row) for row in part]
+        (folder / name).write_text("\n".join((header, *lines, "")))
+    return folder
+
+
+def words(folder: Path, *more: object) -> list[str]:
+    return ["calibrate", str(folder / "robot.yaml"), str(folder / "poses.csv"), *map(str, more)]
+
+
+def test_the_corrected_robot_file_predicts_measured_points(
+    arm: MeasuredArm, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    output = folder / "calibrated.yaml"
+    assert run(words(folder, "--check", folder / "check.csv", "-o", output, "--json")) == 0
+    told = document(capsys)
+    assert told["rank"] == told["largest_rank"] == 15
+    assert told["stiffness_not_shown"] == ["axis1"]
+    assert told["errors"]["before"]["mean_m"] > 1e-3
+    assert told["errors"]["after"]["mean_m"] < 3.0 * NOISE_M
+    assert told["errors"]["geometry"]["mean_m"] > 3.0 * told["errors"]["after"]["mean_m"]
+    stiffness = {each["joint"]: each for each in told["stiffness"]}
+    for joint, true in zip(("axis2", "axis3"), 1.0 / arm.compliance[1:], strict=True):
+        assert stiffness[joint]["stiffness"] == pytest.approx(true, rel=0.03)
+        assert stiffness[joint]["is_precise"]
+    corrected = load_robot(str(output))
+    assert corrected.joints[1].stiffness_nm_rad == stiffness["axis2"]["stiffness"]
+    changed = {each["key"] for each in told["changes"]}
+    assert {"kinematics.calibration.1.theta_rad", "joints.1.stiffness_nm_rad"} < changed
+    # The geometry alone, without the deflection: unloaded poses near the vertical bend little.
+    pose = np.array([[0.4, 0.02, 1.5]])
+    tool = {each["name"]: each["value"] for each in told["parameters"]}
+    place = np.array([tool[f"base {axis}"] for axis in "xyz"])
+    assert np.linalg.norm(place - FRAME.translation) < 3e-3
+    measured = FRAME.inverse().act(arm.points(pose, np.zeros(1))[0])
+    assert np.linalg.norm(forward(Chain.from_description(corrected), pose)[0] - measured) < 6e-3
+
+
+def test_a_robot_file_is_never_replaced(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = (folder / "robot.yaml").read_bytes()
+    assert run(words(folder, "-o", folder / "robot.yaml", "--json")) == 2
+    assert document(capsys)["error"]["code"] == "RID-OUTPUT-EXISTS"
+    assert (folder / "robot.yaml").read_bytes() == before
+
+
+def test_people_read_the_identifiable_set_and_the_errors(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(words(folder)) == 0
+    text = capsys.readouterr().out
+    for part in ("15 of at most 15", "axis3 theta", "axis2 beta", "N m/rad", "axis1"):
+        assert part in text
+
+
+def test_a_robot_without_drawing_data_needs_a_model_for_its_gears(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    poses = str(folder / "poses.csv")
+    assert run(["calibrate", "ir361", poses, "--json"]) == 0
+    told = document(capsys)
+    assert told["stiffness"] == []
+    assert len(told["notes"]) == 2  # rigid gears; loads without effect
+    model = tmp_path / "model.json"
+    write_estimate(model, known(load_cell("ir361"), {}))
+    assert run(["calibrate", "ir361", poses, "--model", str(model), "--json"]) == 0
+    assert [each["joint"] for each in document(capsys)["stiffness"]] == ["axis2", "axis3"]
+
+
+def test_too_few_poses_have_a_code(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    few = tmp_path / "few.csv"
+    few.write_text("\n".join((folder / "poses.csv").read_text().splitlines()[:6]))
+    assert run(["calibrate", str(folder / "robot.yaml"), str(few), "--json"]) == 6
+    assert document(capsys)["error"]["code"] == "RID-KINEMATICS-FEW"
