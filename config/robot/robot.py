@@ -122,8 +122,11 @@ class Joint(ConfigModel):
         armature: Adds the rotor inertia mu^2 I_M at the link side, for a motor whose mounting is
             not known; if it is known, `rotor` is the better model.
         stiffness_nm_rad: Torsional stiffness of gear and bearings at the gear's output [N m/rad;
-            N/m of a prismatic joint]. Encoders at the motors do not measure this deflection;
-            `tracking` estimates it. No model uses it.
+            N/m of a prismatic joint]. Encoders at the motors do not measure this deflection:
+            `stiffness` identifies it, `tracking` estimates the tool's error, and `compensate`
+            corrects it.
+        damping_nm_s: Damping of gear and bearings parallel to the stiffness [N m s/rad; N s/m of a
+            prismatic joint].
         efficiency: Initial value of the gear's efficiency (5.16, 5.17); without it the gear is
             lossless.
     """
@@ -149,6 +152,10 @@ class Joint(ConfigModel):
     stiffness_nm_rad: (
         Annotated[Positive, Plausible(10.0, 1e9, "N m/rad", Plausible(10.0, 1e12, "N/m"))] | None
     ) = None
+    damping_nm_s: (
+        Annotated[NonNegative, Plausible(0.0, 1e6, "N m s/rad", Plausible(0.0, 1e9, "N s/m"))]
+        | None
+    ) = None
     efficiency: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
 
     @model_validator(mode="after")
@@ -167,6 +174,8 @@ class Joint(ConfigModel):
             raise ValueError(
                 "efficiency and the friction term load both model the gear's losses; remove one"
             )
+        if self.damping_nm_s is not None and self.stiffness_nm_rad is None:
+            raise ValueError("damping_nm_s needs an elastic gear; add stiffness_nm_rad")
         if self.armature and self.rotor is not None:
             raise ValueError("armature and rotor both add the rotor's inertia; remove one")
         return self

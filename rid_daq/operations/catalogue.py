@@ -180,6 +180,11 @@ CATALOGUE: Final = {
         "Payload",
         "effect of errors in the robot's known parameters on a payload estimate",
     ),
+    "stiffness": Entry(
+        "identify",
+        "Identify",
+        "identify stiffness and damping of elastic gears, from excitation and multisine runs",
+    ),
     "loop": Entry("path", "Path", "measure the velocity loops of the drives, from a multisine run"),
     "retime": Entry(
         "path", "Path", "compute the fastest timing of a path within the torque limits of a model"

@@ -13,10 +13,10 @@ from rid_daq.report.sections.comparison import ComparisonSection
 from rid_daq.report.sections.curves import CurvesSection
 from rid_daq.report.sections.estimate import EstimateSection
 from rid_daq.report.sections.friction import FrictionSection
+from rid_daq.report.sections.gears import GearsSection
 from rid_daq.report.sections.payload import PayloadSection
-from rid_daq.report.sections.plate import PlateSection
+from rid_daq.report.sections.plate import BaseLoadSection, PlateSection, ReactionSection
 from rid_daq.report.sections.plate_zero import PlateZeroSection
-from rid_daq.report.sections.reaction import BaseLoadSection, ReactionSection
 from rid_daq.report.sections.retiming import RetimingSection
 from rid_daq.report.sections.runs import CellSection, RunSection
 from rid_daq.report.sections.section import Section, Texts
@@ -91,6 +91,7 @@ class Result(Section):
     friction: FrictionSection | None = None
     retiming: RetimingSection | None = None
     velocity_loops: VelocityLoopsSection | None = None
+    gears: GearsSection | None = None
     runs: tuple[RunSection, ...] | None = None
     average: AverageSection | None = None
 

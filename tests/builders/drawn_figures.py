@@ -26,7 +26,7 @@ from rid_daq.report.section_blocks.loop_timing import lateness_plot
 from rid_daq.report.section_blocks.retiming import way_plot
 from rid_daq.report.section_blocks.runs import stop_plot
 from rid_daq.report.section_blocks.tracking import path_plots
-from rid_daq.report.section_blocks.truth import truth_plot
+from rid_daq.report.section_blocks.validation import truth_plot
 from rid_daq.workbench.motion_blocks import limits_plot, tool_plot
 from rid_daq.workbench.robot_history import HistoryEntry, QuantityHistory
 from rid_daq.workbench.run_blocks import warm_up_plot

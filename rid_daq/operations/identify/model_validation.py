@@ -31,7 +31,7 @@ from rid_daq.operations.stated_payload import payload_words, state_payload
 from rid_daq.report.model_file import ModelFile
 from rid_daq.report.sections.curves import CurvesSection, TorqueCurves
 from rid_daq.report.sections.estimate import EstimateSection
-from rid_daq.report.sections.reaction import BaseLoadSection, ReactionSection
+from rid_daq.report.sections.plate import BaseLoadSection, ReactionSection
 from rid_daq.report.sections.runs import ClockSection
 from rid_daq.report.sections.validation import ValidationSection
 from rid_daq.report.sections.verdict import VerdictCheck, VerdictSection

@@ -8,9 +8,13 @@ from identification.regression.fit_grade import Grade
 from rid_daq.blocks.block import AnyBlock, Cells, Heading, Interval, Table, Text, table
 from rid_daq.blocks.formats import unit
 from rid_daq.report.section_blocks.verdict import yes_or_no
-from rid_daq.report.sections.plate import ImprovementSection, PlateSection
+from rid_daq.report.sections.plate import (
+    BaseLoadSection,
+    ImprovementSection,
+    PlateSection,
+    ReactionSection,
+)
 from rid_daq.report.sections.plate_zero import PlateZeroSection
-from rid_daq.report.sections.reaction import BaseLoadSection, ReactionSection
 
 
 def plate_zero_blocks(section: PlateZeroSection) -> Iterator[AnyBlock]:

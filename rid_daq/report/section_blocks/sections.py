@@ -11,6 +11,7 @@ from rid_daq.report.section_blocks.curves import curves_blocks
 from rid_daq.report.section_blocks.estimate import estimate_blocks
 from rid_daq.report.section_blocks.friction import friction_blocks
 from rid_daq.report.section_blocks.friction_choice import friction_choice_blocks
+from rid_daq.report.section_blocks.gears import gear_blocks
 from rid_daq.report.section_blocks.loop_timing import timing_blocks
 from rid_daq.report.section_blocks.payload import payload_blocks
 from rid_daq.report.section_blocks.plate import (
@@ -22,8 +23,7 @@ from rid_daq.report.section_blocks.plate import (
 from rid_daq.report.section_blocks.retiming import retiming_blocks
 from rid_daq.report.section_blocks.runs import runs_blocks
 from rid_daq.report.section_blocks.tracking import tracking_blocks
-from rid_daq.report.section_blocks.truth import truth_blocks
-from rid_daq.report.section_blocks.validation import validation_blocks
+from rid_daq.report.section_blocks.validation import truth_blocks, validation_blocks
 from rid_daq.report.section_blocks.velocity_loops import loop_blocks
 
 BLOCKS_BY_SECTION: Final[dict[str, Callable[[Any], Iterator[AnyBlock]]]] = {
@@ -33,6 +33,7 @@ BLOCKS_BY_SECTION: Final[dict[str, Callable[[Any], Iterator[AnyBlock]]]] = {
     "curves": curves_blocks,
     "estimate": estimate_blocks,
     "friction": friction_blocks,
+    "gears": gear_blocks,
     "payload": payload_blocks,
     "plate": plate_blocks,
     "plate_zero": plate_zero_blocks,

@@ -1,0 +1,219 @@
+"""`estimate_gears`: maximum-likelihood estimate of the stiffness and damping of elastic gears.
+
+Base parameters, motor inertia, stiffness and damping of every joint are fitted together to
+excitation and multisine runs. The standard deviation of a stiffness is the larger of two: the one
+from the residuals, and the one from leaving out one run at a time (jackknife).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Final
+
+import numpy as np
+
+from acquisition.processing.periods import PeriodAverage
+from acquisition.signals.bins import Bins
+from config.arrays import FloatArray
+from config.errors import EstimationError
+from config.robot.robot import RobotDescription
+from identification.elasticity.elastic_arm import ElasticArm
+from identification.elasticity.elastic_problem import ElasticProblem, multisine_torque
+from identification.elasticity.elastic_runs import ExcitationBins, MultisineBins
+from identification.elasticity.first_stiffness import first_gears
+from identification.elasticity.levenberg_marquardt import Minimum, minimise
+from identification.elasticity.link_motion import Gears, solve_links
+
+SHARE_OF_RESONANCE: Final = 0.5
+"""Band of the excitation runs over the lowest resonance of a link on a locked motor."""
+ROUNDS: Final = 3
+ITERATIONS: Final = 15
+MODEL_ERROR: Final = 0.01
+"""Lowest relative standard deviation: the error of the model's structure in simulations."""
+LARGEST_SIGMA: Final = 0.2
+LEAST_BEND_RAD: Final = 2e-5
+LARGEST_RESIDUAL: Final = 0.3
+FEWEST_RUNS: Final = 3
+STEPS: Final = {"stiffness": 1e-4, "loss": 1e-2, "rotor": 1e-4, "body": 1e-3, "delay": 1e-2}
+
+
+@dataclass(frozen=True, eq=False)
+class GearEstimate:
+    """Stiffness and damping of the gears, with intervals.
+
+    Attributes:
+        joint_names: Base to flange.
+        gears: The fitted parameters.
+        relative_sigma: Shape (n,). Standard deviation of each stiffness over its value.
+        damping_sigma: Shape (n,). Standard deviation of each damping.
+        bend_rad: Shape (n,). Largest deflection that changes during an excitation run [rad or m].
+        residual_share: Shape (n,). RMS of the torque's residual over RMS of the torque, on the
+            lines of the multisines.
+        responses: Measured and predicted frequency response of each axis.
+        has_plate: True if a force plate was used.
+    """
+
+    joint_names: tuple[str, ...]
+    gears: Gears
+    relative_sigma: FloatArray
+    damping_sigma: FloatArray
+    bend_rad: FloatArray
+    residual_share: FloatArray
+    responses: tuple[GearResponse, ...]
+    has_plate: bool
+
+    @property
+    def reasons(self) -> tuple[str | None, ...]:
+        """For each joint, why the data do not show its stiffness; None if they do."""
+        found: list[str | None] = []
+        for sigma, bend, left in zip(
+            self.relative_sigma, self.bend_rad, self.residual_share, strict=True
+        ):
+            reason = None
+            if left > LARGEST_RESIDUAL:
+                reason = (
+                    f"the model does not explain {100.0 * left:.0f} % of the multisine's torque"
+                    f" (at most {100.0 * LARGEST_RESIDUAL:.0f} %)"
+                )
+            elif sigma > LARGEST_SIGMA:
+                reason = (
+                    f"its standard deviation is {100.0 * sigma:.0f} % (at most"
+                    f" {100.0 * LARGEST_SIGMA:.0f} %)"
+                )
+            elif bend < LEAST_BEND_RAD:
+                reason = f"the gear bends by {1e3 * bend:.2g} mrad only"
+            found.append(reason)
+        return tuple(found)
+
+
+@dataclass(frozen=True, eq=False)
+class GearResponse:
+    """Torque over motor velocity of one axis on its own lines of the multisines.
+
+    Attributes:
+        frequency_hz: Shape (F,). Lines, of all realisations [Hz].
+        measured, predicted: Shape (F,). Torque over velocity without friction [N m s/rad].
+    """
+
+    frequency_hz: FloatArray
+    measured: Bins
+    predicted: Bins
+
+
+def estimate_gears(
+    robot: RobotDescription,
+    averages: Sequence[PeriodAverage],
+    excitations: Sequence[ExcitationBins],
+    multisines: Sequence[MultisineBins],
+    arm: ElasticArm,
+) -> GearEstimate:
+    """Estimate stiffness and damping of all gears.
+
+    Args:
+        robot: The robot, whose friction terms serve for the start of the fit only.
+        averages: Mean periods of the excitation runs, for the start of the fit.
+        excitations, multisines: The same runs and the realisations of the multisines, prepared.
+        arm: Structure with which the runs were prepared.
+
+    Raises:
+        EstimationError: A joint is excited by no multisine, or the runs do not determine the arm.
+    """
+    for j, name in enumerate(robot.joint_names):
+        if not any((run.excited == j).any() for run in multisines):
+            raise EstimationError(
+                f"joint {name} is not excited by any multisine: record a multisine of"
+                " `rid-daq design --kind multisine` that moves it",
+                code="RID-MOTION-UNINFORMATIVE",
+            )
+    start = first_gears(robot, arm, averages, excitations, multisines)
+    inertia = ElasticProblem.of(arm, excitations, multisines, start).inertia
+    resonance_hz = np.sqrt(start.stiffness / inertia) / (2.0 * math.pi)
+    band_hz = SHARE_OF_RESONANCE * float(resonance_hz.min())
+    below = [run.below(band_hz) for run in excitations]
+    problem = ElasticProblem.of(arm, below, multisines, start)
+    x, steps = problem.at_start, _steps(problem)
+    bent: list[Bins | None] = [None] * len(excitations)
+    for turn in range(ROUNDS):
+        found = minimise(
+            partial(problem.residuals, bent=bent),
+            x,
+            steps,
+            ITERATIONS if turn == 0 else ITERATIONS // 2,
+        )
+        x, problem = found.x, problem.reweighted(found.residuals)
+    return _result(problem, found)
+
+
+def _steps(problem: ElasticProblem) -> FloatArray:
+    """Return the steps of the finite differences."""
+    n, b = problem.arm.n, len(problem.arm.base)
+    counts = {"stiffness": n, "loss": n, "rotor": n, "body": b, "delay": problem.delays}
+    return np.concatenate([np.full(count, STEPS[name]) for name, count in counts.items()])
+
+
+def _result(problem: ElasticProblem, found: Minimum) -> GearEstimate:
+    n, gears = problem.arm.n, problem.gears(found.x)
+    covariance = found.covariance
+    variance = np.maximum(np.diagonal(covariance), jackknife_variance(problem, found))
+    relative = np.sqrt(variance[:n])
+    loss = np.sqrt(variance[n : 2 * n]) / np.maximum(np.abs(found.x[n : 2 * n]), 1e-9)
+    bend = np.zeros(n)
+    for run in problem.excitations:
+        _, bent, _ = solve_links(
+            problem.arm, gears, run.theta, run.period_s, run.rows, problem.inertia
+        )
+        moving = np.fft.irfft(bent[: len(run.torque) + 1] * run.rows, n=run.rows, axis=0)
+        bend = np.maximum(bend, 0.5 * np.ptp(moving, axis=0))
+    responses, shares = zip(*(_response(problem, gears, j) for j in range(n)), strict=True)
+    return GearEstimate(
+        problem.arm.robot.joint_names,
+        gears,
+        np.maximum(relative, MODEL_ERROR),
+        np.abs(gears.damping) * np.hypot(loss, np.maximum(relative, MODEL_ERROR)),
+        bend,
+        np.array(shares),
+        responses,
+        problem.delays > 0,
+    )
+
+
+def jackknife_variance(problem: ElasticProblem, found: Minimum) -> FloatArray:
+    """Return the variance of each unknown by leaving out one run at a time (linearised), (p,).
+
+    With fewer than three runs the variance is zero.
+    """
+    size = np.maximum(np.linalg.norm(found.jacobian, axis=0), 1e-300)
+    jacobian = found.jacobian / size
+    whole, count = jacobian.T @ jacobian, len(problem.run_rows)
+    changes = np.zeros(len(found.x))
+    if count < FEWEST_RUNS:
+        return changes
+    for rows in problem.run_rows:
+        own = jacobian[rows]
+        rest = whole - own.T @ own + 1e-12 * np.eye(len(whole))
+        changes += (np.linalg.solve(rest, own.T @ found.residuals[rows]) / size) ** 2
+    return changes * (count - 1) / count
+
+
+def _response(problem: ElasticProblem, gears: Gears, joint: int) -> tuple[GearResponse, float]:
+    """Return the response of an axis on its own lines, and the share of the torque's residual."""
+    lines, measured, predicted, left = [], [], [], []
+    for number, run in enumerate(problem.multisines, start=len(problem.excitations)):
+        own = run.excited == joint
+        whole = run.torque - multisine_torque(run, gears)
+        friction = problem.friction_of(number, joint, whole[:, joint])
+        speed = 2j * np.pi * run.frequency_hz[own] * run.theta[own, joint]
+        torque = run.torque[own, joint] - friction[own]
+        lines.append(run.frequency_hz[own])
+        measured.append(torque / speed)
+        predicted.append((run.torque - whole)[own, joint] / speed)
+        left.append(
+            (np.mean(np.abs(whole[own, joint] - friction[own]) ** 2), np.mean(np.abs(torque) ** 2))
+        )
+    order = np.argsort(np.concatenate(lines), kind="stable")
+    parts = (np.concatenate(each)[order] for each in (lines, measured, predicted))
+    residual, size = np.mean(left, axis=0)
+    return GearResponse(*parts), float(np.sqrt(residual / size))

@@ -1,0 +1,119 @@
+"""`identify_gears`: stiffness and damping of the gears from runs, with a report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from acquisition.motion.kinds.multisine import MultisineMotion
+from acquisition.motion.motion_file import load_motion
+from acquisition.runs.catalogue import find_runs
+from config.errors import ConfigError, DataQualityError
+from identification.elasticity.elastic_arm import ElasticArm
+from identification.elasticity.elastic_runs import excitation_bins, multisine_bins
+from identification.elasticity.gear_estimate import estimate_gears
+from rid_daq.operations.identify.stiffness import StiffnessRequest
+from rid_daq.report.sections.gears import GearsSection
+from rid_daq.report_page.write import write_result
+from rid_daq.runs.run_data import MOTION, RunData, all_defects, result_of
+
+
+@dataclass(frozen=True)
+class IdentifiedGears:
+    """Gears that were identified.
+
+    Attributes:
+        section: Section of the report of the first excitation run.
+        report: Path of the report.
+        notes: Defects of the runs' data.
+        excitations: Ids of the excitation runs.
+    """
+
+    section: GearsSection
+    report: Path
+    notes: list[str]
+    excitations: tuple[str, ...]
+
+
+def identify_gears(request: StiffnessRequest) -> IdentifiedGears:
+    """Identify the gears of a robot and write the report.
+
+    Raises:
+        ConfigError: The runs are of several robots, or a kind of run is missing.
+        DataQualityError: A run lacks rows, periods or the data of its force plate.
+        EstimationError: The runs do not determine the arm, or its wrist is coupled.
+    """
+    data = [
+        RunData.load(folder, unfinished=request.unfinished)
+        for folder in find_runs(request.runs, request.run)
+    ]
+    robot = data[0].robot
+    for other in data[1:]:
+        if other.robot.differences(robot):
+            raise ConfigError(
+                f"run {other.folder.run_id} is of robot {other.robot.name!r} (or of another"
+                f" version of its file), but run {data[0].folder.run_id} is of {robot.name!r}: use"
+                " runs of one robot",
+                code="RID-ROBOT-OTHER",
+            )
+    motions = [(item, _multisine_of(item)) for item in data]
+    multisines = [(item, motion) for item, motion in motions if motion is not None]
+    excitations = [item for item, motion in motions if motion is None]
+    _require_kinds(excitations, [item for item, _ in multisines], request.plate)
+    arm = ElasticArm.of(robot, plate=request.plate)
+    large = [
+        excitation_bins(item.folder.run_id, item.average, plate=request.plate)
+        for item in excitations
+    ]
+    small = [
+        part
+        for item, motion in multisines
+        for part in multisine_bins(item.folder.run_id, item.recording, motion, robot, arm)
+    ]
+    found = estimate_gears(robot, [item.average for item in excitations], large, small, arm)
+    section = GearsSection.of(robot, found, tuple(item.folder.run_id for item in data))
+    notes = all_defects(data)
+    first = excitations[0]
+    result = result_of(first, notes).updated(title=f"Gears of {robot.name}", gears=section)
+    return IdentifiedGears(
+        section,
+        write_result(first.folder, result),
+        notes,
+        tuple(item.folder.run_id for item in excitations),
+    )
+
+
+def _multisine_of(data: RunData) -> MultisineMotion | None:
+    """Return the multisine of a run; None if the run is of another motion."""
+    path = data.folder.file(MOTION)
+    motion = load_motion(path) if path.exists() else None
+    return motion if isinstance(motion, MultisineMotion) else None
+
+
+def _require_kinds(excitations: list[RunData], multisines: list[RunData], plate: bool) -> None:
+    """Refuse runs of which one kind is missing or cannot be used.
+
+    Raises:
+        ConfigError: There is no excitation run, or no multisine run.
+        DataQualityError: A run is not periodic, or lacks the force plate.
+    """
+    if not excitations or not multisines:
+        missing = "a periodic excitation" if multisines else "a multisine"
+        have = "multisines" if multisines else "excitations"
+        raise ConfigError(
+            f"all {len(excitations) + len(multisines)} runs are {have}: the stiffness also needs a"
+            f" run of {missing} (`rid-daq design`)",
+            code="RID-STIFFNESS-RUNS",
+        )
+    for item in excitations:
+        if not item.is_periodic:
+            raise DataQualityError(
+                f"run {item.folder.run_id} is not periodic: use a run of `rid-daq design` with at"
+                " least 2 periods",
+                code="RID-STIFFNESS-RUNS",
+            )
+        if plate and not item.has_plate:
+            raise DataQualityError(
+                f"run {item.folder.run_id} has no data of a force plate: leave --plate out",
+                code="RID-PLATE-MISSING",
+            )

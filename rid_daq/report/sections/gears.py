@@ -1,0 +1,103 @@
+"""`GearsSection`: identified stiffness and damping of the gears."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from config.robot.robot import RobotDescription
+from rid_daq.report.sections.section import Numbers, Section, Texts, joint_units, round_values
+
+if TYPE_CHECKING:
+    from identification.elasticity.gear_estimate import GearEstimate
+
+
+class AxisGear(Section):
+    """Gear of one joint.
+
+    Attributes:
+        joint: Name of the joint.
+        unit, damping_unit: Units of stiffness and damping.
+        stiffness, stiffness_std: Estimate and standard deviation; null if the data do not show it.
+        damping, damping_std: Estimate and standard deviation; null if the data do not show it.
+        bend: Largest deflection that changed in the excitation runs [rad or m]; null if the data do
+            not show the stiffness.
+        reason: Why the data do not show the stiffness; null if they do.
+        residual_percent: RMS of the torque that the model does not explain on the lines of the
+            multisine, relative to the torque [%].
+        frequency_hz: Lines of the multisine on which this joint was excited [Hz].
+        measured, predicted: Magnitude of torque over motor velocity at these lines, friction
+            removed.
+    """
+
+    joint: str
+    unit: str
+    damping_unit: str
+    stiffness: float | None
+    stiffness_std: float | None
+    damping: float | None
+    damping_std: float | None
+    bend: float | None
+    reason: str | None = None
+    residual_percent: float
+    frequency_hz: Numbers
+    measured: Numbers
+    predicted: Numbers
+
+
+class GearsSection(Section):
+    """Identified gears of a robot.
+
+    Attributes:
+        runs: Ids of the runs.
+        has_plate: True if the base wrench of a force plate was used.
+        axes: The gears, base to flange.
+    """
+
+    runs: Texts
+    has_plate: bool
+    axes: tuple[AxisGear, ...]
+
+    @classmethod
+    def of(
+        cls, robot: RobotDescription, found: GearEstimate, runs: tuple[str, ...]
+    ) -> GearsSection:
+        """Return the section of an estimate."""
+        axes = []
+        for j, joint in enumerate(robot.joints):
+            length, force = joint_units(joint)
+            response, reason = found.responses[j], found.reasons[j]
+            gears, sigma = found.gears, float(found.relative_sigma[j])
+            shown = reason is None
+            k = float(gears.stiffness[j])
+            axes.append(
+                AxisGear(
+                    joint=joint.name,
+                    unit=f"{force}/{length}",
+                    damping_unit=f"{force} s/{length}",
+                    stiffness=k if shown else None,
+                    stiffness_std=k * sigma if shown else None,
+                    damping=float(gears.damping[j]) if shown else None,
+                    damping_std=float(found.damping_sigma[j]) if shown else None,
+                    bend=float(found.bend_rad[j]) if shown else None,
+                    reason=reason,
+                    residual_percent=100.0 * float(found.residual_share[j]),
+                    frequency_hz=round_values(response.frequency_hz.tolist()),
+                    measured=round_values(np.abs(response.measured).tolist()),
+                    predicted=round_values(np.abs(response.predicted).tolist()),
+                )
+            )
+        return cls(runs=runs, has_plate=found.has_plate, axes=tuple(axes))
+
+    @property
+    def keys(self) -> dict[str, dict[str, float]]:
+        """Keys of the robot file for each joint whose stiffness the data show, by joint name."""
+        return {
+            axis.joint: {
+                "stiffness_nm_rad": float(f"{axis.stiffness:.4g}"),
+                "damping_nm_s": float(f"{max(0.0, axis.damping or 0.0):.3g}"),
+            }
+            for axis in self.axes
+            if axis.stiffness is not None
+        }
