@@ -12,11 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from config.arrays import FloatArray
-from config.formats.urdf import rotation_of_rpy, rpy_of_rotation
+from config.formats.urdf import rpy_of_rotation
 from config.robot.robot import Joint
-from dynamics.geometry.kinematics import Chain
 from identification.consistency.rigid_body import LinkBody
-from identification.export.model import ExportModel, StraightFriction
+from identification.export.model import ExportModel, StraightFriction, tool_frame
 from identification.export.text import (
     comment_text,
     header_lines,
@@ -127,7 +126,7 @@ def _render(template: str, model: ExportModel) -> str:
         left_out=[comment_text(line) for line in model.omitted_properties(armatures=armatures)],
         mount=None if np.array_equal(model.upright, np.eye(3)) else _Place(upright),
         links=[_link(model, number) for number in range(len(robot.joints))],
-        tool=_Place(_tool(model)),
+        tool=_Place(tool_frame(model)),
         gravity=numbers(model.model.chain.gravity_m_s2),
     )
 
@@ -145,15 +144,3 @@ def _link(model: ExportModel, number: int) -> _Link:
         armature=armature,
         rotor_inertia=armature / joint.gear_ratio**2,
     )
-
-
-def _tool(model: ExportModel) -> FloatArray:
-    chain: Chain = model.model.chain
-    frame = np.eye(4)
-    frame[:3, 3] = chain.tool_m
-    frame[:3, :3] = rotation_of_rpy(*model.robot.tool_rpy_rad)
-    kinematics = model.robot.kinematics
-    if kinematics.convention == "standard_dh":  # the last frame is twisted relative to axis n
-        twist = rotation_of_rpy(kinematics.calibrated_rows[-1].alpha_rad, 0.0, 0.0)
-        frame[:3, :3] = twist @ frame[:3, :3]
-    return frame

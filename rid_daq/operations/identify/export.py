@@ -18,6 +18,7 @@ from rid_daq.terminal.choices import Format
 if TYPE_CHECKING:
     from acquisition.recording.table import RecordingTable
     from identification.consistency.consistency_test import ConsistencyTest
+    from rid_daq.operations.identify.updated_urdf import UpdatedUrdfSection
     from rid_daq.runs.run_data import RunData
 
 
@@ -56,6 +57,19 @@ class ExportRequest(Request):
             endings=(".urdf", ".sdf", ".py", ".c", ".csv", ".json", ".parquet", ".mat", ".mf4"),
         ),
     ]
+    urdf: Annotated[
+        Path | None,
+        Field(
+            description="Your URDF of the robot, with --to urdf: the output is this file with the"
+            " identified inertias and friction; everything else stays byte for byte."
+        ),
+        Option(metavar="FILE", file="input"),
+    ] = None
+    tip: Annotated[
+        str | None,
+        Field(description="Link behind the arm's last joint, if the URDF has several equal arms."),
+        Option(metavar="LINK", needs="urdf"),
+    ] = None
     as_identified: Annotated[
         bool,
         Field(
@@ -84,12 +98,14 @@ class ExportedModel:
         request: The request.
         sentence: Sentence on the distance of the written parameters from the identified ones.
         test: Test of the consistent parameters against the data.
+        urdf: The changes of a user's URDF, if one was updated.
     """
 
     request: ExportRequest
     robot: str
     sentence: str
     test: ConsistencyTest | None
+    urdf: UpdatedUrdfSection | None = None
     exit_code: int = 0
 
     def document(self) -> dict[str, object]:
@@ -103,11 +119,14 @@ class ExportedModel:
             "parameters": "identified" if self.request.as_identified else "consistent",
             "sentence": self.sentence,
             "consistency": None if self.test is None else ConsistencyEntry.of(self.test),
+            "urdf": self.urdf,
         }
 
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield the sentence and the file name."""
         yield Text(text=self.sentence)
+        if self.urdf is not None:
+            yield from self.urdf.blocks()
         yield Verdict(passed=True, text=f"Wrote {self.request.output}")
 
 
@@ -161,6 +180,7 @@ OPERATION: Final = Operation(
     run=run,
     examples=(
         "export model.json --to urdf --output robot.urdf",
+        "export model.json --to urdf --urdf arm.urdf --output identified.urdf",
         "export latest --to parquet --output recording.parquet --overwrite",
     ),
     module="rid_daq.operations.identify.exported_files",
