@@ -235,8 +235,10 @@ def test_a_users_urdf_is_updated(
     )
     links = ModelOptions(rotors=False, friction=False, spring=False).build(estimate.robot)
     values = consistent(estimate).standard_values[: len(links.parameter_names)]
-    expected = torque(links, *motion, values)
-    assert np.abs(wrong - expected).max() > 10.0 * np.abs(tau - expected).max()
+    difference = np.abs(tau - torque(links, *motion, values))
+    # Axis 2 has a spring: how much of the weight it carries follows from the nominal masses.
+    assert difference[:, [0, 2]].max() < 0.05
+    assert np.abs(tau - wrong)[:, [0, 2]].max() > 10.0
     assert run(words) == 2, "an existing file"
     assert run([*words, "--overwrite"]) == 0
 
