@@ -1,6 +1,6 @@
-"""A robot with identified inertias as URDF, SDF and a Python file that builds it in Pinocchio.
+"""A robot with identified inertias as URDF, SDF, MJCF, and as a Python file for Pinocchio.
 
-All three refuse links that are not physically consistent. Friction is approximated by a straight
+All of them refuse links that are not physically consistent. Friction is approximated by a straight
 line. Rotors, spring and other properties that a format cannot represent are listed at the top of
 the file.
 """
@@ -41,6 +41,11 @@ class _Place:
         return numbers(rpy_of_rotation(self.frame[:3, :3]), " ")
 
     @property
+    def xyaxes(self) -> str:
+        """The x axis and the y axis."""
+        return numbers(self.frame[:3, :2].T.ravel(), " ")
+
+    @property
     def rows(self) -> str:
         return nested_tuples(self.frame[:3, :3])
 
@@ -76,6 +81,11 @@ class _Link:
         return {name: float(value) for name, value in elements}
 
     @property
+    def full_inertia(self) -> str:
+        """The inertia in MuJoCo's order: xx, yy, zz, xy, xz, yz."""
+        return numbers(self._upper()[[0, 3, 5, 1, 2, 4]], " ")
+
+    @property
     def inertia_commas(self) -> str:
         return numbers(self._upper())
 
@@ -104,6 +114,15 @@ def sdf(model: ExportModel) -> str:
     return _render("robot.sdf.j2", model)
 
 
+def mjcf(model: ExportModel) -> str:
+    """Return a MuJoCo model (MJCF) with armatures, friction, damping and a motor for each joint.
+
+    Raises:
+        EstimationError: A link is not physically consistent.
+    """
+    return _render("robot.mjcf.j2", model)
+
+
 def pinocchio_model(model: ExportModel) -> str:
     """Return a Python file whose `build_model()` creates the robot in Pinocchio.
 
@@ -118,7 +137,7 @@ def _render(template: str, model: ExportModel) -> str:
     upright = np.eye(4)
     upright[:3, :3] = model.upright
     robot = model.robot
-    armatures = template.startswith("pinocchio")
+    armatures = template.startswith(("pinocchio", "robot.mjcf"))
     return render(
         template,
         name=source_name(robot.name),
@@ -128,6 +147,7 @@ def _render(template: str, model: ExportModel) -> str:
         links=[_link(model, number) for number in range(len(robot.joints))],
         tool=_Place(tool_frame(model)),
         gravity=numbers(model.model.chain.gravity_m_s2),
+        gravity_size=float(np.linalg.norm(model.model.chain.gravity_m_s2)),
     )
 
 

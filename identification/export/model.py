@@ -206,7 +206,11 @@ class ExportModel:
         return plain + inertia * (ratio**2 + 2.0 * ratio * along)
 
     def omitted_properties(self, *, armatures: bool) -> tuple[str, ...]:
-        """Return descriptions of the properties that simple formats cannot represent."""
+        """Return descriptions of the properties that simple formats cannot represent.
+
+        Args:
+            armatures: The format has armatures and gravity.
+        """
         lines: list[str] = []
         for j, joint in enumerate(self.robot.joints):
             lines += self._omitted_of_joint(j, joint, armatures=armatures)
@@ -223,7 +227,7 @@ class ExportModel:
         if self.term(Payload) is not None:
             lines.append("the payload: the last link is that of the robot alone")
         gravity = float(np.linalg.norm(self.model.chain.gravity_m_s2))
-        if abs(gravity - 9.81) > 1e-6:
+        if abs(gravity - 9.81) > 1e-6 and not armatures:
             lines.append(f"gravity: the identification used {gravity:.6g} m/s^2")
         return tuple(lines)
 

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from config.arrays import FloatArray
+from config.arrays import BoolArray, FloatArray
 from config.errors import ConfigError
 from config.formats.urdf import MOVING, UrdfTree
 from config.robot.urdf_chain import UrdfArm, held_positions
@@ -239,7 +239,7 @@ def _fit(
     points: FloatArray,
     axes: FloatArray,
     own: FloatArray,
-    prismatic: FloatArray,
+    prismatic: BoolArray,
     gravity: tuple[FloatArray, FloatArray],
 ) -> FloatArray:
     """Return the rigid motion (4, 4) that takes the model's axes to the URDF's.

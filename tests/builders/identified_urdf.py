@@ -62,7 +62,8 @@ def identified_urdf(data: bytes, tip: str | None = None) -> IdentifiedUrdf:
     torques = rnea(truth, q, v, a) + FRICTION * np.sign(v) + DAMPING * v
     base = base_parameters(options.build(robot))
     columns = base.columns(regressor(options.build(robot), q, v, a))
-    values = np.linalg.lstsq(columns.reshape(-1, len(base)), torques.ravel(), rcond=None)[0]
+    rows = columns.reshape(-1, len(base))
+    values: FloatArray = np.linalg.lstsq(rows, torques.ravel(), rcond=None)[0]
     covariance = np.diag((NOISE * np.abs(values) + 1e-5) ** 2)
     n = len(robot.joints)
     estimate = Estimate(
@@ -102,26 +103,8 @@ def arm_of(data: bytes, joints: tuple[str, ...], held: dict[str, float]) -> pin.
 def rnea(model: pin.Model, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
     """Return the torques of Pinocchio, with armatures and without friction, (samples, joints)."""
     data = model.createData()
-    return np.array(
-        [
-            pin.rnea(model, data, _configuration(model, each), *rest) + model.armature * rest[1]
-            for each, *rest in zip(q, v, a, strict=True)
-        ]
-        if not _adds_armature()
-        else [
-            pin.rnea(model, data, _configuration(model, each), *rest)
-            for each, *rest in zip(q, v, a, strict=True)
-        ]
-    )
-
-
-def _adds_armature() -> bool:
-    """Return True if Pinocchio's `rnea` contains the armature."""
-    model = pin.Model()
-    model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "j")
-    model.armature = np.ones(1)
-    zero = np.zeros(1)
-    return bool(pin.rnea(model, model.createData(), zero, zero, np.ones(1))[0] > 0.5)
+    samples = zip(q, v, a, strict=True)
+    return np.array([pin.rnea(model, data, _configuration(model, q), v, a) for q, v, a in samples])
 
 
 def random_motion(n: int, samples: int = 400) -> tuple[FloatArray, FloatArray, FloatArray]:

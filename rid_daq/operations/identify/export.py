@@ -18,6 +18,7 @@ from rid_daq.terminal.choices import Format
 if TYPE_CHECKING:
     from acquisition.recording.table import RecordingTable
     from identification.consistency.consistency_test import ConsistencyTest
+    from rid_daq.operations.identify.exported_torques import ExportedTorques
     from rid_daq.operations.identify.updated_urdf import UpdatedUrdfSection
     from rid_daq.runs.run_data import RunData
 
@@ -39,8 +40,8 @@ class ExportRequest(Request):
     to: Annotated[
         Format,
         Field(
-            description="File format. For a model: urdf, sdf, pinocchio (robot description with"
-            " inertias); c, python (function of the inverse dynamics); csv, json"
+            description="File format. For a model: urdf, sdf, mjcf, pinocchio (robot description"
+            " with inertias); c, python (function of the inverse dynamics); csv, json"
             " (table of parameters). For a run: csv, parquet, mat, mdf4, with one"
             " column per quantity and joint."
         ),
@@ -54,7 +55,18 @@ class ExportRequest(Request):
             metavar="FILE",
             group=FILES,
             file="output",
-            endings=(".urdf", ".sdf", ".py", ".c", ".csv", ".json", ".parquet", ".mat", ".mf4"),
+            endings=(
+                ".urdf",
+                ".sdf",
+                ".xml",
+                ".py",
+                ".c",
+                ".csv",
+                ".json",
+                ".parquet",
+                ".mat",
+                ".mf4",
+            ),
         ),
     ]
     urdf: Annotated[
@@ -98,6 +110,7 @@ class ExportedModel:
         request: The request.
         sentence: Sentence on the distance of the written parameters from the identified ones.
         test: Test of the consistent parameters against the data.
+        torques: Comparison of the file's torques with the model's; only for robot descriptions.
         urdf: The changes of a user's URDF, if one was updated.
     """
 
@@ -105,6 +118,7 @@ class ExportedModel:
     robot: str
     sentence: str
     test: ConsistencyTest | None
+    torques: tuple[ExportedTorques, ...] = ()
     urdf: UpdatedUrdfSection | None = None
     exit_code: int = 0
 
@@ -119,6 +133,7 @@ class ExportedModel:
             "parameters": "identified" if self.request.as_identified else "consistent",
             "sentence": self.sentence,
             "consistency": None if self.test is None else ConsistencyEntry.of(self.test),
+            "torques": list(self.torques),
             "urdf": self.urdf,
         }
 
@@ -127,6 +142,10 @@ class ExportedModel:
         yield Text(text=self.sentence)
         if self.urdf is not None:
             yield from self.urdf.blocks()
+        if self.torques:
+            from rid_daq.operations.identify.exported_torques import torque_blocks
+
+            yield from torque_blocks(self.torques)
         yield Verdict(passed=True, text=f"Wrote {self.request.output}")
 
 

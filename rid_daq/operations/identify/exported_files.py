@@ -20,7 +20,7 @@ from config.formats.xml_tree import MAX_BYTES
 from identification.consistency.closest_robot import NominalLinks, consistent
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import read_estimate
-from identification.export.description import pinocchio_model, sdf, urdf
+from identification.export.description import mjcf, pinocchio_model, sdf, urdf
 from identification.export.function import c_function, python_function
 from identification.export.model import ExportModel
 from identification.export.table import csv_table, json_table
@@ -28,6 +28,7 @@ from identification.export.urdf_update import UrdfUpdate
 from identification.model.still_joints import refuse_unmoved_joints
 from identification.regression.fit_grade import Grade
 from rid_daq.operations.identify.export import ExportedModel, ExportedRecording, ExportRequest
+from rid_daq.operations.identify.exported_torques import exported_torques
 from rid_daq.operations.identify.updated_urdf import UpdatedUrdfSection
 from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
@@ -46,8 +47,10 @@ FUNCTIONS: Final[dict[Format, Callable[[ExportModel], str]]] = {
 DESCRIPTIONS: Final[dict[Format, Callable[[ExportModel], str]]] = {
     Format.URDF: urdf,
     Format.SDF: sdf,
+    Format.MJCF: mjcf,
     Format.PINOCCHIO: pinocchio_model,
 }
+WITH_ARMATURES: Final = (Format.MJCF, Format.PINOCCHIO)
 NEED_NO_LINKS: Final = (*FUNCTIONS, *TABLES)
 MOST_SIGMAS: Final = 3.0
 
@@ -111,8 +114,12 @@ def export_model(request: ExportRequest) -> ExportedModel:
         text = TABLES[to](estimate, None if as_identified else chosen)
     else:
         text = (FUNCTIONS | DESCRIPTIONS)[to](chosen)
+    torques = ()
+    if to in DESCRIPTIONS:
+        joints = estimate.robot.joint_names
+        torques = exported_torques(estimate, chosen, joints, has_armatures=to in WITH_ARMATURES)
     write_whole(request.output, text.encode())
-    return ExportedModel(request, estimate.robot.name, sentence, chosen.test)
+    return ExportedModel(request, estimate.robot.name, sentence, chosen.test, torques)
 
 
 def exported_parameters(
@@ -177,7 +184,8 @@ def update_urdf(request: ExportRequest, path: Path, estimate: Estimate) -> Expor
     updated = update.with_model(chosen)
     write_whole(request.output, updated.data)
     section = UpdatedUrdfSection.of(estimate, chosen, updated)
-    return ExportedModel(request, estimate.robot.name, sentence, chosen.test, section)
+    torques = exported_torques(estimate, chosen, updated.joint_names, has_armatures=False)
+    return ExportedModel(request, estimate.robot.name, sentence, chosen.test, torques, section)
 
 
 def _require_room(update: UrdfUpdate, estimate: Estimate, chosen: ExportModel) -> None:

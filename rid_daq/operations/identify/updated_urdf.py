@@ -11,11 +11,10 @@ from pydantic import Strict
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.estimation.estimate import Estimate
 from identification.export.model import ExportModel
-from identification.export.torque_gap import TorqueGap
 from identification.export.urdf_update import UpdatedUrdf
 from rid_daq.blocks.block import AnyBlock, Cells, Heading, Interval, Text, note_blocks, table
 from rid_daq.blocks.formats import unit
-from rid_daq.report.sections.section import Section, Texts, joint_units
+from rid_daq.report.sections.section import Section, Texts
 
 ROUNDING: Final = 1e-12
 
@@ -41,29 +40,19 @@ class UpdatedLink(Section):
 
 
 class UpdatedJoint(Section):
-    """Torques of a joint, and its `<dynamics>` if it changed; null for values that are not stated.
+    """A joint with a new `<dynamics>`; null for values that were not stated.
 
     Attributes:
-        name: The joint in the URDF.
-        torque_unit: Unit of the torques and of Coulomb friction.
-        damping_before, damping: Viscous friction before and now.
-        friction_before, friction: Coulomb friction before and now.
-        model_rms: RMS torque of the identified model on random motions within the limits.
-        difference_rms: RMS difference of the torques of the URDF with `armature`.
-        difference_without_armature_rms: RMS difference of the torques of the URDF alone.
-        armature: Inertia of the rotor at the link side, which a URDF cannot express.
+        name: The joint.
+        damping_before, damping: Viscous friction before and now [N m s/rad or N s/m].
+        friction_before, friction: Coulomb friction before and now [N m or N].
     """
 
     name: str
-    torque_unit: str
     damping_before: float | None
-    damping: float | None
+    damping: float
     friction_before: float | None
-    friction: float | None
-    model_rms: float
-    difference_rms: float
-    difference_without_armature_rms: float
-    armature: float
+    friction: float
 
 
 class MeasuredCombination(Section):
@@ -116,7 +105,16 @@ class UpdatedUrdfSection(Section):
         )
         return cls(
             links=links,
-            joints=_joints(estimate, model, updated),
+            joints=tuple(
+                UpdatedJoint(
+                    name=each.name,
+                    damping_before=each.damping_before,
+                    damping=each.damping,
+                    friction_before=each.friction_before,
+                    friction=each.friction,
+                )
+                for each in updated.joints
+            ),
             combinations=_combinations(estimate, model, updated),
             notes=updated.notes,
         )
@@ -156,48 +154,12 @@ class UpdatedUrdfSection(Section):
         yield table(
             self.joints,
             Cells("joint", lambda each: each.name),
-            Cells("damping before", lambda each: each.damping_before, is_optional=True),
+            Cells("damping before", lambda each: each.damping_before),
             Cells("damping", lambda each: each.damping),
-            Cells("friction before", lambda each: each.friction_before, is_optional=True),
+            Cells("friction before", lambda each: each.friction_before),
             Cells("friction", lambda each: each.friction),
-            Cells("armature", lambda each: each.armature),
-            Cells("torque RMS", lambda each: each.model_rms),
-            Cells("difference", lambda each: each.difference_rms),
-            Cells("without armature", lambda each: each.difference_without_armature_rms),
-            Cells("unit", lambda each: unit(each.torque_unit)),
-        )
-        yield Text(
-            text="Damping: in the unit of torque times s/rad or s/m. Difference: RMS difference"
-            " between the torques of the URDF and of the model on random motions within the"
-            " limits, if the simulator adds the armatures, and without them.",
-            is_note=True,
         )
         yield from note_blocks(list(self.notes))
-
-
-def _joints(
-    estimate: Estimate, model: ExportModel, updated: UpdatedUrdf
-) -> tuple[UpdatedJoint, ...]:
-    gap = TorqueGap.of(estimate, model)
-    changed = {joint.name: joint for joint in updated.joints}
-    rows = []
-    for j, (name, joint) in enumerate(zip(updated.joint_names, model.robot.joints, strict=True)):
-        new = changed.get(name)
-        rows.append(
-            UpdatedJoint(
-                name=name,
-                torque_unit=joint_units(joint)[1],
-                damping_before=None if new is None else new.damping_before,
-                damping=None if new is None else new.damping,
-                friction_before=None if new is None else new.friction_before,
-                friction=None if new is None else new.friction,
-                model_rms=float(gap.model_nm[j]),
-                difference_rms=float(gap.with_armature_nm[j]),
-                difference_without_armature_rms=float(gap.without_armature_nm[j]),
-                armature=model.armature(j),
-            )
-        )
-    return tuple(rows)
 
 
 def _combinations(

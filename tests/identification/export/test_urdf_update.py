@@ -139,7 +139,7 @@ def test_urdfdom_reads_the_same_tree(updated: UpdatedUrdf, tmp_path: Path) -> No
     trees = []
     for name, data in (("before", ARM), ("after", updated.data)):
         (tmp_path / name).write_bytes(data)
-        command = ["check_urdf", tmp_path / name]
+        command = ["check_urdf", str(tmp_path / name)]
         judged = subprocess.run(command, capture_output=True, text=True, check=True)
         trees.append(judged.stdout)
     assert trees[0] == trees[1]
