@@ -6,6 +6,7 @@ addresses); size and depth are limited.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from typing import Final
 from xml.parsers import expat
@@ -16,13 +17,17 @@ from config.formats.number import NUMBER_CODE, number_hint, parse_number
 MAX_BYTES: Final = 20_000_000
 MAX_DEPTH: Final = 60
 LARGEST_NUMBER: Final = 1e12
+START_TAG: Final = re.compile(rb"""<(?:[^"'>]|"[^"]*"|'[^']*')*>""")
 
 
 @dataclass(frozen=True)
 class XmlElement:
-    """One element: its tag, attributes, children and first line.
+    """One element: its tag, attributes, children and place in the file.
 
-    `file` is the name of the file in messages.
+    Attributes:
+        file: Name of the file in messages.
+        start: Position of the element's first byte in the file.
+        end: Position after the element's last byte.
     """
 
     tag: str
@@ -31,6 +36,8 @@ class XmlElement:
     file: str
     children: tuple[XmlElement, ...] = ()
     text: str = ""
+    start: int = 0
+    end: int = 0
 
     @property
     def where(self) -> str:
@@ -115,6 +122,7 @@ class _Open:
     tag: str
     attributes: dict[str, str]
     line: int
+    start: int
     children: list[XmlElement] = field(default_factory=list)
     texts: list[str] = field(default_factory=list)
 
@@ -135,7 +143,7 @@ def parse_xml(data: bytes, name: str) -> XmlElement:
         )
     parser = expat.ParserCreate()
     parser.buffer_text = True
-    waiting: list[_Open] = [_Open("", {}, 0)]
+    waiting: list[_Open] = [_Open("", {}, 0, 0)]
 
     def start(tag: str, attributes: dict[str, str]) -> None:
         if len(waiting) > MAX_DEPTH:
@@ -143,10 +151,17 @@ def parse_xml(data: bytes, name: str) -> XmlElement:
                 f"{name}:{parser.CurrentLineNumber}: nested deeper than {MAX_DEPTH}",
                 code="RID-FILE-SIZE",
             )
-        waiting.append(_Open(tag, dict(attributes), parser.CurrentLineNumber))
+        waiting.append(
+            _Open(tag, dict(attributes), parser.CurrentLineNumber, parser.CurrentByteIndex)
+        )
 
     def end(_tag: str) -> None:
         done = waiting.pop()
+        tag = START_TAG.match(data, done.start)
+        if tag is not None and tag.group().endswith(b"/>"):
+            after = tag.end()
+        else:
+            after = data.find(b">", parser.CurrentByteIndex) + 1
         waiting[-1].children.append(
             XmlElement(
                 tag=done.tag,
@@ -155,6 +170,8 @@ def parse_xml(data: bytes, name: str) -> XmlElement:
                 file=name,
                 children=tuple(done.children),
                 text="".join(done.texts).strip(),
+                start=done.start,
+                end=after,
             )
         )
 

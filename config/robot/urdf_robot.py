@@ -81,7 +81,7 @@ def robot_of_urdf(
         end[:3, :3],
     )
     names = _joint_names(tree, arm, notes)
-    carried = _carried_links(tree, arm, notes)
+    carried = carried_links(tree, arm, notes)
     notes += tree.notes
     in_root = tree.placements(tree.root_of(arm.base))[arm.base][:3, :3]
     gravity = in_root.T @ np.array([0.0, 0.0, -GRAVITY_M_S2])
@@ -140,6 +140,37 @@ def robot_of_urdf(
     return UrdfRobot(robot, tuple(notes), comments, motors)
 
 
+def carried_links(tree: UrdfTree, arm: UrdfArm, notes: list[str]) -> list[list[str]]:
+    """Return the URDF's links that move together: with the base, then with each joint.
+
+    Args:
+        tree: The URDF.
+        arm: The arm; the other moving joints are held (`held_positions`).
+        notes: One note for each group of held joints is appended.
+    """
+    number = {joint.child: i + 1 for i, joint in enumerate(arm.joints)}
+    carried: list[list[str]] = [[] for _ in range(len(arm.joints) + 1)]
+    stand = held_positions(tree, arm)
+    held: dict[tuple[int, float], list[str]] = {}
+    waiting = [(arm.base, 0)]
+    while waiting:
+        link, body = waiting.pop()
+        carried[body].append(link)
+        for joint in tree.joints_below.get(link, ()):
+            if joint.kind != "fixed" and joint.child not in number:
+                follows = f" (mimics {joint.mimic.joint!r})" if joint.mimic is not None else ""
+                key = body, stand.get(joint.name, 0.0)
+                held.setdefault(key, []).append(f"{joint.name!r}{follows}")
+            waiting.append((joint.child, number.get(joint.child, body)))
+    notes += [
+        f"{', '.join(joints)} {'is' if len(joints) == 1 else 'are'} held at"
+        f" {f'{position:g}' if position else 'zero'}; links behind"
+        f" {'it' if len(joints) == 1 else 'them'} count as part of link {body}"
+        for (body, position), joints in held.items()
+    ]
+    return carried
+
+
 def _refuse_implausible(tree: UrdfTree, robot: RobotDescription) -> None:
     """Refuse geometry that no robot has; all other values were repaired before.
 
@@ -167,31 +198,6 @@ def _group_replaced(names: list[str], replaced: list[list[ReplacedValue]]) -> li
         f"{key} of {', '.join(joints)}: {', '.join(values)} ({how})"
         for (key, how), (joints, values) in together.items()
     ]
-
-
-def _carried_links(tree: UrdfTree, arm: UrdfArm, notes: list[str]) -> list[list[str]]:
-    """Return the URDF's links that move together: with the base, then with each joint."""
-    number = {joint.child: i + 1 for i, joint in enumerate(arm.joints)}
-    carried: list[list[str]] = [[] for _ in range(len(arm.joints) + 1)]
-    stand = held_positions(tree, arm)
-    held: dict[tuple[int, float], list[str]] = {}
-    waiting = [(arm.base, 0)]
-    while waiting:
-        link, body = waiting.pop()
-        carried[body].append(link)
-        for joint in tree.joints_below.get(link, ()):
-            if joint.kind != "fixed" and joint.child not in number:
-                follows = f" (mimics {joint.mimic.joint!r})" if joint.mimic is not None else ""
-                key = body, stand.get(joint.name, 0.0)
-                held.setdefault(key, []).append(f"{joint.name!r}{follows}")
-            waiting.append((joint.child, number.get(joint.child, body)))
-    notes += [
-        f"{', '.join(joints)} {'is' if len(joints) == 1 else 'are'} held at"
-        f" {f'{position:g}' if position else 'zero'}; links behind"
-        f" {'it' if len(joints) == 1 else 'them'} count as part of link {body}"
-        for (body, position), joints in held.items()
-    ]
-    return carried
 
 
 def _joint_names(tree: UrdfTree, arm: UrdfArm, notes: list[str]) -> list[str]:

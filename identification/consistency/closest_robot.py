@@ -21,6 +21,7 @@ import numpy as np
 
 from config.arrays import FloatArray, freeze
 from config.errors import EstimationError
+from config.robot.robot import LinkCad
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.consistency.consistency_test import (
     ConsistencyTest,
@@ -92,7 +93,21 @@ class ConsistentEstimate:
         return tuple(LinkBody.of(body) for body in values.reshape(-1, PARAMETERS_PER_LINK))
 
 
-def find_closest(estimate: Estimate) -> ConsistentEstimate:
+@dataclass(frozen=True, eq=False)
+class NominalLinks:
+    """Links whose values are used for the directions that the measurement does not determine.
+
+    Attributes:
+        cad: Mass, centre and inertia of each link; they replace those of the robot file.
+        unchanged: Shape (n, 10). Parameters of the parts of each link that keep their values: the
+            rest of each link must be physically consistent without them.
+    """
+
+    cad: tuple[LinkCad, ...]
+    unchanged: FloatArray
+
+
+def find_closest(estimate: Estimate, nominal: NominalLinks | None = None) -> ConsistentEstimate:
     """Find the physically consistent robot that is closest to an estimate.
 
     The squared distance is computed with `jackknife_metric`, so that it is comparable to a
@@ -106,10 +121,14 @@ def find_closest(estimate: Estimate) -> ConsistentEstimate:
     - Any other friction brakes at every speed from 2 % to 100 % of the joint's limit.
     - Stiffness and preload of a spring are not negative.
 
+    Args:
+        estimate: The estimate.
+        nominal: Links to use instead of those of the robot file.
+
     Raises:
         EstimationError: The solver found no solution, or a term's constraints are not known.
     """
-    standard = programme(estimate).solve(whiten_parameters(estimate, estimate.values))
+    standard = programme(estimate, nominal).solve(whiten_parameters(estimate, estimate.values))
     return ConsistentEstimate(estimate, standard, estimate.base.from_standard(standard))
 
 
@@ -128,9 +147,9 @@ def check_consistency(estimate: Estimate) -> ConsistencyTest:
     return judge_consistency(parameters, cone(estimate))
 
 
-def programme(estimate: Estimate) -> ConsistencyProgramme:
+def programme(estimate: Estimate, nominal: NominalLinks | None = None) -> ConsistencyProgramme:
     """Return the semidefinite programme that `find_closest` solves."""
-    return _programme(estimate, NOMINAL_WEIGHT, FLOOR_SHARE)
+    return _programme(estimate, NOMINAL_WEIGHT, FLOOR_SHARE, nominal)
 
 
 def cone(estimate: Estimate) -> ConsistencyProgramme:
@@ -138,12 +157,19 @@ def cone(estimate: Estimate) -> ConsistencyProgramme:
     return _programme(estimate, CONE_WEIGHT, 0.0)
 
 
-def _programme(estimate: Estimate, weight: float, floor_share: float) -> ConsistencyProgramme:
-    model = estimate.model
-    centre, scale = nominal_parameters(model, estimate.robot)
+def _programme(
+    estimate: Estimate, weight: float, floor_share: float, links: NominalLinks | None = None
+) -> ConsistencyProgramme:
+    model, robot = estimate.model, estimate.robot
+    if links is not None:
+        robot = robot.model_copy(update={"cad": links.cad})
+    centre, scale = nominal_parameters(model, robot)
     places = bodies(model)
     smallest = pseudo_inertia(np.array(SMALLEST_BODY))
     nominal = pseudo_inertia(np.array([centre[body] for body in places])) + smallest
+    floors = floor_share * nominal
+    for number, part in enumerate(pseudo_inertia(links.unchanged) if links is not None else ()):
+        floors[number] = part + floor_share * (_positive_part(nominal[number] - part) + smallest)
     return ConsistencyProgramme(
         matrix=whiten_parameters(estimate, estimate.base.combination),
         weight=weight,
@@ -151,6 +177,12 @@ def _programme(estimate: Estimate, weight: float, floor_share: float) -> Consist
         scale=scale,
         bodies=places,
         nominal=nominal,
-        floors=floor_share * nominal,
-        not_negative=not_negative(model, estimate.robot),
+        floors=floors,
+        not_negative=not_negative(model, robot),
     )
+
+
+def _positive_part(matrix: FloatArray) -> FloatArray:
+    """Return the nearest positive semidefinite matrix."""
+    values, vectors = np.linalg.eigh(matrix)
+    return np.asarray(vectors @ np.diag(np.maximum(values, 0.0)) @ vectors.T)

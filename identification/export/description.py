@@ -1,6 +1,6 @@
-"""A robot with identified inertias as URDF, SDF and a Python file that builds it in Pinocchio.
+"""A robot with identified inertias as URDF, SDF, MJCF, and as a Python file for Pinocchio.
 
-All three refuse links that are not physically consistent. Friction is approximated by a straight
+All of them refuse links that are not physically consistent. Friction is approximated by a straight
 line. Rotors, spring and other properties that a format cannot represent are listed at the top of
 the file.
 """
@@ -12,11 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from config.arrays import FloatArray
-from config.formats.urdf import rotation_of_rpy, rpy_of_rotation
+from config.formats.urdf import rpy_of_rotation
 from config.robot.robot import Joint
-from dynamics.geometry.kinematics import Chain
 from identification.consistency.rigid_body import LinkBody
-from identification.export.model import ExportModel, StraightFriction
+from identification.export.model import ExportModel, StraightFriction, tool_frame
 from identification.export.text import (
     comment_text,
     header_lines,
@@ -40,6 +39,11 @@ class _Place:
     @property
     def rpy(self) -> str:
         return numbers(rpy_of_rotation(self.frame[:3, :3]), " ")
+
+    @property
+    def xyaxes(self) -> str:
+        """The x axis and the y axis."""
+        return numbers(self.frame[:3, :2].T.ravel(), " ")
 
     @property
     def rows(self) -> str:
@@ -77,6 +81,11 @@ class _Link:
         return {name: float(value) for name, value in elements}
 
     @property
+    def full_inertia(self) -> str:
+        """The inertia in MuJoCo's order: xx, yy, zz, xy, xz, yz."""
+        return numbers(self._upper()[[0, 3, 5, 1, 2, 4]], " ")
+
+    @property
     def inertia_commas(self) -> str:
         return numbers(self._upper())
 
@@ -105,6 +114,15 @@ def sdf(model: ExportModel) -> str:
     return _render("robot.sdf.j2", model)
 
 
+def mjcf(model: ExportModel) -> str:
+    """Return a MuJoCo model (MJCF) with armatures, friction, damping and a motor for each joint.
+
+    Raises:
+        EstimationError: A link is not physically consistent.
+    """
+    return _render("robot.mjcf.j2", model)
+
+
 def pinocchio_model(model: ExportModel) -> str:
     """Return a Python file whose `build_model()` creates the robot in Pinocchio.
 
@@ -119,7 +137,7 @@ def _render(template: str, model: ExportModel) -> str:
     upright = np.eye(4)
     upright[:3, :3] = model.upright
     robot = model.robot
-    armatures = template.startswith("pinocchio")
+    armatures = template.startswith(("pinocchio", "robot.mjcf"))
     return render(
         template,
         name=source_name(robot.name),
@@ -127,8 +145,9 @@ def _render(template: str, model: ExportModel) -> str:
         left_out=[comment_text(line) for line in model.omitted_properties(armatures=armatures)],
         mount=None if np.array_equal(model.upright, np.eye(3)) else _Place(upright),
         links=[_link(model, number) for number in range(len(robot.joints))],
-        tool=_Place(_tool(model)),
+        tool=_Place(tool_frame(model)),
         gravity=numbers(model.model.chain.gravity_m_s2),
+        gravity_size=float(np.linalg.norm(model.model.chain.gravity_m_s2)),
     )
 
 
@@ -145,15 +164,3 @@ def _link(model: ExportModel, number: int) -> _Link:
         armature=armature,
         rotor_inertia=armature / joint.gear_ratio**2,
     )
-
-
-def _tool(model: ExportModel) -> FloatArray:
-    chain: Chain = model.model.chain
-    frame = np.eye(4)
-    frame[:3, 3] = chain.tool_m
-    frame[:3, :3] = rotation_of_rpy(*model.robot.tool_rpy_rad)
-    kinematics = model.robot.kinematics
-    if kinematics.convention == "standard_dh":  # the last frame is twisted relative to axis n
-        twist = rotation_of_rpy(kinematics.calibrated_rows[-1].alpha_rad, 0.0, 0.0)
-        frame[:3, :3] = twist @ frame[:3, :3]
-    return frame

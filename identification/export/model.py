@@ -11,6 +11,7 @@ from scipy.optimize import nnls
 
 from config.arrays import FloatArray, freeze
 from config.errors import EstimationError
+from config.formats.urdf import rotation_of_rpy
 from config.robot.robot import Joint, RobotDescription
 from dynamics.model.robot_model import RobotModel
 from dynamics.terms.armature import Armature
@@ -205,7 +206,11 @@ class ExportModel:
         return plain + inertia * (ratio**2 + 2.0 * ratio * along)
 
     def omitted_properties(self, *, armatures: bool) -> tuple[str, ...]:
-        """Return descriptions of the properties that simple formats cannot represent."""
+        """Return descriptions of the properties that simple formats cannot represent.
+
+        Args:
+            armatures: The format has armatures and gravity.
+        """
         lines: list[str] = []
         for j, joint in enumerate(self.robot.joints):
             lines += self._omitted_of_joint(j, joint, armatures=armatures)
@@ -222,7 +227,7 @@ class ExportModel:
         if self.term(Payload) is not None:
             lines.append("the payload: the last link is that of the robot alone")
         gravity = float(np.linalg.norm(self.model.chain.gravity_m_s2))
-        if abs(gravity - 9.81) > 1e-6:
+        if abs(gravity - 9.81) > 1e-6 and not armatures:
             lines.append(f"gravity: the identification used {gravity:.6g} m/s^2")
         return tuple(lines)
 
@@ -273,6 +278,19 @@ class ExportModel:
             f"{what} as it warms up (time constant {constant_s:.3g} s): the file contains the"
             " friction of a cold robot"
         )
+
+
+def tool_frame(model: ExportModel) -> FloatArray:
+    """Return the pose of the tool in the frame of the last link, (4, 4)."""
+    chain = model.model.chain
+    frame = np.eye(4)
+    frame[:3, 3] = chain.tool_m
+    frame[:3, :3] = rotation_of_rpy(*model.robot.tool_rpy_rad)
+    kinematics = model.robot.kinematics
+    if kinematics.convention == "standard_dh":  # the last frame is twisted relative to axis n
+        twist = rotation_of_rpy(kinematics.calibrated_rows[-1].alpha_rad, 0.0, 0.0)
+        frame[:3, :3] = twist @ frame[:3, :3]
+    return frame
 
 
 def _origin(estimate: Estimate, sentence: str) -> tuple[str, str]:

@@ -115,7 +115,7 @@ def render(template: str, **values: Any) -> str:
         undefined=jinja2.StrictUndefined,
         keep_trailing_newline=True,
         trim_blocks=False,
-        autoescape=template.endswith((".urdf.j2", ".sdf.j2")),
+        autoescape=template.endswith((".urdf.j2", ".sdf.j2", ".mjcf.j2")),
     )
     environment.filters["nested"] = nested_tuples
     environment.filters["braces"] = lambda matrix: nested_tuples(matrix, "{", "}")

@@ -18,7 +18,7 @@ from dynamics.model.memory import with_presliding_history
 from dynamics.model.robot_model import torque
 from identification.estimation.estimate import Estimate, base_regressor, predict
 from identification.estimation.file import read_estimate, write_estimate
-from identification.export.description import pinocchio_model, urdf
+from identification.export.description import mjcf, pinocchio_model, urdf
 from identification.export.model import ExportModel
 from identification.friction.curve import friction_columns
 from identification.payload.carried import contains_payload
@@ -341,14 +341,7 @@ class Model:
                 "to_mujoco needs MuJoCo, which is not installed: `pip install mujoco`",
                 code="RID-INSTALL-LIBRARY",
             ) from None
-        exported = self._export_model(Format.URDF, despite_misfit)
-        model = mujoco.MjModel.from_xml_string(urdf(exported))
-        for j in range(len(self.robot.joint_names)):
-            friction = exported.straight_friction(j)
-            model.dof_armature[j] = exported.armature(j)
-            model.dof_frictionloss[j], model.dof_damping[j] = friction.friction, friction.damping
-        model.opt.gravity[:] = exported.upright @ exported.model.chain.gravity_m_s2
-        return model
+        return mujoco.MjModel.from_xml_string(mjcf(self._export_model(Format.MJCF, despite_misfit)))
 
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield fit, parameters, findings and verdict, and the friction over speed."""

@@ -46,6 +46,7 @@ class Format(StrEnum):
 
     URDF = "urdf"
     SDF = "sdf"
+    MJCF = "mjcf"
     PINOCCHIO = "pinocchio"
     C = "c"
     PYTHON = "python"

@@ -18,6 +18,8 @@ from rid_daq.terminal.choices import Format
 if TYPE_CHECKING:
     from acquisition.recording.table import RecordingTable
     from identification.consistency.consistency_test import ConsistencyTest
+    from rid_daq.operations.identify.exported_torques import ExportedTorques
+    from rid_daq.operations.identify.updated_urdf import UpdatedUrdfSection
     from rid_daq.runs.run_data import RunData
 
 
@@ -38,8 +40,8 @@ class ExportRequest(Request):
     to: Annotated[
         Format,
         Field(
-            description="File format. For a model: urdf, sdf, pinocchio (robot description with"
-            " inertias); c, python (function of the inverse dynamics); csv, json"
+            description="File format. For a model: urdf, sdf, mjcf, pinocchio (robot description"
+            " with inertias); c, python (function of the inverse dynamics); csv, json"
             " (table of parameters). For a run: csv, parquet, mat, mdf4, with one"
             " column per quantity and joint."
         ),
@@ -53,9 +55,33 @@ class ExportRequest(Request):
             metavar="FILE",
             group=FILES,
             file="output",
-            endings=(".urdf", ".sdf", ".py", ".c", ".csv", ".json", ".parquet", ".mat", ".mf4"),
+            endings=(
+                ".urdf",
+                ".sdf",
+                ".xml",
+                ".py",
+                ".c",
+                ".csv",
+                ".json",
+                ".parquet",
+                ".mat",
+                ".mf4",
+            ),
         ),
     ]
+    urdf: Annotated[
+        Path | None,
+        Field(
+            description="Your URDF of the robot, with --to urdf: the output is this file with the"
+            " identified inertias and friction; everything else stays byte for byte."
+        ),
+        Option(metavar="FILE", file="input"),
+    ] = None
+    tip: Annotated[
+        str | None,
+        Field(description="Link behind the arm's last joint, if the URDF has several equal arms."),
+        Option(metavar="LINK", needs="urdf"),
+    ] = None
     as_identified: Annotated[
         bool,
         Field(
@@ -84,12 +110,16 @@ class ExportedModel:
         request: The request.
         sentence: Sentence on the distance of the written parameters from the identified ones.
         test: Test of the consistent parameters against the data.
+        torques: Comparison of the file's torques with the model's; only for robot descriptions.
+        urdf: The changes of a user's URDF, if one was updated.
     """
 
     request: ExportRequest
     robot: str
     sentence: str
     test: ConsistencyTest | None
+    torques: tuple[ExportedTorques, ...] = ()
+    urdf: UpdatedUrdfSection | None = None
     exit_code: int = 0
 
     def document(self) -> dict[str, object]:
@@ -103,11 +133,19 @@ class ExportedModel:
             "parameters": "identified" if self.request.as_identified else "consistent",
             "sentence": self.sentence,
             "consistency": None if self.test is None else ConsistencyEntry.of(self.test),
+            "torques": list(self.torques),
+            "urdf": self.urdf,
         }
 
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield the sentence and the file name."""
         yield Text(text=self.sentence)
+        if self.urdf is not None:
+            yield from self.urdf.blocks()
+        if self.torques:
+            from rid_daq.operations.identify.exported_torques import torque_blocks
+
+            yield from torque_blocks(self.torques)
         yield Verdict(passed=True, text=f"Wrote {self.request.output}")
 
 
@@ -161,6 +199,7 @@ OPERATION: Final = Operation(
     run=run,
     examples=(
         "export model.json --to urdf --output robot.urdf",
+        "export model.json --to urdf --urdf arm.urdf --output identified.urdf",
         "export latest --to parquet --output recording.parquet --overwrite",
     ),
     module="rid_daq.operations.identify.exported_files",

@@ -3,25 +3,33 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
+
+import numpy as np
 
 from acquisition.recording.files import RecordingFormat, encode_recording
 from acquisition.recording.table import recording_table
 from acquisition.runs.catalogue import find_file_or_run
 from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError, EstimationError
+from config.formats.bounded_file import read_file
 from config.formats.whole_file import write_whole
-from identification.consistency.closest_robot import find_closest
+from config.formats.xml_tree import MAX_BYTES
+from identification.consistency.closest_robot import NominalLinks, consistent
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import read_estimate
-from identification.export.description import pinocchio_model, sdf, urdf
+from identification.export.description import mjcf, pinocchio_model, sdf, urdf
 from identification.export.function import c_function, python_function
 from identification.export.model import ExportModel
 from identification.export.table import csv_table, json_table
+from identification.export.urdf_update import UrdfUpdate
 from identification.model.still_joints import refuse_unmoved_joints
 from identification.regression.fit_grade import Grade
 from rid_daq.operations.identify.export import ExportedModel, ExportedRecording, ExportRequest
+from rid_daq.operations.identify.exported_torques import exported_torques
+from rid_daq.operations.identify.updated_urdf import UpdatedUrdfSection
 from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
 from rid_daq.runs.run_data import RunData, all_defects
@@ -39,9 +47,12 @@ FUNCTIONS: Final[dict[Format, Callable[[ExportModel], str]]] = {
 DESCRIPTIONS: Final[dict[Format, Callable[[ExportModel], str]]] = {
     Format.URDF: urdf,
     Format.SDF: sdf,
+    Format.MJCF: mjcf,
     Format.PINOCCHIO: pinocchio_model,
 }
+WITH_ARMATURES: Final = (Format.MJCF, Format.PINOCCHIO)
 NEED_NO_LINKS: Final = (*FUNCTIONS, *TABLES)
+MOST_SIGMAS: Final = 3.0
 
 
 def export_file(request: ExportRequest) -> ExportedModel | ExportedRecording:
@@ -55,10 +66,13 @@ def export_file(request: ExportRequest) -> ExportedModel | ExportedRecording:
     found = find_file_or_run(request.runs, request.what)
     if isinstance(found, Path):
         _refuse_without_effect(request, ("unfinished",), "with a model file")
+        if request.to is not Format.URDF:
+            _refuse_without_effect(request, ("urdf",), f"with --to {request.to.value}")
         if request.as_identified:
             _refuse_without_effect(request, ("despite_misfit",), "with --as-identified")
         return export_model(request)
-    _refuse_without_effect(request, ("as_identified", "despite_misfit"), "with a recording")
+    names = ("as_identified", "despite_misfit", "urdf", "tip")
+    _refuse_without_effect(request, names, "with a recording")
     return export_recording(request, found)
 
 
@@ -93,21 +107,31 @@ def export_model(request: ExportRequest) -> ExportedModel:
             code="RID-EXPORT-LINKS",
         )
     estimate = read_estimate(Path(request.what))
+    if request.urdf is not None:
+        return update_urdf(request, request.urdf, estimate)
     chosen, sentence = exported_parameters(request, estimate)
     if to in TABLES:
         text = TABLES[to](estimate, None if as_identified else chosen)
     else:
         text = (FUNCTIONS | DESCRIPTIONS)[to](chosen)
+    torques = ()
+    if to in DESCRIPTIONS:
+        joints = estimate.robot.joint_names
+        torques = exported_torques(estimate, chosen, joints, has_armatures=to in WITH_ARMATURES)
     write_whole(request.output, text.encode())
-    return ExportedModel(request, estimate.robot.name, sentence, chosen.test)
+    return ExportedModel(request, estimate.robot.name, sentence, chosen.test, torques)
 
 
-def exported_parameters(request: ExportRequest, estimate: Estimate) -> tuple[ExportModel, str]:
+def exported_parameters(
+    request: ExportRequest, estimate: Estimate, nominal: NominalLinks | None = None
+) -> tuple[ExportModel, str]:
     """Return the parameters of a model for an export, and their origin as a sentence.
 
     Args:
         request: Options of the export; `what` names the model in messages.
         estimate: The model.
+        nominal: Links whose values are used if the model does not determine them; those of the
+            robot file if not given.
 
     Raises:
         EstimationError: The model does not explain its own data, or no physically consistent
@@ -124,10 +148,8 @@ def exported_parameters(request: ExportRequest, estimate: Estimate) -> tuple[Exp
             code="RID-MODEL-MISFIT",
         )
     if request.as_identified:
-        return ExportModel.from_estimate(
-            estimate
-        ), "The file contains the parameters as identified."
-    found = find_closest(estimate)
+        return ExportModel.identified(estimate), "The file contains the parameters as identified."
+    found = consistent(estimate, nominal)
     if not (found.test.is_consistent or request.despite_misfit):
         as_they_are = request.to in NEED_NO_LINKS
         also = ", write the identified parameters (--as-identified)" if as_they_are else ""
@@ -138,6 +160,56 @@ def exported_parameters(request: ExportRequest, estimate: Estimate) -> tuple[Exp
             code="RID-MODEL-INCONSISTENT",
         )
     return ExportModel.from_closest_robot(found), found.sentence
+
+
+def update_urdf(request: ExportRequest, path: Path, estimate: Estimate) -> ExportedModel:
+    """Write a user's URDF with the identified inertias and friction.
+
+    Raises:
+        ConfigError: The URDF cannot be read, or does not contain the identified robot.
+        EstimationError: As raised by `exported_parameters`; or links that keep their values do not
+            fit into the identified bodies.
+        RecordingError: The file cannot be written.
+    """
+    try:
+        data = read_file(path, MAX_BYTES)
+    except OSError as error:
+        raise ConfigError(
+            f"{path}: the file cannot be read: {error.strerror}", code="RID-FILE-READ"
+        ) from None
+    update = UrdfUpdate(data, str(path), ExportModel.identified(estimate), request.tip)
+    chosen, sentence = exported_parameters(request, estimate, update.nominal)
+    if not request.despite_misfit:
+        _require_room(update, estimate, chosen)
+    updated = update.with_model(chosen)
+    write_whole(request.output, updated.data)
+    section = UpdatedUrdfSection.of(estimate, chosen, updated)
+    torques = exported_torques(estimate, chosen, updated.joint_names, has_armatures=False)
+    return ExportedModel(request, estimate.robot.name, sentence, chosen.test, torques, section)
+
+
+def _require_room(update: UrdfUpdate, estimate: Estimate, chosen: ExportModel) -> None:
+    """Refuse parameters that links with unchanged values keep from the identified ones.
+
+    Raises:
+        EstimationError: They change a base parameter by more than three standard deviations.
+    """
+    unchanged = update.nominal.unchanged
+    if not np.any(unchanged):
+        return
+    free = consistent(estimate, replace(update.nominal, unchanged=np.zeros_like(unchanged)))
+    moved = estimate.base.from_standard(chosen.parameters) - free.base_values
+    sigmas = np.abs(moved) / estimate.sigma
+    worst = int(np.argmax(sigmas))
+    if sigmas[worst] > MOST_SIGMAS:
+        names = sorted({name for each in update.companions for name in each})
+        raise EstimationError(
+            f"{update.file}: the links {', '.join(names)} keep their <inertial>, which is too large"
+            f" for the identified bodies: {estimate.base.names[worst]} would change by"
+            f" {sigmas[worst]:.3g} σ. Correct these links in the URDF, or export nevertheless"
+            " (--despite-misfit)",
+            code="RID-EXPORT-LINKS",
+        )
 
 
 def export_recording(request: ExportRequest, folder: RunFolder) -> ExportedRecording:

@@ -82,7 +82,8 @@ def test_mujoco_gets_the_same_mass_matrix(model: Model, arm: Arm) -> None:
     data.qpos[:] = arm.motion(10, 1.0)[1][0]
     mujoco.mj_forward(built, data)
     mass = np.zeros((built.nv, built.nv))
-    mujoco.mj_fullM(built, mass, data.qM)
+    for column, unit in zip(mass, np.eye(built.nv), strict=True):
+        mujoco.mj_mulM(built, data, column, unit)
     judge = pinocchio.crba(other, other.createData(), data.qpos)
     judge = np.triu(judge) + np.triu(judge, 1).T
     np.testing.assert_allclose(mass, judge, atol=1e-6)

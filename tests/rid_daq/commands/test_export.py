@@ -6,6 +6,7 @@ import csv
 import ctypes
 import importlib.util
 import json
+import re
 import shutil
 import subprocess
 from collections.abc import Callable
@@ -215,3 +216,69 @@ def test_a_file_that_is_not_a_model_is_refused(
     assert run(["export", str(tmp_path / "no.json"), "--to", "c", "-o", str(out)]) == 2
     assert "RID-FILE-VALUE" in capsys.readouterr().err
     assert not out.exists()
+
+
+def test_a_users_urdf_is_updated(
+    estimate: Estimate, model_file: Path, motion: np.ndarray, tmp_path: Path
+) -> None:
+    own, out = tmp_path / "own.urdf", tmp_path / "updated.urdf"
+    assert run(["export", str(model_file), "--to", "urdf", "-o", str(own)]) == 0
+    text = own.read_text()
+    own.write_text(re.sub(r'<mass value="[^"]*"', '<mass value="9"', text[text.index("<robot") :]))
+    words = ["export", str(model_file), "--to", "urdf", "--urdf", str(own), "-o", str(out)]
+    assert run(words) == 0
+    assert "written by rid-daq" in out.read_text().partition("</robot>")[2]
+    robot, other = (pin.buildModelFromUrdf(str(path)) for path in (out, own))
+    tau, wrong = (
+        np.array([pin.rnea(each, each.createData(), *x) for x in motion.transpose(1, 0, 2)])
+        for each in (robot, other)
+    )
+    links = ModelOptions(rotors=False, friction=False, spring=False).build(estimate.robot)
+    values = consistent(estimate).standard_values[: len(links.parameter_names)]
+    difference = np.abs(tau - torque(links, motion[0], motion[1], motion[2], values))
+    # Axis 2 has a spring: how much of the weight it carries follows from the nominal masses.
+    assert difference[:, [0, 2]].max() < 0.1
+    assert np.abs(tau - wrong)[:, [0, 2]].max() > 3.0
+    assert run(words) == 2, "an existing file"
+    assert run([*words, "--overwrite"]) == 0
+
+
+def test_the_result_of_an_update_has_numbers(
+    estimate: Estimate, model_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own, out = tmp_path / "own.urdf", tmp_path / "updated.urdf"
+    assert run(["export", str(model_file), "--to", "urdf", "-o", str(own)]) == 0
+    capsys.readouterr()
+    words = ["export", str(model_file), "--to", "urdf", "--urdf", str(own), "-o", str(out)]
+    assert run([*words, "--json"]) == 0
+    result = json.loads(capsys.readouterr().out)
+    changes = result["urdf"]
+    assert [link["name"] for link in changes["links"]] == ["link1", "link2", "link3"]
+    assert [joint["name"] for joint in changes["joints"]] == list(estimate.robot.joint_names)
+    base = estimate.base
+    rigid = [text for text, is_one in zip(base.expressions, base.rigid_body, strict=True) if is_one]
+    assert [each["expression"] for each in changes["combinations"]] == rigid
+    for joint in (0, 2):  # joint 2 has a spring, which a URDF cannot express
+        torques = result["torques"][joint]
+        assert torques["difference_rms"] < 0.1 * torques["difference_without_armature_rms"]
+
+
+@pytest.mark.parametrize(
+    ("extra", "code"),
+    [
+        (["--to", "sdf", "--urdf", "own.urdf"], "RID-OPTION-NO-EFFECT"),
+        (["--to", "urdf", "--tip", "tool"], "RID-REQUEST-INVALID"),
+        (["--to", "urdf", "--urdf", "missing.urdf"], "RID-FILE-READ"),
+    ],
+)
+def test_options_of_an_update_are_checked(
+    extra: list[str],
+    code: str,
+    model_file: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert run(["export", str(model_file), "-o", "out.urdf", *extra]) == 2
+    assert code in capsys.readouterr().err

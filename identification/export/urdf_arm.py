@@ -1,0 +1,282 @@
+"""`MatchedArm`: the arm of a URDF whose axes are those of an identified robot.
+
+Link frames and base frame of the two descriptions may differ. The axes of all joints, as lines in
+space at position zero with their positive directions, must be equal except for one rigid motion of
+the whole robot.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from config.arrays import BoolArray, FloatArray
+from config.errors import ConfigError
+from config.formats.urdf import MOVING, UrdfTree
+from config.robot.urdf_chain import UrdfArm, held_positions
+from identification.export.model import ExportModel, tool_frame
+
+ANGLE_RAD: Final = 1e-3
+DISTANCE_M: Final = 1e-3
+PARALLEL: Final = 1e-6
+WORTH_A_NOTE: Final = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class MatchedArm:
+    """An arm of a URDF, with the identified robot's frames in it.
+
+    Attributes:
+        tree: The URDF.
+        arm: The arm's base link, joints, and last moving link.
+        places: Pose (4, 4) of each link in the base link, with the arm's joints at zero and the
+            other joints held.
+        frames: Shape (n + 1, 4, 4). Poses of the identified robot's base frame and link frames in
+            the base link.
+        angle_rad, distance_m: Largest angle and distance between axes of the URDF and of the robot.
+    """
+
+    tree: UrdfTree
+    arm: UrdfArm
+    places: dict[str, FloatArray]
+    frames: FloatArray
+    angle_rad: float
+    distance_m: float
+
+    def notes(self, model: ExportModel) -> Iterator[str]:
+        """Yield what the comparison of the axes cannot prove, and differences below its limits."""
+        names = [joint.name for joint in self.arm.joints]
+        if tuple(names) != model.robot.joint_names:
+            pairs = zip(names, model.robot.joint_names, strict=True)
+            yield "joints of the URDF and of the model: " + ", ".join(
+                f"{a} = {b}" for a, b in pairs
+            )
+        if self.angle_rad > WORTH_A_NOTE or self.distance_m > WORTH_A_NOTE:
+            yield (
+                f"the axes of the URDF differ from those of the model by up to"
+                f" {1e3 * self.angle_rad:.2g} mrad and {1e3 * self.distance_m:.2g} mm"
+            )
+        if self.link_at_tool(model) is None:
+            yield (
+                "no link of the URDF is at the model's tool frame: the zero position of"
+                f" {names[-1]} was not compared, and is assumed to be that of the model"
+            )
+        expected = self.frames[0][:3, :3] @ model.model.chain.gravity_m_s2
+        root = self.tree.placements(self.tree.root_of(self.arm.base))[self.arm.base][:3, :3]
+        down = -root[2]
+        size = float(np.linalg.norm(expected))
+        if size and np.linalg.norm(expected / size - down) > ANGLE_RAD:
+            here = " ".join(f"{x:.4g}" for x in root @ expected)
+            yield (
+                f"the robot was identified with the gravity ({here}) m/s^2 in the root frame of the"
+                " URDF: set it in the simulator, or correct the base joint; simulators assume -z."
+                f" If the robot stands upright, the zero position of {names[0]} differs from that"
+                " of the model"
+            )
+
+    def link_at_tool(self, model: ExportModel) -> str | None:
+        """Return the link behind the last joint whose frame is the model's tool frame."""
+        tool = self.frames[-1] @ tool_frame(model)
+        last = self.arm.joints[-1].child
+        waiting = [last]
+        while waiting:
+            link = waiting.pop(0)
+            apart = self.places[link] - tool
+            if np.abs(apart[:3, 3]).max() < DISTANCE_M and np.abs(apart[:3, :3]).max() < ANGLE_RAD:
+                return link
+            waiting += [
+                joint.child
+                for joint in self.tree.joints_below.get(link, ())
+                if joint.kind not in MOVING
+            ]
+        return None
+
+
+def match_arm(tree: UrdfTree, model: ExportModel, tip: str | None = None) -> MatchedArm:
+    """Return the arm of a URDF that is the identified robot.
+
+    Among several equal arms, the one with the model's joint names is chosen.
+
+    Args:
+        tree: The URDF.
+        model: The identified robot.
+        tip: A link behind the arm's last joint, if several arms are equal.
+
+    Raises:
+        ConfigError: No arm has the robot's axes (RID-URDF-KINEMATICS), several arms have them
+            (RID-URDF-ARM), or the arm contains a joint that mimics another (RID-URDF-MIMIC).
+    """
+    if tip is not None and tip not in tree.links:
+        raise ConfigError(
+            f"{tree.file}: no link is named {tip!r}; links are {', '.join(tree.links)}",
+            code="RID-URDF-LINK",
+        )
+    n, names = model.model.chain.n, model.robot.joint_names
+    arms = [arm for arm in _arms(tree, n) if tip is None or _is_behind(tree, arm, tip)]
+    if not arms:
+        below = f" before {tip!r}" if tip is not None else ""
+        driven = sum(joint.is_driven for joint in tree.joints)
+        raise ConfigError(
+            f"{tree.file}: no arm with {n} driven joints{below}, as the model's robot"
+            f" {model.robot.name!r} has ({', '.join(names)}); the URDF has {driven} driven joints."
+            " A joint with <mimic> is not driven",
+            code="RID-URDF-KINEMATICS",
+        )
+    tried = [_Comparison.of(tree, arm, model) for arm in arms]
+    equal = [one for one in tried if one.is_equal]
+    if not equal:
+        named = [one for one in tried if one.names == names]
+        nearest = (named or sorted(tried, key=lambda one: one.size))[0]
+        raise ConfigError(
+            f"{tree.file}: the axes differ from those of the model's robot"
+            f" {model.robot.name!r}: {nearest.words}. Allowed are {1e3 * ANGLE_RAD:g} mrad and"
+            f" {1e3 * DISTANCE_M:g} mm, after the best fit of the whole robot. Check zero"
+            " positions, signs and lengths",
+            code="RID-URDF-KINEMATICS",
+        )
+    by_name = [one for one in equal if one.names == names]
+    if len(equal) > 1 and len(by_name) != 1:
+        choices = ", ".join(f"--tip {one.arm.tip}" for one in equal)
+        raise ConfigError(
+            f"{tree.file}: {len(equal)} arms have the axes of the model's robot; choose one:"
+            f" {choices}",
+            code="RID-URDF-ARM",
+        )
+    return (by_name or equal)[0].matched()
+
+
+@dataclass(frozen=True, eq=False)
+class _Comparison:
+    """A candidate arm, and the deviations of its axes: angles [rad] and distances [m], (n,)."""
+
+    tree: UrdfTree
+    arm: UrdfArm
+    frames: FloatArray
+    angles: FloatArray
+    distances: FloatArray
+    kinds: tuple[bool, ...]
+
+    @classmethod
+    def of(cls, tree: UrdfTree, arm: UrdfArm, model: ExportModel) -> _Comparison:
+        places = tree.placements(arm.base)
+        frames = [np.eye(4)]
+        for placement in model.placements:
+            frames.append(frames[-1] @ placement)
+        own = np.array(frames)
+        points = np.array([places[joint.child][:3, 3] for joint in arm.joints])
+        axes = np.array([places[joint.child][:3, :3] @ joint.axis for joint in arm.joints])
+        prismatic = np.array([joint.kind == "prismatic" for joint in arm.joints])
+        kinds = tuple((prismatic == model.model.chain.prismatic).tolist())
+        root = tree.placements(tree.root_of(arm.base))[arm.base][:3, :3]
+        gravity = -root[2], model.model.chain.gravity_m_s2
+        fit = _fit(points, axes, own, prismatic, gravity)
+        fitted = np.array([fit @ frame for frame in own])
+        z = fitted[1:, :3, 2]
+        angles = np.arctan2(np.linalg.norm(np.cross(z, axes), axis=1), np.sum(z * axes, axis=1))
+        across = np.cross(points - fitted[1:, :3, 3], z)
+        distances = np.where(prismatic, 0.0, np.linalg.norm(across, axis=1))
+        return cls(tree, arm, fitted, angles, distances, kinds)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(joint.name for joint in self.arm.joints)
+
+    @property
+    def is_equal(self) -> bool:
+        return (
+            all(self.kinds)
+            and float(self.angles.max()) <= ANGLE_RAD
+            and float(self.distances.max()) <= DISTANCE_M
+        )
+
+    @property
+    def size(self) -> float:
+        return float(self.angles.sum() + self.distances.sum()) + self.kinds.count(False)
+
+    @property
+    def words(self) -> str:
+        """The deviations of every joint that is not equal."""
+        words = []
+        rows = zip(self.arm.joints, self.kinds, self.angles, self.distances, strict=True)
+        for joint, is_same_kind, angle, distance in rows:
+            if not is_same_kind:
+                words.append(f"{joint.name} is {joint.kind}, which the model's joint is not")
+            elif angle > ANGLE_RAD or distance > DISTANCE_M:
+                reverse = " (it turns the other way)" if angle > np.pi - ANGLE_RAD else ""
+                words.append(f"{joint.name} {angle:.4g} rad{reverse}, {1e3 * distance:.4g} mm")
+        return "; ".join(words)
+
+    def matched(self) -> MatchedArm:
+        angle, distance = float(self.angles.max()), float(self.distances.max())
+        places = self.tree.placements(self.arm.base, held_positions(self.tree, self.arm))
+        return MatchedArm(self.tree, self.arm, places, self.frames, angle, distance)
+
+
+def _arms(tree: UrdfTree, n: int) -> Iterator[UrdfArm]:
+    """Yield every chain of n driven joints in a row; none contains a joint that mimics another."""
+    for last in tree.joints:
+        if not last.is_driven:
+            continue
+        path = tree.path(tree.root_of(last.child), last.child)
+        driven = [joint for joint in path if joint.is_driven][-n:]
+        if len(driven) < n:
+            continue
+        inside = path[path.index(driven[0]) :]
+        if all(joint.is_driven or joint.kind not in MOVING for joint in inside):
+            yield UrdfArm(driven[0].parent, last.child, tuple(driven))
+
+
+def _is_behind(tree: UrdfTree, arm: UrdfArm, tip: str) -> bool:
+    """Return True if the arm's last joint is the last driven joint before a link."""
+    driven = [joint for joint in tree.path(tree.root_of(tip), tip) if joint.is_driven]
+    return bool(driven) and driven[-1] is arm.joints[-1]
+
+
+def _fit(
+    points: FloatArray,
+    axes: FloatArray,
+    own: FloatArray,
+    prismatic: BoolArray,
+    gravity: tuple[FloatArray, FloatArray],
+) -> FloatArray:
+    """Return the rigid motion (4, 4) that takes the model's axes to the URDF's.
+
+    Directions determine the rotation. If all axes are parallel, the distances between them and the
+    direction of gravity determine it. The translation is a least-squares solution; along parallel
+    axes it takes the first frames' origins onto each other.
+    """
+    origins, z = own[1:, :3, 3], own[1:, :3, 2]
+    pairs = [(u, w) for u, w in zip(axes, z, strict=True)]
+    if np.linalg.svd(axes)[1][1:].sum() < PARALLEL:
+        turning = np.flatnonzero(~prismatic)
+        for i in turning[1:]:
+            first = turning[0]
+            pairs.append(
+                (
+                    _across(points[i] - points[first], axes[0]),
+                    _across(origins[i] - origins[first], z[0]),
+                )
+            )
+        pairs.append((1e-3 * gravity[0], 1e-4 * gravity[1]))
+    target, source = (np.array(side) for side in zip(*pairs, strict=True))
+    left, _, right = np.linalg.svd(target.T @ source)
+    handed = np.diag([1.0, 1.0, np.linalg.det(left @ right)])
+    motion = np.eye(4)
+    motion[:3, :3] = rotation = left @ handed @ right
+    start = points[0] - rotation @ origins[0]
+    rows = [
+        np.eye(3) - np.outer(u, u) for u, slides in zip(axes, prismatic, strict=True) if not slides
+    ]
+    if rows:
+        gaps = (points - origins @ rotation.T - start)[~prismatic]
+        wanted = [row @ gap for row, gap in zip(rows, gaps, strict=True)]
+        start = start + np.linalg.lstsq(np.vstack(rows), np.concatenate(wanted), rcond=1e-9)[0]
+    motion[:3, 3] = start
+    return motion
+
+
+def _across(vector: FloatArray, axis: FloatArray) -> FloatArray:
+    return np.asarray(vector - axis * (vector @ axis))
