@@ -17,7 +17,7 @@ from config.errors import ConfigError, EstimationError
 from config.formats.bounded_file import read_file
 from config.formats.whole_file import write_whole
 from config.formats.xml_tree import MAX_BYTES
-from identification.consistency.closest_robot import NominalLinks, consistent
+from identification.consistency.closest_robot import NominalLinks, find_closest
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import read_estimate
 from identification.export.description import mjcf, pinocchio_model, sdf, urdf
@@ -148,8 +148,10 @@ def exported_parameters(
             code="RID-MODEL-MISFIT",
         )
     if request.as_identified:
-        return ExportModel.identified(estimate), "The file contains the parameters as identified."
-    found = consistent(estimate, nominal)
+        return ExportModel.from_estimate(
+            estimate
+        ), "The file contains the parameters as identified."
+    found = find_closest(estimate, nominal)
     if not (found.test.is_consistent or request.despite_misfit):
         as_they_are = request.to in NEED_NO_LINKS
         also = ", write the identified parameters (--as-identified)" if as_they_are else ""
@@ -177,7 +179,7 @@ def update_urdf(request: ExportRequest, path: Path, estimate: Estimate) -> Expor
         raise ConfigError(
             f"{path}: the file cannot be read: {error.strerror}", code="RID-FILE-READ"
         ) from None
-    update = UrdfUpdate(data, str(path), ExportModel.identified(estimate), request.tip)
+    update = UrdfUpdate(data, str(path), ExportModel.from_estimate(estimate), request.tip)
     chosen, sentence = exported_parameters(request, estimate, update.nominal)
     if not request.despite_misfit:
         _require_room(update, estimate, chosen)
@@ -197,7 +199,7 @@ def _require_room(update: UrdfUpdate, estimate: Estimate, chosen: ExportModel) -
     unchanged = update.nominal.unchanged
     if not np.any(unchanged):
         return
-    free = consistent(estimate, replace(update.nominal, unchanged=np.zeros_like(unchanged)))
+    free = find_closest(estimate, replace(update.nominal, unchanged=np.zeros_like(unchanged)))
     moved = estimate.base.from_standard(chosen.parameters) - free.base_values
     sigmas = np.abs(moved) / estimate.sigma
     worst = int(np.argmax(sigmas))

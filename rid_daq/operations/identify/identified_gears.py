@@ -74,7 +74,7 @@ def identify_gears(request: StiffnessRequest) -> IdentifiedGears:
     section = GearsSection.of(robot, found, tuple(item.folder.run_id for item in data))
     notes = all_defects(data)
     first = excitations[0]
-    result = result_of(first, notes).updated(title=f"Gears of {robot.name}", gears=section)
+    result = result_of(first, notes).with_sections(title=f"Gears of {robot.name}", gears=section)
     return IdentifiedGears(
         section,
         write_result(first.folder, result),

@@ -16,7 +16,7 @@ import pytest
 from config.errors import ConfigError, EstimationError
 from config.formats.urdf_file import read_urdf
 from config.robot.kinematic_table import KinematicRow, Kinematics
-from identification.consistency.closest_robot import ConsistentEstimate, consistent
+from identification.consistency.closest_robot import ConsistentEstimate, find_closest
 from identification.export.model import ExportModel
 from identification.export.urdf_update import UpdatedUrdf, UrdfUpdate
 from tests.builders.identified_urdf import (
@@ -40,17 +40,17 @@ def made() -> IdentifiedUrdf:
 
 @pytest.fixture(scope="module")
 def update(made: IdentifiedUrdf) -> UrdfUpdate:
-    return UrdfUpdate(ARM, "arm.urdf", ExportModel.identified(made.estimate))
+    return UrdfUpdate(ARM, "arm.urdf", ExportModel.from_estimate(made.estimate))
 
 
 @pytest.fixture(scope="module")
 def found(made: IdentifiedUrdf, update: UrdfUpdate) -> ConsistentEstimate:
-    return consistent(made.estimate, update.nominal)
+    return find_closest(made.estimate, update.nominal)
 
 
 @pytest.fixture(scope="module")
 def updated(update: UrdfUpdate, found: ConsistentEstimate) -> UpdatedUrdf:
-    return update.with_model(ExportModel.consistent(found))
+    return update.with_model(ExportModel.from_closest_robot(found))
 
 
 def test_pinocchio_computes_the_torques_of_the_true_arm(
@@ -59,7 +59,7 @@ def test_pinocchio_computes_the_torques_of_the_true_arm(
     motion = random_motion(4, 100)
     true = rnea(made.truth, *motion)
     arm = made.arm_of(updated.data)
-    model = ExportModel.consistent(found)
+    model = ExportModel.from_closest_robot(found)
     arm.armature = np.array([model.armature(j) for j in range(4)])
     np.testing.assert_allclose(rnea(arm, *motion), true, atol=1e-4)
     assert np.abs(rnea(made.arm_of(ARM), *motion) - true).max() > 1.0
@@ -114,10 +114,10 @@ def test_what_was_not_measured_is_listed(updated: UpdatedUrdf) -> None:
 
 
 def test_an_updated_file_can_be_updated_again(made: IdentifiedUrdf, updated: UpdatedUrdf) -> None:
-    model = ExportModel.identified(made.estimate)
+    model = ExportModel.from_estimate(made.estimate)
     second = UrdfUpdate(updated.data, "again.urdf", model)
-    chosen = consistent(made.estimate, second.nominal)
-    again = second.with_model(ExportModel.consistent(chosen))
+    chosen = find_closest(made.estimate, second.nominal)
+    again = second.with_model(ExportModel.from_closest_robot(chosen))
     assert again.data.count(b"Updated inertias") == 1
     motion = random_motion(4, 20)
     first, last = (
@@ -158,7 +158,7 @@ def test_mujoco_computes_the_torques_of_the_true_arm(
     np.testing.assert_allclose(built.dof_frictionloss[columns], FRICTION, atol=1e-6)
     np.testing.assert_allclose(built.dof_damping[columns], DAMPING, atol=1e-6)
     built.dof_frictionloss[:] = built.dof_damping[:] = 0.0
-    model = ExportModel.consistent(found)
+    model = ExportModel.from_closest_robot(found)
     built.dof_armature[columns] = [model.armature(j) for j in range(4)]
     built.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     motion = random_motion(4, 40)
@@ -178,7 +178,7 @@ def other_robot(made: IdentifiedUrdf, **changes: float) -> ExportModel:
     rows[2] = KinematicRow(**{**rows[2].model_dump(), **changes})
     kinematics = Kinematics(convention="modified_dh", rows=tuple(rows))
     other = robot.model_copy(update={"kinematics": kinematics})
-    return ExportModel.identified(replace(made.estimate, robot=other))
+    return ExportModel.from_estimate(replace(made.estimate, robot=other))
 
 
 @pytest.mark.parametrize("change", [{"alpha_rad": 0.5}, {"beta_rad": 0.1}])
@@ -199,7 +199,7 @@ def test_a_urdf_with_other_axes_is_refused(made: IdentifiedUrdf, change: dict[st
 def test_a_changed_joint_is_named(made: IdentifiedUrdf, old: bytes, new: bytes, joint: str) -> None:
     assert old in ARM
     with raises_code(ConfigError, "RID-URDF-KINEMATICS", joint):
-        UrdfUpdate(ARM.replace(old, new), "arm.urdf", ExportModel.identified(made.estimate))
+        UrdfUpdate(ARM.replace(old, new), "arm.urdf", ExportModel.from_estimate(made.estimate))
 
 
 def test_two_equal_arms_need_a_tip(made: IdentifiedUrdf) -> None:
@@ -208,7 +208,7 @@ def test_two_equal_arms_need_a_tip(made: IdentifiedUrdf) -> None:
     copy = re.sub(r'(name|link|joint)=(["\'])(?!base")', r"\1=\2second_", text[start:end])
     # The joints' names would choose one of the arms.
     both = (text[:end] + copy + text[end:]).replace('name="turn"', 'name="pan"').encode()
-    model = ExportModel.identified(made.estimate)
+    model = ExportModel.from_estimate(made.estimate)
     with raises_code(ConfigError, "RID-URDF-ARM", "second_hand", "2 arms"):
         UrdfUpdate(both, "two.urdf", model)
     chosen = UrdfUpdate(both, "two.urdf", model, "second_hand")
@@ -219,10 +219,10 @@ def test_a_base_that_stands_elsewhere_is_the_same_robot(made: IdentifiedUrdf) ->
     old = b'<origin rpy="0 0 0.3" xyz="0 0 0.2"/>'
     assert old in ARM
     moved = ARM.replace(old, b'<origin rpy="0 0 -1" xyz="1 2 3"/>')
-    update = UrdfUpdate(moved, "moved.urdf", ExportModel.identified(made.estimate))
-    chosen = consistent(made.estimate, update.nominal)
-    arm = made.arm_of(update.with_model(ExportModel.consistent(chosen)).data)
-    model = ExportModel.consistent(chosen)
+    update = UrdfUpdate(moved, "moved.urdf", ExportModel.from_estimate(made.estimate))
+    chosen = find_closest(made.estimate, update.nominal)
+    arm = made.arm_of(update.with_model(ExportModel.from_closest_robot(chosen)).data)
+    model = ExportModel.from_closest_robot(chosen)
     arm.armature = np.array([model.armature(j) for j in range(4)])
     motion = random_motion(4, 20)
     np.testing.assert_allclose(rnea(arm, *motion), rnea(made.truth, *motion), atol=1e-4)
@@ -230,9 +230,9 @@ def test_a_base_that_stands_elsewhere_is_the_same_robot(made: IdentifiedUrdf) ->
 
 def test_companions_that_are_too_heavy_are_refused(made: IdentifiedUrdf) -> None:
     heavy = ARM.replace(b'<mass value="0.1"/>', b'<mass value="50"/>')
-    model = ExportModel.identified(made.estimate)
+    model = ExportModel.from_estimate(made.estimate)
     other = UrdfUpdate(heavy, "heavy.urdf", model)
-    light = consistent(made.estimate).standard_values
+    light = find_closest(made.estimate).standard_values
     with raises_code(EstimationError, "RID-EXPORT-LINKS", "hand", "left", "right", "100 kg"):
         other.with_model(replace(model, parameters=light))
 

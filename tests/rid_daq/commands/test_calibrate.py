@@ -13,8 +13,8 @@ from dynamics.geometry.kinematics import Chain, forward
 from identification.estimation.file import write_estimate
 from identification.kinematics.calibration import probe_positions
 from rid_daq.app import run
-from tests.builders.known_model import known
-from tests.builders.told import document
+from tests.builders.json_output import document
+from tests.builders.known_model import known_estimate
 
 NOISE_M = 2e-5
 
@@ -97,7 +97,7 @@ def test_a_robot_without_drawing_data_needs_a_model_for_its_gears(
     assert told["stiffness"] == []
     assert len(told["notes"]) == 2  # rigid gears; loads without effect
     model = tmp_path / "model.json"
-    write_estimate(model, known(load_cell("ir361"), {}))
+    write_estimate(model, known_estimate(load_cell("ir361"), {}))
     assert run(["calibrate", "ir361", poses, "--model", str(model), "--json"]) == 0
     assert [each["joint"] for each in document(capsys)["stiffness"]] == ["axis2", "axis3"]
 

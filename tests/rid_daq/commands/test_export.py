@@ -234,7 +234,7 @@ def test_a_users_urdf_is_updated(
         for each in (robot, other)
     )
     links = ModelOptions(rotors=False, friction=False, spring=False).build(estimate.robot)
-    values = consistent(estimate).standard_values[: len(links.parameter_names)]
+    values = find_closest(estimate).standard_values[: len(links.parameter_names)]
     difference = np.abs(tau - torque(links, motion[0], motion[1], motion[2], values))
     # Axis 2 has a spring: how much of the weight it carries follows from the nominal masses.
     assert difference[:, [0, 2]].max() < 0.1
