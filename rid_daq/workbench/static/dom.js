@@ -14,25 +14,6 @@ export function element(tag, attributes = {}, ...children) {
   return made;
 }
 
-export function table(columns, rows, red = null, caption = null) {
-  return element(
-    "div",
-    { class: "scroll", tabindex: "0", role: "group", "aria-label": caption ?? "table" },
-    element(
-      "table",
-      {},
-      element("thead", {}, element("tr", {}, ...columns.map((each) => element(...(each ? ["th", { scope: "col" }, each] : ["td"]))))),
-      element(
-        "tbody",
-        {},
-        ...rows.map((row, i) =>
-          element("tr", { class: red?.[i] ? "red" : null }, ...row.map((cell) => element("td", {}, cell))),
-        ),
-      ),
-    ),
-  );
-}
-
 // Return a duration as text.
 export function duration(seconds) {
   if (seconds < 90) return `${Math.max(0, Math.round(seconds))} s`;
