@@ -1,12 +1,11 @@
 // Page Payload: the guided session, its warm-up, its result, load data for the controller.
 import { blockParts } from "./blocks.js";
-import { find } from "./dom.js";
+import { find, timeOf } from "./dom.js";
 import { JobPanel } from "./job_panel.js";
 import { html, render } from "./lit.js";
 import { CELL, ask, on, page } from "./service.js";
 import { blocksUrl, figureIn, fileLink, look, numberOf, offer, press, problemOf, showRun, wanted } from "./work.js";
 
-const utc = (time) => `${time.slice(0, 16).replace("T", " ")} UTC`;
 const WORDS = { done: "done", now: "now", bad: "problem", wait: "not yet" };
 const DRAWN_MS = 3000;
 let session = null;
@@ -115,12 +114,12 @@ async function showSessions() {
   }
   find("resume-card").hidden = !interrupted.length;
   render(interrupted.map((each) => html`<div class="tools">
-    <p><b>${each.label}</b>, started ${utc(each.created_utc)}. Interrupted in: ${each.state.replaceAll("_", " ")}.
+    <p><b>${each.label}</b>, started ${timeOf(each.created_utc)}. Interrupted in: ${each.state.replaceAll("_", " ")}.
       Completed: ${each.done.join(", ") || "nothing"}.</p>
     <button type="button" class="resume" data-run=${each.run} data-needs="role" disabled @click=${() => goOn(each)}>Resume</button></div>`),
   find("interrupted"));
   find("finished-card").hidden = !finished.length;
-  render(finished.map((each) => html`<li><a href="?run=${encodeURIComponent(each.run)}">${each.label}, ${utc(each.created_utc)}</a></li>`),
+  render(finished.map((each) => html`<li><a href="?run=${encodeURIComponent(each.run)}">${each.label}, ${timeOf(each.created_utc)}</a></li>`),
     find("finished"));
 }
 

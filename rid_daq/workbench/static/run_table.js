@@ -1,6 +1,6 @@
 // Table of runs; with `pick`, each row has a checkbox.
 import { table } from "./blocks.js";
-import { moment } from "./dom.js";
+import { timeOf } from "./dom.js";
 import { html } from "./lit.js";
 import { CELL } from "./service.js";
 
@@ -13,7 +13,7 @@ export function runTable(runs, pick = null, picked = []) {
   const report = ({ id }) => html`<a href="/api/v1/runs/${encodeURIComponent(id)}/report" target="_blank" rel="noopener">Report</a>`;
   const rows = runs.map((run) => [
     ...(pick ? [tick(run)] : []), name(run), run.kind || "–", run.status, run.robot || "–",
-    run.created_utc ? moment(Date.parse(run.created_utc) / 1000) : run.id, run.has_report ? report(run) : "–",
+    run.created_utc ? timeOf(run.created_utc) : run.id, run.has_report ? report(run) : "–",
   ]);
   const heads = [...(pick ? ["pick"] : []), "run", "kind", "status", "robot", "when", "report"];
   return table(heads, rows, runs.map((run) => BAD.includes(run.status)), "runs");

@@ -1,7 +1,7 @@
 // Page Settings for administrators: devices, tokens, the log of user actions.
 import { dialog } from "./dialog.js";
 import { table } from "./blocks.js";
-import { element, find, moment } from "./dom.js";
+import { element, find, timeOf } from "./dom.js";
 import { html, render } from "./lit.js";
 import { ask } from "./service.js";
 
@@ -35,8 +35,8 @@ async function showTokens() {
     token.name,
     token.role,
     token.person ? "person" : "program",
-    moment(token.created_s),
-    token.used_s ? moment(token.used_s) : "never",
+    timeOf(token.created_s),
+    token.used_s ? timeOf(token.used_s) : "never",
     ENDS[token.ends],
     revoke(token),
   ]);
@@ -71,7 +71,7 @@ find("token").addEventListener("submit", async (event) => {
 
 async function showAudit() {
   const entries = await ask("GET", "/audit?limit=100");
-  const rows = entries.map((each) => [moment(each.at_s), each.who, each.what, each.cell, each.details]);
+  const rows = entries.map((each) => [timeOf(each.at_s), each.who, each.what, each.cell, each.details]);
   render(table(["when", "who", "what", "cell", "details"], rows, null, "audit log"), find("audit"));
 }
 

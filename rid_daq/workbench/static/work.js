@@ -1,6 +1,6 @@
 // Shared parts of the work pages: blocks, figures, findings, choices.
 import { blockParts } from "./blocks.js";
-import { element, find, parseNumber } from "./dom.js";
+import { element, find, parseNumber, timeOf } from "./dom.js";
 import { keptChoice } from "./entries.js";
 import { showFigure } from "./figure.js";
 import { html, render } from "./lit.js";
@@ -166,7 +166,7 @@ export function offer(select, path, words = path, kind = "") {
   select.dispatchEvent(new Event("change"));
 }
 
-export const runWords = (run) => `${run.label || run.id}, ${run.created_utc.slice(0, 16).replace("T", " ")} UTC`;
+export const runWords = (run) => `${run.label || run.id}, ${timeOf(run.created_utc)}`;
 
 export async function completeRuns() {
   const runs = await ask("GET", "/runs?limit=200");

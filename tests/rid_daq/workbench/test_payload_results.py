@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from datetime import datetime, timedelta, timezone
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Browser, Page, expect
 
+from acquisition.runs.catalogue import list_runs
 from tests.builders.certified import certified_session
 from tests.rid_daq.service.conftest import serve, serving
 from tests.rid_daq.workbench.conftest import go_to
@@ -58,3 +60,24 @@ def test_results_survive_a_reload_and_a_restart_of_the_service(
         expect(page.locator("#result-card")).to_be_hidden()
         page.locator("#finished").get_by_role("link", name=LABEL).click()
         expect_results(page)
+
+
+def test_times_are_those_of_the_service_with_their_zone(
+    folder: Path, browser: Browser, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ((_, session),) = [run for run in list_runs(folder / "runs") if run[1].label == LABEL]
+    begun = datetime.fromisoformat(session.created_utc)
+    monkeypatch.setenv("TZ", "Asia/Kolkata")
+    with serving(folder, cell="kr15") as served:
+        context = browser.new_context(timezone_id="America/New_York")
+        page = context.new_page()
+        page.goto(served.url)
+        local = begun.astimezone(timezone(timedelta(hours=5, minutes=30)))
+        expected = f"{local:%Y-%m-%d %H:%M}"
+        go_to(page, "Runs")
+        expect(page.locator("#runs tbody tr", has_text=LABEL).first).to_contain_text(
+            f"{expected} GMT+5:30"
+        )
+        page.get_by_role("link", name=LABEL, exact=True).click()
+        expect(page.locator("dl.facts")).to_contain_text(f"{expected} IST")
+        context.close()
