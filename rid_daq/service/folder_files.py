@@ -6,6 +6,7 @@ import contextlib
 import functools
 import os
 import re
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
 
 HEAD_BYTES: Final = 4096
 MOST_BYTES: Final = 200_000_000
+CHANGING_S: Final = 2.0
+"""A folder that was changed within this time is read at each call: a further change may have the
+same time stamp [s]."""
 KINDS: Final = frozenset({".yaml", ".json"})
 _KINDS: Final = "|".join(sorted(MOTION_KINDS, key=len, reverse=True))
 _MOTION = re.compile(rf"^kind:\s*[\"']?({_KINDS})\b".encode(), re.MULTILINE)
@@ -96,28 +100,62 @@ class Uploads:
             self._names.discard(file)
 
 
-def visible_files(folder: Path) -> Iterator[Path]:
-    """Yield the YAML and JSON files that clients can name; no pipes, no links out of the folder."""
+def visible_files(folder: Path, without: Path | None = None) -> Iterator[Path]:
+    """Yield the YAML and JSON files that clients can name; no pipes, no links out of the folder.
+
+    Args:
+        folder: Folder to search, with the folders below it.
+        without: Folder that is left out.
+    """
     root = folder.resolve()
-    for path in folder.rglob("*"):
-        inside = path.relative_to(folder)
-        if path.suffix in KINDS and not is_hidden(inside) and is_file_name(str(inside)):
-            with contextlib.suppress(
-                OSError, RuntimeError
-            ):  # the file has just been removed, or is a loop of links
-                if path.is_file() and path.resolve().is_relative_to(root):
-                    yield path
+    for place, folders, names in os.walk(folder):
+        here = Path(place)
+        folders[:] = [
+            each for each in folders if not is_hidden(Path(each)) and here / each != without
+        ]
+        for path in (here / name for name in names):
+            if path.suffix in KINDS and _can_be_named(path.relative_to(folder)):
+                with contextlib.suppress(
+                    OSError, RuntimeError
+                ):  # the file has just been removed, or is a loop of links
+                    if path.is_file() and path.resolve().is_relative_to(root):
+                        yield path
+
+
+def _can_be_named(inside: Path) -> bool:
+    return not is_hidden(inside) and is_file_name(str(inside))
 
 
 def _files(service: CellService) -> Iterator[Path]:
     """Yield files outside the runs folder, and JSON files that jobs wrote into run folders."""
-    for path in visible_files(service.folder):
-        if not path.is_relative_to(service.runs):
-            yield path
-            continue
-        of_run = path.suffix == ".json" and path.parent.parent == service.runs
-        if of_run and path.name not in _NOT_CHOSEN and not path.is_symlink():
-            yield path
+    yield from visible_files(service.folder, without=service.runs)
+    if not service.runs.is_dir():
+        return
+    with os.scandir(service.runs) as runs:
+        for run in runs:
+            if not run.is_dir(follow_symlinks=False):
+                continue
+            changed_ns = run.stat().st_mtime_ns
+            is_settled = time.time_ns() - changed_ns > CHANGING_S * 1e9
+            names = _results_in if is_settled else _results_in.__wrapped__
+            for name in names(run.path, changed_ns):
+                path = service.runs / run.name / name
+                if _can_be_named(path.relative_to(service.folder)):
+                    yield path
+
+
+@functools.lru_cache(maxsize=1 << 16)
+def _results_in(run: str, _changed_ns: int) -> tuple[str, ...]:
+    """Return the names of the JSON files that jobs wrote into a run folder."""
+    with contextlib.suppress(OSError), os.scandir(run) as files:  # it has just been removed
+        return tuple(
+            each.name
+            for each in files
+            if each.name.endswith(".json")
+            and each.name not in _NOT_CHOSEN
+            and each.is_file(follow_symlinks=False)
+        )
+    return ()
 
 
 def _changed_s(path: Path) -> float:

@@ -198,10 +198,12 @@ class JobRunner:
             )
 
     def _publish_events(self, running: RunningJob) -> None:
-        for event in running.read_events():
+        first = running.events_read
+        for number, event in enumerate(running.read_events(), first):
             if isinstance(event, MotionEvent):
                 running.job = self._jobs.change(running.job, run=event.run)
-            message = {"type": "event", "job": running.job.id, "event": event.model_dump()}
+            head = {"type": "event", "job": running.job.id, "number": number}
+            message = {**head, "event": event.model_dump()}
             self._feed.publish_event(json.dumps(message).encode())
         if self._feed.viewers:
             picture = running.newest_picture()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Annotated
 
 from fastapi import APIRouter, Query
@@ -50,18 +51,22 @@ async def friction_page(visit: Visitor) -> HTMLResponse:
 async def payload_page(visit: Visitor) -> HTMLResponse:
     """Show the guided payload session."""
     from identification.choices import LoadFormat
-    from rid_daq.workbench.payload_sessions import interrupted_sessions
 
     plant = visit.cell.loaded.plant
     return visit.page(
         "payload.html",
         files=await cell_files(visit),
         payloads=() if plant is None else tuple(plant.payloads),
-        interrupted=await run_in_threadpool(
-            interrupted_sessions, visit.service.runs, visit.cell.name, visit.service.folder
-        ),
         formats=tuple(LoadFormat),
     )
+
+
+@router.get("/payload/sessions")
+def payload_sessions(cell: OfCell, service: Service) -> dict[str, object]:
+    """Return the payload sessions of the cell that can be resumed, and those with a result."""
+    from rid_daq.workbench.payload_sessions import sessions_of
+
+    return asdict(sessions_of(service.runs, cell.name, service.folder))
 
 
 @router.get("/compensation")

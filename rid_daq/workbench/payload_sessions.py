@@ -1,4 +1,4 @@
-"""`interrupted_sessions`: payload sessions that can be resumed."""
+"""`sessions_of`: payload sessions of a cell, those that can be resumed and the finished ones."""
 
 from __future__ import annotations
 
@@ -8,65 +8,83 @@ from typing import Final
 
 from pydantic import JsonValue
 
-from acquisition.runs.catalogue import list_runs
+from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
 from config.errors import RidDaqError
 from rid_daq.operations.payload.payload_session import PayloadSessionRequest
 from rid_daq.operations.payload.session_states import SessionFile
+from rid_daq.service.api.run_index import run_index
 from rid_daq.terminal.job_events import SessionState
 
 KIND: Final = "payload session"
 
 
 @dataclass(frozen=True)
-class InterruptedSession:
-    """A payload session that has not been completed.
+class FinishedSession:
+    """A payload session with a result.
 
     Attributes:
         run, label, created_utc: Its id, its label, and its start time.
-        state, done: Its present state, and its completed steps.
-        choices: Options of its request; the path of the model is relative to the service's folder.
     """
 
     run: str
     label: str
     created_utc: str
+
+
+@dataclass(frozen=True)
+class InterruptedSession(FinishedSession):
+    """A payload session that has not been completed.
+
+    Attributes:
+        state, done: Its present state, and its completed steps.
+        choices: Options of its request; the path of the model is relative to the service's folder.
+    """
+
     state: SessionState
     done: tuple[str, ...]
     choices: dict[str, JsonValue]
 
 
-def interrupted_sessions(runs: Path, cell: str, folder: Path) -> tuple[InterruptedSession, ...]:
-    """Return the incomplete sessions of a cell, the newest first.
+@dataclass(frozen=True)
+class CellSessions:
+    """Payload sessions of a cell, each list with the newest first."""
+
+    interrupted: tuple[InterruptedSession, ...]
+    finished: tuple[FinishedSession, ...]
+
+
+def sessions_of(runs: Path, cell: str, folder: Path) -> CellSessions:
+    """Return the payload sessions of a cell.
 
     Args:
         runs: Folder of the run folders.
         cell: Name of the cell.
         folder: The service's folder.
     """
-    found = []
-    for run, manifest in list_runs(runs):
-        if manifest.kind != KIND or manifest.status == RunStatus.COMPLETE:
+    interrupted, finished = [], []
+    for run in run_index(runs).newest_first():
+        if run.kind != KIND:
             continue
         try:
-            state = SessionFile.read(run)
-            now = PayloadSessionRequest(cell=state.cell, runs=runs, resume=run.run_id)
+            state = SessionFile.read(RunFolder(runs.resolve() / run.id, run.id))
+            if state.cell != cell:
+                continue
+            known = FinishedSession(run.id, run.label, run.created_utc)
+            if run.status == RunStatus.COMPLETE:
+                finished.append(known)
+                continue
+            now = PayloadSessionRequest(cell=state.cell, runs=runs, resume=run.id)
             choices = now.with_original_options(state.request).choices
-        except RidDaqError:  # this session cannot be resumed; the page Runs shows the reason
+        except RidDaqError:  # the page Runs shows the reason
             continue
-        if state.cell == cell:
-            choices["model"] = _relative_path(folder.resolve(), choices["model"])
-            found.append(
-                InterruptedSession(
-                    run=run.run_id,
-                    label=manifest.label,
-                    created_utc=manifest.created_utc,
-                    state=state.state,
-                    done=tuple(state.done),
-                    choices=choices,
-                )
+        choices["model"] = _relative_path(folder.resolve(), choices["model"])
+        interrupted.append(
+            InterruptedSession(
+                **vars(known), state=state.state, done=tuple(state.done), choices=choices
             )
-    return tuple(sorted(found, key=lambda each: each.run, reverse=True))
+        )
+    return CellSessions(tuple(interrupted), tuple(finished))
 
 
 def _relative_path(folder: Path, file: JsonValue) -> JsonValue:

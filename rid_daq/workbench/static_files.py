@@ -21,6 +21,7 @@ from starlette.responses import Response
 
 from config.errors import ConfigError
 from rid_daq.service.refusals import UnknownError
+from rid_daq.session.versions import program_version
 from rid_daq.workbench.compressed import CompressedBody
 
 router = APIRouter(include_in_schema=False)
@@ -77,9 +78,11 @@ def _bundled_modules() -> dict[str, bytes]:
 
 @functools.cache
 def static_version() -> str:
-    """Return a version that changes with the content of any file and with the plot library."""
-    digest = hashlib.sha256(version("bokeh").encode())
-    for name, content in sorted(static_files().items()):
+    """Return a version that changes with any file or page, rid-daq, and the plot library."""
+    digest = hashlib.sha256(f"{program_version()} {version('bokeh')}".encode())
+    templates = files("rid_daq.workbench").joinpath("templates").iterdir()
+    pages = {file.name: file.read_bytes() for file in templates}
+    for name, content in sorted((static_files() | pages).items()):
         digest.update(name.encode() + hashlib.sha256(content).digest())
     return digest.hexdigest()[:16]
 

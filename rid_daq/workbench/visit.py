@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from http import HTTPStatus
 from typing import Annotated, Any, Final
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 import jinja2
 from fastapi import Depends, Request
@@ -36,12 +40,30 @@ _TEMPLATES: Final = jinja2.Environment(
 )
 
 
-def _utc(text: str) -> str:
-    """Return a time of a manifest in readable form, to the second."""
-    return f"{text[:10]} {text[11:19]} UTC" if "T" in text else text
+def _zone() -> str:
+    """Return the IANA name of this computer's time zone; UTC if it has no name."""
+    link = os.path.realpath("/etc/localtime").partition("/zoneinfo/")[2]
+    for name in (os.environ.get("TZ", "").lstrip(":"), link):
+        with contextlib.suppress(ValueError, OSError, ZoneInfoNotFoundError):
+            return ZoneInfo(name).key
+    return "UTC"
 
 
-_TEMPLATES.filters["utc"] = _utc
+ZONE: Final = _zone()
+"""Time zone of all times on the pages: that of the service, whatever the browser's zone is."""
+
+
+def _zoned(text: str) -> str:
+    """Return a time of a manifest in the service's time zone, with the zone's name."""
+    try:
+        time = datetime.fromisoformat(text)
+    except ValueError:  # there is no time yet, or the manifest was edited
+        return text
+    return f"{time.astimezone(UTC if ZONE == 'UTC' else ZoneInfo(ZONE)):%Y-%m-%d %H:%M %Z}"
+
+
+_TEMPLATES.filters["zoned"] = _zoned
+_TEMPLATES.globals["zone"] = ZONE
 _TEMPLATES.globals["static"] = static_address
 
 

@@ -53,10 +53,11 @@ async def stream_to_viewer(socket: WebSocket) -> None:
     """Send a viewer all changes and events until it disconnects.
 
     Messages to the viewer have a `type`: `cell`, `job`, `event`, `samples`, `beat`, `stopped`, and
-    `challenge` while a job requires a held key. An operator holds a key by answering each challenge
-    with `{"job": ID, "lease": KEY, "held": "+", "sequence": 12, "challenge": VALUE}`. `"held": ""`
-    means that the key was released, `tapped` that a key was tapped. The viewer may also send
-    `{"stop": CELL, "number": N}`.
+    `challenge` while a job requires a held key. The `number` of an `event` counts the events of its
+    job from 0: a viewer that misses one requests it from `/api/v1/jobs/JOB/events`. An operator
+    holds a key by answering each challenge with `{"job": ID, "lease": KEY, "held": "+",
+    "sequence": 12, "challenge": VALUE}`. `"held": ""` means that the key was released, `tapped`
+    that a key was tapped. The viewer may also send `{"stop": CELL, "number": N}`.
     """
     service: CellService = socket.app.state.service
     authenticator: Authenticator = socket.app.state.authenticator

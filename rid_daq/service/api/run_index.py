@@ -15,16 +15,12 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import MANIFEST, Manifest
 from acquisition.runs.run_id import RUN_ID
 from config.errors import RecordingError
-from rid_daq.service.folder_files import motion_kind
+from rid_daq.service.folder_files import CHANGING_S, motion_kind
 from rid_daq.service.records import Record
 
 REPORT: Final = "report.html"
 MOTION: Final = "motion.yaml"
 DAMAGED: Final = "damaged"
-
-_CHANGING_S: Final = 2.0
-"""A folder that was changed within this time is read at each call: a further change may have the
-same time stamp [s]."""
 
 _Stamp = tuple[int, int]
 
@@ -88,7 +84,7 @@ class RunIndex:
         if known is not None and known[0] == stamp:
             return known
         entry = read_entry(RunFolder(root / name, name))
-        is_settled = time.time_ns() - max(stamp) > _CHANGING_S * 1e9
+        is_settled = time.time_ns() - max(stamp) > CHANGING_S * 1e9
         return (stamp if is_settled else (0, 0)), entry
 
 

@@ -76,6 +76,7 @@ class RunningJob:
         stopping: Reason of the stop request; empty without a stop request.
         question: Question of the job that waits for an answer.
         ended: Last event of the job.
+        events_read: Number of events that were read.
     """
 
     def __init__(self, job: Job, cell: ServedCell, worker: WorkerProcess, events: Path) -> None:
@@ -88,6 +89,7 @@ class RunningJob:
         self.document: dict[str, object] | None = None
         self.run: str | None = None
         self.last_bad = ""
+        self.events_read = 0
         self._tail = EventTail(events)
         self._stop_code: StopCode | None = None
         self._motion: MotionEvent | None = None
@@ -97,6 +99,7 @@ class RunningJob:
     def read_events(self) -> Sequence[AnyEvent]:
         """Return the new events of the job, and update the job's state from them."""
         new = self._tail.read_new()
+        self.events_read += len(new)
         for event in new:
             match event:
                 case MotionEvent():

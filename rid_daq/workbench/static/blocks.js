@@ -1,42 +1,50 @@
-// Converts blocks of a result to HTML elements.
-import { element, table } from "./dom.js";
+// Templates of the blocks of a result, one for each kind of block.
+import { html } from "./lit.js";
 
 const MARKS = { true: ["good", "✓ "], false: ["bad", "✗ "], null: ["", ""] };
 const RUNS = `/cells/${encodeURIComponent(document.body.dataset.cell)}/runs/`;
 
 export function verdictOf({ passed, text }) {
   const [kind, mark] = MARKS[passed];
-  return element("p", { class: `verdict ${kind}` }, mark + text);
+  return html`<p class="verdict ${kind}">${mark}${text}</p>`;
 }
 
-// Return the elements of blocks. `figure` creates the container of a plot; without it, plots are left out.
+// Return a table. Cells are texts or templates; `red` marks rows; a column without a title has no head.
+export function table(columns, rows, red = null, caption = "table") {
+  const head = (text) => (text ? html`<th scope="col">${text}</th>` : html`<td></td>`);
+  const row = (cells, i) => html`<tr class=${red?.[i] ? "red" : ""}>${cells.map((cell) => html`<td>${cell}</td>`)}</tr>`;
+  return html`<div class="scroll" tabindex="0" role="group" aria-label=${caption}>
+    <table><thead><tr>${columns.map(head)}</tr></thead><tbody>${rows.map(row)}</tbody></table></div>`;
+}
+
+// Return the templates of blocks. `figure` creates the container of a plot; without it, plots are left out.
 // `imageUrl` returns the address of an image by its number; without it, a picture is its caption.
 // A table with more than `mostRows` rows is collapsed, unless it has a red row.
 export function blockParts(blocks, figure = null, mostRows = 15, imageUrl = null) {
   let title = "table";
-  return blocks.flatMap((block) => {
+  return blocks.map((block) => {
     switch (block.kind) {
-      case "heading": return [element("h3", {}, (title = block.text.trim()))];
-      case "verdict": return [verdictOf(block)];
-      case "text": return block.text ? [element("p", { class: block.is_note ? "soft" : null }, block.text)] : [];
-      case "table": return [tablePart(block, title, mostRows)];
-      case "plot": return figure ? [figure(block), element("p", { class: "soft" }, block.caption)] : [];
-      case "picture": return [...(imageUrl ? [imagesPart(block, imageUrl)] : []), element("p", { class: "soft" }, block.caption)];
-      case "next": return [element("p", {}, `${block.lead}: rid-daq ${block.words.join(" ")}`)];
+      case "heading": return html`<h3>${(title = block.text.trim())}</h3>`;
+      case "verdict": return verdictOf(block);
+      case "text": return block.text ? html`<p class=${block.is_note ? "soft" : ""}>${block.text}</p>` : "";
+      case "table": return tablePart(block, title, mostRows);
+      case "plot": return figure ? html`${figure(block)}<p class="soft">${block.caption}</p>` : "";
+      case "picture": return html`${imageUrl ? imagesPart(block, imageUrl) : ""}<p class="soft">${block.caption}</p>`;
+      case "next": return html`<p>${block.lead}: rid-daq ${block.words.join(" ")}</p>`;
     }
   });
 }
 
 function imagesPart({ images }, url) {
   const shown = images.map(({ text, width, height, number }) =>
-    element("img", { src: url(number), alt: text, width, height, loading: "lazy" }));
-  return element("div", { class: "images" }, ...shown);
+    html`<img src=${url(number)} alt=${text} width=${width} height=${height} loading="lazy">`);
+  return html`<div class="images">${shown}</div>`;
 }
 
 function tablePart({ columns, rows, failed }, title, mostRows) {
-  const cell = (text, column) => (column.is_run ? element("a", { href: RUNS + encodeURIComponent(text) }, text) : text);
+  const cell = (text, column) => (column.is_run ? html`<a href="${RUNS}${encodeURIComponent(text)}">${text}</a>` : text);
   const heads = columns.map((each) => (each.unit ? `${each.title} [${each.unit}]` : each.title));
   const shown = table(heads, rows.map((row) => row.map((text, i) => cell(text, columns[i]))), failed, title);
   if (rows.length <= mostRows) return shown;
-  return element("details", { open: failed?.includes(true) ?? false }, element("summary", {}, `${title}: ${rows.length} rows`), shown);
+  return html`<details ?open=${failed?.includes(true) ?? false}><summary>${title}: ${rows.length} rows</summary>${shown}</details>`;
 }

@@ -1,7 +1,8 @@
 // The page of a cell: state, actions, joints, preflight, last runs.
-import { duration, element, find } from "./dom.js";
+import { duration, find } from "./dom.js";
 import { JobPanel } from "./job_panel.js";
 import { showEnd, showJoints, showReturn, showSilence, showTemperatures } from "./joints.js";
+import { html, render } from "./lit.js";
 import { followPose } from "./live_pose.js";
 import { loadPreflight } from "./preflight.js";
 import { RobotView } from "./robot_view.js";
@@ -26,7 +27,7 @@ const actions = {
 for (const [id, action] of Object.entries(actions)) find(id)?.addEventListener("click", action);
 
 function next(job, document) {
-  const again = (text, action) => element("button", { type: "button", class: "main", onclick: action }, text);
+  const again = (text, action) => html`<button type="button" class="main" @click=${action}>${text}</button>`;
   const moved = document?.lines?.some((line) => line.what === LAST_POSE && line.verdict === "red");
   if (job.kind === "check" && moved)
     return [again("Check again", actions.check), again("The positions are correct: accept them", actions.accept)];
@@ -52,11 +53,9 @@ async function refresh() {
 async function loadRuns() {
   try {
     const runs = await ask("GET", "/runs?limit=5");
-    find("last-runs").replaceChildren(
-      runs.length ? runTable(runs) : element("p", { class: "soft" }, "No runs yet."),
-    );
+    render(runs.length ? runTable(runs) : html`<p class="soft">No runs yet.</p>`, find("last-runs"));
   } catch (error) {
-    find("last-runs").replaceChildren(element("p", { class: "problem" }, error.message));
+    render(html`<p class="problem">${error.message}</p>`, find("last-runs"));
   }
 }
 

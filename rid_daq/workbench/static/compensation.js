@@ -1,9 +1,17 @@
 // Compensation: velocity loops, feedforward, paths before and after, refinement, streaming.
-import { element, find } from "./dom.js";
+import { find } from "./dom.js";
+import { JobPanel } from "./job_panel.js";
+import { html } from "./lit.js";
 import { on } from "./service.js";
-import { WorkPanel, completeRuns, modelOf, nameOf, numberOf, offer, options, press, runWords, showRun, wanted } from "./work.js";
+import { completeRuns, modelOf, nameOf, numberOf, offer, options, press, runWords, showRun, wanted } from "./work.js";
 
-const panel = new WorkPanel(find("job"), { ended });
+const panel = new JobPanel(find("job"), { next, ended });
+
+function next(job, document) {
+  if (job.kind !== "refine" || !document) return [];
+  const words = document.finished ? "The refinement is complete: the remaining error is noise, or does not repeat." : "Next: record with the new file, then refine again.";
+  return [html`<p>${words}</p>`];
+}
 
 // ---- runs to choose from
 async function showRuns(newest = null) {
@@ -80,10 +88,6 @@ async function ended(job, document) {
   if (job.kind === "retime" && document) offer(find("motion"), document.motion);
   if ((job.kind === "compensate" || job.kind === "refine") && document) {
     offer(find("feedforward"), document.feedforward);
-  }
-  if (job.kind === "refine" && document) {
-    const words = document.finished ? "The refinement is complete: the remaining error is noise, or does not repeat." : "Next: record with the new file, then refine again.";
-    panel.after.append(element("p", {}, words));
   }
   if (job.kind === "tracking" && document) await showRun(find("path-result"), job.request.run[0], "tracking");
   if (job.kind === "record" || job.kind === "stream") await showRuns(job.run);

@@ -14,25 +14,6 @@ export function element(tag, attributes = {}, ...children) {
   return made;
 }
 
-export function table(columns, rows, red = null, caption = null) {
-  return element(
-    "div",
-    { class: "scroll", tabindex: "0", role: "group", "aria-label": caption ?? "table" },
-    element(
-      "table",
-      {},
-      element("thead", {}, element("tr", {}, ...columns.map((each) => element(...(each ? ["th", { scope: "col" }, each] : ["td"]))))),
-      element(
-        "tbody",
-        {},
-        ...rows.map((row, i) =>
-          element("tr", { class: red?.[i] ? "red" : null }, ...row.map((cell) => element("td", {}, cell))),
-        ),
-      ),
-    ),
-  );
-}
-
 // Return a duration as text.
 export function duration(seconds) {
   if (seconds < 90) return `${Math.max(0, Math.round(seconds))} s`;
@@ -40,8 +21,16 @@ export function duration(seconds) {
   return `${(seconds / 3600).toFixed(1)} h`;
 }
 
-// Return a time in this device's time zone, with the zone's name.
-export const moment = (seconds) => new Date(1000 * seconds).toLocaleString(undefined, { timeZoneName: "short" });
+// Return a time in the service's time zone, with the zone's name: the device may be in another zone.
+// The argument is a number of seconds since 1970, or a time in ISO 8601.
+export function timeOf(time) {
+  const at = typeof time === "number" ? 1000 * time : Date.parse(time);
+  return Number.isNaN(at) ? time : zoned.format(at); // an edited manifest may contain any text
+}
+const two = "2-digit";
+const zoned = new Intl.DateTimeFormat("sv-SE", { // year-month-day hour:minute
+  year: "numeric", month: two, day: two, hour: two, minute: two, timeZoneName: "short", timeZone: document.body.dataset.zone,
+});
 
 // Parse a number with a decimal point or a decimal comma; return NaN for any other text.
 // The result is also NaN if a comma may separate thousands, as in "1,234".

@@ -1,8 +1,10 @@
 // Page Experiment: choose or design a motion, show it, rehearse and record it.
 import { find } from "./dom.js";
+import { JobPanel } from "./job_panel.js";
+import { html, render } from "./lit.js";
 import { newest } from "./requests.js";
 import { CELL, on, page } from "./service.js";
-import { WorkPanel, blocksUrl, link, modelOf, nameOf, numberOf, offer, press, showBlocks, wanted } from "./work.js";
+import { blocksUrl, modelOf, nameOf, numberOf, offer, press, showBlocks, wanted } from "./work.js";
 
 const motion = find("motion");
 const kind = find("kind");
@@ -14,13 +16,13 @@ const NEXT = {
   reversed: ["friction", "Measure the friction"],
 };
 
-const panel = new WorkPanel(find("job"), {
+const panel = new JobPanel(find("job"), {
   next: (job) => {
     if (job.state !== "done" || !job.run) return [];
     const run = encodeURIComponent(job.run);
     if (job.kind !== "record") return [];
     const [path, words] = NEXT[motion.selectedOptions[0]?.dataset.kind.replaceAll("-", "_")] ?? ["identify", "Identify this run"];
-    return [link(`${CELL}/${path}?run=${run}`, words, { class: "button main" })];
+    return [html`<a class="button main" href="${CELL}/${path}?run=${run}">${words}</a>`];
   },
   ended: (job, document) => {
     if (job.kind === "design" && job.state === "done" && document) {
@@ -45,7 +47,7 @@ async function showMotion() {
     await showBlocks(place, blocksUrl(`${CELL}/motion`, { file: motion.value, ...modelOf() }), { signal });
   } catch (error) {
     if (signal.aborted) return;
-    place.replaceChildren();
+    render([], place);
     problem.textContent = error.message;
   }
 }

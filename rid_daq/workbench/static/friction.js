@@ -1,10 +1,13 @@
 // Page Friction: identify friction alone, joint by joint, from runs that were made for it.
-import { element, find } from "./dom.js";
+import { find } from "./dom.js";
+import { keptTicks } from "./entries.js";
+import { JobPanel } from "./job_panel.js";
+import { html, render } from "./lit.js";
 import { on } from "./service.js";
-import { WorkPanel, completeRuns, press, runWords, showRun, wanted } from "./work.js";
+import { completeRuns, press, runWords, showRun, wanted } from "./work.js";
 
 const MEASURE = new Set(["constant_velocity", "reversed"]);
-const panel = new WorkPanel(find("job"), { ended });
+const panel = new JobPanel(find("job"), { ended });
 
 // ---- runs to choose from
 const chosenRuns = () => [...document.querySelectorAll("#runs input:checked")].map((box) => box.value);
@@ -12,16 +15,13 @@ const chosenRuns = () => [...document.querySelectorAll("#runs input:checked")].m
 let runs = [];
 async function showRuns() {
   const before = chosenRuns();
-  const chosen = before.length ? before : wanted.getAll("run");
+  const [asked, kept] = [wanted.getAll("run"), keptTicks("run")];
+  const chosen = [before, asked, kept].find((each) => each.length) ?? [];
   runs = (await completeRuns()).filter((run) => MEASURE.has(run.motion));
   find("no-runs").hidden = runs.length > 0;
-  const boxes = runs.map((run) => {
-    const box = element("input", { type: "checkbox", value: run.id, name: "run" });
-    box.checked = chosen.includes(run.id);
-    return element("label", {}, box, `${runWords(run)} (${run.motion.replaceAll("_", " ")})`);
-  });
   find("runs").hidden = runs.length === 0;
-  find("runs").replaceChildren(element("legend", {}, "Runs to measure from"), ...boxes);
+  render(runs.map((run) => html`<label><input type="checkbox" name="run" value=${run.id} .checked=${chosen.includes(run.id)}>
+    ${runWords(run)} (${run.motion.replaceAll("_", " ")})</label>`), find("runs"));
 }
 
 press("measure", panel, "friction", () => {

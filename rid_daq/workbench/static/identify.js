@@ -1,8 +1,11 @@
 // Page Identify: Data, Model, Check, Solve, Result.
-import { element, find } from "./dom.js";
+import { find } from "./dom.js";
+import { keptTicks } from "./entries.js";
+import { JobPanel } from "./job_panel.js";
+import { html, render } from "./lit.js";
 import { newest } from "./requests.js";
 import { CELL, mayMove, on } from "./service.js";
-import { WorkPanel, completeRuns, fileLink, findings, look, nameOf, numberOf, options, press, runWords, showRun, wanted } from "./work.js";
+import { completeRuns, fileLink, findings, look, nameOf, numberOf, options, press, runWords, showRun, wanted } from "./work.js";
 
 const solve = find("solve");
 let runs = [];
@@ -11,7 +14,7 @@ let solvedWith = null;
 let model = null;
 let solving = false;
 
-const panel = new WorkPanel(find("job"), { begun, ended });
+const panel = new JobPanel(find("job"), { begun, ended });
 
 // ---- stages
 const WORDS = { done: "complete", bad: "problem", now: "running", wait: "not yet" };
@@ -65,9 +68,9 @@ function show() {
   const same = solvedWith !== null && JSON.stringify(request()) === solvedWith;
   stage("solve", solving ? "now" : same ? "done" : "wait");
   find("terms").hidden = friction() !== "terms";
-  find("data-findings").replaceChildren(...(names.length && checked ? findings(checked.data) : []));
-  find("model-findings").replaceChildren(...findings([problem ? { passed: false, text: problem } : { passed: true, text: modelWords() }]));
-  find("check-findings").replaceChildren(...(dataGood ? findings(checked.model) : []));
+  render(names.length && checked ? findings(checked.data) : [], find("data-findings"));
+  render(findings([problem ? { passed: false, text: problem } : { passed: true, text: modelWords() }]), find("model-findings"));
+  render(dataGood ? findings(checked.model) : [], find("check-findings"));
   find("check-words").textContent = dataGood ? "Data and model together:" : names.length ? "The data are not complete yet." : "Choose runs first.";
   let why = "";
   if (!mayMove) why = "This device has read-only access. An administrator can give it the role operator.";
@@ -110,13 +113,10 @@ async function showRuns() {
   const before = chosenRuns();
   runs = await completeRuns();
   find("no-runs").hidden = runs.length > 0;
-  const chosen = before.length ? before : wanted.getAll("run");
-  const legend = element("legend", {}, "Runs to identify from");
-  find("runs").replaceChildren(legend, ...runs.map((run) => {
-    const box = element("input", { type: "checkbox", value: run.id, name: "run" });
-    box.checked = chosen.includes(run.id);
-    return element("label", {}, box, `${runWords(run)}${run.files.includes("model.json") ? " (has a model)" : ""}`);
-  }));
+  const [asked, kept] = [wanted.getAll("run"), keptTicks("run")];
+  const chosen = [before, asked, kept].find((each) => each.length) ?? [];
+  render(runs.map((run) => html`<label><input type="checkbox" name="run" value=${run.id} .checked=${chosen.includes(run.id)}>
+    ${runWords(run)}${run.files.includes("model.json") ? " (has a model)" : ""}</label>`), find("runs"));
   await check();
 }
 
@@ -152,7 +152,7 @@ async function ended(job, document) {
   if (job.kind === "validate" && document) await showValidation(job.request.run);
   if (job.kind === "export" && document) {
     const name = document.file.split("/").at(-1);
-    find("exported").replaceChildren(element("p", {}, document.sentence ?? ""), fileLink(name, `Save ${name}`));
+    render(html`<p>${document.sentence ?? ""}</p>${fileLink(name, `Save ${name}`)}`, find("exported"));
   }
 }
 
@@ -185,7 +185,7 @@ async function showValidation(run) {
 const ENDINGS = { urdf: ".urdf", sdf: ".sdf", pinocchio: ".py", c: ".c", python: ".py", csv: ".csv", json: ".json" };
 press("export", panel, "export", async () => {
   const to = find("format").value;
-  find("exported").replaceChildren();
+  render([], find("exported"));
   await panel.begin("export", { what: model.path, to, output: nameOf("export-name", ENDINGS[to]), overwrite: true });
 });
 

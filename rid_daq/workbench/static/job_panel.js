@@ -1,13 +1,15 @@
 // Panel of a job: progress, messages, tables, questions, verdict, next steps.
+// The WebSocket sends each event of a job once, with its number; the panel requests only events that it has missed.
 import { blockParts, verdictOf } from "./blocks.js";
 import { confirmClear } from "./dialog.js";
-import { duration, element } from "./dom.js";
+import { duration } from "./dom.js";
 import { holdPad } from "./hold_pad.js";
-import { CELL, ask, lease, now, on, page } from "./service.js";
+import { html, keyed, nothing, render } from "./lit.js";
+import { JobLog } from "./job_log.js";
+import { CELL, ask, lease, now, on } from "./service.js";
 
 const ENDS = {
-  done: ["good", "Done"], failed: ["bad", "Failed"], stopped: ["bad", "Stopped"],
-  interrupted: ["bad", "Interrupted"],
+  done: ["good", "done"], failed: ["bad", "failed"], stopped: ["bad", "stopped"], interrupted: ["bad", "interrupted"],
 };
 const BEGIN_MS = 30000; // timeout of a start: the service answers once the job is saved and its worker runs
 const URGENT = { urgent: true }; // a request for a job's events does not wait for requests of lists and figures
@@ -16,14 +18,18 @@ const over = (job) => job.state in ENDS;
 // Return the title of a kind of job: "Payload export" for "payload_export".
 const kindWords = (kind) => kind.charAt(0).toUpperCase() + kind.slice(1).replaceAll("_", " ");
 
-// new JobPanel(section, { next: (job, document) => [element, ...] })
+// What the panel shows of one job; a new one replaces it when a job is shown.
+const emptyView = () => ({
+  known: 0, ahead: new Map(), last: "", over: false, loading: null,
+  log: new JobLog(), share: 0, count: "", estimate: "", verdicts: [], question: null, pad: null, problem: "", links: [],
+});
+
+// Options are functions: `next(job, document)` returns links for the end of a job; `begun(job)` and `ended(job, document)`
+// are called when a job is shown and when it has ended; `heard(event, job)` is called for every event.
 export class JobPanel {
-  constructor(section, { next = () => [], ended = () => {} } = {}) {
-    this.section = section;
-    this.next = next;
-    this.ended = ended;
-    this.job = null;
-    on("event", (job) => job === this.job?.id && this.follow());
+  constructor(section, { next = () => [], begun = () => {}, ended = () => {}, heard = () => {} } = {}) {
+    Object.assign(this, { section, next, begun, ended, heard, job: null, refusal: null, view: emptyView() });
+    on("event", (job, event, number) => job === this.job?.id && this.receive(event, number));
     on("job", (job) => job.id === this.job?.id && this.change(job));
     on("again", () => this.job && this.refresh());
     on("samples", (picture, job) => job === this.job?.id && this.showPicture(picture));
@@ -38,8 +44,7 @@ export class JobPanel {
     const lost = moves ? await confirmClear(kindWords(kind), { held: kind === "jog" }) : "stop";
     if (lost === null) return null;
     try {
-      const wanted = { kind, request, cleared: moves, on_lost_client: lost };
-      const job = await ask("POST", `${CELL}/jobs`, wanted, BEGIN_MS);
+      const job = await ask("POST", `${CELL}/jobs`, { kind, request, cleared: moves, on_lost_client: lost }, BEGIN_MS);
       this.show(job);
       return job;
     } catch (error) {
@@ -50,11 +55,8 @@ export class JobPanel {
 
   refuse(kind, error) {
     this.job = null;
-    this.section.replaceChildren(
-      element("h2", {}, kindWords(kind)),
-      element("p", { class: "verdict bad", role: "alert" }, `Refused: ${error.message}`),
-    );
-    this.section.hidden = false;
+    this.refusal = { kind, text: error.message };
+    this.draw();
     this.section.scrollIntoView({ block: "nearest" });
   }
 
@@ -73,31 +75,20 @@ export class JobPanel {
   // Show the running job of the cell if this panel shows no running job.
   adopt(status) {
     if (status.job && status.job.id !== this.job?.id && (!this.job || over(this.job))) this.show(status.job);
+    else if (this.view.question) this.update(); // the holder of the cell may have changed
   }
 
   show(job) {
+    this.view.pad?.leave();
+    this.view = emptyView();
+    this.refusal = null;
     this.job = job;
     sessionStorage.setItem(this.key, job.id);
-    this.known = 0;
-    this.asking = Promise.resolve();
-    this.waiting = null;
-    this.question = null;
-    this.document = null;
-    this.progress = element("progress", { max: "1", "aria-label": "progress" });
-    this.count = element("p", { class: "count number" });
-    this.verdict = element("div", { class: "verdicts", role: "status" });
-    this.questions = element("div", { class: "questions" });
-    this.after = element("div", { class: "next actions" });
-    this.said = element("div", { class: "said", role: "log", tabindex: "0", "aria-label": "messages of the job" });
-    const end = element("button", { type: "button", onclick: () => this.cancel() }, "End this job");
-    this.cancelling = end;
-    const head = element("div", { class: "job-head" }, element("h2", {}, kindWords(job.kind)), end);
-    this.way = element("div", { class: "way" }, this.progress, this.count);
-    this.section.replaceChildren(head, this.way, this.questions, this.verdict, this.after, this.said);
-    this.section.hidden = false;
-    this.change(job);
-    this.follow();
+    this.draw();
     this.section.scrollIntoView({ block: "nearest" });
+    this.begun(job);
+    this.load();
+    this.change(job);
   }
 
   async refresh() {
@@ -106,7 +97,7 @@ export class JobPanel {
     } catch {
       return; // no connection: the page shows this
     }
-    await this.follow();
+    await this.load();
   }
 
   async cancel() {
@@ -118,132 +109,178 @@ export class JobPanel {
   }
 
   async change(job) {
-    const ended = over(job) && !(this.endedJob === job.id);
+    const { view } = this;
     this.job = job;
-    this.cancelling.hidden = over(job);
-    this.way.hidden = over(job);
-    if (job.state === "accepted") this.count.textContent = "Waiting for the end of another job.";
-    if (!ended) return;
-    this.endedJob = job.id;
-    const { verdict } = this;
-    await this.follow();
-    if (this.verdict !== verdict) return; // another job is shown by now
+    this.update();
+    if (!over(job) || view.over) return;
+    view.over = true;
+    // a request that is already running may lack the last events; a killed job has no event `ended`
+    for (let i = 0; i < 2 && view.last !== "ended"; i++) await this.load();
+    if (this.view !== view) return; // another job is shown by now
     this.drop();
     sessionStorage.removeItem(this.key);
     const [kind, word] = ENDS[job.state];
     const reason = job.reason ? `: ${job.reason}` : "";
-    this.verdict.append(element("p", { class: `verdict ${kind} end` }, `${kindWords(job.kind)}: ${word.toLowerCase()}${reason}`));
-    const links = [...this.next(job, this.document)];
-    if (job.run) {
-      const address = `/cells/${encodeURIComponent(page.cell)}/runs/${encodeURIComponent(job.run)}`;
-      links.push(element("a", { class: "button", href: address }, `Run ${job.run}`));
-    }
-    this.after.replaceChildren(...links);
-    this.ended(job, this.document);
+    view.verdicts.push(html`<p class="verdict ${kind} end">${kindWords(job.kind)}: ${word}${reason}</p>`);
+    view.links = [...this.next(job, view.document)];
+    if (job.run) view.links.push(html`<a class="button" href="${CELL}/runs/${encodeURIComponent(job.run)}">Run ${job.run}</a>`);
+    this.draw();
+    this.ended(job, view.document);
   }
 
-  // Get the new events of the job. At most one request is running and one is waiting.
-  // The waiting request serves all calls until it starts, so that no event is missed.
-  follow() {
-    const { job: { id }, said } = this;
-    const left = () => this.job?.id !== id || this.said !== said; // another job is shown, or this one again
-    this.waiting ??= this.asking.then(async () => {
-      if (left()) return;
-      [this.asking, this.waiting] = [this.waiting, null];
+  // ---- events
+  receive(event, number) {
+    const { view } = this;
+    if (number >= view.known) view.ahead.set(number, event);
+    this.takeNext(view);
+    if (view.ahead.size) this.load();
+  }
+
+  // Take the received events that follow the last known event.
+  takeNext(view) {
+    for (let event; (event = view.ahead.get(view.known)); ) {
+      view.ahead.delete(view.known);
+      this.take(event);
+    }
+  }
+
+  // Request the events that were missed. Only one request runs at a time.
+  load() {
+    const { view, job } = this;
+    view.loading ??= (async () => {
       try {
-        const events = await ask("GET", `/jobs/${id}/events?after=${this.known}`, undefined, undefined, undefined, URGENT);
-        if (left()) return;
-        this.known += events.length;
-        for (const event of events) this.take(event);
+        const after = view.known;
+        const events = await ask("GET", `/jobs/${job.id}/events?after=${after}`, undefined, undefined, undefined, URGENT);
+        if (this.view !== view) return;
+        for (const event of events.slice(view.known - after)) this.take(event);
+        for (const number of view.ahead.keys()) if (number < view.known) view.ahead.delete(number);
+        this.takeNext(view);
       } catch {
         // no connection: `refresh` is called once the service answers again
+      } finally {
+        view.loading = null;
       }
-    });
-    return this.waiting;
+    })();
+    return view.loading;
   }
 
   take(event) {
+    const { view } = this;
+    view.known += 1;
+    view.last = event.kind;
     switch (event.kind) {
-      case "said": return event.text && this.say("p", event.text);
-      case "key_refused": return this.say("p", event.text, "problem");
-      case "judged": return this.verdict.append(verdictOf(event));
-      case "result": return this.showResult(event);
-      case "state": return this.say("h3", event.text);
-      case "motion": return this.say("h3", event.title);
-      case "progress": return this.showProgress(event);
-      case "asked": return this.askPerson(event);
-      case "answered": return this.drop();
-      case "ended": return event.message && this.verdict.append(verdictOf({ passed: false, text: event.message }));
+      case "said": if (event.text) this.say("p", event.text); break;
+      case "key_refused": this.say("p", event.text, "problem"); break;
+      case "state": this.say("h3", event.text); break;
+      case "motion": this.say("h3", event.title); break;
+      case "judged": view.verdicts.push(verdictOf(event)); break;
+      case "result": this.takeResult(event); break;
+      case "progress": this.takeProgress(event); break;
+      case "asked": this.askPerson(event); break;
+      case "answered": this.drop(); break;
+      case "ended": if (event.message) view.verdicts.push(verdictOf({ passed: false, text: event.message }));
     }
+    this.update();
+    this.heard(event, this.job);
   }
 
-  showResult({ document, blocks }) {
-    [this.document, this.blocks] = [document, blocks];
-    this.verdict.append(...blocks.filter(({ kind }) => kind === "verdict").map(verdictOf));
-    this.said.append(...blockParts(blocks.filter(({ kind }) => kind !== "verdict")));
+  takeResult({ document, blocks }) {
+    Object.assign(this.view, { document, blocks });
+    this.view.verdicts.push(...blocks.filter(({ kind }) => kind === "verdict").map(verdictOf));
+    this.view.log.add(blockParts(blocks.filter(({ kind }) => kind !== "verdict")));
   }
 
   say(tag, text, kind = null) {
-    const near = this.said.scrollHeight - this.said.scrollTop - this.said.clientHeight < 40;
-    this.said.append(element(tag, { class: kind }, text));
-    if (near) this.said.scrollTop = this.said.scrollHeight;
+    this.view.log.say(tag, text, kind);
+    this.update();
   }
 
-  showProgress({ title, done, total, unit, line }) {
-    if (total) this.progress.value = done / total;
-    else this.progress.removeAttribute("value");
+  takeProgress({ title, done, total, unit, line }) {
     const of = total ? `${Math.round(done)} of ${Math.round(total)} ${unit}` : `${Math.round(done)} ${unit}`;
-    this.count.textContent = [title, of, line].filter(Boolean).join(" · ");
+    const count = [title, of].filter(Boolean).join(" · ");
+    Object.assign(this.view, { share: total ? done / total : null, count, estimate: line ?? "" });
   }
 
   showPicture({ words, share, count, left_s: left, stop, problem }) {
-    if (share === null) this.progress.removeAttribute("value");
-    else this.progress.value = share;
     const rest = left === null || left === undefined ? "" : `${duration(left)} left`;
-    this.count.textContent = [words, count, rest, stop, problem].filter(Boolean).join(" · ");
+    Object.assign(this.view, { share, count: [words, count, rest, stop, problem].filter(Boolean).join(" · ") });
+    this.update();
   }
 
+  // ---- questions
   drop() {
-    this.question?.leave?.();
-    this.question = null;
-    this.questions.replaceChildren();
+    this.view.pad?.leave();
+    Object.assign(this.view, { pad: null, question: null, problem: "" });
   }
 
   askPerson(event) {
     this.drop();
-    const job = this.job;
-    const problem = element("p", { class: "problem", role: "alert" });
-    const answer = async (text) => {
-      problem.textContent = "";
-      try {
-        await ask("POST", `/jobs/${job.id}/answer`, { question: event.question, text });
-      } catch (error) {
-        problem.textContent = error.message;
-      }
-    };
-    let parts = [];
-    if (event.form === "hold") {
-      this.question = holdPad(job, now.status?.joints ?? []);
-      parts = [this.question.pad];
-    } else if (event.form === "yes_no") {
-      const choice = (text, said) => element("button", { type: "button", class: "answer", onclick: () => answer(said) }, text);
-      parts = [element("div", { class: "answers" }, choice("Yes", "yes"), choice("No", "no"))];
-    } else {
-      const input = element("input", { id: "answer", type: "text", autocomplete: "off" });
-      const send = element("button", { type: "submit", class: "main" }, "Answer");
-      const form = element("form", { class: "free" }, element("label", { for: "answer" }, "Answer"), input, send);
-      form.addEventListener("submit", (submitted) => {
-        submitted.preventDefault();
-        answer(input.value.trim());
-      });
-      const large = (event.choices ?? []).map(({ text, label }) =>
-        element("button", { type: "button", class: "answer", onclick: () => answer(text) }, label),
-      );
-      parts = [large.length ? element("div", { class: "answers" }, ...large) : null, form].filter(Boolean);
+    this.view.question = event;
+    if (event.form === "hold") this.view.pad = holdPad(this.job, now.status?.joints ?? []);
+    this.draw();
+    this.section.querySelector(".questions").scrollIntoView({ block: "nearest" });
+  }
+
+  async answer(text) {
+    const { view, job } = this;
+    view.problem = "";
+    try {
+      await ask("POST", `/jobs/${job.id}/answer`, { question: view.question.question, text });
+    } catch (error) {
+      view.problem = error.message;
     }
-    const text = event.text ? element("p", { class: "question" }, event.text) : null;
-    const mine = lease.key ? null : element("p", { class: "problem" }, "Only the holder of the cell can answer: take the cell first.");
-    this.questions.replaceChildren(...[text, mine, ...parts, problem].filter(Boolean));
-    this.questions.scrollIntoView({ block: "nearest" });
+    this.update();
+  }
+
+  questionParts({ form, text, choices, question }) {
+    const send = (submitted) => {
+      submitted.preventDefault();
+      this.answer(submitted.target.elements.answer.value.trim());
+    };
+    const buttons = form === "yes_no" ? [{ text: "yes", label: "Yes" }, { text: "no", label: "No" }] : choices ?? [];
+    const answers = buttons.map((each) => html`<button type="button" class="answer" @click=${() => this.answer(each.text)}>${each.label}</button>`);
+    return [
+      text ? html`<p class="question">${text}</p>` : nothing,
+      lease.key ? nothing : html`<p class="problem">Only the holder of the cell can answer: take the cell first.</p>`,
+      form === "hold" ? this.view.pad.pad : nothing,
+      form !== "hold" && answers.length ? html`<div class="answers">${answers}</div>` : nothing,
+      form === "hold" || form === "yes_no" ? nothing : keyed(question, html`<form class="free" @submit=${send}>
+        <label for="answer">Answer</label><input id="answer" name="answer" type="text" autocomplete="off">
+        <button type="submit" class="main">Answer</button></form>`),
+      html`<p class="problem" role="alert">${this.view.problem}</p>`,
+    ];
+  }
+
+  // ---- drawing; changes in the same task are drawn together
+  update() {
+    this.drawing ??= Promise.resolve().then(() => this.draw());
+  }
+
+  draw() {
+    this.drawing = null;
+    this.section.hidden = this.job === null && this.refusal === null;
+    render(this.job ? this.jobParts() : this.refusal ? this.refusalParts() : nothing, this.section);
+    this.view.log.flush();
+  }
+
+  refusalParts() {
+    return html`<h2>${kindWords(this.refusal.kind)}</h2><p class="verdict bad" role="alert">Refused: ${this.refusal.text}</p>`;
+  }
+
+  jobParts() {
+    const { job, view } = this;
+    const count = job.state === "accepted" && !view.count ? "Waiting for the end of another job." : view.count;
+    return html`
+      <div class="job-head"><h2>${kindWords(job.kind)}</h2>
+        <button type="button" ?hidden=${over(job)} @click=${() => this.cancel()}>End this job</button></div>
+      <div class="way" ?hidden=${over(job)}>
+        <progress max="1" aria-label="progress" value=${view.share ?? nothing}></progress>
+        <p class="count number">${count}</p>
+        <p class="estimate number" ?hidden=${!view.estimate}>${view.estimate}</p>
+      </div>
+      <div class="questions">${view.question ? this.questionParts(view.question) : nothing}</div>
+      <div class="verdicts" role="status">${view.verdicts}</div>
+      <div class="next actions">${view.links}</div>
+      ${view.log.place}`;
   }
 }

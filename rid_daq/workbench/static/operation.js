@@ -1,6 +1,8 @@
 // Form of an operation: its content becomes a request, which the service checks.
 import { element, find, parseNumber } from "./dom.js";
-import { WorkPanel, completeRuns, ofRun, press, runWords, showBlocks, wanted } from "./work.js";
+import { JobPanel } from "./job_panel.js";
+import { html, render } from "./lit.js";
+import { completeRuns, ofRun, press, runWords, showBlocks, wanted } from "./work.js";
 
 const form = find("operation");
 if (form) show();
@@ -10,12 +12,12 @@ function show() {
   const moves = "moves" in form.dataset;
   const figures = element("div", {});
   const keep = ({ kind }) => kind === "plot"; // the job's panel shows all other blocks
-  const panel = new WorkPanel(find("job"), { ended: (job) => job.run && showBlocks(figures, ofRun(job.run), { keep }) });
+  const panel = new JobPanel(find("job"), { ended: (job) => job.run && showBlocks(figures, ofRun(job.run), { keep }) });
   find("job").after(figures);
   for (const input of form.elements) {
     if (input.name && wanted.has(input.name)) input.value = wanted.getAll(input.name).join("\n");
   }
-  completeRuns().then((runs) => find("runs").replaceChildren(...runs.map((run) => element("option", { value: run.id, label: runWords(run) }))));
+  completeRuns().then((runs) => render(runs.map((run) => html`<option value=${run.id} label=${runWords(run)}></option>`), find("runs")));
   form.addEventListener("submit", (event) => event.preventDefault());
   press("begin", panel, kind, () => panel.begin(kind, request(), { moves }));
 }

@@ -1,14 +1,17 @@
 // Page Payload: the guided session, its warm-up, its result, load data for the controller.
 import { blockParts } from "./blocks.js";
-import { element, find } from "./dom.js";
-import { WorkPanel, blocksUrl, figureIn, numberOf, offer, press, showRun, wanted, fileLink, link } from "./work.js";
+import { find, timeOf } from "./dom.js";
+import { JobPanel } from "./job_panel.js";
+import { html, render } from "./lit.js";
+import { CELL, ask, on, page } from "./service.js";
+import { blocksUrl, figureIn, fileLink, look, numberOf, offer, press, problemOf, showRun, wanted } from "./work.js";
 
 const WORDS = { done: "done", now: "now", bad: "problem", wait: "not yet" };
 const DRAWN_MS = 3000;
 let session = null;
 const STAGES = [...document.querySelectorAll("[data-stage]")];
 
-const panel = new WorkPanel(find("job"), { heard, begun, ended });
+const panel = new JobPanel(find("job"), { heard, begun, ended });
 
 // ---- stages: each shows one or two states of the session
 
@@ -52,19 +55,14 @@ function drawWarmUp(job) {
 
 async function ended(job, document) {
   if (job.kind === "payload_session") {
+    showSessions();
     if (document?.session) await showResult(document.session);
     else if (job.state !== "done") {
       const now = STAGES.find((stage) => stage.dataset.state === "now");
       if (now) show(now, "bad");
     }
   }
-  if (job.kind === "payload_export" && document) showLoadData(document);
-  if (job.kind === "payload_certificate" && document) {
-    find("certificate").replaceChildren(fileLink(document.file, "Save the certificate"));
-  }
-  if (job.kind === "payload_read_back" && document) {
-    find("compared").replaceChildren(...blockParts(panel.blocks));
-  }
+  if (document) PAPERS[job.kind]?.(document, panel.view.blocks);
 }
 
 // Return the number in a field that can be empty; null if the field is empty.
@@ -105,9 +103,28 @@ press("begin", panel, "payload_session", () => {
 });
 press("check", panel, "check", () => panel.begin("check"));
 
+// ---- sessions that can be resumed, and sessions with a result
+async function showSessions() {
+  let interrupted = [], finished = [];
+  try {
+    ({ interrupted, finished } = await look(`${CELL}/payload/sessions`));
+  } catch (error) {
+    render(problemOf(error), find("interrupted"));
+    return;
+  }
+  find("resume-card").hidden = !interrupted.length;
+  render(interrupted.map((each) => html`<div class="tools">
+    <p><b>${each.label}</b>, started ${timeOf(each.created_utc)}. Interrupted in: ${each.state.replaceAll("_", " ")}.
+      Completed: ${each.done.join(", ") || "nothing"}.</p>
+    <button type="button" class="resume" data-run=${each.run} data-needs="role" disabled @click=${() => goOn(each)}>Resume</button></div>`),
+  find("interrupted"));
+  find("finished-card").hidden = !finished.length;
+  render(finished.map((each) => html`<li><a href="?run=${encodeURIComponent(each.run)}">${each.label}, ${timeOf(each.created_utc)}</a></li>`),
+    find("finished"));
+}
+
 // Show the choices of an interrupted session in the form, so that they can be changed before it is resumed.
-function goOn({ run, label, state, choices: told }) {
-  const choices = JSON.parse(told);
+function goOn({ run, label, state, choices }) {
   const { known, limits } = choices;
   const mass = known.find((each) => each.name === "m");
   const fields = {
@@ -124,6 +141,7 @@ function goOn({ run, label, state, choices: told }) {
     else if (find(id)) find(id).value = "";
   }
   for (const id of ["motion", "periods"]) find(id).disabled = true; // the session's run folder fixes these values
+  find("prepare").dataset.keep = "no"; // these entries belong to the resumed session
   resumed = { run, choices };
   resumed.shown = request();
   const more = known.filter((each) => each !== mass).map((each) => `${each.name} is known: ${each.value} ± ${each.sigma}.`);
@@ -142,37 +160,47 @@ function saidAnew() {
   return { ...Object.fromEntries(changed), resume: resumed.run };
 }
 
-for (const button of document.querySelectorAll(".resume")) button.addEventListener("click", () => goOn(button.dataset));
-
-// ---- the result
+// ---- the result; the address names the session, so that a reload shows it again
 async function showResult(run) {
   find("result-card").hidden = false;
-  const place = find("result");
-  const blocks = await showRun(place, run, "verdict", "payload");
+  const blocks = await showRun(find("result"), run, "verdict", "payload");
   if (blocks === null) return;
+  history.replaceState(null, "", `?run=${encodeURIComponent(run)}`);
   session = { run, payload: `runs/${run}/payload.json` };
-  place.append(papers(run));
   const passed = blocks.find((block) => block.kind === "verdict")?.passed === true;
+  find("papers").hidden = false;
+  find("report").href = `/api/v1/runs/${encodeURIComponent(run)}/report`;
   find("after").hidden = !passed;
-  find("load-data").replaceChildren();
-  find("compared").replaceChildren();
+  for (const id of ["certificate", "load-data", "compared"]) render([], find(id));
   reach("done", passed ? "done" : "bad");
   find("result-card").scrollIntoView({ block: "start" });
+  await showPapers();
 }
 
-function papers(run) {
-  const report = `/api/v1/runs/${encodeURIComponent(run)}/report`;
-  const by = element("input", { id: "by", type: "text", autocomplete: "off", maxlength: "80" });
-  const make = element("button", { id: "certify", type: "button", "data-needs": "role", disabled: true }, "Create the certificate");
-  make.addEventListener("click", () => {
-    const asks = { session: run, output: `certificate-${run}.html`, overwrite: true };
-    panel.begin("payload_certificate", by.value.trim() ? { ...asks, by: by.value.trim() } : asks);
-  });
-  return element("div", { class: "tools" },
-    element("label", { for: "by" }, "Person responsible for the certificate", by), make,
-    element("div", { id: "certificate", class: "actions", role: "status" }),
-    link(report, "Report", { target: "_blank" }));
+// Show the newest certificate, load data and comparison that were made from the session, also before a reload.
+async function showPapers() {
+  const { run } = session;
+  const jobs = await ask("GET", `/jobs?cell=${encodeURIComponent(page.cell)}&limit=1000`);
+  const ofSession = ({ request: { session: of, payload } }) => of === run || payload === session.payload;
+  for (const [kind, showPaper] of Object.entries(PAPERS)) {
+    const job = jobs.find((each) => each.kind === kind && ofSession(each));
+    const events = job ? await ask("GET", `/jobs/${job.id}/events`) : [];
+    const result = events.findLast((event) => event.kind === "result");
+    if (result && session.run === run) showPaper(result.document, result.blocks);
+  }
 }
+
+const PAPERS = {
+  payload_certificate: ({ file }) => render(fileLink(file, "Save the certificate"), find("certificate")),
+  payload_export: showLoadData,
+  payload_read_back: (document, blocks) => render(blockParts(blocks), find("compared")),
+};
+
+press("certify", panel, "payload_certificate", () => {
+  const by = find("by").value.trim();
+  const asks = { session: session.run, output: `certificate-${session.run}.html`, overwrite: true };
+  return panel.begin("payload_certificate", by ? { ...asks, by } : asks);
+});
 
 // ---- the controller
 const ENDINGS = { kuka: ".src", abb: ".mod", fanuc: ".txt", ur: ".script", franka: ".json", staubli: ".txt", urdf: ".urdf" };
@@ -184,11 +212,10 @@ press("export", panel, "payload_export", async () => {
   });
 });
 
-function showLoadData(document) {
-  find("load-data").replaceChildren(
-    element("p", {}, `For robot ${document.robot}. Enter these data in the controller, then compare the controller's data below.`),
-    element("pre", { tabindex: "0", "aria-label": "load data" }, document.text),
-    element("div", { class: "actions" }, fileLink(document.file, `Save ${document.file}`)));
+function showLoadData({ robot, text, file }) {
+  render(html`<p>For robot ${robot}. Enter these data in the controller, then compare the controller's data below.</p>
+    <pre tabindex="0" aria-label="load data">${text}</pre>
+    <div class="actions">${fileLink(file, `Save ${file}`)}</div>`, find("load-data"));
 }
 
 press("read-back", panel, "payload_read_back", async () => {
@@ -198,4 +225,6 @@ press("read-back", panel, "payload_read_back", async () => {
 });
 
 reach("prepare");
+on("again", showSessions);
+showSessions();
 if (wanted.get("run")) await showResult(wanted.get("run"));

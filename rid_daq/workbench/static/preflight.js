@@ -1,6 +1,7 @@
 // The newest preflight: a summary, and its lines by device.
 import { blockParts } from "./blocks.js";
 import { duration } from "./dom.js";
+import { render } from "./lit.js";
 import { request } from "./requests.js";
 import { CELL, ask } from "./service.js";
 
@@ -14,7 +15,7 @@ export async function loadPreflight(section, words) {
     words.textContent = error.message;
     return;
   }
-  section.replaceChildren(...blockParts(blocks, null, 1));
+  render(blockParts(blocks, null, 1), section);
   if (found === null) {
     words.textContent = "This cell has had no preflight yet. Next: Check.";
     return;

@@ -1,19 +1,19 @@
 // Table of runs; with `pick`, each row has a checkbox.
-import { element, moment, table } from "./dom.js";
-import { page } from "./service.js";
+import { table } from "./blocks.js";
+import { timeOf } from "./dom.js";
+import { html } from "./lit.js";
+import { CELL } from "./service.js";
 
 const BAD = ["damaged", "unfinished"];
-const BASE = `/cells/${encodeURIComponent(page.cell)}/runs`;
 
-export function runTable(runs, pick = null) {
-  const tick = ({ id, status }) =>
-    element("label", { class: "tick" }, element("span", { class: "hidden" }, `pick ${id}`),
-      element("input", { type: "checkbox", value: id, onchange: pick, disabled: status === "damaged" }));
-  const name = ({ id, label, status }) => (status === "damaged" ? id : element("a", { href: `${BASE}/${encodeURIComponent(id)}` }, label || id));
-  const report = ({ id }) => element("a", { href: `/api/v1/runs/${encodeURIComponent(id)}/report`, target: "_blank", rel: "noopener" }, "Report");
+export function runTable(runs, pick = null, picked = []) {
+  const tick = ({ id, status }) => html`<label class="tick"><span class="hidden">pick ${id}</span>
+    <input type="checkbox" value=${id} @change=${pick} .checked=${picked.includes(id)} ?disabled=${status === "damaged"}></label>`;
+  const name = ({ id, label, status }) => (status === "damaged" ? id : html`<a href="${CELL}/runs/${encodeURIComponent(id)}">${label || id}</a>`);
+  const report = ({ id }) => html`<a href="/api/v1/runs/${encodeURIComponent(id)}/report" target="_blank" rel="noopener">Report</a>`;
   const rows = runs.map((run) => [
     ...(pick ? [tick(run)] : []), name(run), run.kind || "–", run.status, run.robot || "–",
-    run.created_utc ? moment(Date.parse(run.created_utc) / 1000) : run.id, run.has_report ? report(run) : "–",
+    run.created_utc ? timeOf(run.created_utc) : run.id, run.has_report ? report(run) : "–",
   ]);
   const heads = [...(pick ? ["pick"] : []), "run", "kind", "status", "robot", "when", "report"];
   return table(heads, rows, runs.map((run) => BAD.includes(run.status)), "runs");

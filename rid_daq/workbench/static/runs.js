@@ -1,17 +1,19 @@
-// Page Runs: search, filter, compare two runs.
-import { element, find } from "./dom.js";
+// Page Runs: search, filter, compare two runs, recover runs.
+import { find } from "./dom.js";
 import { JobPanel } from "./job_panel.js";
+import { html, nothing, render } from "./lit.js";
 import { runTable } from "./run_table.js";
 import { isReplaced, newest } from "./requests.js";
 import { ask, lease, mayMove } from "./service.js";
 
 const panel = new JobPanel(find("job"), { ended: (job) => job.kind === "recover" && load() });
-const kinds = new Set();
 const [search, kind, status] = ["search", "kind", "status"].map(find);
 const WAIT_MS = 250;
 const LIST_MS = 30000;
 let waiting = null;
 const replacing = newest();
+let shown = { runs: null, problem: "" };
+let kinds = [];
 let picked = [];
 
 async function load() {
@@ -20,50 +22,44 @@ async function load() {
   if (status.value) wanted.set("status", status.value);
   try {
     const runs = await ask("GET", `/runs?${wanted}`, undefined, LIST_MS, lease.key, { signal: replacing() });
-    for (const run of runs) addKind(run.kind);
-    picked = [];
-    showPicked();
-    const none = element("p", { class: "soft" }, "No run matches this filter.");
-    find("runs").replaceChildren(runs.length ? runTable(runs, pick) : none, ...runs.filter((run) => run.problem).map(damaged), ...runs.filter((run) => run.status === "unfinished").map(recover));
+    shown = { runs, problem: "" };
+    picked = picked.filter((id) => runs.some((run) => run.id === id));
+    kinds = [...new Set([...kinds, ...runs.map((run) => run.kind)])].filter(Boolean);
   } catch (error) {
     if (isReplaced(error)) return;
-    find("runs").replaceChildren(element("p", { class: "problem" }, error.message));
+    shown = { runs: null, problem: error.message };
   }
+  draw();
 }
 
-function addKind(name) {
-  if (!name || kinds.has(name)) return;
-  kinds.add(name);
-  kind.append(element("option", {}, name));
-}
-
-const damaged = (run) =>
-  element("div", {}, element("p", { class: "verdict bad" }, run.problem), recover(run));
-
-// Recover a run that was not closed: the parts with valid checksums are written again.
-function recover(run) {
-  const go = () => panel.begin("recover", { what: run.id });
-  const label = `Recover ${run.label || run.id}`;
-  return element("p", {}, element("button", { type: "button", "data-needs": "role", disabled: !mayMove, onclick: go }, label));
-}
-
-function pick(event) {
-  const { checked, value } = event.target;
-  picked = checked ? [...picked, value] : picked.filter((id) => id !== value);
-  showPicked();
-}
-
-function showPicked() {
+function draw() {
+  render(kinds.map((name) => html`<option>${name}</option>`), kind);
+  render(shown.problem ? html`<p class="problem">${shown.problem}</p>` : listOf(shown.runs), find("runs"));
   find("compare").disabled = picked.length !== 2 || !mayMove;
   find("compare").classList.toggle("main", picked.length === 2);
   find("picked").textContent = picked.length === 2 ? `${picked[0]} with ${picked[1]}` : "Pick two identified runs.";
 }
 
-const later = () => {
+const listOf = (runs) => [
+  runs.length ? runTable(runs, pick, picked) : html`<p class="soft">No run matches this filter.</p>`,
+  runs.filter((run) => run.problem || run.status === "unfinished").map(recovery),
+];
+
+// Recover a run that was not closed: the parts with valid checksums are written again.
+const recovery = (run) => html`
+  ${run.problem ? html`<p class="verdict bad">${run.problem}</p>` : nothing}
+  <p><button type="button" data-needs="role" ?disabled=${!mayMove} @click=${() => panel.begin("recover", { what: run.id })}>
+    Recover ${run.label || run.id}</button></p>`;
+
+function pick({ target: { checked, value } }) {
+  picked = checked ? [...picked, value] : picked.filter((id) => id !== value);
+  draw();
+}
+
+search.addEventListener("input", () => {
   clearTimeout(waiting);
   waiting = setTimeout(load, WAIT_MS);
-};
-search.addEventListener("input", later);
+});
 for (const choice of [kind, status]) choice.addEventListener("change", load);
 find("filter").addEventListener("submit", (event) => {
   event.preventDefault();

@@ -38,7 +38,7 @@ export function ask(method, path, body = undefined, patienceMs = PATIENCE_MS, ke
   return request(`/api/v1${path}`, options, { patienceMs, urgent: method !== "GET", ...more });
 }
 
-// Listeners by event, with their arguments: "cell" (status), "job" (job), "event" (job id, event),
+// Listeners by event, with their arguments: "cell" (status), "job" (job), "event" (job id, event, its number in the job),
 // "samples" (picture, job id), "key" (job id, reason why a held key does not count),
 // "reach" ({ values, requests }, true if the channel works),
 // "again" (no arguments; after a gap, request everything that may have been missed).
@@ -173,7 +173,7 @@ export async function go(address) {
 function dispatch(told) {
   if (told.type === "cell" && told.cell.cell === page.cell) setStatus(told.cell);
   if (told.type === "job" && told.job.cell === page.cell) tell("job", told.job);
-  if (told.type === "event") tell("event", told.job, told.event);
+  if (told.type === "event") tell("event", told.job, told.event, told.number);
   if (told.type === "challenge") keys.challenge(told);
   if (told.type === "event" && told.event.kind === "key_refused") tell("key", told.job, told.event.text);
   if (told.type === "stopped") document.dispatchEvent(new CustomEvent("stop-answered", { detail: told }));

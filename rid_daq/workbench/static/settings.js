@@ -1,6 +1,8 @@
 // Page Settings for administrators: devices, tokens, the log of user actions.
 import { dialog } from "./dialog.js";
-import { element, find, moment, table } from "./dom.js";
+import { table } from "./blocks.js";
+import { element, find, timeOf } from "./dom.js";
+import { html, render } from "./lit.js";
 import { ask } from "./service.js";
 
 const code = find("pairing-code");
@@ -28,17 +30,17 @@ find("pairing").addEventListener("submit", async (event) => {
 
 async function showTokens() {
   const tokens = await ask("GET", "/tokens");
-  const revoke = (token) => element("button", { type: "button", onclick: () => revokeToken(token) }, "Revoke");
+  const revoke = (token) => html`<button type="button" @click=${() => revokeToken(token)}>Revoke</button>`;
   const rows = tokens.map((token) => [
     token.name,
     token.role,
     token.person ? "person" : "program",
-    moment(token.created_s),
-    token.used_s ? moment(token.used_s) : "never",
+    timeOf(token.created_s),
+    token.used_s ? timeOf(token.used_s) : "never",
     ENDS[token.ends],
     revoke(token),
   ]);
-  find("tokens").replaceChildren(table(["name", "role", "type", "created", "last used", "expires", "revoke"], rows, null, "tokens"));
+  render(table(["name", "role", "type", "created", "last used", "expires", "revoke"], rows, null, "tokens"), find("tokens"));
 }
 
 async function revokeToken(token) {
@@ -48,7 +50,7 @@ async function revokeToken(token) {
     await ask("DELETE", `/tokens/${encodeURIComponent(token.id)}`);
     await Promise.all([showTokens(), showAudit()]);
   } catch (error) {
-    find("tokens").append(element("p", { class: "problem" }, error.message));
+    render(html`<p class="problem">${error.message}</p>`, find("tokens"));
   }
 }
 
@@ -58,28 +60,26 @@ find("token").addEventListener("submit", async (event) => {
   try {
     const wanted = { name: find("token-name").value.trim(), role: find("token-role").value };
     const made = await ask("POST", "/tokens", wanted);
-    place.replaceChildren(
-      element("p", {}, `Token of ${made.name}. Copy it now: it is shown only once. The command reads it from RID_DAQ_TOKEN.`),
-      element("p", { class: "secret" }, made.secret),
-    );
+    render(html`<p>Token of ${made.name}. Copy it now: it is shown only once. The command reads it from RID_DAQ_TOKEN.</p>
+      <p class="secret">${made.secret}</p>`, place);
     event.target.reset();
     await Promise.all([showTokens(), showAudit()]);
   } catch (error) {
-    place.replaceChildren(element("p", { class: "problem" }, error.message));
+    render(html`<p class="problem">${error.message}</p>`, place);
   }
 });
 
 async function showAudit() {
   const entries = await ask("GET", "/audit?limit=100");
-  const rows = entries.map((each) => [moment(each.at_s), each.who, each.what, each.cell, each.details]);
-  find("audit").replaceChildren(table(["when", "who", "what", "cell", "details"], rows, null, "audit log"));
+  const rows = entries.map((each) => [timeOf(each.at_s), each.who, each.what, each.cell, each.details]);
+  render(table(["when", "who", "what", "cell", "details"], rows, null, "audit log"), find("audit"));
 }
 
 async function load(part, show) {
   try {
     await show();
   } catch (error) {
-    find(part).replaceChildren(element("p", { class: "problem" }, error.message));
+    render(html`<p class="problem">${error.message}</p>`, find(part));
   }
 }
 

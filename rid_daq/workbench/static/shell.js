@@ -1,5 +1,6 @@
 // Frame of every page: state, lease, connection, STOP; and elements with `data-needs`.
 import "./awake.js";
+import "./entries.js";
 import { dialog } from "./dialog.js";
 import { element, find } from "./dom.js";
 import { begin, go, lease, mayMove, now, on, page, reach } from "./service.js";
@@ -134,6 +135,20 @@ function showReach() {
   if (now.status) showCell(now.status);
 }
 
+// After a restart, the service may be a newer version, whose pages differ: reload once nothing moves.
+let isOutdated = false;
+async function checkVersion() {
+  const answer = await fetch(`${import.meta.url}?is-current`, { cache: "no-store" }).catch(() => null);
+  if (answer?.status === 404) isOutdated = true;
+  reloadAtRest();
+}
+
+function reloadAtRest() {
+  if (isOutdated && now.status && !now.status.job) location.reload();
+}
+
+on("again", checkVersion);
+on("cell", reloadAtRest);
 on("cell", showCell);
 on("reach", showReach);
 on("stay", () => {

@@ -1,43 +1,13 @@
-// Shared parts of the work pages: a panel with intermediate results, blocks, findings, choices.
+// Shared parts of the work pages: blocks, figures, findings, choices.
 import { blockParts } from "./blocks.js";
-import { element, find, parseNumber } from "./dom.js";
+import { element, find, parseNumber, timeOf } from "./dom.js";
+import { keptChoice } from "./entries.js";
 import { showFigure } from "./figure.js";
-import { JobPanel } from "./job_panel.js";
+import { html, render } from "./lit.js";
 import { request } from "./requests.js";
 import { ask } from "./service.js";
 
 export const wanted = new URLSearchParams(location.search);
-
-// A panel that also shows the newest intermediate result, such as the present estimate.
-// The panel calls `heard` for every event.
-export class WorkPanel extends JobPanel {
-  constructor(section, { heard = () => {}, begun = () => {}, ...options } = {}) {
-    super(section, options);
-    this.heard = heard;
-    this.begun = begun;
-  }
-
-  show(job) {
-    super.show(job);
-    this.line = element("p", { class: "estimate number", hidden: true });
-    this.way.after(this.line);
-    this.begun(job);
-  }
-
-  async change(job) {
-    await super.change(job);
-    if (job.ended_s && this.line) this.line.hidden = true;
-  }
-
-  take(event) {
-    if (event.kind === "progress") {
-      this.line.textContent = event.line;
-      this.line.hidden = !event.line;
-    }
-    this.heard(event, this.job);
-    return super.take(event);
-  }
-}
 
 // Send a request to an address of the pages, which is not part of the API.
 export const look = (path, { signal = null, patienceMs = 30000 } = {}) => request(path, {}, { patienceMs, signal });
@@ -155,7 +125,7 @@ export async function showBlocks(place, url, { keep = () => true, signal = null 
     endFigure(old);
     old.lastElementChild?.takeOut?.();
   }
-  place.replaceChildren(...blockParts(blocks, figure, 15, (number) => `${url}&image=${number}`));
+  render(blockParts(blocks, figure, 15, (number) => `${url}&image=${number}`), place);
   return blocks;
 }
 
@@ -166,23 +136,23 @@ export async function showRun(place, run, ...sections) {
     place.dataset.run = run;
     return blocks;
   } catch (error) {
-    place.replaceChildren(element("p", { class: "problem" }, error.message));
+    render(problemOf(error), place);
     return null;
   }
 }
 
+export const problemOf = (error) => html`<p class="problem">${error.message}</p>`;
+
 // ---- words
-export function findings(list) {
-  const words = { true: ["good", "Good: "], false: ["bad", "Problem: "], null: ["", ""] };
-  return list.map(({ passed, text }) => {
-    const [kind, word] = words[passed];
-    return element("li", { class: kind }, element("b", {}, word), text);
-  });
-}
+const FINDINGS = { true: ["good", "Good: "], false: ["bad", "Problem: "], null: ["", ""] };
+export const findings = (list) => list.map(({ passed, text }) => {
+  const [kind, word] = FINDINGS[passed];
+  return html`<li class=${kind}><b>${word}</b>${text}</li>`;
+});
 
 // ---- choices
 export function options(select, list, chosen = null) {
-  const before = chosen ?? select.value;
+  const before = chosen || select.value || keptChoice(select);
   const none = select.dataset.none === undefined ? [] : [element("option", { value: "" }, select.dataset.none)];
   select.replaceChildren(...none, ...list.map(({ value, words }) => element("option", { value }, words)));
   if ([...select.options].some((option) => option.value === before)) select.value = before;
@@ -196,7 +166,7 @@ export function offer(select, path, words = path, kind = "") {
   select.dispatchEvent(new Event("change"));
 }
 
-export const runWords = (run) => `${run.label || run.id}, ${run.created_utc.slice(0, 16).replace("T", " ")} UTC`;
+export const runWords = (run) => `${run.label || run.id}, ${timeOf(run.created_utc)}`;
 
 export async function completeRuns() {
   const runs = await ask("GET", "/runs?limit=200");
@@ -237,5 +207,5 @@ export function press(id, panel, kind, action) {
   });
 }
 
-export const link = (href, text, more = {}) => element("a", { class: "button", href, ...more }, text);
-export const fileLink = (path, text) => link(`/api/v1/files/${path.split("/").map(encodeURIComponent).join("/")}`, text, { download: "" });
+export const fileLink = (path, text) =>
+  html`<a class="button" download href="/api/v1/files/${path.split("/").map(encodeURIComponent).join("/")}">${text}</a>`;

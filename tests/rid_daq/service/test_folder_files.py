@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from acquisition.motion.motion_file import MOTION_KINDS
+from rid_daq.service import folder_files as folder_files_module
 from rid_daq.service.folder_files import folder_files
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
@@ -39,6 +42,32 @@ def test_files_are_listed_by_their_content(tmp_path: Path) -> None:
     assert [each.path for each in found.loops] == ["runs/01A/loops.json"]
     assert found.feedforwards == ()
     assert [each.path for each in found.payloads] == ["runs/01A/payload.json"]
+
+
+def test_an_unchanged_run_folder_is_not_read_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service = CellService(tmp_path, [ServedCell("ir361", 20.0)])
+    read: list[str] = []
+    scan = os.scandir
+
+    def noted(path: str) -> Any:
+        read.append(Path(path).name)
+        return scan(path)
+
+    for name in ("01A", "01B"):
+        run = service.runs / name
+        run.mkdir(parents=True)
+        (run / "model.json").write_text(MODEL)
+        os.utime(run, (1e9, 1e9))
+    folder_files(service, "ir361")
+    monkeypatch.setattr(folder_files_module.os, "scandir", noted)
+    (service.runs / "01B" / "loops.json").write_text(LOOPS)
+    found = folder_files(service, "ir361")
+    assert "01A" not in read
+    assert "01B" in read
+    assert len(found.models) == 2
+    assert [each.path for each in found.loops] == ["runs/01B/loops.json"]
 
 
 @pytest.mark.parametrize("kind", sorted(MOTION_KINDS))

@@ -1,49 +1,91 @@
-"""The panel of a job, which requests the job's events from the service."""
+"""The panel of a job, which receives each event of the job once."""
 
 from __future__ import annotations
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
 
-from tests.rid_daq.workbench.conftest import OpenPage
+from tests.rid_daq.service.conftest import ServedProcess
+from tests.rid_daq.workbench.conftest import OpenPage, checked, give_back, take_cell
 
 pytestmark = pytest.mark.slow
 
-FOLLOW = """async () => {
+PANEL = """
   const { JobPanel } = await import("/static/job_panel.js");
-  const [events, asked, others] = [[], [], window.fetch];
-  const [first, held] = [Promise.withResolvers(), Promise.withResolvers()];
+  const others = window.fetch;
+  const events = [], asked = [];
+  let held = Promise.resolve();
   window.fetch = async (url, options) => {
     if (!url.includes("/jobs/j1/events")) return await others(url, options);
-    asked.push(url);
-    const told = events.slice(Number(new URL(url, location).searchParams.get("after")));
-    first.resolve();
-    await held.promise;
+    const after = Number(new URL(url, location).searchParams.get("after"));
+    asked.push(after);
+    const told = events.slice(after);
+    await held;
     return new Response(JSON.stringify(told));
   };
-  const panel = new JobPanel(document.createElement("section"));
-  panel.show({ id: "j1", kind: "check", state: "running" });
-  await first.promise;
-  let last;
-  for (let i = 0; i < 20; i++) {
-    events.push({ kind: "said", text: `sentence ${i}.` });
-    last = panel.follow();
-  }
-  held.resolve();
-  await last;
-  events.push({ kind: "said", text: "sentence 20." });
-  panel.show({ id: "j1", kind: "check", state: "running" });  // the same one anew
-  await panel.follow();
+  const section = document.createElement("section");
+  document.body.append(section);
+  const panel = new JobPanel(section);
+  const said = (i) => ({ kind: "said", text: `sentence ${i}.` });
+  const shown = () => [...section.querySelectorAll(".said p")].map((each) => each.textContent);
+  const job = { id: "j1", kind: "check", state: "running" };
+"""
+"""A panel of a job whose requests for events are counted and answered by the test."""
+
+
+@pytest.fixture
+def page(open_page: OpenPage) -> Page:
+    """Open a page whose modules have started."""
+    opened = open_page()
+    expect(opened.locator("#lease-take")).to_be_visible()
+    return opened
+
+
+def test_only_missed_events_are_requested(page: Page) -> None:
+    asked, sentences = page.evaluate(f"""async () => {{ {PANEL}
+  for (let i = 0; i < 3; i++) events.push(said(i));  // before the panel was shown
+  let release;
+  held = new Promise((resolve) => (release = resolve));
+  panel.show(job);
+  for (const i of [3, 4]) panel.receive(said(i), i);  // while the request runs
+  release();
+  await panel.load();
+  for (const i of [4, 5]) panel.receive(said(i), i);  // one repeated
+  for (const i of [3, 4, 5, 6, 7]) events.push(said(i));
+  panel.receive(said(7), 7);  // number 6 is missing
+  await panel.load();
+  await panel.drawing;
   window.fetch = others;
-  return [asked.length, [...panel.said.children].map((each) => each.textContent)];
-}"""
+  return [asked, shown()];
+}}""")
+    assert asked == [0, 6]
+    assert sentences == [f"sentence {i}." for i in range(8)]
 
 
-def test_many_simultaneous_events_are_loaded_by_one_request(open_page: OpenPage) -> None:
+def test_a_long_log_is_laid_out_in_parts_and_measured_once_per_batch(page: Page) -> None:
+    """The time for a line does not grow with the log: 2,000 lines blocked a page for 21 s."""
+    counts = page.evaluate(f"""async () => {{ {PANEL}
+  for (let i = 0; i < 10000; i++) events.push(said(i));
+  panel.show(job);
+  const log = section.querySelector(".said");
+  let measured = 0;
+  Object.defineProperty(log, "clientHeight", {{ get: () => (measured++, 100) }});
+  await panel.load();
+  await panel.drawing;
+  window.fetch = others;
+  const parts = [...log.children];
+  const hidden = parts.filter((each) => getComputedStyle(each).contentVisibility === "auto");
+  const most = Math.max(...parts.map((each) => each.childElementCount));
+  return [shown().length, measured, most, parts.length - hidden.length];
+}}""")
+    assert counts == [10000, 1, 200, 1]  # only the last part is always laid out
+
+
+def test_a_check_requests_its_events_once(open_page: OpenPage, served_pages: ServedProcess) -> None:
     page = open_page()
-    expect(page.locator("#lease-take")).to_be_visible()  # the page's modules have started
-    requests, sentences = page.evaluate(FOLLOW)
-    assert (
-        requests == 2 + 1
-    )  # the first request, one for all events meanwhile, and one after showing the panel again
-    assert sentences == [f"sentence {i}." for i in range(21)]
+    take_cell(page)
+    asked: list[str] = []
+    page.on("request", lambda sent: asked.append(sent.url) if "/events?" in sent.url else None)
+    checked(page)
+    assert len(asked) == 1
+    give_back(page)

@@ -112,3 +112,19 @@ def test_changed_options_are_sent_even_with_default_values(
     expect(page.locator("#mass-limit")).to_have_value("5")
     expect(page.locator("#begin")).to_have_text("Start the session")
     problems.clear()
+
+
+def test_a_stopped_session_can_be_resumed_without_a_reload(
+    page: Page, session: str, served_pages: ServedProcess, long_motion: str
+) -> None:
+    (served_pages.folder / "long.yaml").write_text(long_motion)
+    page.reload()
+    expect(page.locator(".resume")).to_have_count(1)
+    page.locator("#motion").select_option("long.yaml")
+    page.locator("#begin").click()
+    page.get_by_role("dialog").get_by_role("button", name="is clear: start").click()
+    expect(page.locator("[data-stage=rehearse]")).to_contain_text("now")
+    page.locator("#stop").click()
+    expect(page.locator("#job .verdict.end")).to_contain_text("Payload session: stopped")
+    expect(page.locator(".resume")).to_have_count(2)
+    expect(page.locator(".resume").first).to_be_enabled()

@@ -1,0 +1,42 @@
+// Keeps what the user enters on a page in this tab: it is there again after a change of page, a reload, or Back.
+// Parts of a page with data-keep="no", panels of jobs and dialogs are left out.
+import { find } from "./dom.js";
+
+const KEY = `rid-daq entries ${location.pathname}`;
+const kept = read();
+
+function read() {
+  try {
+    return JSON.parse(sessionStorage.getItem(KEY)) ?? {};
+  } catch {
+    return {}; // the browser has no session storage
+  }
+}
+
+const isTick = ({ type }) => type === "checkbox" || type === "radio";
+const nameOf = (control) => control.id || (control.name && isTick(control) ? `${control.name}=${control.value}` : control.name);
+
+function keep({ target: control }) {
+  if (!nameOf(control) || control.closest("[data-keep=no], .job")) return;
+  if (control.type === "radio") for (const name of Object.keys(kept)) if (name.startsWith(`${control.name}=`)) delete kept[name];
+  kept[nameOf(control)] = isTick(control) ? control.checked : control.value;
+  try {
+    sessionStorage.setItem(KEY, JSON.stringify(kept));
+  } catch {
+    // the browser has no session storage: the entries are lost when the page is left
+  }
+}
+
+// Fill in the kept entries; choices that are not loaded yet are kept for `keptChoice` and `keptTicks`.
+for (const control of find("main").querySelectorAll("input, select, textarea")) {
+  const value = kept[nameOf(control)];
+  if (value === undefined || control.closest("[data-keep=no]")) continue;
+  if (isTick(control)) control.checked = value;
+  else if (control.tagName !== "SELECT" || [...control.options].some((option) => option.value === value)) control.value = value;
+  for (let part = control; (part = part.parentElement.closest("details")); ) part.open = true;
+}
+for (const type of ["input", "change"]) find("main").addEventListener(type, keep);
+
+export const keptChoice = (select) => kept[select.id];
+export const keptTicks = (name) =>
+  Object.keys(kept).filter((each) => each.startsWith(`${name}=`) && kept[each]).map((each) => each.slice(name.length + 1));

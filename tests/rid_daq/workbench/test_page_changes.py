@@ -1,0 +1,91 @@
+"""What a page keeps: entries after a change of page, and the present version after an update."""
+
+from __future__ import annotations
+
+import re
+
+import pytest
+from playwright.sync_api import Page, Route, expect
+
+from rid_daq.workbench import static_files
+from tests.builders.bad_link import BadLink
+from tests.rid_daq.workbench.conftest import OpenByLink, OpenPage, go_to
+
+pytestmark = pytest.mark.slow
+
+
+def test_entries_survive_a_change_of_page_back_and_a_reload(open_page: OpenPage) -> None:
+    page = open_page()
+    go_to(page, "Payload")
+    page.get_by_text("Limits and lengths").click()
+    for field, value in {"mass": "9.6", "label": "gripper", "mass-limit-kg": "0.05"}.items():
+        page.locator(f"#{field}").fill(value)
+
+    def expect_entries() -> None:
+        for field, value in {"mass": "9.6", "label": "gripper", "mass-limit-kg": "0.05"}.items():
+            expect(page.locator(f"#{field}")).to_have_value(value)
+        expect(page.locator("#mass-limit-kg")).to_be_visible()
+
+    go_to(page, "Runs")
+    page.go_back()
+    expect_entries()
+    go_to(page, "Identify")
+    page.get_by_text("Selected terms").click()
+    page.get_by_label("cubic").check()
+    page.get_by_text("More choices").click()
+    page.locator("#weighting").select_option("huber")
+    go_to(page, "Payload")
+    expect_entries()
+    page.reload()
+    expect_entries()
+    go_to(page, "Identify")
+    expect(page.get_by_label("cubic")).to_be_checked()
+    expect(page.locator("#weighting")).to_have_value("huber")
+
+
+def test_secrets_are_not_kept(open_page: OpenPage) -> None:
+    page = open_page()
+    go_to(page, "Settings")
+    page.locator("#pairing-code").fill("123 456")
+    go_to(page, "Runs")
+    go_to(page, "Settings")
+    expect(page.locator("#pairing-code")).to_have_value("")
+
+
+def outdated(page: Page) -> None:
+    """Let the service answer as a newer version does after a restart."""
+
+    def refuse(route: Route) -> None:
+        route.fulfill(status=404, json={"code": "RID-PAGE-OUTDATED", "message": "reload"})
+
+    page.route("**/shell.js?is-current", refuse)
+
+
+LOADED = "performance.timeOrigin"
+
+
+def test_a_page_is_reloaded_after_an_update_of_the_service(
+    open_by_link: OpenByLink, link: BadLink
+) -> None:
+    page = open_by_link()
+    expect(page.locator("#now")).not_to_have_text("…")
+    first = page.evaluate(LOADED)
+    link.cut()
+    expect(page.locator("#reach")).to_be_visible()
+    link.mend()
+    expect(page.locator("#reach")).to_be_hidden()
+    assert page.evaluate(LOADED) == first  # the same version
+    outdated(page)
+    link.cut()
+    expect(page.locator("#reach")).to_be_visible()
+    with page.expect_navigation():
+        link.mend()
+    assert page.evaluate(LOADED) > first
+
+
+def test_the_version_of_the_pages_changes_with_the_program(monkeypatch: pytest.MonkeyPatch) -> None:
+    versions = {static_files.static_version.__wrapped__()}
+    monkeypatch.setattr(static_files, "program_version", lambda: "0.2.0")
+    versions.add(static_files.static_version.__wrapped__())
+    assert len(versions) == 2
+    assert all(re.fullmatch("[0-9a-f]{16}", each) for each in versions)
