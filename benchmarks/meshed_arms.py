@@ -161,12 +161,12 @@ def try_meshes(robots: Path | None, only: list[str], *, with_table: bool) -> int
     bodied = sum(arm.has_bodies for arm in meshed)
     computed = sum(arm.has_clearances for arm in arms)
     outside_mm = max((arm.outside_mm for arm in meshed if arm.has_bodies), default=math.inf)
-    median_s = statistics.median(arm.wall_s for arm in arms)
+    median_cpu_s = statistics.median(arm.cpu_s for arm in arms)
     holds = (
         bodied >= BODIED_BAR * len(meshed)
         and computed == len(arms)
         and outside_mm <= OUTSIDE_BAR_MM
-        and median_s <= MEDIAN_BAR_S
+        and median_cpu_s <= MEDIAN_BAR_S
     )
     result = {
         "name": "strangers_meshes",
@@ -176,10 +176,11 @@ def try_meshes(robots: Path | None, only: list[str], *, with_table: bool) -> int
         "clearances": computed,
         "rehearsed": sum(arm.exit_code == 0 for arm in arms),
         "outside_mm": round(outside_mm, 4),
-        "median_s": round(median_s, 1),
-        "median_cpu_s": round(statistics.median(arm.cpu_s for arm in arms), 1),
+        "median_s": round(statistics.median(arm.wall_s for arm in arms), 1),
+        "median_cpu_s": round(median_cpu_s, 1),
+        "load": round(os.getloadavg()[2], 1),
         "bar": f"bodies for {BODIED_BAR:.0%} of the arms with meshes, all distances computed, no"
-        f" vertex more than {OUTSIDE_BAR_MM:g} mm outside, median at most {MEDIAN_BAR_S:g} s",
+        f" vertex more than {OUTSIDE_BAR_MM:g} mm outside, median at most {MEDIAN_BAR_S:g} s of a processor",
         "holds": holds,
         "arms": [
             {
@@ -287,12 +288,12 @@ def _check_meshes(
     for pose in np.random.default_rng(1).uniform(-1.0, 1.0, (CHECKED_POSES, geometry.n)):
         stand = held | {joint.name: q for joint, q in zip(chain.joints, pose, strict=True)}
         pin.framesForwardKinematics(model, data, _configuration(model, stand))
-        base = data.oMf[model.getFrameId(chain.base)]
+        base = data.oMf[_frame(model, chain.base)]
         moved = np.concatenate(
             [np.eye(4)[np.newaxis], link_transforms(geometry, pose[np.newaxis])[0]]
         )
         for name, parts in meshes.items():
-            in_base = (base.inverse() * data.oMf[model.getFrameId(name)]).homogeneous
+            in_base = (base.inverse() * data.oMf[_frame(model, name)]).homogeneous
             in_base[:3, 3] -= robot.base_offset_m
             points = np.concatenate([part.mesh.placed(in_base).vertices_m for part in parts])
             frame = np.linalg.inv(moved[number[name]])
@@ -314,6 +315,11 @@ def _robot_links(tree: UrdfTree, chain: UrdfArm) -> dict[str, int]:
             (joint.child, own.get(joint.child, at)) for joint in tree.joints_below.get(link, ())
         ]
     return number
+
+
+def _frame(model: pin.Model, link: str) -> int:
+    """Return the number of a link's frame; a joint can have the same name."""
+    return int(model.getFrameId(link, pin.FrameType.BODY))
 
 
 def _configuration(model: pin.Model, stand: dict[str, float]) -> FloatArray:

@@ -9,11 +9,10 @@ contain NAME; `--json` omits the table.
 `python -m benchmarks.strangers --meshes [--robots DIR]` runs only `init --urdf`, for arms with
 meshes from packages that pip installs into DIR (default: a temporary folder). Bars: 95 % of the
 arms have bodies on every link that has meshes, all distances of the bodies are computed, no vertex
-of a mesh is outside of the bodies, and the median wall time is at most 90 s.
+of a mesh is outside of the bodies, and the median time is at most 90 s.
 
 The last line is one JSON object with the median wall time and processor time of the robots that
-passed. Without `--meshes`, the limit (bar) applies to the processor time, which depends little on
-other load.
+passed. The limit (bar) applies to the processor time, which depends little on other load.
 """
 
 from __future__ import annotations
