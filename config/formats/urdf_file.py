@@ -69,8 +69,9 @@ def read_urdf(data: bytes, file: str, *, literal_angles: bool = False) -> UrdfTr
         )
     if _has_xacro(root):
         raise ConfigError(
-            f"{file}: this is a xacro file; expand it first (pip install xacro;"
-            " xacro FILE > robot.urdf), then give robot.urdf",
+            f"{file}: this is a xacro file; expand it first (pip install xacrodoc; xacrodoc FILE -o"
+            " robot.urdf), then give robot.urdf. xacrodoc searches the packages of $(find …) in the"
+            " folders of its option -d",
             code="RID-URDF-XACRO",
         )
     reader = _Reader(literal_angles)

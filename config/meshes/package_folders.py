@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 from urllib.parse import unquote
@@ -36,6 +36,9 @@ class PackageFolders:
     urdf: Path
     folders: tuple[Path, ...] = ()
     installed: tuple[Path, ...] = ()
+    _found: dict[tuple[Path, str], tuple[Path, ...]] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     def locate(self, address: str) -> Path:
         """Return the file of an address.
@@ -72,7 +75,7 @@ class PackageFolders:
     def _places(self, package: str) -> Iterator[Path]:
         """Yield every folder of a package, the most likely first."""
         for folder in self.folders:
-            yield from _packages_below(folder.absolute(), package, DEEPEST)
+            yield from self._search(folder.absolute(), package)
         for above in self.urdf.absolute().parents:
             if _is_package(above, package):
                 yield above
@@ -81,6 +84,14 @@ class PackageFolders:
         for folder in self.installed:
             if (folder / package).is_dir():
                 yield folder / package
+
+    def _search(self, folder: Path, package: str) -> tuple[Path, ...]:
+        """Return the folders of a package below a folder; they are searched once per package."""
+        found = self._found.get((folder, package))
+        if found is None:
+            found = tuple(_packages_below(folder, package, DEEPEST))
+            self._found[folder, package] = found
+        return found
 
 
 def _spellings(path: str) -> list[str]:

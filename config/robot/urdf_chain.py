@@ -9,6 +9,7 @@ from typing import Final
 
 from config.errors import ConfigError
 from config.formats.urdf import MOVING, UrdfJoint, UrdfTree
+from config.quantities import MOST_JOINTS
 
 SHORTEST_ARM: Final = 3
 _FINGER: Final = re.compile(r"grip|finger|knuckle|jaw", re.IGNORECASE)
@@ -71,7 +72,8 @@ def arm_between(tree: UrdfTree, base: str | None, tip: str | None) -> UrdfArm:
 
     Raises:
         SeveralArmsError: There are several arms, and `tip` is None.
-        ConfigError: A link does not exist, no joint moves, or a joint of the arm mimics another.
+        ConfigError: A link does not exist, no joint moves, a joint of the arm mimics another, or
+            the arm has too many joints.
     """
     for link in (base, tip):
         if link is not None and link not in tree.links:
@@ -87,7 +89,7 @@ def arm_between(tree: UrdfTree, base: str | None, tip: str | None) -> UrdfArm:
                 f"{tree.file}: no joint moves between {base!r} and {tip!r}; give other links",
                 code="RID-URDF-ARM",
             )
-        return _refuse_mimics(tree, UrdfArm(base, tip, joints))
+        return _refuse_unsupported(tree, UrdfArm(base, tip, joints))
     arms = arms_of(tree, base)
     if not arms:
         roots = base or ", ".join(tree.roots)
@@ -99,7 +101,7 @@ def arm_between(tree: UrdfTree, base: str | None, tip: str | None) -> UrdfArm:
     if len(serious) > 1:
         raise SeveralArmsError(tree.file, serious)
     aside = tuple(arm.tip for arm in arms[1:])
-    return _refuse_mimics(
+    return _refuse_unsupported(
         tree, UrdfArm(longest.base, longest.tip, longest.joints, longest.gripper, aside)
     )
 
@@ -221,12 +223,19 @@ def _is_serious(arm: UrdfArm, longest: UrdfArm) -> bool:
     return own >= min(SHORTEST_ARM, others) and 2 * own >= others
 
 
-def _refuse_mimics(tree: UrdfTree, arm: UrdfArm) -> UrdfArm:
-    """Return the arm after checking that no joint before its last one mimics another.
+def _refuse_unsupported(tree: UrdfTree, arm: UrdfArm) -> UrdfArm:
+    """Return the arm if no joint before its last one mimics another, and it is not too long.
 
     Raises:
-        ConfigError: A joint mimics another.
+        ConfigError: A joint mimics another, or there are too many joints.
     """
+    if len(arm.joints) > MOST_JOINTS:
+        raise ConfigError(
+            f"{tree.file}: the arm from {arm.base!r} to {arm.tip!r} has {len(arm.joints)} joints;"
+            f" at most {MOST_JOINTS} are supported: end it after {MOST_JOINTS} joints with --tip"
+            f" {arm.joints[MOST_JOINTS - 1].child}, or begin later with --base",
+            code="RID-URDF-ARM",
+        )
     path = tree.path(arm.base, arm.tip)
     last = path.index(arm.joints[-1])
     lines = [

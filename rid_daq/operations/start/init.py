@@ -60,10 +60,7 @@ class InitRequest(Request):
     ] = None
     packages: Annotated[
         tuple[Path, ...],
-        Field(
-            description="Folder with the ROS packages that contain the meshes of the URDF; can be"
-            " repeated."
-        ),
+        Field(description="Folder with the ROS packages that contain the meshes of the URDF."),
         Option(group=FROM_URDF, metavar="DIR", needs="urdf"),
     ] = ()
     position: Annotated[

@@ -85,3 +85,10 @@ def test_an_arm_that_ends_at_a_mimic_joint_is_refused() -> None:
 def test_a_mimic_joint_within_the_arm_is_refused_with_a_remedy() -> None:
     with raises_code(ConfigError, "RID-URDF-MIMIC", "'cd'", "'ab'", "--tip", "`coupling`"):
         arm("a>b", "b>c", "c>d:mimic", "d>e", tip="e")
+
+
+def test_an_arm_of_too_many_joints_is_refused_with_the_last_link_that_is_possible() -> None:
+    long = [f"l{i}>l{i + 1}" for i in range(17)]
+    with raises_code(ConfigError, "RID-URDF-ARM", "17 joints", "--tip l16"):
+        arm(*long)
+    assert len(arm(*long, tip="l16").joints) == 16
