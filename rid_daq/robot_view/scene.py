@@ -11,6 +11,7 @@ import numpy.typing as npt
 from config.arrays import FloatArray
 from config.cell.plate import PlateConfig
 from config.formats.urdf import rotation_of_rpy
+from config.meshes.mesh import Mesh
 from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain
 from identification.payload.body import flange_pose
@@ -19,7 +20,6 @@ from rid_daq.robot_view.link_shapes import (
     body_meshes,
     schematic_meshes,
 )
-from rid_daq.robot_view.triangle_mesh import TriangleMesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +76,8 @@ class RobotScene:
     upright: FloatArray
     gravity_m_s2: FloatArray
     joints: tuple[SceneJoint, ...]
-    links: tuple[TriangleMesh, ...]
-    small_links: tuple[TriangleMesh, ...]
+    links: tuple[Mesh, ...]
+    small_links: tuple[Mesh, ...]
     tool: FloatArray
     plate: FloatArray | None = None
     payload_centre_m: FloatArray | None = None

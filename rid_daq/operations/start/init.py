@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Field
 
@@ -18,7 +18,11 @@ from rid_daq.requests.option import Option
 from rid_daq.requests.request import Request
 from rid_daq.terminal.console import as_command
 
-URDF_FILES: Final = ("robot.yaml", "plant.yaml", "cell.yaml", "validation.yaml")
+if TYPE_CHECKING:
+    from config.robot.robot import RobotDescription
+
+ROBOT_PICTURE: Final = "robot.png"
+URDF_FILES: Final = ("robot.yaml", "plant.yaml", "cell.yaml", "validation.yaml", ROBOT_PICTURE)
 FROM_URDF: Final = "URDF"
 
 
@@ -137,6 +141,11 @@ class InitResult:
         yield Text(text=f"{self.folder}: wrote {', '.join(self.files)}.")
         for note in self.notes:
             yield Text(text=f"  {note}")
+        if ROBOT_PICTURE in self.files:
+            yield Text(
+                text=f"Compare {self.folder / ROBOT_PICTURE} with the robot: the axes and their"
+                " positive directions, gravity, and the tool frame."
+            )
         if self.obstacle:
             text = f"The rehearsal of the simulated cell failed: {self.obstacle}"
             yield Verdict(passed=False, text=text)
@@ -164,33 +173,44 @@ def run(request: InitRequest, _context: Context) -> InitResult:
     where = f"{request.folder}: cannot make the folder"
     with system_errors(RecordingError, where, code="RID-FILE-WRITE"):
         request.folder.mkdir(parents=True, exist_ok=True)
-    for name, text in files.items():
-        write_whole(request.folder / name, text.encode())
+    for name, content in files.items():
+        write_whole(request.folder / name, content)
     return made
 
 
-def _starter_files(request: InitRequest) -> tuple[Mapping[str, str], InitResult]:
+def _starter_files(request: InitRequest) -> tuple[Mapping[str, bytes], InitResult]:
     """Return the bundled files by name, and the result."""
     folder = resources.files("rid_daq") / "starter"
     names = ("cell.yaml", "robot.yaml", "motion.yaml", "validation.yaml")
-    files = {name: (folder / name).read_text(encoding="utf-8") for name in names}
+    files = {name: (folder / name).read_bytes() for name in names}
     return files, InitResult(request.folder, names)
 
 
-def _urdf_files(request: InitRequest, urdf: Path) -> tuple[Mapping[str, str], InitResult]:
+def _urdf_files(request: InitRequest, urdf: Path) -> tuple[Mapping[str, bytes], InitResult]:
     """Return the files for a URDF by name, and the result."""
     from rid_daq.operations.start.urdf_starter import starting_files, starting_robot
 
     robot = starting_robot(request, urdf)
     _refuse_present(request.folder, URDF_FILES)
     if not request.rehearsal:
-        files = starting_files(urdf, robot)
+        files = _with_picture(starting_files(urdf, robot), robot.robot)
         return files, InitResult(request.folder, tuple(files), robot.notes)
     from rid_daq.operations.start.starter_rehearsal import rehearse_cell
 
     tried = rehearse_cell(urdf, robot)
-    notes, names = tried.made.notes, tuple(tried.files)
-    return tried.files, InitResult(request.folder, names, notes, True, tried.obstacle)
+    files = _with_picture(tried.files, tried.made.robot)
+    made = InitResult(request.folder, tuple(files), tried.made.notes, True, tried.obstacle)
+    return files, made
+
+
+def _with_picture(texts: Mapping[str, str], robot: RobotDescription) -> dict[str, bytes]:
+    """Return the files with a picture of the robot."""
+    from rid_daq.robot_view.scene import RobotScene
+    from rid_daq.robot_view.still_picture import rest_pose, still_sheet, still_views
+
+    scene = RobotScene.of(robot)
+    picture = still_sheet(still_views(scene, rest_pose(scene)))
+    return {name: text.encode() for name, text in texts.items()} | {ROBOT_PICTURE: picture}
 
 
 def _refuse_present(folder: Path, names: Iterable[str]) -> None:

@@ -178,5 +178,5 @@ def test_a_coarse_shape_is_within_its_budget_and_never_larger(count: int, corner
     assert sum(len(link.triangles) for link in scene.links) > 12_000
     assert 1_000 < sum(len(link.triangles) for link in scene.small_links) <= 10_000
     for full, coarse in zip(scene.links, scene.small_links, strict=True):
-        assert (coarse.points.min(axis=0) >= full.points.min(axis=0)).all()
-        assert (coarse.points.max(axis=0) <= full.points.max(axis=0)).all()
+        assert (coarse.vertices_m.min(axis=0) >= full.vertices_m.min(axis=0)).all()
+        assert (coarse.vertices_m.max(axis=0) <= full.vertices_m.max(axis=0)).all()
