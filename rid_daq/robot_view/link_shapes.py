@@ -8,6 +8,8 @@ from typing import Final, Literal
 import numpy as np
 
 from config.arrays import FloatArray
+from config.errors import ConfigError
+from config.meshes.link_meshes_file import CODE, unpack_link_meshes
 from config.meshes.mesh import Mesh
 from config.robot.bodies import Body, Capsule
 from config.robot.robot import RobotDescription
@@ -33,6 +35,31 @@ _DRUM_RADIUS: Final = 0.035
 _ROD_RADIUS: Final = 0.022
 
 
+def stored_meshes(
+    robot: RobotDescription, name: str, content: bytes
+) -> tuple[list[Mesh], list[Mesh]]:
+    """Return the meshes of a robot's links in full detail, and with few triangles.
+
+    Args:
+        robot: The robot.
+        name: Name of the file in messages.
+        content: The bytes of the file.
+
+    Raises:
+        ConfigError: The file is damaged, or has another number of links.
+    """
+    from rid_daq.robot_view.simplified_meshes import simplify_links
+
+    links = list(unpack_link_meshes(content, name))
+    if len(links) != len(robot.joints) + 1:
+        raise ConfigError(
+            f"{name}: has {len(links)} links; robot {robot.name} has {len(robot.joints) + 1} with"
+            " its base",
+            code=CODE,
+        )
+    return links, simplify_links(links, SMALL_TRIANGLES)
+
+
 def body_meshes(robot: RobotDescription) -> tuple[list[Mesh], list[Mesh]]:
     """Return the bodies of each link in its frame: base, link 1, link 2, and so on.
 
@@ -43,7 +70,7 @@ def body_meshes(robot: RobotDescription) -> tuple[list[Mesh], list[Mesh]]:
     """
     links: list[list[Mesh]] = [[] for _ in range(len(robot.joints) + 1)]
     for body in robot.bodies:
-        links[body.link].append(_body_mesh(body))
+        links[body.link].append(body_mesh(body))
     full = [join_meshes(bodies) for bodies in links]
     if sum(len(link.triangles) for link in full) <= SMALL_TRIANGLES:
         return full, full
@@ -80,7 +107,8 @@ def schematic_meshes(ends_m: Sequence[FloatArray], axes: Sequence[FloatArray]) -
     return links
 
 
-def _body_mesh(body: Body) -> Mesh:
+def body_mesh(body: Body) -> Mesh:
+    """Return the surface of a body in the frame of its link."""
     if isinstance(body, Capsule):
         return capsule_mesh(body.start_m, body.end_m, body.radius_m, _ROUND)
     points = np.array(body.points_m)

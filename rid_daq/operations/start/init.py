@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import Annotated, Final
 
 from pydantic import Field
 
@@ -18,11 +18,12 @@ from rid_daq.requests.option import Option
 from rid_daq.requests.request import Request
 from rid_daq.terminal.console import as_command
 
-if TYPE_CHECKING:
-    from config.robot.robot import RobotDescription
-
 ROBOT_PICTURE: Final = "robot.png"
-URDF_FILES: Final = ("robot.yaml", "plant.yaml", "cell.yaml", "validation.yaml", ROBOT_PICTURE)
+ROBOT_MESHES: Final = "robot.meshes"
+URDF_FILES: Final = (
+    *("robot.yaml", "plant.yaml", "cell.yaml", "validation.yaml"),
+    *(ROBOT_PICTURE, ROBOT_MESHES),
+)
 FROM_URDF: Final = "URDF"
 
 
@@ -188,29 +189,20 @@ def _starter_files(request: InitRequest) -> tuple[Mapping[str, bytes], InitResul
 
 def _urdf_files(request: InitRequest, urdf: Path) -> tuple[Mapping[str, bytes], InitResult]:
     """Return the files for a URDF by name, and the result."""
-    from rid_daq.operations.start.urdf_starter import starting_files, starting_robot
+    from rid_daq.operations.start.drawn_robot import files_with_drawing
+    from rid_daq.operations.start.urdf_starter import starting_robot
 
     robot = starting_robot(request, urdf)
     _refuse_present(request.folder, URDF_FILES)
     if not request.rehearsal:
-        files = _with_picture(starting_files(urdf, robot), robot.robot)
+        files = files_with_drawing(urdf, robot)
         return files, InitResult(request.folder, tuple(files), robot.notes)
     from rid_daq.operations.start.starter_rehearsal import rehearse_cell
 
     tried = rehearse_cell(urdf, robot)
-    files = _with_picture(tried.files, tried.made.robot)
+    files = files_with_drawing(urdf, tried.made)
     made = InitResult(request.folder, tuple(files), tried.made.notes, True, tried.obstacle)
     return files, made
-
-
-def _with_picture(texts: Mapping[str, str], robot: RobotDescription) -> dict[str, bytes]:
-    """Return the files with a picture of the robot."""
-    from rid_daq.robot_view.scene import RobotScene
-    from rid_daq.robot_view.still_picture import rest_pose, still_sheet, still_views
-
-    scene = RobotScene.of(robot)
-    picture = still_sheet(still_views(scene, rest_pose(scene)))
-    return {name: text.encode() for name, text in texts.items()} | {ROBOT_PICTURE: picture}
 
 
 def _refuse_present(folder: Path, names: Iterable[str]) -> None:

@@ -1,0 +1,56 @@
+"""`simplify_links`: the meshes of a robot's links with fewer triangles."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final
+
+import fast_simplification  # pyright: ignore[reportMissingImports]
+import numpy as np
+
+from config.meshes.mesh import Mesh
+from rid_daq.robot_view.solids import coarse_hull_mesh
+
+_LEAST: Final = 60
+"""Number of triangles that every link may keep."""
+
+_SAME_M: Final = 1e-6
+"""Vertices that are closer become one."""
+
+
+def simplify_links(links: Sequence[Mesh], most_triangles: int) -> list[Mesh]:
+    """Return meshes with at most `most_triangles` triangles together.
+
+    Each link keeps a share in proportion to its triangles. A link that cannot be simplified so far,
+    because it consists of very many shells, becomes its convex hull.
+
+    Args:
+        links: Meshes of the links.
+        most_triangles: At least 100 per link.
+    """
+    welded = [_weld(mesh) for mesh in links]
+    total = sum(len(mesh.triangles) for mesh in welded)
+    if total <= most_triangles:
+        return welded
+    shared = most_triangles - _LEAST * len(links)
+    return [_simplify(mesh, _LEAST + int(shared * len(mesh.triangles) / total)) for mesh in welded]
+
+
+def _simplify(mesh: Mesh, most: int) -> Mesh:
+    if len(mesh.triangles) <= most:
+        return mesh
+    vertices, triangles = fast_simplification.simplify(
+        mesh.vertices_m.astype(np.float32), mesh.triangles.astype(np.int32), target_count=most
+    )
+    if len(triangles) > most:
+        return coarse_hull_mesh(mesh.vertices_m, most // 2)
+    return Mesh(np.asarray(vertices, dtype=np.float64), np.asarray(triangles, dtype=np.int64))
+
+
+def _weld(mesh: Mesh) -> Mesh:
+    """Return the mesh with one vertex per place, without triangles that have no area."""
+    places = np.round(mesh.vertices_m / _SAME_M).astype(np.int64)
+    _, first, number = np.unique(places, axis=0, return_index=True, return_inverse=True)
+    triangles = number.reshape(-1)[mesh.triangles]
+    whole = (triangles != np.roll(triangles, 1, axis=1)).all(axis=1)
+    return Mesh(mesh.vertices_m[first], triangles[whole])
