@@ -14,6 +14,9 @@ from rid_daq.robot_view.solids import coarse_hull_mesh
 _LEAST: Final = 60
 """Number of triangles that every link may keep."""
 
+_MARGIN: Final = 0.05
+"""Largest change of a link's size, relative to its largest dimension."""
+
 _SAME_M: Final = 1e-6
 """Vertices that are closer become one."""
 
@@ -21,8 +24,9 @@ _SAME_M: Final = 1e-6
 def simplify_links(links: Sequence[Mesh], most_triangles: int) -> list[Mesh]:
     """Return meshes with at most `most_triangles` triangles together.
 
-    Each link keeps a share in proportion to its triangles. A link that cannot be simplified so far,
-    because it consists of very many shells, becomes its convex hull.
+    Each link keeps a share in proportion to its triangles. Simplification can remove whole shells
+    of a link that consists of very many. If its size changes by more than 5 %, the link becomes
+    its convex hull.
 
     Args:
         links: Meshes of the links.
@@ -42,9 +46,22 @@ def _simplify(mesh: Mesh, most: int) -> Mesh:
     vertices, triangles = fast_simplification.simplify(
         mesh.vertices_m.astype(np.float32), mesh.triangles.astype(np.int32), target_count=most
     )
-    if len(triangles) > most:
+    simple = Mesh(np.asarray(vertices, dtype=np.float64), np.asarray(triangles, dtype=np.int64))
+    if len(triangles) > most or not _keeps_size(simple, mesh):
         return coarse_hull_mesh(mesh.vertices_m, most // 2)
-    return Mesh(np.asarray(vertices, dtype=np.float64), np.asarray(triangles, dtype=np.int64))
+    return simple
+
+
+def _keeps_size(simple: Mesh, mesh: Mesh) -> bool:
+    """Return True if both meshes fill the same box along the axes, except for a small margin."""
+    if not len(simple.triangles):
+        return False
+    corners = simple.corners_m.reshape(-1, 3)
+    apart = [
+        corners.min(axis=0) - mesh.vertices_m.min(axis=0),
+        corners.max(axis=0) - mesh.vertices_m.max(axis=0),
+    ]
+    return bool(np.abs(apart).max() <= _MARGIN * mesh.size_m)
 
 
 def _weld(mesh: Mesh) -> Mesh:

@@ -45,9 +45,9 @@ def run_of(root: Path, cell: str) -> RunFolder:
 
 
 def images_of(page: str) -> list[tuple[Image.Image, str]]:
-    found = []
+    found: list[tuple[Image.Image, str]] = []
     for png, text in IMAGE.findall(page):
-        image = Image.open(io.BytesIO(base64.b64decode(png)))
+        image: Image.Image = Image.open(io.BytesIO(base64.b64decode(png)))
         image.load()
         found.append((image, text))
     return found
@@ -120,9 +120,10 @@ def test_the_start_is_the_first_valid_row_after_the_approach() -> None:
         valid=valid,
         source="cell",
     )
-    tally = RecordingTally(recording.part(slice(0, 2)))
-    assert tally.start is None
-    tally.add(recording.part(slice(2, 5)))
+    approach, motion = recording.part(slice(0, 2)), recording.part(slice(2, 5))
+    assert RecordingTally(approach).start is None
+    tally = RecordingTally(approach)
+    tally.add(motion)
     assert tally.start is not None
     assert tally.start.tolist() == [6.0, 7.0]
 
