@@ -57,11 +57,11 @@ def _keeps_size(simple: Mesh, mesh: Mesh) -> bool:
     if not len(simple.triangles):
         return False
     corners = simple.corners_m.reshape(-1, 3)
-    apart = [
+    difference = [
         corners.min(axis=0) - mesh.vertices_m.min(axis=0),
         corners.max(axis=0) - mesh.vertices_m.max(axis=0),
     ]
-    return bool(np.abs(apart).max() <= _MARGIN * mesh.size_m)
+    return bool(np.abs(difference).max() <= _MARGIN * mesh.size_m)
 
 
 def _weld(mesh: Mesh) -> Mesh:

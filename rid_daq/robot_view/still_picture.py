@@ -148,15 +148,15 @@ def _views(
     )
 
 
-def still_sheet(stills: Sequence[Still]) -> bytes:
+def join_stills(stills: Sequence[Still]) -> bytes:
     """Return pictures of equal size as one PNG, two in a row."""
     width, height = stills[0].width, stills[0].height
     rows = (len(stills) + 1) // 2
-    sheet = Image.new("RGB", (2 * width, rows * height), "white")
+    whole = Image.new("RGB", (2 * width, rows * height), "white")
     for number, still in enumerate(stills):
         place = (number % 2) * width, (number // 2) * height
-        sheet.paste(Image.open(io.BytesIO(still.png)).convert("RGB"), place)
-    return _png(sheet)
+        whole.paste(Image.open(io.BytesIO(still.png)).convert("RGB"), place)
+    return _png(whole)
 
 
 def _png(image: Image.Image) -> bytes:

@@ -15,7 +15,7 @@ from rid_daq.robot_view.link_shapes import body_mesh
 from rid_daq.robot_view.scene import RobotScene
 from rid_daq.robot_view.simplified_meshes import simplify_links
 from rid_daq.robot_view.solids import join_meshes
-from rid_daq.robot_view.still_picture import rest_pose, still_sheet, still_views
+from rid_daq.robot_view.still_picture import join_stills, rest_pose, still_views
 
 MOST_TRIANGLES: Final = 30_000
 """Largest number of triangles in the meshes file; it then has about 600 kB."""
@@ -41,6 +41,6 @@ def files_with_drawing(urdf: Path, made: UrdfRobot) -> dict[str, bytes]:
         named = MeshesFile.of(ROBOT_MESHES, files[ROBOT_MESHES])
         made = replace(made, robot=made.robot.model_copy(update={"meshes": named}))
     scene = RobotScene.of(made.robot, meshes=files.get(ROBOT_MESHES))
-    files[ROBOT_PICTURE] = still_sheet(still_views(scene, rest_pose(scene)))
+    files[ROBOT_PICTURE] = join_stills(still_views(scene, rest_pose(scene)))
     texts = starting_files(urdf, made)
     return {name: text.encode() for name, text in texts.items()} | files
