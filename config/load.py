@@ -58,6 +58,11 @@ class LoadedCell:
     hashes: Mapping[Path, str] = field(default_factory=dict)
 
     @property
+    def meshes(self) -> bytes | None:
+        """Bytes of the file with the meshes of the robot's links; None without one."""
+        return None if self.robot.meshes is None else self.files[self.robot.meshes.file]
+
+    @property
     def paths(self) -> tuple[Path, ...]:
         """Paths on disk of the files that were read; bundled files are not included."""
         return tuple(self.hashes)
@@ -88,15 +93,21 @@ def load_cell(reference: str) -> LoadedCell:
     kept = folder if folder is not None and _is_run_folder(folder) else None
     files = {"cell.yaml": text}
     hashes = {} if folder is None else {Path(name).absolute(): sha256_of(text)}
+    folders: dict[str, Path | None] = {}
 
     def read(reference: str, kind: str, file: str, model: type[T]) -> tuple[YamlTree, T]:
         files[file], shown, beside = read_named(reference, kind, folder, kept, file)
+        folders[file] = beside
         if beside is not None:
             hashes[Path(shown).absolute()] = sha256_of(files[file])
         tree = parse_yaml(files[file], shown)
         return tree, validate(tree, model)
 
     _, robot = read(cell.robot, "robots", "robot.yaml", RobotDescription)
+    beside = folders["robot.yaml"]
+    if robot.meshes is not None and beside is not None:
+        files[robot.meshes.file] = content = robot.meshes.read(beside)
+        hashes[(beside / robot.meshes.file).absolute()] = sha256_of(content)
     moved = tuple(axis.joint for axis in cell.axes)
     if moved != robot.joint_names:
         raise ConfigError(

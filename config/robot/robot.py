@@ -23,6 +23,7 @@ from config.quantities import (
 from config.robot.bodies import Body, refuse_unknown_pairs
 from config.robot.friction_terms import FrictionTerm
 from config.robot.kinematic_table import Kinematics
+from config.robot.meshes_file import MeshesFile
 
 JointPosition = Annotated[float, Plausible(0.0, 15.0, "rad", Plausible(0.0, 50.0, "m"))]
 JointVelocity = Annotated[Positive, Plausible(1e-3, 60.0, "rad/s", Plausible(1e-3, 20.0, "m/s"))]
@@ -279,6 +280,7 @@ class RobotDescription(PhysicalFile):
         bodies: The space that the links occupy.
         may_touch: Pairs of bodies that are not checked against each other, because they touch by
             design.
+        meshes: File with the meshes of the links, for drawings.
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")
@@ -294,6 +296,7 @@ class RobotDescription(PhysicalFile):
     cad: tuple[LinkCad, ...] | None = None
     bodies: tuple[Body, ...] = ()
     may_touch: tuple[tuple[str, str], ...] = ()
+    meshes: MeshesFile | None = None
 
     @field_validator("coupling")
     @classmethod

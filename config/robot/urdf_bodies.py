@@ -99,7 +99,8 @@ def bodies_of_urdf(
         for name in names:
             solid = tree.links[name].solid
             made = [
-                _body(number, "", part, poses[name] @ part.placement) for part in solid.primitives
+                body_of_primitive(number, "", part, poses[name] @ part.placement)
+                for part in solid.primitives
             ]
             bodies += _named(name, [*made, *hulls.get(name, ())])
     unread = [name for names in carried for name in names if tree.links[name].solid.meshes]
@@ -156,7 +157,8 @@ def _named(link: str, bodies: Sequence[Body]) -> list[Body]:
     ]
 
 
-def _body(link: int, name: str, part: UrdfPrimitive, place: FloatArray) -> Body:
+def body_of_primitive(link: int, name: str, part: UrdfPrimitive, place: FloatArray) -> Body:
+    """Return the body of a primitive with a pose (4, 4) in the frame of a link."""
     if part.shape == "sphere":
         centre = _point(place[:3, 3])
         return Capsule(

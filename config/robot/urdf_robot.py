@@ -22,6 +22,7 @@ from config.robot.kinematic_table import Kinematics
 from config.robot.robot import Joint, RobotDescription
 from config.robot.urdf_bodies import bodies_of_urdf, without_rounding_errors
 from config.robot.urdf_chain import UrdfArm, arm_between, held_positions
+from config.robot.urdf_drawings import LinkDrawing, drawings_of_urdf
 from config.robot.urdf_limits import LimitDefaults, ReplacedValue, limits_of_urdf
 from config.robot.urdf_links import links_of_urdf
 from config.robot.urdf_motors import UrdfMotor, motors_of_urdf
@@ -35,12 +36,14 @@ class UrdfRobot:
         notes: Notes on values that were omitted, repaired or set to a default.
         comments: The same notes, by the key of the robot file that they concern.
         motors: The URDF's friction and motor direction, one per joint.
+        drawings: What is drawn of each link, base first; empty if no mesh was read.
     """
 
     robot: RobotDescription
     notes: tuple[str, ...]
     comments: Mapping[Path, str]
     motors: tuple[UrdfMotor, ...]
+    drawings: tuple[LinkDrawing, ...] = ()
 
 
 def robot_of_urdf(
@@ -137,7 +140,11 @@ def robot_of_urdf(
         if values_here
     }
     notes += [*links.notes, *_group_replaced(names, replaced), *solids.notes]
-    return UrdfRobot(robot, tuple(notes), comments, motors)
+    drawings: tuple[LinkDrawing, ...] = ()
+    if packages is not None:
+        drawings, of_drawings = drawings_of_urdf(tree, carried, places, axes, reach_m, packages)
+        notes += of_drawings
+    return UrdfRobot(robot, tuple(notes), comments, motors, drawings)
 
 
 def carried_links(tree: UrdfTree, arm: UrdfArm, notes: list[str]) -> list[list[str]]:

@@ -86,13 +86,14 @@ class Robot:
         return self.description.joint_names
 
     def save(self, path: str | Path) -> None:
-        """Write the robot file (YAML); an existing file is replaced.
+        """Write the robot file (YAML) without meshes; an existing file is replaced.
 
         Raises:
             RecordingError: The file cannot be written.
         """
         require_writable(Path(path))
-        write_whole(Path(path), to_yaml(self.description, f"Robot {self.name}.").encode())
+        description = self.description.model_copy(update={"meshes": None})
+        write_whole(Path(path), to_yaml(description, f"Robot {self.name}.").encode())
 
     def __str__(self) -> str:
         return f"{self.name}: {len(self.joint_names)} joints ({', '.join(self.joint_names)})"

@@ -47,3 +47,8 @@ class Picture(ConfigModel):
     name: str
     images: Annotated[tuple[PictureImage, ...], Strict(False)]
     caption: str
+
+    @property
+    def line(self) -> str:
+        """Line that replaces the picture on a console."""
+        return f"Picture: {self.caption}"

@@ -26,22 +26,25 @@ def run_robot_blocks(folder: RunFolder, result: Result) -> Iterator[AnyBlock]:
     from rid_daq.robot_view.robot_pictures import flange_picture, robot_picture
 
     files = folder.manifest().files
-    names = [name for name in (ROBOT, CELL) if name in files]
-    if ROBOT not in names:
+    if ROBOT not in files:
         return
     yield Heading(text="Robot")
+    names = [name for name in files if name in (ROBOT, CELL) or name.endswith(".meshes")]
     changed = [name for name in names if not folder.is_unchanged(name, files[name])]
     if changed:
         yield Text(text=f"The robot is not drawn, because {', '.join(changed)} was changed.")
         return
     robot = load_robot(str(folder.file(ROBOT)))
+    meshes = None
+    if robot.meshes is not None and robot.meshes.file in names:
+        meshes = robot.meshes.read(folder.path)
     plate = None
     if CELL in names:
         plate = load_bundled_or_path(str(folder.file(CELL)), "cells", CellConfig).plate
     centre = _payload_centre(result)
-    yield robot_picture(robot, plate, _start(result, robot), centre)
+    yield robot_picture(robot, plate, _start(result, robot), centre, meshes)
     if centre is not None:
-        yield flange_picture(robot, centre)
+        yield flange_picture(robot, centre, meshes)
 
 
 def _start(result: Result, robot: RobotDescription) -> tuple[float, ...] | None:

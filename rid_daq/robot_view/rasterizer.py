@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from config.arrays import FloatArray, IntArray
-from rid_daq.robot_view.triangle_mesh import TriangleMesh
+from config.meshes.mesh import Mesh
 
 SAMPLES: Final = 2
 """Samples per pixel in each direction."""
@@ -43,9 +43,7 @@ class Canvas:
         self._owner = np.full(fine, _NOTHING, dtype=np.int32)
         self._parts = 0
 
-    def draw(
-        self, mesh: TriangleMesh, normals: FloatArray, colour: FloatArray, *, in_front: bool
-    ) -> None:
+    def draw(self, mesh: Mesh, normals: FloatArray, colour: FloatArray, *, in_front: bool) -> None:
         """Draw one part.
 
         Args:
@@ -54,7 +52,7 @@ class Canvas:
             colour: Shape (3,). Red, green and blue, 0 to 255.
             in_front: True to show the part through all parts that are not in front.
         """
-        points = mesh.points * SAMPLES
+        points = mesh.vertices_m * SAMPLES
         points[:, 2] += _FRONT if in_front else 0.0
         _fill(
             points,

@@ -19,7 +19,7 @@ from rid_daq.robot_view.still_picture import Still, flange_views, rest_pose, sti
 Centre = tuple[float, float, float]
 
 _SHAPES: Final[Mapping[ShapeKind, str]] = {
-    "meshes": "MESHES: the robot has the shape of its CAD meshes.",
+    "meshes": "MESHES: the robot has the shape of the meshes of its URDF.",
     "bodies": "BODIES: the robot has the shape of `bodies` in its robot file.",
     "schematic": "SCHEMATIC: the robot file has no `bodies`, so rods connect the joints; the robot"
     " is larger, and no clearance follows from this shape.",
@@ -32,6 +32,7 @@ def robot_picture(
     plate: PlateConfig | None = None,
     start: tuple[float, ...] | None = None,
     payload_centre_m: Centre | None = None,
+    meshes: bytes | None = None,
 ) -> Picture:
     """Return four views of a robot.
 
@@ -41,8 +42,9 @@ def robot_picture(
         start: Joint positions at the start of the motion [rad or m]; None for the pose in which
             every joint is at zero, or at the limit that is closest to zero.
         payload_centre_m: Centre of gravity of a payload in the flange's frame.
+        meshes: Bytes of the file `meshes` of the robot file; None to draw bodies.
     """
-    scene = RobotScene.of(robot, plate, payload_centre_m)
+    scene = RobotScene.of(robot, plate, payload_centre_m, meshes)
     pose = rest_pose(scene) if start is None else np.array(start)
     which = "with all joints at zero, or at the limit that is closest to zero"
     text = (
@@ -57,14 +59,17 @@ def robot_picture(
 
 
 @functools.lru_cache(maxsize=8)
-def flange_picture(robot: RobotDescription, payload_centre_m: Centre) -> Picture:
+def flange_picture(
+    robot: RobotDescription, payload_centre_m: Centre, meshes: bytes | None = None
+) -> Picture:
     """Return views of the flange with the centre of gravity of a payload.
 
     Args:
         robot: The robot.
         payload_centre_m: Centre of gravity in the flange's frame.
+        meshes: As in `robot_picture`.
     """
-    scene = RobotScene.of(robot, None, payload_centre_m)
+    scene = RobotScene.of(robot, None, payload_centre_m, meshes)
     x, y, z = (with_minus_sign(f"{1e3 * value:.1f}") for value in payload_centre_m)
     text = (
         f"Centre of gravity of the payload (quartered ball) at x {x}, y {y}, z {z} mm in the"

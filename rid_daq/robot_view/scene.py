@@ -11,6 +11,7 @@ import numpy.typing as npt
 from config.arrays import FloatArray
 from config.cell.plate import PlateConfig
 from config.formats.urdf import rotation_of_rpy
+from config.meshes.mesh import Mesh
 from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain
 from identification.payload.body import flange_pose
@@ -18,8 +19,8 @@ from rid_daq.robot_view.link_shapes import (
     ShapeKind,
     body_meshes,
     schematic_meshes,
+    stored_meshes,
 )
-from rid_daq.robot_view.triangle_mesh import TriangleMesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,8 +77,8 @@ class RobotScene:
     upright: FloatArray
     gravity_m_s2: FloatArray
     joints: tuple[SceneJoint, ...]
-    links: tuple[TriangleMesh, ...]
-    small_links: tuple[TriangleMesh, ...]
+    links: tuple[Mesh, ...]
+    small_links: tuple[Mesh, ...]
     tool: FloatArray
     plate: FloatArray | None = None
     payload_centre_m: FloatArray | None = None
@@ -88,6 +89,7 @@ class RobotScene:
         robot: RobotDescription,
         plate: PlateConfig | None = None,
         payload_centre_m: npt.ArrayLike | None = None,
+        meshes: bytes | None = None,
     ) -> RobotScene:
         """Return the scene of a robot.
 
@@ -96,11 +98,19 @@ class RobotScene:
             plate: Force plate of its cell.
             payload_centre_m: Shape (3,). Centre of gravity of a payload in the flange's frame,
                 which is the tool frame of the robot file.
+            meshes: Bytes of the file `meshes` of the robot file; None to draw bodies.
+
+        Raises:
+            ConfigError: The meshes are damaged, or of another number of links.
         """
         joints, tool = _joints(robot), flange_pose(robot)
         gravity = np.array(robot.gravity_m_s2)
-        if robot.bodies:
-            shape: ShapeKind = "bodies"
+        shape: ShapeKind
+        if robot.meshes is not None and meshes is not None:
+            shape = "meshes"
+            links, small = stored_meshes(robot, robot.meshes.file, meshes)
+        elif robot.bodies:
+            shape = "bodies"
             links, small = body_meshes(robot)
         else:
             shape = "schematic"

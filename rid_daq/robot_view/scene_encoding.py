@@ -9,10 +9,12 @@ from pydantic import Strict
 
 from config.arrays import FloatArray
 from config.errors import ConfigError
+from config.meshes.mesh import Mesh
 from config.model import ConfigModel
 from rid_daq.robot_view.link_shapes import ShapeKind
 from rid_daq.robot_view.scene import RobotScene
-from rid_daq.robot_view.triangle_mesh import TriangleMesh
+from rid_daq.robot_view.sharp_edges import split_at_edges
+from rid_daq.robot_view.solids import join_meshes
 
 Detail = Literal["full", "small"]
 """Level of detail; the small level has at most 10,000 triangles."""
@@ -105,11 +107,11 @@ def encode_scene(scene: RobotScene, geometry: str, detail: Detail) -> tuple[Scen
     for name, mesh in zip(
         scene.link_names, scene.links if detail == "full" else scene.small_links, strict=True
     ):
-        parts.append(mesh.with_sharp_edges()[0])
+        parts.append(split_at_edges(mesh)[0])
         count = parts[-1].triangles.size
         links.append(LinkDocument(name=name, first_index=first, index_count=count))
         first += count
-    whole = TriangleMesh.of_parts(parts)
+    whole = join_meshes(parts)
     document = SceneDocument(
         robot=scene.robot,
         shape=scene.shape,
@@ -129,19 +131,19 @@ def encode_scene(scene: RobotScene, geometry: str, detail: Detail) -> tuple[Scen
         tool=_nested(scene.tool),
         plate=None if scene.plate is None else _nested(scene.plate),
         payload_centre=None if scene.payload_centre_m is None else _nested(scene.payload_centre_m),
-        vertices=len(whole.points),
+        vertices=len(whole.vertices_m),
         triangles=len(whole.triangles),
         geometry=geometry,
     )
     return document, encode_mesh(whole)
 
 
-def encode_mesh(mesh: TriangleMesh) -> bytes:
+def encode_mesh(mesh: Mesh) -> bytes:
     """Return positions as float32, then indices as uint32, little-endian."""
-    return mesh.points.astype(_POSITION).tobytes() + mesh.triangles.astype(_INDEX).tobytes()
+    return mesh.vertices_m.astype(_POSITION).tobytes() + mesh.triangles.astype(_INDEX).tobytes()
 
 
-def decode_mesh(binary: bytes, vertices: int, triangles: int) -> TriangleMesh:
+def decode_mesh(binary: bytes, vertices: int, triangles: int) -> Mesh:
     """Return the triangles of a binary.
 
     Raises:
@@ -164,7 +166,7 @@ def decode_mesh(binary: bytes, vertices: int, triangles: int) -> TriangleMesh:
             " index that is too large",
             code="RID-API-ARGUMENT",
         )
-    return TriangleMesh(points, indices)
+    return Mesh(points, indices)
 
 
 def _nested(values: FloatArray) -> Any:

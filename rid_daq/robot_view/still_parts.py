@@ -9,13 +9,15 @@ from typing import Final
 import numpy as np
 
 from config.arrays import FloatArray
+from config.meshes.mesh import Mesh
 from rid_daq.robot_view.scene import RobotScene, SceneJoint
-from rid_daq.robot_view.triangle_mesh import (
-    TriangleMesh,
+from rid_daq.robot_view.sharp_edges import split_at_edges
+from rid_daq.robot_view.solids import (
     arrow_mesh,
     box_mesh,
     capsule_mesh,
     cylinder_mesh,
+    join_meshes,
     tube_mesh,
 )
 
@@ -41,7 +43,7 @@ class DrawnPart:
         in_front: True if the part is visible through the links.
     """
 
-    mesh: TriangleMesh
+    mesh: Mesh
     normals: FloatArray
     colour: FloatArray
     in_front: bool = False
@@ -49,7 +51,7 @@ class DrawnPart:
     @classmethod
     def of(
         cls,
-        mesh: TriangleMesh,
+        mesh: Mesh,
         frame: FloatArray,
         colour: tuple[float, float, float],
         *,
@@ -63,7 +65,7 @@ class DrawnPart:
             colour: Red, green and blue, 0 to 255.
             in_front: True if the part is visible through the links.
         """
-        return cls(*mesh.moved(frame).with_sharp_edges(), np.array(colour), in_front)
+        return cls(*split_at_edges(mesh.placed(frame)), np.array(colour), in_front)
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +151,7 @@ def _made(scene: RobotScene, q: FloatArray) -> Iterator[DrawnPart | Label]:
 
 
 def _made_at_flange(scene: RobotScene) -> Iterator[DrawnPart | Label]:
-    last = np.linalg.inv(scene.tool)
+    last = np.asarray(np.linalg.inv(scene.tool), dtype=np.float64)
     size = 0.45 * size_of(scene)
     frames = (last @ np.linalg.inv(scene.joints[-1].origin), last)
     for number, frame in zip((-2, -1), frames, strict=True):
@@ -210,10 +212,10 @@ def _limits(
         rail.append(cylinder_mesh(np.zeros(3), 1.1 * radius * towards(position), thin, 12))
     else:
         return
-    yield DrawnPart.of(TriangleMesh.of_parts(rail), fixed, LIMIT, in_front=True)
+    yield DrawnPart.of(join_meshes(rail), fixed, LIMIT, in_front=True)
 
 
-def _tick(place: FloatArray, direction: FloatArray, length: float, radius: float) -> TriangleMesh:
+def _tick(place: FloatArray, direction: FloatArray, length: float, radius: float) -> Mesh:
     half = 0.5 * length * direction
     return cylinder_mesh(place - half, place + half, 1.6 * radius, 12)
 
@@ -229,10 +231,10 @@ def _centre(centre_m: FloatArray, frame: FloatArray, size: float) -> Iterator[Dr
     """Yield the ball of a payload's centre of gravity, quartered black and white."""
     radius = 0.28 * size
     ball = capsule_mesh(np.zeros(3), np.zeros(3), radius, 32)
-    corners = ball.points[ball.triangles].mean(axis=1)
+    corners = ball.vertices_m[ball.triangles].mean(axis=1)
     dark = np.prod(np.sign(corners), axis=1) > 0.0
     for chosen, colour in ((dark, DARK), (~dark, BRIGHT)):
-        part = TriangleMesh(ball.points + centre_m, ball.triangles[chosen])
+        part = Mesh(ball.vertices_m + centre_m, ball.triangles[chosen])
         yield DrawnPart.of(part, frame, colour, in_front=True)
     centre = _place(frame, centre_m)
     yield Label("centre of gravity", centre + 1.2 * radius * np.array([0.6, -0.6, 0.8]), centre)

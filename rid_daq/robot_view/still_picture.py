@@ -12,11 +12,13 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from config.arrays import FloatArray
+from config.meshes.mesh import Mesh
 from rid_daq.robot_view.link_shapes import ShapeKind
 from rid_daq.robot_view.rasterizer import OUTLINE, Canvas
 from rid_daq.robot_view.scene import RobotScene
+from rid_daq.robot_view.sharp_edges import split_at_edges
+from rid_daq.robot_view.solids import arrow_mesh
 from rid_daq.robot_view.still_parts import Label, StillParts, flange_parts, still_parts
-from rid_daq.robot_view.triangle_mesh import TriangleMesh, arrow_mesh
 
 WIDTH_PX: Final = 700
 VIEWS: Final[Mapping[str, tuple[float, float, float]]] = {
@@ -146,6 +148,24 @@ def _views(
     )
 
 
+def join_stills(stills: Sequence[Still]) -> bytes:
+    """Return pictures of equal size as one PNG, two in a row."""
+    width, height = stills[0].width, stills[0].height
+    rows = (len(stills) + 1) // 2
+    whole = Image.new("RGB", (2 * width, rows * height), "white")
+    for number, still in enumerate(stills):
+        place = (number % 2) * width, (number // 2) * height
+        whole.paste(Image.open(io.BytesIO(still.png)).convert("RGB"), place)
+    return _png(whole)
+
+
+def _png(image: Image.Image) -> bytes:
+    packed = io.BytesIO()
+    few = image.quantize(_COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    few.save(packed, "PNG", optimize=True)
+    return packed.getvalue()
+
+
 def _turn(back: FloatArray) -> FloatArray:
     back = back / np.linalg.norm(back)
     right = np.cross([0.0, 1.0, 0.0] if abs(back[2]) > 0.99 else [0.0, 0.0, 1.0], back)
@@ -154,7 +174,7 @@ def _turn(back: FloatArray) -> FloatArray:
 
 
 def _extent(parts: StillParts, turn: FloatArray) -> tuple[FloatArray, FloatArray]:
-    points = np.concatenate([part.mesh.points for part in parts.parts]) @ turn.T
+    points = np.concatenate([part.mesh.vertices_m for part in parts.parts]) @ turn.T
     return points.min(axis=0), points.max(axis=0)
 
 
@@ -162,7 +182,7 @@ def _picture(parts: StillParts, camera: _Camera, texts: tuple[str, str], *, fall
     canvas = Canvas(WIDTH_PX, camera.height_px)
     for part in parts.parts:
         canvas.draw(
-            TriangleMesh(camera.project(part.mesh.points), part.mesh.triangles),
+            Mesh(camera.project(part.mesh.vertices_m), part.mesh.triangles),
             part.normals @ camera.turn.T,
             part.colour,
             in_front=part.in_front,
@@ -181,17 +201,14 @@ def _picture(parts: StillParts, camera: _Camera, texts: tuple[str, str], *, fall
         )
     _draw_scale_bar(pen, camera)
     _draw_labels(pen, camera, parts.labels)
-    packed = io.BytesIO()
-    few = image.quantize(_COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
-    few.save(packed, "PNG", optimize=True)
-    return packed.getvalue()
+    return _png(image)
 
 
 def _draw_gravity(canvas: Canvas, camera: _Camera) -> None:
     """Draw an arrow along gravity in the lower left corner."""
     along = camera.turn @ [0.0, 0.0, -1.0] * [1.0, -1.0, 1.0]
     middle = np.array([50.0, camera.height_px - 98.0, 0.0])
-    mesh, normals = arrow_mesh(middle - 46.0 * along, middle + 46.0 * along, 5.0).with_sharp_edges()
+    mesh, normals = split_at_edges(arrow_mesh(middle - 46.0 * along, middle + 46.0 * along, 5.0))
     canvas.draw(mesh, normals, np.array(GRAVITY), in_front=True)
 
 

@@ -34,7 +34,7 @@ def print_blocks(blocks: Iterable[AnyBlock], console: Console) -> None:
             case Next():
                 console.next_step(*block.words, lead=block.lead)
             case Picture():
-                console.say(f"Picture: {block.caption}")
+                console.say(block.line)
             case Plot():
                 pass  # only reports show plots
 

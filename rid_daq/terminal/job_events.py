@@ -52,8 +52,8 @@ class VerdictEvent(_Event):
 class ResultEvent(_Event):
     """Result of an operation.
 
-    The cells of tables are texts. Plots and pictures are left out, because the run's report
-    contains them.
+    The cells of tables are texts. Plots are left out, because the run's report contains them.
+    Pictures are their captions.
 
     Attributes:
         document: Values for programs.

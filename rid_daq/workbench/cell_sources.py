@@ -27,11 +27,14 @@ class CellSource:
 
 
 def sources_of(cell: ServedCell) -> tuple[CellSource, ...]:
-    """Return the files of a cell, with the line of the cell's error."""
+    """Return the text files of a cell, with the line of the cell's error."""
     loaded = cell.reload_if_changed()
     place = _PLACE.search(cell.problem)
     found = []
+    meshes = None if loaded.robot.meshes is None else loaded.robot.meshes.file
     for name, content in loaded.files.items():
+        if name == meshes:
+            continue
         path = None if loaded.path is None else loaded.path.resolve().parent / name
         if path is not None and path.is_file():
             content = path.read_bytes()

@@ -26,8 +26,8 @@ def run_blocks(folder: RunFolder, names: Sequence[str] = ()) -> Iterator[AnyBloc
 
     Args:
         folder: The run.
-        names: Names of the sections, `verdict` for the verdict, `robot` for views of the robot
-            (default: all).
+        names: Names of the sections, `verdict` for the verdict (default: all). Views of the robot
+            are drawn only if `robot` is named.
 
     Raises:
         RidDaqError: A file of the run cannot be read.
@@ -42,7 +42,7 @@ def run_blocks(folder: RunFolder, names: Sequence[str] = ()) -> Iterator[AnyBloc
         for name, section in result.sections():
             if not names or name in names:
                 yield from BLOCKS_BY_SECTION[name](section)
-        if not names or "robot" in names:
+        if "robot" in names:
             yield from run_robot_blocks(folder, result)
     if folder.file(SESSION).exists():
         yield from _warm_up(folder)

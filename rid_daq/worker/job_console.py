@@ -15,7 +15,7 @@ from pydantic import BaseModel
 
 from config.errors import ConfigError, PreflightError
 from config.process.safety_clock import safety_now_s
-from rid_daq.blocks.block import AnyBlock, Table
+from rid_daq.blocks.block import AnyBlock, Table, Text
 from rid_daq.blocks.picture import Picture
 from rid_daq.blocks.plot import Plot
 from rid_daq.terminal.console import Console, Progress, make_printable
@@ -106,11 +106,9 @@ class JobConsole(Console):
         """Write the result of an operation."""
         content: dict[str, object] = json.loads(self.as_text(document))
         shown = [
-            _printable(
-                each.as_texts().model_dump() if isinstance(each, Table) else each.model_dump()
-            )
+            _printable(_for_events(each).model_dump())
             for each in blocks
-            if not isinstance(each, Plot | Picture)
+            if not isinstance(each, Plot)
         ]
         result = {"at_s": time.time(), "document": content, "blocks": shown}
         self.events.write(ResultEvent.model_validate(result))
@@ -215,6 +213,13 @@ class JobConsole(Console):
     def progress(self, title: str, total: float | None, unit: str) -> Iterator[Progress]:
         """Write the progress of a long step, at most twice a second."""
         yield _ProgressReporter(self.events, title, total, unit)
+
+
+def _for_events(block: AnyBlock) -> AnyBlock:
+    """Return a block as events contain it: tables as texts, pictures as a line."""
+    if isinstance(block, Picture):
+        return Text(text=block.line)
+    return block.as_texts() if isinstance(block, Table) else block
 
 
 def _printable(value: Any) -> Any:

@@ -133,6 +133,7 @@ def _write_run(
             folder.write(name, read_file(file, LARGEST_FILE_BYTES))
         comment = f"Import map with which {' and '.join(names)} was read."
         folder.write(MAP, to_yaml(import_map, comment).encode())
+        robot = robot.model_copy(update={"meshes": None})  # their file stays beside the robot file
         folder.write(ROBOT, to_yaml(robot, f"Robot {robot.name}, as used by the import.").encode())
         folder.write(IMPORT, report.to_json())
         write_map_origin(folder, reference)

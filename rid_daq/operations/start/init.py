@@ -18,7 +18,12 @@ from rid_daq.requests.option import Option
 from rid_daq.requests.request import Request
 from rid_daq.terminal.console import as_command
 
-URDF_FILES: Final = ("robot.yaml", "plant.yaml", "cell.yaml", "validation.yaml")
+ROBOT_PICTURE: Final = "robot.png"
+ROBOT_MESHES: Final = "robot.meshes"
+URDF_FILES: Final = (
+    *("robot.yaml", "plant.yaml", "cell.yaml", "validation.yaml"),
+    *(ROBOT_PICTURE, ROBOT_MESHES),
+)
 FROM_URDF: Final = "URDF"
 
 
@@ -134,6 +139,11 @@ class InitResult:
         yield Text(text=f"{self.folder}: wrote {', '.join(self.files)}.")
         for note in self.notes:
             yield Text(text=f"  {note}")
+        if ROBOT_PICTURE in self.files:
+            yield Text(
+                text=f"Compare {self.folder / ROBOT_PICTURE} with the robot: the axes and their"
+                " positive directions, gravity, and the tool frame."
+            )
         if self.obstacle:
             text = f"The rehearsal of the simulated cell failed: {self.obstacle}"
             yield Verdict(passed=False, text=text)
@@ -161,33 +171,35 @@ def run(request: InitRequest, _context: Context) -> InitResult:
     where = f"{request.folder}: cannot make the folder"
     with system_errors(RecordingError, where, code="RID-FILE-WRITE"):
         request.folder.mkdir(parents=True, exist_ok=True)
-    for name, text in files.items():
-        write_whole(request.folder / name, text.encode())
+    for name, content in files.items():
+        write_whole(request.folder / name, content)
     return made
 
 
-def _starter_files(request: InitRequest) -> tuple[Mapping[str, str], InitResult]:
+def _starter_files(request: InitRequest) -> tuple[Mapping[str, bytes], InitResult]:
     """Return the bundled files by name, and the result."""
     folder = resources.files("rid_daq") / "starter"
     names = ("cell.yaml", "robot.yaml", "motion.yaml", "validation.yaml")
-    files = {name: (folder / name).read_text(encoding="utf-8") for name in names}
+    files = {name: (folder / name).read_bytes() for name in names}
     return files, InitResult(request.folder, names)
 
 
-def _urdf_files(request: InitRequest, urdf: Path) -> tuple[Mapping[str, str], InitResult]:
+def _urdf_files(request: InitRequest, urdf: Path) -> tuple[Mapping[str, bytes], InitResult]:
     """Return the files for a URDF by name, and the result."""
-    from rid_daq.operations.start.urdf_starter import starting_files, starting_robot
+    from rid_daq.operations.start.drawn_robot import files_with_drawing
+    from rid_daq.operations.start.urdf_starter import starting_robot
 
     robot = starting_robot(request, urdf)
     _refuse_present(request.folder, URDF_FILES)
     if not request.rehearsal:
-        files = starting_files(urdf, robot)
+        files = files_with_drawing(urdf, robot)
         return files, InitResult(request.folder, tuple(files), robot.notes)
     from rid_daq.operations.start.starter_rehearsal import rehearse_cell
 
     tried = rehearse_cell(urdf, robot)
-    notes, names = tried.made.notes, tuple(tried.files)
-    return tried.files, InitResult(request.folder, names, notes, True, tried.obstacle)
+    files = files_with_drawing(urdf, tried.made)
+    made = InitResult(request.folder, tuple(files), tried.made.notes, True, tried.obstacle)
+    return files, made
 
 
 def _refuse_present(folder: Path, names: Iterable[str]) -> None:

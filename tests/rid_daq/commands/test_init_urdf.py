@@ -61,7 +61,9 @@ def test_init_makes_a_simulated_cell_from_a_urdf(
     ]
     assert run([*words, "--json"]) == 0
     result = json.loads(capsys.readouterr().out)
-    assert sorted(result["files"]) == ["cell.yaml", "plant.yaml", "robot.yaml", "validation.yaml"]
+    assert sorted(result["files"]) == [
+        *("cell.yaml", "plant.yaml", "robot.png", "robot.yaml", "validation.yaml"),
+    ]
     assert any("1 rounded angles were" in note for note in result["notes"])
 
     loaded = load_cell(str(tmp_path / "cell" / "cell.yaml"))

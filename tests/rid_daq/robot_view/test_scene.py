@@ -105,8 +105,8 @@ def test_axes_and_tool_of_a_urdf_agree_with_pinocchio() -> None:
             axis = place.rotation @ (screw[:3] if joint.kind == "prismatic" else screw[3:])
             np.testing.assert_allclose(drawn[number, :3, :3] @ joint.axis, axis, atol=1e-12)
             if joint.kind == "revolute":  # the origin may be anywhere on the axis
-                apart = drawn[number, :3, 3] - (place.translation - offset)
-                np.testing.assert_allclose(np.cross(apart, axis), np.zeros(3), atol=1e-12)
+                difference = drawn[number, :3, 3] - (place.translation - offset)
+                np.testing.assert_allclose(np.cross(difference, axis), np.zeros(3), atol=1e-12)
     down = in_base.rotation @ [0.0, 0.0, -G]
     np.testing.assert_allclose(
         scene.upright @ down, np.array([0.0, 0.0, -G]), rtol=1e-3, atol=1e-12
@@ -178,5 +178,5 @@ def test_a_coarse_shape_is_within_its_budget_and_never_larger(count: int, corner
     assert sum(len(link.triangles) for link in scene.links) > 12_000
     assert 1_000 < sum(len(link.triangles) for link in scene.small_links) <= 10_000
     for full, coarse in zip(scene.links, scene.small_links, strict=True):
-        assert (coarse.points.min(axis=0) >= full.points.min(axis=0)).all()
-        assert (coarse.points.max(axis=0) <= full.points.max(axis=0)).all()
+        assert (coarse.vertices_m.min(axis=0) >= full.vertices_m.min(axis=0)).all()
+        assert (coarse.vertices_m.max(axis=0) <= full.vertices_m.max(axis=0)).all()

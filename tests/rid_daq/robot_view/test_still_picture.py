@@ -10,19 +10,21 @@ import pytest
 from PIL import Image
 
 from config.load import load_cell, load_robot
+from config.meshes.mesh import Mesh
 from rid_daq.robot_view.rasterizer import BACKGROUND, OUTLINE, Canvas
 from rid_daq.robot_view.scene import RobotScene
+from rid_daq.robot_view.sharp_edges import split_at_edges
+from rid_daq.robot_view.solids import box_mesh, capsule_mesh
 from rid_daq.robot_view.still_picture import VIEWS, Still, rest_pose, still_views
-from rid_daq.robot_view.triangle_mesh import TriangleMesh, box_mesh, capsule_mesh
 
 RED, BLUE = (200.0, 0.0, 0.0), (0.0, 0.0, 200.0)
 LARGEST_BYTES = 150_000  # of four pictures; in a report they are 200,000 bytes
 
 
-def drawn(*parts: tuple[TriangleMesh, tuple[float, float, float], bool]) -> np.ndarray:
+def drawn(*parts: tuple[Mesh, tuple[float, float, float], bool]) -> np.ndarray:
     canvas = Canvas(100, 80)
     for mesh, colour, in_front in parts:
-        canvas.draw(*mesh.with_sharp_edges(), np.array(colour), in_front=in_front)
+        canvas.draw(*split_at_edges(mesh), np.array(colour), in_front=in_front)
     return canvas.pixels().astype(int)
 
 
@@ -36,7 +38,7 @@ def pixels(still: Still) -> np.ndarray:
     return np.asarray(Image.open(io.BytesIO(still.png)).convert("RGB")).astype(int)
 
 
-def ball(depth: float) -> TriangleMesh:
+def ball(depth: float) -> Mesh:
     return capsule_mesh((50, 40, depth), (50, 40, depth), 15, 32)
 
 
@@ -80,7 +82,7 @@ def test_parts_have_outlines_and_the_background_is_bright() -> None:
 def test_parts_outside_the_picture_are_cut_off() -> None:
     far = box_mesh((-500, -500, -5), (600, 600, 5))
     assert count(drawn((far, BLUE, False)), 2) == 100 * 80
-    assert count(drawn((BOX.moved(moved(200.0)), BLUE, False)), 2) == 0
+    assert count(drawn((BOX.placed(moved(200.0)), BLUE, False)), 2) == 0
 
 
 def moved(x: float) -> np.ndarray:
