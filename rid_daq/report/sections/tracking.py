@@ -60,8 +60,7 @@ class ToolDeflection(Section):
     """Estimated deflection at the tool point, from the gears whose stiffness is known.
 
     Attributes:
-        rms_m: RMS deflection over the motion [m].
-        max_m: Largest deflection over the motion [m].
+        rms_m, max_m: RMS and largest deflection over the motion [m].
         tool_mean_m, tool_max_m: Mean and largest distance of the tool from its path, estimated from
             encoders and deflection [m].
     """
@@ -83,8 +82,7 @@ class ErrorSize(Section):
     """Size of the errors of a run.
 
     Attributes:
-        mean_m: Mean distance of the tool point from its path [m].
-        max_m: Largest distance of the tool point from its path [m].
+        mean_m, max_m: Mean and largest distance of the tool point from its path [m].
         joint_peak: Largest error of each joint [rad or m].
         bending: Estimated deflection of the gears, which the other values do not contain; left out
             if no stiffness is known.
