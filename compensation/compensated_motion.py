@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
 from acquisition.motion.motion_file import AnyMotion
-from acquisition.motion.samples import MotionSamples, Phase
+from acquisition.motion.samples import MotionSamples
 from compensation.feedforward.inverse import (
     FeedforwardTuning,
     periodic_feedforward,
     rest_to_rest_feedforward,
 )
+from compensation.feedforward.motor_reference import MotorReference
+from compensation.feedforward.periodic_rows import period_rows, with_period
 from compensation.loops.velocity_loop import VelocityLoop, in_order
 from config.arrays import FloatArray
 from config.errors import LimitError
@@ -23,14 +24,13 @@ from config.robot.wrist_coupling import WristCoupling
 from identification.estimation.estimate import Estimate, predict
 from identification.estimation.limit_torque import limit_torque
 
-BLEND_S: Final = 0.3
-
 
 def compensated_motion(
     samples: MotionSamples,
     estimate: Estimate,
     loops: Sequence[VelocityLoop],
     tuning: FeedforwardTuning | None = None,
+    reference: MotorReference | None = None,
 ) -> MotionSamples:
     """Return the motion with its precompensated feedforward.
 
@@ -42,11 +42,16 @@ def compensated_motion(
         estimate: Model of the robot.
         loops: Velocity loops, one per joint.
         tuning: Correction of the feedforward, found in a reference run.
+        reference: Motion of the motors of elastic gears, which is then returned instead of the
+            planned motion; None for rigid gears.
 
     Raises:
         ConfigError: Model or loops belong to other joints.
     """
     ordered = in_order(samples.joint_names, estimate.robot.joint_names, loops)
+    if reference is not None:
+        robot, motors = estimate.robot, reference.samples
+        return with_feedforward(motors, robot, ordered, reference.torque_nm, tuning)
     samples = samples.whole()
     torque = predict(estimate, samples.position, samples.velocity, samples.acceleration)
     return with_feedforward(samples, estimate.robot, ordered, torque, tuning)
@@ -77,39 +82,13 @@ def with_feedforward(
     ahead = rest_to_rest_feedforward(loops, velocity, torque_nm, step_s, tuning=tuning)
     if coupling is not None:
         ahead = ahead @ coupling.joints_by_motors.T
-    rows = samples.samples_per_period
-    if rows is None:
+    if samples.samples_per_period is None:
         return replace(samples, feedforward=ahead)
-    last = turning_rows(samples)[1]
-    period = slice(last - rows, last)
+    period = period_rows(samples)
     own = periodic_feedforward(loops, velocity[period], torque_nm[period], step_s, tuning=tuning)
     if coupling is not None:
         own = own @ coupling.joints_by_motors.T
     return replace(samples, feedforward=with_period(samples, ahead, own))
-
-
-def turning_rows(samples: MotionSamples) -> tuple[int, int]:
-    """Return the first row of the first period of a motion, and the row after its last period."""
-    turning = np.flatnonzero((samples.phase == Phase.MAIN) | (samples.phase == Phase.TRANSIENT))
-    return int(turning[0]), int(turning[-1]) + 1
-
-
-def with_period(samples: MotionSamples, rows: FloatArray, period: FloatArray) -> FloatArray:
-    """Blend values of a motion smoothly into those of one period, and back after the last period.
-
-    Args:
-        samples: A periodic motion.
-        rows: Shape (samples, n). Values of the whole motion; used before and after the periods.
-        period: Shape (samples_per_period, n). Values of the last period; all periods are equal.
-    """
-    first, last = turning_rows(samples)
-    number = np.arange(len(samples))
-    # Row k of the motion is row (k - last) modulo the period's length.
-    exact = period[(number - last) % len(period)]
-    over = max(1, round(BLEND_S / samples.sample_period_s))
-    x = np.clip(np.minimum(number - first, last + over - number) / over, 0.0, 1.0)
-    weight = (x * x * (3.0 - 2.0 * x))[:, np.newaxis]
-    return np.asarray(rows + weight * (exact - rows))
 
 
 def refuse_torque(

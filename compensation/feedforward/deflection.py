@@ -36,15 +36,18 @@ class Deflection:
         distance_m: Shape (samples,). Distance between the tool points with and without this
             deflection.
         known: Shape (n,). True for gears with known stiffness.
+        tool_error_m: Shape (samples,). Distance between the estimated tool point and the desired
+            one at the same instant; None if the desired positions are not known.
     """
 
     joint: FloatArray
     distance_m: FloatArray
     known: BoolArray
+    tool_error_m: FloatArray | None = None
 
     def __post_init__(self) -> None:
         freeze(self, DataQualityError, (None, None), "joint")
-        freeze(self, DataQualityError, (len(self.joint),), "distance_m")
+        freeze(self, DataQualityError, (len(self.joint),), "distance_m", "tool_error_m")
         freeze(self, DataQualityError, (self.joint.shape[1],), "known", dtype=np.bool_)
 
     @property
@@ -59,7 +62,10 @@ class Deflection:
 
 
 def deflection(
-    robot: RobotDescription, position: FloatArray, torque_nm: FloatArray
+    robot: RobotDescription,
+    position: FloatArray,
+    torque_nm: FloatArray,
+    wanted: FloatArray | None = None,
 ) -> Deflection | None:
     """Estimate the tool error caused by gear deflection; return None if no stiffness is known.
 
@@ -69,6 +75,7 @@ def deflection(
         position: Shape (samples, n). Joint positions measured by the motor encoders [rad or m].
         torque_nm: Shape (samples, n). Torques of the actuators, or those that their gears transmit,
             at the gear outputs [N m or N].
+        wanted: Shape (samples, n). Desired positions of the links, for the error of the tool.
     """
     stiffness = [joint.stiffness_nm_rad for joint in robot.joints]
     known = np.array([each is not None for each in stiffness])
@@ -80,22 +87,28 @@ def deflection(
     if coupling is not None:
         bent = bent @ coupling.joints_by_motors.T
     chain = Chain.from_description(robot)
-    moved = forward(chain, position - bent) - forward(chain, position)
-    return Deflection(bent, np.asarray(np.linalg.norm(moved, axis=1)), known)
+    tool = forward(chain, position - bent)
+    moved = np.asarray(np.linalg.norm(tool - forward(chain, position), axis=1))
+    off = None
+    if wanted is not None:
+        off = np.asarray(np.linalg.norm(tool - forward(chain, wanted), axis=1))
+    return Deflection(bent, moved, known, off)
 
 
-def transmitted_torques(estimate: Estimate, recording: Recording) -> tuple[FloatArray, FloatArray]:
+def transmitted_torques(
+    estimate: Estimate, robot: RobotDescription, recording: Recording
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the positions of a motion's main phase and the torques that the gears transmit.
 
-    The torques are those of the links and springs in the model, without friction. Rotor inertia is
-    left out too if the model separates it from link inertia. A payload outside the model is not
-    included.
+    See `transmitted_torque`. A payload outside the model is not included.
 
     Args:
         estimate: The identified robot.
+        robot: Robot file with the motors' inertias.
         recording: A run with its approach.
 
     Returns:
+        `time_s`, shape (samples,). Times of the rows [s].
         `position, torque_nm`, shape (samples, n). Positions, low-passed [rad or m], and torques at
         the gears' outputs [N m or N].
 
@@ -112,4 +125,42 @@ def transmitted_torques(estimate: Estimate, recording: Recording) -> tuple[Float
             code="RID-RECORDING-SHORT",
         )
     motion = (signals.position[rows], signals.velocity[rows], signals.acceleration[rows])
-    return motion[0], load_torque(estimate.model, *motion, estimate.standard_values)
+    return signals.time_s[rows], motion[0], transmitted_torque(estimate, robot, *motion)
+
+
+def transmitted_torque(
+    estimate: Estimate,
+    robot: RobotDescription,
+    position: FloatArray,
+    velocity: FloatArray,
+    acceleration: FloatArray,
+) -> FloatArray:
+    """Return the torques that the gears transmit, at their outputs, (samples, n) [N m or N].
+
+    The torques are those of the links and springs in the model, without friction. A motor's own
+    inertia is left out if the model separates it from the links, or if the robot file states it
+    (`motor_inertia_kg_m2`).
+
+    Args:
+        robot: Robot file with the motors' inertias.
+        position, velocity, acceleration: Shape (samples, n). Motion of the joints.
+    """
+    model = estimate.model
+    motion = (position, velocity, acceleration)
+    torque = load_torque(model, *motion, estimate.standard_values)
+    lumped = lumped_motors(estimate)
+    inertia = [
+        (joint.motor_inertia_kg_m2 or 0.0) if joint.name in lumped else 0.0
+        for joint in robot.joints
+    ]
+    return np.asarray(torque - np.array(inertia) * model.actuator_speed(acceleration))
+
+
+def lumped_motors(estimate: Estimate) -> tuple[str, ...]:
+    """Return the names of the joints whose motor inertia the model does not separate."""
+    names = set(estimate.base.names)
+    return tuple(
+        name
+        for number, name in enumerate(estimate.robot.joint_names, start=1)
+        if names.isdisjoint((f"Im{number}", f"Ia{number}"))
+    )

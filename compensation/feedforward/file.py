@@ -13,6 +13,7 @@ from acquisition.motion.motion_file import AnyMotion
 from acquisition.motion.samples import MotionSamples
 from compensation.feedforward.inverse import FeedforwardTuning
 from compensation.feedforward.tuning import Tuning
+from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.formats.json_file import json_content, read_content
 from config.formats.whole_file import write_whole
@@ -93,6 +94,8 @@ class FeedforwardFile(ConfigModel):
     """Feedforward speeds that are added to the output of the position loop, for each planned row.
 
     `feedforward` has one row per cycle and one column per joint, base to flange [rad/s or m/s].
+    `deflection` has the same shape: by how much the motors must be ahead of the planned positions
+    so that elastic gears move the links as planned [rad or m]; null for rigid gears.
     """
 
     format: Literal["rid-daq feedforward 1"]
@@ -101,9 +104,10 @@ class FeedforwardFile(ConfigModel):
     motion: AnyMotion
     origin: FeedforwardOrigin = FeedforwardOrigin()
     feedforward: tuple[tuple[float, ...], ...] = Field(min_length=2)
+    deflection: tuple[tuple[float, ...], ...] | None = None
 
     def onto(self, samples: MotionSamples) -> MotionSamples:
-        """Return the planned motion with this feedforward.
+        """Return the planned motion with this feedforward, and with the deflection of the gears.
 
         Raises:
             ConfigError: The feedforward belongs to another motion, cycle time or robot.
@@ -121,20 +125,59 @@ class FeedforwardFile(ConfigModel):
                 f" for {', '.join(samples.joint_names)}: compensate the motion again for this cell",
                 code="RID-FEEDFORWARD-OTHER-MOTION",
             )
-        return replace(samples, feedforward=rows)
+        bent = self.bent_rows(len(rows))
+        if bent is None:
+            return replace(samples, feedforward=rows)
+        turning = np.gradient(bent, samples.sample_period_s, axis=0)
+        return replace(
+            samples,
+            position=samples.position + bent,
+            velocity=samples.velocity + turning,
+            acceleration=samples.acceleration
+            + np.gradient(turning, samples.sample_period_s, axis=0),
+            feedforward=rows,
+        )
+
+    def bent_rows(self, rows: int) -> FloatArray | None:
+        """Return the deflection of each planned row, (rows, n) [rad or m]; None for rigid gears.
+
+        Raises:
+            ConfigError: The number of rows or of joints is wrong.
+        """
+        if self.deflection is None:
+            return None
+        bent = np.array(self.deflection, dtype=float)
+        if bent.shape != (rows, len(self.joints)):
+            raise ConfigError(
+                f"the feedforward has a deflection of shape {bent.shape} for {rows} rows of"
+                f" {len(self.joints)} joints: compensate the motion again for this cell",
+                code="RID-FEEDFORWARD-OTHER-MOTION",
+            )
+        return bent
 
 
 def write_feedforward(
-    path: Path, motion: AnyMotion, samples: MotionSamples, origin: FeedforwardOrigin | None = None
+    path: Path,
+    motion: AnyMotion,
+    samples: MotionSamples,
+    origin: FeedforwardOrigin | None = None,
+    deflection: FloatArray | None = None,
 ) -> None:
     """Write a compensated motion and its sources; the file is written completely or not at all."""
-    write_whole(path, feedforward_bytes(motion, samples, origin))
+    write_whole(path, feedforward_bytes(motion, samples, origin, deflection))
 
 
 def feedforward_bytes(
-    motion: AnyMotion, samples: MotionSamples, origin: FeedforwardOrigin | None = None
+    motion: AnyMotion,
+    samples: MotionSamples,
+    origin: FeedforwardOrigin | None = None,
+    deflection: FloatArray | None = None,
 ) -> bytes:
-    """Return the content of a feedforward file."""
+    """Return the content of a feedforward file.
+
+    Args:
+        deflection: Shape (samples, n). Deflection of elastic gears; None for rigid gears.
+    """
     assert samples.feedforward is not None
     file = FeedforwardFile(
         format=FORMAT,
@@ -143,6 +186,9 @@ def feedforward_bytes(
         motion=motion,
         origin=origin or FeedforwardOrigin(),
         feedforward=tuple(map(tuple, np.round(samples.feedforward, 9).tolist())),
+        deflection=(
+            None if deflection is None else tuple(map(tuple, np.round(deflection, 10).tolist()))
+        ),
     )
     return (file.model_dump_json() + "\n").encode()
 

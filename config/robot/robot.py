@@ -128,6 +128,9 @@ class Joint(ConfigModel):
             corrects it.
         damping_nm_s: Damping of gear and bearings parallel to the stiffness [N m s/rad; N s/m of a
             prismatic joint].
+        motor_inertia_kg_m2: Inertia of the motor at the gear's output, without links [kg m^2; kg of
+            a prismatic joint]. `compensate` and `tracking` use it if the model cannot separate it
+            from the links, because the gear does not transmit the torque that it needs.
         efficiency: Initial value of the gear's efficiency (5.16, 5.17); without it the gear is
             lossless.
     """
@@ -156,6 +159,9 @@ class Joint(ConfigModel):
     damping_nm_s: (
         Annotated[NonNegative, Plausible(0.0, 1e6, "N m s/rad", Plausible(0.0, 1e9, "N s/m"))]
         | None
+    ) = None
+    motor_inertia_kg_m2: (
+        Annotated[Positive, Plausible(1e-7, 1e4, "kg m²", Plausible(1e-6, 1e6, "kg"))] | None
     ) = None
     efficiency: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
 

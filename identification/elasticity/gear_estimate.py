@@ -37,6 +37,7 @@ LARGEST_SIGMA: Final = 0.2
 LEAST_BEND_RAD: Final = 2e-5
 LARGEST_RESIDUAL: Final = 0.3
 FEWEST_RUNS: Final = 3
+ONLY_THIS_RUN: Final = 1e-9
 STEPS: Final = {"stiffness": 1e-4, "loss": 1e-2, "rotor": 1e-4, "body": 1e-3, "delay": 1e-2}
 
 
@@ -47,6 +48,7 @@ class GearEstimate:
     Attributes:
         joint_names: Base to flange.
         gears: The fitted parameters.
+        motor_inertia: Shape (n,). Inertia of each motor at the gear's output [kg m^2 or kg].
         relative_sigma: Shape (n,). Standard deviation of each stiffness over its value.
         damping_sigma: Shape (n,). Standard deviation of each damping.
         bend_rad: Shape (n,). Largest deflection that changes during an excitation run [rad or m].
@@ -58,6 +60,7 @@ class GearEstimate:
 
     joint_names: tuple[str, ...]
     gears: Gears
+    motor_inertia: FloatArray
     relative_sigma: FloatArray
     damping_sigma: FloatArray
     bend_rad: FloatArray
@@ -171,6 +174,7 @@ def _result(problem: ElasticProblem, found: Minimum) -> GearEstimate:
     return GearEstimate(
         problem.arm.robot.joint_names,
         gears,
+        problem.arm.reflected * gears.rotor,
         np.maximum(relative, MODEL_ERROR),
         np.abs(gears.damping) * np.hypot(loss, np.maximum(relative, MODEL_ERROR)),
         bend,
@@ -193,8 +197,9 @@ def jackknife_variance(problem: ElasticProblem, found: Minimum) -> FloatArray:
         return changes
     for rows in problem.run_rows:
         own = jacobian[rows]
-        rest = whole - own.T @ own + 1e-12 * np.eye(len(whole))
-        changes += (np.linalg.solve(rest, own.T @ found.residuals[rows]) / size) ** 2
+        # The pseudo-inverse leaves out what only this run shows, such as its plate's delay.
+        rest = np.linalg.pinv(whole - own.T @ own, rcond=ONLY_THIS_RUN, hermitian=True)
+        changes += (rest @ (own.T @ found.residuals[rows]) / size) ** 2
     return changes * (count - 1) / count
 
 

@@ -10,8 +10,9 @@ from compensation.feedforward.deflection import (
     deflection,
     transmitted_torques,
 )
+from compensation.feedforward.file import FeedforwardFile
 from compensation.feedforward.tracking_error import TrackingError, tracking_error
-from config.arrays import BoolArray
+from config.arrays import BoolArray, FloatArray
 from config.errors import DataQualityError
 from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain
@@ -44,10 +45,10 @@ def compare_with_motion(
     def run_of(run: MotionRun) -> FollowedRun:
         data = run.data
         return FollowedRun(
-            path_error_of_run(data),
+            path_error_of_run(data, run.file),
             _last_period(data),
             step_s,
-            deflection_of_run(data, robot, estimate),
+            deflection_of_run(data, robot, estimate, run.file),
         )
 
     return FollowedMotion.of(
@@ -58,8 +59,41 @@ def compare_with_motion(
     )
 
 
-def path_error_of_run(data: RunData) -> TrackingError:
-    """Return the path errors of a run's main part.
+def path_error_of_run(data: RunData, file: FeedforwardFile | None = None) -> TrackingError:
+    """Return the path errors of a run's main part, by the encoders at the motors.
+
+    If the motors were commanded ahead of the path by the deflection of the gears, this lead is
+    subtracted from commanded and measured positions.
+
+    Args:
+        file: Feedforward of the run; None without one.
+
+    Raises:
+        DataQualityError: The run has no main part or no commanded positions.
+    """
+    wanted, lead = _wanted_positions(data, file)
+    reached = data.recording.position[_main_rows(data)] - lead
+    return tracking_error(Chain.from_description(data.robot), wanted, reached)
+
+
+def deflection_of_run(
+    data: RunData,
+    robot: RobotDescription,
+    estimate: Estimate | None = None,
+    file: FeedforwardFile | None = None,
+) -> Deflection | None:
+    """Return the estimated deflection of the gears in a run's main part; None if unknown."""
+    recording, main = data.recording, _main_rows(data)
+    wanted = _wanted_positions(data, file)[0]
+    if estimate is None:
+        return deflection(robot, recording.position[main], recording.torque_nm[main], wanted)
+    time_s, position, torque_nm = transmitted_torques(estimate, robot, recording)
+    columns = (np.interp(time_s, recording.time_s[main], column) for column in wanted.T)
+    return deflection(robot, position, torque_nm, np.column_stack(list(columns)))
+
+
+def _wanted_positions(data: RunData, file: FeedforwardFile | None) -> tuple[FloatArray, FloatArray]:
+    """Return the desired positions of the links in the main part, and the motors' lead.
 
     Raises:
         DataQualityError: The run has no main part or no commanded positions.
@@ -71,18 +105,10 @@ def path_error_of_run(data: RunData) -> TrackingError:
             " has recorded",
             code="RID-RUN-FOREIGN",
         )
-    chain = Chain.from_description(data.robot)
-    return tracking_error(chain, recording.target_position[main], recording.position[main])
-
-
-def deflection_of_run(
-    data: RunData, robot: RobotDescription, estimate: Estimate | None = None
-) -> Deflection | None:
-    """Return the estimated deflection of the gears in a run's main part; None if unknown."""
-    recording, main = data.recording, _main_rows(data)
-    if estimate is None:
-        return deflection(robot, recording.position[main], recording.torque_nm[main])
-    return deflection(robot, *transmitted_torques(estimate, recording))
+    target = recording.target_position[main]
+    bent = None if file is None else file.bent_rows(len(file.feedforward))
+    lead = np.zeros_like(target) if bent is None else bent[recording.sample_index[main]]
+    return target - lead, lead
 
 
 def _main_rows(data: RunData) -> BoolArray:

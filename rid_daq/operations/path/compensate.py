@@ -56,6 +56,14 @@ class CompensateRequest(Request):
     ] = None
     payload: CarriedPayload = None
     temperature: Temperature = None
+    deflection: Annotated[
+        bool,
+        Field(
+            description="Correct the deflection of the gears whose stiffness_nm_rad is in the robot"
+            " file: the motors then follow positions at which the links are on the path."
+        ),
+        Option(negatable=True),
+    ] = True
     overwrite: Overwrite = False
     unfinished: Unfinished = False
     runs: RunsFolder = DEFAULT_RUNS
@@ -81,6 +89,7 @@ class CompensateResult:
             "feedforward": str(self.request.output),
             "rows": self.made.rows,
             "largest_correction": self.made.largest,
+            "largest_deflection": self.made.bent,
             "tuning": None if tuning is None else tuning.model_dump(mode="json"),
             "notes": self.made.notes,
         }
@@ -92,6 +101,12 @@ class CompensateResult:
             yield from _tuning_blocks(self.made.tuning, tuple(self.made.largest))
         changes = ", ".join(f"{name} {value:.3g}" for name, value in self.made.largest.items())
         yield Text(text=f"Largest correction of the speed [rad/s or m/s]: {changes}.")
+        if self.made.bent:
+            bent = ", ".join(f"{name} {1e3 * value:.3g}" for name, value in self.made.bent.items())
+            yield Text(
+                text=f"Largest deflection of the gears, which the position reference contains"
+                f" [mrad or mm]: {bent}."
+            )
         request = self.request
         words = ("record", request.cell, str(request.motion), "--feedforward", str(request.output))
         yield Next(words=words)

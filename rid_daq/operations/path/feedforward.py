@@ -13,13 +13,15 @@ from acquisition.motion.limits import verify_limits
 from acquisition.motion.motion_file import AnyMotion
 from acquisition.runs.catalogue import find_run, find_runs
 from acquisition.supervision.commanded import verify_command
-from compensation.compensated_motion import compensated_motion, refuse_torque, with_period
+from compensation.compensated_motion import compensated_motion, refuse_torque
 from compensation.feedforward.file import (
     FeedforwardOrigin,
     RefinementEntry,
     TuningEntry,
     write_feedforward,
 )
+from compensation.feedforward.motor_reference import has_stiffness, motor_reference
+from compensation.feedforward.periodic_rows import with_period
 from compensation.feedforward.refinement import Refinement, refinement
 from compensation.feedforward.repeated_error import RepeatedError, repeated_error
 from compensation.feedforward.tuning import tune
@@ -58,12 +60,15 @@ class CompensatedMotion:
         largest: Largest correction of the speed, by joint name [rad/s or m/s].
         tuning: Tuning by the reference run; None without one.
         notes: Defects of the reference run's data, and the assumed temperature of the joints.
+        bent: Largest deflection of each gear of known stiffness that the position reference
+            contains, by joint name [rad or m]; empty for rigid gears.
     """
 
     rows: int
     largest: dict[str, float]
     tuning: TuningEntry | None
     notes: list[str]
+    bent: dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -115,8 +120,11 @@ def compensate_motion(request: CompensateRequest) -> CompensatedMotion:
         driven = read_motion_run(folder, unfinished=request.unfinished)
         notes = [*data_defects([driven.data]), *notes]
         tuning = _tune_by_run(driven, motion, estimate, loops)
+    reference = None
+    if request.deflection and has_stiffness(loaded.robot):
+        reference = motor_reference(samples, estimate, loaded.robot)
     compensated = compensated_motion(
-        samples, estimate, loops, None if tuning is None else tuning.as_tuning()
+        samples, estimate, loops, None if tuning is None else tuning.as_tuning(), reference
     )
     verify_limits(compensated, loaded.robot)
     verify_command(compensated, loaded.config, loaded.robot)
@@ -128,11 +136,16 @@ def compensate_motion(request: CompensateRequest) -> CompensatedMotion:
         temperature=request.temperature or "",
         tuning=tuning,
     )
-    write_feedforward(request.output, motion, compensated, origin)
+    deflection = None if reference is None else reference.deflection
+    write_feedforward(request.output, motion, compensated, origin, deflection)
     assert compensated.feedforward is not None
     more = np.abs(compensated.feedforward - compensated.velocity).max(axis=0)
     largest = dict(zip(loaded.robot.joint_names, more.tolist(), strict=True))
-    return CompensatedMotion(len(samples), largest, tuning, notes)
+    bent = {}
+    if deflection is not None:
+        peaks = zip(loaded.robot.joints, np.abs(deflection).max(axis=0).tolist(), strict=True)
+        bent = {joint.name: peak for joint, peak in peaks if joint.stiffness_nm_rad is not None}
+    return CompensatedMotion(len(samples), largest, tuning, notes, bent)
 
 
 def refine_feedforward(request: RefineRequest) -> RefinedFeedforward:
@@ -193,7 +206,8 @@ def refine_feedforward(request: RefineRequest) -> RefinedFeedforward:
     following = replace(samples, feedforward=ahead)
     verify_limits(following, first.data.robot)
     verify_command(following, first.cell, first.data.robot)
-    write_feedforward(request.output, first.motion, following, origin)
+    bent = None if first.file is None else first.file.bent_rows(len(samples))
+    write_feedforward(request.output, first.motion, following, origin, bent)
     return refined
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from acquisition.runs.catalogue import find_runs
+from compensation.feedforward.deflection import lumped_motors
 from config.errors import ConfigError, DataQualityError
 from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
@@ -97,12 +98,10 @@ def track_runs(request: TrackingRequest) -> TrackedRuns:
 def _torque_words(estimate: Estimate) -> str:
     """Return a phrase that names the model's torques from which the deflection is computed."""
     words = "the model's torques of the links (gravity and inertia, no friction"
-    names = estimate.robot.joint_names
-    base_names = set(estimate.base.names)
     lumped = [
-        name
-        for number, name in enumerate(names, start=1)
-        if base_names.isdisjoint((f"Im{number}", f"Ia{number}"))
+        joint.name
+        for joint in estimate.robot.joints
+        if joint.name in lumped_motors(estimate) and joint.motor_inertia_kg_m2 is None
     ]
     if lumped:
         words += f"; for {', '.join(lumped)} also rotor inertia, which the model cannot separate"
@@ -121,7 +120,9 @@ def _with_stiffness(
                 f"stiffness_nm_rad of {joint.name} is {stated:g} in the run's robot file and"
                 f" {newer:g} in the model; the model's value is used"
             )
-        joints.append(joint.model_copy(update={"stiffness_nm_rad": newer or stated}))
+        inertia = model_joint.motor_inertia_kg_m2 or joint.motor_inertia_kg_m2
+        changes = {"stiffness_nm_rad": newer or stated, "motor_inertia_kg_m2": inertia}
+        joints.append(joint.model_copy(update=changes))
     return robot.model_copy(update={"joints": tuple(joints)}), notes
 
 

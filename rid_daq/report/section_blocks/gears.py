@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from rid_daq.blocks.block import AnyBlock, Cells, Heading, Interval, Text, table
-from rid_daq.blocks.formats import number
 from rid_daq.blocks.plot import Axis, Line, Panel, Plot
 from rid_daq.report.sections.gears import AxisGear, GearsSection
 
@@ -27,6 +26,7 @@ def gear_blocks(section: GearsSection) -> Iterator[AnyBlock]:
         Cells("unit", lambda axis: axis.unit),
         Cells("damping ± 2σ", lambda axis: _interval(axis.damping, axis.damping_std)),
         Cells("unit", lambda axis: axis.damping_unit),
+        Cells("motor inertia", lambda axis: axis.motor_inertia or NOT_SHOWN, "kg m² or kg"),
         Cells(
             "largest deflection",
             lambda axis: NOT_SHOWN if axis.bend is None else 1e3 * axis.bend,
@@ -39,7 +39,7 @@ def gear_blocks(section: GearsSection) -> Iterator[AnyBlock]:
         if axis.reason is not None:
             yield Text(text=f"{axis.joint}: the data do not show the stiffness: {axis.reason}.")
     for joint, keys in section.keys.items():
-        words = "; ".join(f"{name}: {number(value, 4)}" for name, value in keys.items())
+        words = ", ".join(f"{name}: {value:g}" for name, value in keys.items())
         yield Text(text=f"Keys of joint {joint} in the robot file: {words}")
     yield gears_plot(section)
 

@@ -46,8 +46,10 @@ def tracking_blocks(section: TrackingSection) -> Iterator[AnyBlock]:
     if section.with_stiffness:
         yield _deflections(section.motions)
         yield Text(
-            text=f"Estimated deflection of the gears of {', '.join(section.with_stiffness)}, at"
-            " the tool point. The distances above do not contain this deflection.",
+            text=f"Tool side, estimated from the deflection of the gears of"
+            f" {', '.join(section.with_stiffness)}. The distances above are those of the motors:"
+            " they do not contain this deflection. The tool's distance from its path is as good as"
+            " the model and the stiffness; only a measurement of the tool proves it.",
             is_note=True,
         )
     for number, motion in enumerate(section.motions, start=1):
@@ -71,7 +73,8 @@ def _distances(motions: Sequence[FollowedMotion]) -> Table:
 
 
 def _mm(size: object, key: str) -> float | None:
-    return None if size is None else 1e3 * float(getattr(size, key))
+    value = None if size is None else getattr(size, key)
+    return None if value is None else 1e3 * float(value)
 
 
 def _joint_errors(section: TrackingSection) -> Table:
@@ -98,6 +101,9 @@ def _deflections(motions: Sequence[FollowedMotion]) -> Table:
         Cells("largest", lambda n: bent(motions[n].before, "max_m"), "mm", 2),
         Cells("deflection after, RMS", lambda n: bent(motions[n].after, "rms_m"), "mm", 2),
         Cells("largest", lambda n: bent(motions[n].after, "max_m"), "mm", 2),
+        Cells("tool before, mean", lambda n: bent(motions[n].before, "tool_mean_m"), "mm", 2),
+        Cells("tool after, mean", lambda n: bent(motions[n].after, "tool_mean_m"), "mm", 2),
+        Cells("largest", lambda n: bent(motions[n].after, "tool_max_m"), "mm", 2),
     )
 
 

@@ -21,6 +21,8 @@ class AxisGear(Section):
         unit, damping_unit: Units of stiffness and damping.
         stiffness, stiffness_std: Estimate and standard deviation; null if the data do not show it.
         damping, damping_std: Estimate and standard deviation; null if the data do not show it.
+        motor_inertia: Inertia of the motor at the gear's output [kg m^2 or kg]; null if the data do
+            not show the stiffness.
         bend: Largest deflection that changed in the excitation runs [rad or m]; null if the data do
             not show the stiffness.
         reason: Why the data do not show the stiffness; null if they do.
@@ -38,6 +40,7 @@ class AxisGear(Section):
     stiffness_std: float | None
     damping: float | None
     damping_std: float | None
+    motor_inertia: float | None
     bend: float | None
     reason: str | None = None
     residual_percent: float
@@ -80,6 +83,7 @@ class GearsSection(Section):
                     stiffness_std=k * sigma if shown else None,
                     damping=float(gears.damping[j]) if shown else None,
                     damping_std=float(found.damping_sigma[j]) if shown else None,
+                    motor_inertia=float(found.motor_inertia[j]) if shown else None,
                     bend=float(found.bend_rad[j]) if shown else None,
                     reason=reason,
                     residual_percent=100.0 * float(found.residual_share[j]),
@@ -97,6 +101,7 @@ class GearsSection(Section):
             axis.joint: {
                 "stiffness_nm_rad": float(f"{axis.stiffness:.4g}"),
                 "damping_nm_s": float(f"{max(0.0, axis.damping or 0.0):.3g}"),
+                "motor_inertia_kg_m2": float(f"{axis.motor_inertia:.4g}"),
             }
             for axis in self.axes
             if axis.stiffness is not None

@@ -35,8 +35,7 @@ ENCODERS_AT_MOTORS: Final = (
 MOTOR_TORQUES: Final = (
     "the measured motor torques (gravity, friction and the motors' own inertia included)"
 )
-STILL_M = 1e-9
-"""Extent of a path [m] below which the tool point counts as standing still."""
+STILL_M = 1e-9  # extent of a path below which the tool point counts as standing still
 Columns = Annotated[tuple[Numbers, ...], Strict(False)]
 
 
@@ -61,20 +60,29 @@ class ToolDeflection(Section):
     """Estimated deflection at the tool point, from the gears whose stiffness is known.
 
     Attributes:
-        rms_m: RMS deflection over the motion [m].
-        max_m: Largest deflection over the motion [m].
+        rms_m, max_m: RMS and largest deflection over the motion [m].
+        tool_mean_m, tool_max_m: Mean and largest distance of the tool from its path, estimated from
+            encoders and deflection [m].
     """
 
     rms_m: float
     max_m: float
+    tool_mean_m: float | None = None
+    tool_max_m: float | None = None
+
+    @classmethod
+    def of(cls, bent: Deflection) -> ToolDeflection:
+        """Return the size of a deflection and of the tool's error."""
+        off = bent.tool_error_m
+        mean, most = (None, None) if off is None else (float(off.mean()), float(off.max()))
+        return cls(rms_m=bent.rms_m, max_m=bent.max_m, tool_mean_m=mean, tool_max_m=most)
 
 
 class ErrorSize(Section):
     """Size of the errors of a run.
 
     Attributes:
-        mean_m: Mean distance of the tool point from its path [m].
-        max_m: Largest distance of the tool point from its path [m].
+        mean_m, max_m: Mean and largest distance of the tool point from its path [m].
         joint_peak: Largest error of each joint [rad or m].
         bending: Estimated deflection of the gears, which the other values do not contain; left out
             if no stiffness is known.
@@ -88,9 +96,8 @@ class ErrorSize(Section):
     @classmethod
     def of(cls, run: FollowedRun) -> ErrorSize:
         """Return the size of a run's errors."""
-        bent = run.deflection
-        bending = None if bent is None else ToolDeflection(rms_m=bent.rms_m, max_m=bent.max_m)
-        return cls.from_attributes(run.error, bending=bending)
+        bent = None if run.deflection is None else ToolDeflection.of(run.deflection)
+        return cls.from_attributes(run.error, bending=bent)
 
 
 class PathCurves(Section):
@@ -278,12 +285,14 @@ def _deflection_sentence(
     if not bent:
         return "The size of this deflection is not known: the robot file has no stiffness_nm_rad."
     largest, rms = (max(getattr(each, key) for each in bent) for key in ("max_m", "rms_m"))
+    tool = [each.tool_mean_m for each in bent if each.tool_mean_m is not None]
     words = (
         f"Estimated deflection of the gears at the tool: {number(1e3 * largest, 2)} mm at most,"
         f" {number(1e3 * rms, 2)} mm RMS, from stiffness_nm_rad and {torques}."
     )
-    lacking = f" The stiffness of {', '.join(missing)} is not known." if missing else ""
-    return words + lacking
+    if tool:
+        words += f" Estimated mean distance of the tool: {number(1e3 * max(tool), 2)} mm."
+    return words + (f" The stiffness of {', '.join(missing)} is not known." if missing else "")
 
 
 def magnification(extent_m: float, deviation_m: float) -> float:

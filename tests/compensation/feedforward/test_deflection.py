@@ -111,9 +111,9 @@ def test_a_model_gives_the_torques_through_the_gears() -> None:
     recording, joints = driven_circle(elastic_arm())
     main = recording.phase == Phase.MAIN
     true = (recording.position - joints)[main]
-    found = deflection(
-        robot_with(*STIFFNESS), *transmitted_torques(known_estimate(CELL, {}), recording)
-    )
+    robot = robot_with(*STIFFNESS)
+    _, *bending = transmitted_torques(known_estimate(CELL, {}), robot, recording)
+    found = deflection(robot, *bending)
     assert found is not None
     assert len(found.joint) == pytest.approx(np.count_nonzero(main), abs=2)
     assert found.joint[:, 1:].mean(axis=0) == pytest.approx(true[:, 1:].mean(axis=0), rel=0.01)
@@ -127,7 +127,7 @@ def test_a_recording_that_is_too_short_for_torques_by_a_model_is_refused() -> No
     phase = np.full(len(recording.phase), Phase.APPROACH, dtype=np.uint8)
     phase[:10] = Phase.MAIN
     with raises_code(DataQualityError, "RID-RECORDING-SHORT"):
-        transmitted_torques(known_estimate(CELL, {}), replace(recording, phase=phase))
+        transmitted_torques(known_estimate(CELL, {}), CELL.robot, replace(recording, phase=phase))
 
 
 POSE = np.array([[0.2, -0.3, 0.5], [0.1, 0.4, 0.9]])

@@ -13,7 +13,8 @@ from acquisition.motion.kinds.circle import CircleMotion
 from acquisition.motion.kinds.tool_path import PathMotion
 from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.recording.recording import Recording
-from compensation.compensated_motion import compensated_motion, refuse_torque, with_period
+from compensation.compensated_motion import compensated_motion, refuse_torque
+from compensation.feedforward.periodic_rows import with_period
 from compensation.feedforward.refinement import (
     Refinement,
     refinement,
