@@ -16,7 +16,6 @@ from rid_daq.blocks.formats import number
 from rid_daq.operations.kinematics.calibrate_kinematics import (
     GravityModel,
     LoadCentre,
-    MeasuredPoint,
     RobotName,
 )
 from rid_daq.operations.operation import Context, Operation
@@ -24,6 +23,7 @@ from rid_daq.requests.option import (
     DEFAULT_RUNS,
     FILES,
     CarriedPayloadOfModel,
+    MeasuredPoint,
     Option,
     Overwrite,
     RunsFolder,
@@ -92,7 +92,7 @@ class CalibratePosesRequest(Request):
     ] = None
     dwell: Annotated[
         float,
-        Field(ge=0.5, le=600.0, description="Rest at each pose of the motions."),
+        Field(ge=1.0, le=600.0, description="Rest at each pose of the motions."),
         Option(group=MOTION, unit="s"),
     ] = 5.0
     speed_fraction: Annotated[
