@@ -14,6 +14,7 @@ from acquisition.motion.kinds.joint_path import JointPathMotion
 from acquisition.motion.kinds.joint_table import JointTableMotion
 from acquisition.motion.kinds.multipoint import MultipointMotion
 from acquisition.motion.kinds.multisine import MultisineMotion
+from acquisition.motion.kinds.pose_sequence import PoseSequenceMotion
 from acquisition.motion.kinds.reversed import ReversedMotion
 from acquisition.motion.kinds.timed_path import TimedPathMotion
 from acquisition.motion.kinds.tool_path import PathMotion
@@ -30,6 +31,7 @@ AnyMotion = Annotated[
     | PathMotion
     | JointPathMotion
     | JointTableMotion
+    | PoseSequenceMotion
     | TimedPathMotion,
     Field(discriminator="kind"),
 ]

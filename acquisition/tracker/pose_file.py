@@ -21,6 +21,8 @@ from config.robot.robot import Joint, RobotDescription
 
 ANGLES: Final = {"rad": 1.0, "deg": np.pi / 180.0}
 LOAD: Final = "load_kg"
+NEAR: Final = 0.01
+"""Largest difference between a pose of the table and its rest in a run [rad or m]."""
 SLACK: Final = 0.02
 """Distance beyond a position limit up to which a pose is accepted [rad or m]; with wrong units or
 another zero, poses are far outside."""
@@ -70,29 +72,77 @@ class MeasuredPoses:
         )
 
 
-def read_measured_poses(path: Path, robot: RobotDescription) -> MeasuredPoses:
+def read_measured_poses(
+    path: Path, robot: RobotDescription, rests: FloatArray | None = None
+) -> MeasuredPoses:
     """Return the poses in a text table.
 
     The table has a column for each joint, with the joint's name (rad or m) or with a unit
     (`axis1_deg`, `axis1_rad`, `lift_mm`), and the measured point in `x_m`, `y_m`, `z_m` or `x_mm`,
     `y_mm`, `z_mm`. Optional columns are `sigma_m` or `sigma_mm`, `load_kg` and `valid`.
 
+    Args:
+        path: The file.
+        robot: The robot.
+        rests: Shape (rests, n). Joint positions at the rests of the runs in which the points were
+            measured. Each pose gets the closest rest; if the table has no joint columns, the poses
+            have the order of the rests.
+
     Raises:
         ConfigError: The file cannot be read, a column is missing, or a value is not a number or out
             of range; the message names the line.
+        DataQualityError: A pose has no rest near it, or there are more or fewer poses than rests.
     """
     columns = read_named_columns(path)
     valid = read_valid(columns)
+    ordered = None
+    if rests is not None and not _has_joints(columns, robot):
+        ordered = _ordered_rests(columns, rests)[valid]
     columns = columns.keep(valid)
+    position = ordered
+    if position is None:
+        position = np.column_stack([_joint_positions(columns, joint) for joint in robot.joints])
+        if rests is not None:
+            position = _closest_rests(columns, position, rests)
     return MeasuredPoses(
         str(path),
         columns.rows,
-        np.column_stack([_joint_positions(columns, joint) for joint in robot.joints]),
+        position,
         read_points(columns),
         _loads(columns),
         read_sigma(columns),
         int(len(valid) - valid.sum()),
     )
+
+
+def _has_joints(columns: NamedColumns, robot: RobotDescription) -> bool:
+    names = {name.rsplit("_", 1)[0] for name in columns.names} | set(columns.names)
+    return not names.isdisjoint(robot.joint_names)
+
+
+def _ordered_rests(columns: NamedColumns, rests: FloatArray) -> FloatArray:
+    """Return the rests as the positions of all rows of the table."""
+    if len(columns.rows) != len(rests):
+        raise DataQualityError(
+            f"{columns.path}: has {len(columns.rows)} rows, but the runs have {len(rests)} rests:"
+            " give one row for each rest (valid 0 for a rest without a point), or joint columns",
+            code="RID-TRACKER-RESTS",
+        )
+    return rests
+
+
+def _closest_rests(columns: NamedColumns, position: FloatArray, rests: FloatArray) -> FloatArray:
+    """Return the measured position of the rest that is closest to each pose."""
+    distance = np.abs(position[:, np.newaxis] - rests).max(axis=2)
+    closest = distance.argmin(axis=1)
+    far = np.flatnonzero(distance.min(axis=1) > NEAR)
+    if far.size:
+        raise DataQualityError(
+            f"{columns.path}:{columns.rows[far[0]]}: no rest of the runs is within {NEAR:g} rad or"
+            f" m of this pose; the closest differs by {distance[far[0]].min():.3g}",
+            code="RID-TRACKER-RESTS",
+        )
+    return np.asarray(rests[closest])
 
 
 def _joint_positions(columns: NamedColumns, joint: Joint) -> FloatArray:

@@ -159,6 +159,9 @@ CATALOGUE: Final = {
     "calibrate kinematics": Entry(
         "kinematics", "", "identify geometry and gear stiffness from measured positions"
     ),
+    "calibrate poses": Entry(
+        "kinematics", "", "propose the poses to measure for a kinematic calibration"
+    ),
     "compare": Entry("identify", "Identify", "compare two estimates of the same robot"),
     "export": Entry("identify", "Identify", "write a model or a recording for other programs"),
     "report": local("identify", "Identify", "write a run's report again from its results"),

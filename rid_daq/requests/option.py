@@ -10,6 +10,7 @@ from pydantic import Field, GetJsonSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
+from config.plausible import Plausible
 from rid_daq.terminal.choices import DEFAULT_RUNS as DEFAULT_RUNS
 
 OPTIONS: Final = "Options"
@@ -118,6 +119,16 @@ CarriedPayloadOfModel = Annotated[
     _StatedPayload, Option(metavar="PAYLOAD", file="input", needs="model")
 ]
 """As `CarriedPayload`, for a request whose model is optional; without a model it has no effect."""
+
+Coordinate = Annotated[float, Plausible(0.0, 20.0, "m")]
+MeasuredPoint = Annotated[
+    tuple[Coordinate, Coordinate, Coordinate] | None,
+    Field(
+        description="Nominal place of the measured point in the frame of the last link; the robot"
+        " file's tool point if not set."
+    ),
+    Option(metavar="X,Y,Z", unit="m", separator=","),
+]
 
 Unfinished = Annotated[
     bool,

@@ -55,6 +55,10 @@ FEEDFORWARD: Final = _document("feedforward", "a feedforward by `compensate` or 
 CERTIFICATE: Final = MadeFile("a certificate", re.compile(rb"\A%PDF(?s:.*)rid-daq"))
 REPORT: Final = MadeFile("a report", re.compile(rb"\A\s*<!doctype html(?s:.*)rid-daq", re.I))
 TABLE: Final = MadeFile("a table by `sensitivity`", re.compile(rb"\Arow,wrong,less,"))
+POSES: Final = MadeFile(
+    "an unfilled table by `calibrate poses`",
+    re.compile(rb"\Apose,[^\n]*,nominal_z_m\n([^\n]*,,,,[^\n]*\n?)+\Z"),
+)
 BACKUP: Final = MadeFile(
     "a backup by `drives backup`", re.compile(rb'\A\s*\{\s*"format":(?s:.*)"cell":(?s:.*)"drives":')
 )

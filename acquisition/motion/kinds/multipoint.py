@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from pathlib import Path
 from typing import Annotated, Final, Literal
@@ -10,9 +9,9 @@ from typing import Annotated, Final, Literal
 import numpy as np
 from pydantic import Field
 
-from acquisition.motion.kinds.motion import Motion, refuse_longer
-from acquisition.motion.ramps import rest_to_rest, rest_to_rest_duration
-from acquisition.motion.samples import MotionSamples, Phase, join, phases_of, standstill
+from acquisition.motion.kinds.motion import Motion
+from acquisition.motion.kinds.pose_sequence import visit_poses
+from acquisition.motion.samples import MotionSamples
 from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.robot.bodies import Workspace
@@ -90,33 +89,14 @@ class MultipointMotion(Motion):
         )
 
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
-        """Return quintic moves from pose to pose, with a dwell at each pose.
-
-        A move takes the time that its slowest joint needs at `speed_fraction` of its limits,
-        rounded up to whole samples.
-        """
-        poses = self.poses(robot)
-        moves_s = self._moves_s(poses, robot)
-        what = f"{self.points} points at {self.speed_fraction:g} times the joints' speed limits"
-        refuse_longer(sum(moves_s) + self.points * self.dwell_s, what)
-        dwell = max(1, math.ceil(self.dwell_s / sample_period_s))
-        pieces = [standstill(poses[0], dwell)]
-        for (start, end), duration_s in zip(itertools.pairwise(poses), moves_s, strict=True):
-            samples = max(1, math.ceil(duration_s / sample_period_s))
-            pieces.append(rest_to_rest(start, end, samples, sample_period_s))
-            pieces.append(standstill(end, dwell))
-        path = join(pieces)
-        phase = phases_of((Phase.MAIN, len(path.position)))
-        return MotionSamples(robot.joint_names, sample_period_s, *path, phase)
-
-    def _moves_s(self, poses: FloatArray, robot: RobotDescription) -> list[float]:
-        """Return the duration of each move [s]."""
-        velocity = self.speed_fraction * np.array([j.limits.velocity for j in robot.joints])
-        acceleration = self.speed_fraction * np.array([j.limits.acceleration for j in robot.joints])
-        return [
-            rest_to_rest_duration(end - start, velocity, acceleration)
-            for start, end in itertools.pairwise(poses)
-        ]
+        """Return moves through the poses, with a dwell at each of them."""
+        return visit_poses(
+            self.poses(robot),
+            robot,
+            sample_period_s,
+            speed_fraction=self.speed_fraction,
+            dwell_s=self.dwell_s,
+        )
 
 
 def _straight_line(start: FloatArray, end: FloatArray) -> FloatArray:

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Field
 
-from config.plausible import Plausible
 from rid_daq.blocks.block import AnyBlock, Cells, Interval, Table, Text, Verdict, note_blocks, table
 from rid_daq.blocks.formats import number
 from rid_daq.operations.operation import Context, Operation
@@ -17,6 +16,8 @@ from rid_daq.requests.option import (
     DEFAULT_RUNS,
     FILES,
     CarriedPayloadOfModel,
+    Coordinate,
+    MeasuredPoint,
     Option,
     RunsFolder,
 )
@@ -26,19 +27,10 @@ if TYPE_CHECKING:
     from identification.kinematics.held_out import HeldOut
     from rid_daq.operations.kinematics.kinematic_calibration import CalibratedRobot
 
-Coordinate = Annotated[float, Plausible(0.0, 20.0, "m")]
 RobotName = Annotated[
     str,
     Field(description="Bundled robot or a robot file."),
     Option(positional=True, metavar="ROBOT", file="input"),
-]
-MeasuredPoint = Annotated[
-    tuple[Coordinate, Coordinate, Coordinate] | None,
-    Field(
-        description="Nominal place of the measured point in the frame of the last link; the robot"
-        " file's tool point if not set."
-    ),
-    Option(metavar="X,Y,Z", unit="m", separator=","),
 ]
 LoadCentre = Annotated[
     tuple[Coordinate, Coordinate, Coordinate] | None,
@@ -78,6 +70,15 @@ class CalibrateKinematicsRequest(Request):
     payload: CarriedPayloadOfModel = None
     point: MeasuredPoint = None
     load_centre: LoadCentre = None
+    run: Annotated[
+        tuple[str, ...],
+        Field(
+            description="Run that rested at the poses; the joint positions are those measured at"
+            " its rests. The table then needs no joint columns if its rows have the order of the"
+            " rests."
+        ),
+        Option(metavar="RUN"),
+    ] = ()
     check: Annotated[
         Path | None,
         Field(
@@ -278,6 +279,7 @@ OPERATION: Final = Operation(
     examples=(
         "calibrate kinematics robot.yaml poses.csv --model model.json --output calibrated.yaml",
         "calibrate kinematics kr15 poses.csv --point 0.12,0.05,-0.10 --json",
+        "calibrate kinematics robot.yaml poses.csv --run free --run loaded",
     ),
     module="rid_daq.operations.kinematics.kinematic_calibration",
 )

@@ -4,20 +4,27 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from acquisition.runs.catalogue import find_runs
 from acquisition.tracker.pose_file import MeasuredPoses, read_measured_poses
+from acquisition.tracker.rests import find_rests
+from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.formats.whole_file import write_new
 from config.load import load_robot, to_yaml
+from config.robot.robot import RobotDescription
 from identification.kinematics.calibration import PRECISE, Calibration, calibrate
 from identification.kinematics.corrected import changed_keys, corrected_robot
 from identification.kinematics.held_out import HeldOut
+from rid_daq.operations.cell_files import refuse_other_robot
 from rid_daq.operations.kinematics.calibrate_kinematics import CalibrateKinematicsRequest
 from rid_daq.operations.kinematics.gravity_source import read_gravity, stated_point
 from rid_daq.runs.output_file import require_writable
+from rid_daq.runs.run_data import RunData
 
 GROSS_EXCESS: Final = 1.5
 """Ratio of errors to their prediction above which a note warns of effects that the model lacks."""
@@ -123,7 +130,7 @@ def calibrate_robot(request: CalibrateKinematicsRequest) -> CalibratedRobot:
             )
         require_writable(request.output)
     robot = load_robot(request.robot)
-    poses = read_measured_poses(request.poses, robot)
+    poses = read_measured_poses(request.poses, robot, _rests(request, robot))
     check = None if request.check is None else read_measured_poses(request.check, robot)
     point = stated_point(robot, request.point)
     centre = point if request.load_centre is None else np.array(request.load_centre)
@@ -144,6 +151,23 @@ def calibrate_robot(request: CalibrateKinematicsRequest) -> CalibratedRobot:
     elif request.output is not None:
         notes.append("no robot file is written, because the calibration does not reduce the errors")
     return CalibratedRobot(found, changes, notes)
+
+
+def _rests(request: CalibrateKinematicsRequest, robot: RobotDescription) -> FloatArray | None:
+    """Return the joint positions at all rests of the named runs, (rests, n); None without runs.
+
+    Raises:
+        ConfigError: A run is of another robot.
+        DataQualityError: A run has no rest.
+    """
+    if not request.run:
+        return None
+    poses = []
+    for folder in find_runs(request.runs, request.run):
+        data = RunData.load(folder)
+        refuse_other_robot(Path(folder.run_id), data.robot, robot)
+        poses.append(find_rests(data.recording).position)
+    return np.concatenate(poses)
 
 
 def _left_out_notes(poses: MeasuredPoses, check: MeasuredPoses | None) -> list[str]:

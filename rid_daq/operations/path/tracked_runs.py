@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from acquisition.runs.catalogue import find_runs
 from compensation.feedforward.deflection import lumped_motors
+from acquisition.tracker.tracker_file import read_tracked_point
+from compensation.feedforward.tool_side import tool_side_error
 from config.errors import ConfigError, DataQualityError
 from config.robot.robot import RobotDescription
+from dynamics.geometry.kinematics import Chain
 from identification.estimation.estimate import Estimate
 from rid_daq.operations.cell_files import read_estimate_for
 from rid_daq.operations.path.tracking import TrackingRequest
 from rid_daq.operations.stated_payload import payload_words, state_payload
-from rid_daq.report.sections.tracking import MOTOR_TORQUES, TrackingSection
+from rid_daq.report.sections.tracking import MOTOR_TORQUES, ToolSideSize, TrackingSection
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.followed_motion import compare_with_motion
 from rid_daq.runs.motion_runs import PLAIN, MotionRun, read_motion_run
@@ -89,10 +94,44 @@ def track_runs(request: TrackingRequest) -> TrackedRuns:
         torques = _torque_words(estimate) + payload_words(request.payload)
     motions = [compare_with_motion(*pair, robot, estimate) for pair in pairs]
     section = TrackingSection.of(motions, robot, torques=torques)
+    if request.tracker:
+        sizes = _tool_side_sizes(request, [one for one, _ in pairs], section)
+        section = section.model_copy(update={"tool_side": sizes})
     result = result_of(first.data, notes).with_sections(
         title=f"Paths of {robot.name}", tracking=section, verdict=section.verdict
     )
     return TrackedRuns(pairs, section, notes, write_result(first.data.folder, result))
+
+
+def _tool_side_sizes(
+    request: TrackingRequest, driven: list[MotionRun], section: TrackingSection
+) -> tuple[ToolSideSize, ...]:
+    """Return the errors at the tool that the tracker files show, one per run.
+
+    Raises:
+        ConfigError: There are more or fewer tracker files than runs, or a file cannot be read.
+        DataQualityError: A file does not fit its run.
+    """
+    if len(request.tracker) != len(driven):
+        raise ConfigError(
+            f"--tracker: {len(request.tracker)} files for {len(driven)} runs: give one file for"
+            " each run, in the same order",
+            code="RID-OPTION-COUNT",
+        )
+    sizes = []
+    for path, one, motion in zip(request.tracker, driven, section.motions, strict=True):
+        chain = Chain.from_description(one.data.robot)
+        if request.point is not None:
+            chain = replace(chain, tool_m=np.array(request.point))
+        tracked = read_tracked_point(path)
+        try:
+            error = tool_side_error(chain, one.data.recording, tracked)
+        except DataQualityError as problem:
+            raise DataQualityError(f"{path}: {problem}", code=problem.refusal) from None
+        sizes.append(
+            ToolSideSize.of(error, run=one.run_id, file=path.name, motor_mean_m=motion.after.mean_m)
+        )
+    return tuple(sizes)
 
 
 def _torque_words(estimate: Estimate) -> str:

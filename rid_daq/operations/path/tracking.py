@@ -14,6 +14,7 @@ from rid_daq.operations.operation import Context, Operation
 from rid_daq.requests.option import (
     DEFAULT_RUNS,
     CarriedPayloadOfModel,
+    MeasuredPoint,
     Option,
     RunNames,
     RunsFolder,
@@ -52,6 +53,18 @@ class TrackingRequest(Request):
         Option(metavar="MODEL", file="input"),
     ] = None
     payload: CarriedPayloadOfModel = None
+    tracker: Annotated[
+        tuple[Path, ...],
+        Field(
+            description="File of a laser tracker that measured the tool during the run, one for"
+            " each run: columns time_s and x_m, y_m, z_m or x_mm, y_mm, z_mm. Its clock and frame"
+            " are estimated."
+        ),
+        Option(metavar="FILE", file="input"),
+    ] = ()
+    point: Annotated[
+        MeasuredPoint, Option(metavar="X,Y,Z", unit="m", separator=",", needs="tracker")
+    ] = None
     unfinished: Unfinished = False
     runs: RunsFolder = DEFAULT_RUNS
 
@@ -74,6 +87,7 @@ class TrackingResult:
             "motions": self._motion_documents(),
             "measured_at": "motor encoders",
             "unseen": section.unseen,
+            "tool_side": [size.model_dump() for size in section.tool_side],
             "with_stiffness": section.with_stiffness,
             "without_stiffness": section.without_stiffness,
             "notes": self.tracked.notes,
@@ -133,6 +147,7 @@ OPERATION: Final = Operation(
         "tracking compensated --against plain",
         "tracking circle-ff square-ff --against circle --against square --json",
         "tracking compensated --model model.json",
+        "tracking compensated --tracker tracker.csv",
     ),
     module="rid_daq.operations.path.tracked_runs",
 )

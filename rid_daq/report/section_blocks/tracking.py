@@ -16,6 +16,7 @@ from rid_daq.report.sections.tracking import (
     FollowedMotion,
     JointUnit,
     PathCurves,
+    ToolSideSize,
     TrackingSection,
     magnification,
 )
@@ -41,6 +42,8 @@ def tracking_blocks(section: TrackingSection) -> Iterator[AnyBlock]:
         + (" Streamed: compensated online while the set-points arrived." if streamed else ""),
         is_note=True,
     )
+    if section.tool_side:
+        yield from _tool_side_blocks(section.tool_side)
     yield _joint_errors(section)
     yield Text(text="Largest error of each joint.", is_note=True)
     if section.with_stiffness:
@@ -55,6 +58,26 @@ def tracking_blocks(section: TrackingSection) -> Iterator[AnyBlock]:
     for number, motion in enumerate(section.motions, start=1):
         yield Heading(text=f"{number}: {motion.sentence}", level=3)
         yield from path_plots(motion, section.joints)
+
+
+def _tool_side_blocks(sizes: Sequence[ToolSideSize]) -> Iterator[AnyBlock]:
+    yield table(
+        sizes,
+        Cells("run", lambda size: size.run),
+        Cells("tracker file", lambda size: size.file),
+        Cells("mean at the motors", lambda size: 1e3 * size.motor_mean_m, "mm", 3),
+        Cells("mean at the tool", lambda size: 1e3 * size.mean_m, "mm", 3),
+        Cells("largest at the tool", lambda size: 1e3 * size.max_m, "mm", 3),
+        Cells("clock offset", lambda size: f"{size.clock_offset_s:.4f}", "s"),
+        Cells("clock rate", lambda size: size.clock_ppm, "ppm", 2, is_optional=True),
+    )
+    yield Text(
+        text="At the tool: distance of the point that the instrument measured from the desired"
+        " point, noise of the instrument included. Clock and frame of the instrument are fitted to"
+        " the path by the motor encoders. Therefore a constant delay along the path, and a shift"
+        " or rotation of the whole path, are not visible.",
+        is_note=True,
+    )
 
 
 def _distances(motions: Sequence[FollowedMotion]) -> Table:

@@ -42,6 +42,7 @@ EXAMPLES: dict[str, dict[str, Any]] = {
     "fourier": {"period_s": 2.0, "periods": 2, "ramp_s": 1.0, "joints": SERIES},
     "reversed": {"period_s": 2.0, "periods": 2, "ramp_s": 1.0, "joints": SERIES},
     "multipoint": {"seed": 5, "points": 3},
+    "pose_sequence": {"points": [[0.0, 0.0, 0.0], [0.1, -0.2, 0.3]], "dwell_s": 0.5},
     "constant_velocity": {
         "pose": [0.1, -0.2, 0.3],
         "joints": [{"joint": "axis2", "low": -0.5, "high": 0.5, "speeds": [0.5]}],

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from acquisition.motion.motion_file import load_motion
 from benchmarks.measured_arm import FRAME, MeasuredArm
 from config.load import load_cell, load_robot, to_yaml
 from dynamics.geometry.kinematics import Chain, forward
@@ -109,3 +110,39 @@ def test_too_few_poses_have_a_code(
     few.write_text("\n".join((folder / "poses.csv").read_text().splitlines()[:6]))
     assert run(["calibrate", str(folder / "robot.yaml"), str(few), "--json"]) == 6
     assert document(capsys)["error"]["code"] == "RID-KINEMATICS-FEW"
+
+
+def test_proposed_poses_are_recorded_and_measured(
+    arm: MeasuredArm, folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    robot, poses = str(folder / "robot.yaml"), tmp_path / "form.csv"
+    motions = [tmp_path / name for name in ("free.yaml", "loaded.yaml")]
+    more = ["--count", "20", "--load", "8", "--motion", motions[0], "--loaded-motion", motions[1]]
+    words = ["calibrate", "poses", robot, "-o", str(poses), *map(str, more), "--json"]
+    assert run(words) == 0
+    told = document(capsys)
+    assert len(told["poses"]) == 20
+    for motion in motions:
+        assert len(load_motion(motion).plan(arm.robot, 0.004).whole().position) > 10 / 0.004
+    # An empty form is refused; a filled one calibrates.
+    assert run(["calibrate", robot, str(poses), "--json"]) == 2
+    assert document(capsys)["error"]["code"] == "RID-TRACKER-ROW"
+    position = np.array([each["position"] for each in told["poses"]])
+    loads = np.array([each["load_kg"] for each in told["poses"]])
+    measured = arm.points(np.round(position, 6), loads)
+    lines = poses.read_text().splitlines()
+    assert lines[0].startswith("pose,axis1,axis2,axis3,load_kg,x_m,y_m,z_m")
+    filled = [lines[0]]
+    for line, point in zip(lines[1:], measured, strict=True):
+        places = ",".join(f"{value:.9f}" for value in point)
+        filled.append(line.replace(",,,,", f",{places},", 1))
+    poses.write_text("\n".join(filled))
+    assert run(["calibrate", robot, str(poses), "--json"]) == 0
+    assert document(capsys)["errors"]["after"]["max_m"] < 1e-4
+    assert run(words) == 2
+    assert document(capsys)["error"]["code"] == "RID-OUTPUT-EXISTS"
+    assert run([*words, "--overwrite"]) == 2  # a filled table is never replaced
+    assert document(capsys)["error"]["code"] == "RID-OUTPUT-FOREIGN"
+    poses.unlink()
+    assert run([*words, "--overwrite"]) == 0
+    assert run([*words, "--overwrite"]) == 0
