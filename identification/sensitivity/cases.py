@@ -189,7 +189,5 @@ def sensitivity_row(
         case,
         against,
         tuple(float(p) if np.isfinite(p) else None for p in percent),
-        tuple(
-            100.0 * float(error[j] / size[j]) if j in axes else None for j in range(len(size))
-        ),
+        tuple(100.0 * float(error[j] / size[j]) if j in axes else None for j in range(len(size))),
     )
