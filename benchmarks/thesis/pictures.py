@@ -15,7 +15,7 @@ INK: Final = "#7f7f7f"
 """Colour of axes and texts, with sufficient contrast on white and on black."""
 
 COLOURS: Final = ("#0091d5", "#e0701a", "#2ca05a", "#b05cc8")
-STYLE: Final = {
+STYLE: Final[dict[Any, Any]] = {
     "svg.hashsalt": "thesis",
     "svg.fonttype": "none",
     "font.family": "sans-serif",
@@ -86,7 +86,7 @@ def _torque(robot: Tree) -> Figure:
             axes.set_ylabel(f"axis {j + 1} [N m]")
         grid[0][column].set_title(title)
         grid[2][column].set_xlabel("time [s]")
-    grid[0][0].legend(ncols=2, loc="upper right")
+    figure.legend(*grid[0][0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
     return figure
 
 
@@ -124,7 +124,7 @@ def _reaction(curves: Tree) -> Figure:
         axes.set_ylabel(f"{name} [{'N' if name[0] == 'F' else 'N m'}]")
     for axes in grid[2]:
         axes.set_xlabel("time [s]")
-    grid[0][0].legend(ncols=2, loc="upper right")
+    figure.legend(*grid[0][0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
     return figure
 
 

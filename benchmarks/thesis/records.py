@@ -11,7 +11,6 @@ import numpy as np
 import yaml
 from numpy.typing import ArrayLike
 
-
 Tree = dict[str, Any]
 """A tree of numbers: nested dictionaries with numbers, texts and lists at the end."""
 

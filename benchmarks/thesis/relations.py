@@ -162,7 +162,7 @@ def _payload(facts: Tree, payload: Tree, quick: bool) -> Iterator[Relation]:
             "payloads",
             "The true values are within two standard deviations: this holds for"
             f" {100.0 * inside:.0f} % of ours (at least 90 %).",
-            inside >= 0.9,  # noqa: PLR2004 share of a normal distribution, with a margin
+            inside >= 0.9,
         )
     model = [each["std"][0] for each in payload["experiments"] if each["procedure"] == "model"]
     ratio = float(np.mean(model) / np.mean(std[:, 0]))

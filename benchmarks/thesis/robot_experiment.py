@@ -1,4 +1,4 @@
-"""Experiments of chapters 3, 4 and 6: identification on a force plate, and path errors, on ir361."""
+"""Experiments of chapters 3, 4 and 6 on ir361: identification on a force plate, path errors."""
 
 from __future__ import annotations
 
@@ -29,6 +29,7 @@ def robot_results(folder: Path, quick: bool) -> Tree:
     work = Workplace(folder, CELL)
     loaded = load_cell(CELL)
     assert loaded.plant is not None
+    assert loaded.plant.unmodelled is not None
     words = ("design", CELL, "-o", work.path("excitation.yaml"), "--harmonics", "5")
     times = ("--period", str(PERIOD_S), "--periods", "3" if quick else "16")
     work(*words, *times, "--starts", "2", runs=False)
@@ -180,7 +181,7 @@ def loop_results(axis: Tree) -> Tree:
     }
     for name, response in (("measured", axis["response"]), ("model", axis["response"]["fit"])):
         hz = np.array(response["frequency_hz"])
-        low = hz <= 5.0  # noqa: PLR2004 the largest frequency of the figure
+        low = hz <= 5.0
         found[name] = {
             "frequency_hz": curve(hz[low]),
             "magnitude_db": curve(20.0 * np.log10(np.array(response["magnitude"])[low])),
