@@ -23,11 +23,20 @@ class FrictionRequest(Request):
 
     RUN is a recording of a motion at constant speeds, or of a path that is driven forward and
     backward; `rid-daq design --kind constant-velocity` or `--kind reversed` writes the motion.
-    Several runs of one robot are evaluated together. The exit code is 6 if no model fits the
-    friction of a joint.
+    Several runs of one robot are evaluated together. With --against, the friction of other runs is
+    shown beside, for example of a cold robot beside a warm one. The exit code is 6 if no model fits
+    the friction of a joint.
     """
 
     run: RunNames
+    against: Annotated[
+        tuple[str, ...],
+        Field(
+            description="Run of the same robot whose friction is shown beside, such as a run with"
+            " a cold robot or with a payload."
+        ),
+        Option(metavar="RUN"),
+    ] = ()
     runs: RunsFolder = DEFAULT_RUNS
     model: Annotated[
         Path | None,
@@ -85,6 +94,10 @@ OPERATION: Final = Operation(
     label="Measure friction",
     request=FrictionRequest,
     run=run,
-    examples=("friction latest", "friction slow fast --model model.json --json"),
+    examples=(
+        "friction latest",
+        "friction slow fast --model model.json --json",
+        "friction warm --against cold --against loaded",
+    ),
     module="rid_daq.operations.identify.friction_measurement",
 )

@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import cycle
 from typing import Final
 
 from identification.regression.fit_grade import Grade
 from rid_daq.blocks.block import AnyBlock, Cells, Heading, Interval, Table, Text, Verdict, table
 from rid_daq.blocks.formats import format_measured, number, unit
 from rid_daq.blocks.plot import Axis, Colour, Dash, Line, Marker, Panel, Plot
-from rid_daq.report.sections.friction import FrictionModel, FrictionSection, JointFriction
+from rid_daq.report.sections.friction import (
+    ComparedFriction,
+    FrictionModel,
+    FrictionSection,
+    JointFriction,
+)
 
 STROKES: Final[tuple[tuple[Colour, Dash], ...]] = (
     ("orange", "solid"),
     ("blue", "dashed"),
     ("purple", "dotdash"),
 )
+OTHERS: Final[tuple[Colour, ...]] = ("green", "red", "sky")
+"""Colours of other runs beside the measured friction."""
 
 
 def friction_blocks(section: FrictionSection) -> Iterator[AnyBlock]:
@@ -26,6 +34,8 @@ def friction_blocks(section: FrictionSection) -> Iterator[AnyBlock]:
     for joint in section.joints:
         yield Heading(text=joint.joint, level=3)
         yield _curve(joint)
+        for other in joint.beside or ():
+            yield _other_curve(other, joint)
         yield _models(joint)
         if joint.grade is not None:
             yield _fit(joint)
@@ -43,6 +53,11 @@ def _panel(joint: JointFriction) -> Panel:
     lines = [Line("measured ± 2σ", curve.speed, curve.odd, "ink", reach=reach, points=True)]
     for (name, torque), (colour, dash) in zip(drawn.torque.items(), STROKES, strict=False):
         lines.append(Line(name, drawn.speed, torque, colour, dash=dash))
+    for other, colour in zip(joint.beside or (), cycle(OTHERS)):
+        speed, odd = other.curve.speed, other.curve.odd
+        reach = tuple(2.0 * std for std in other.curve.odd_std)
+        lines.append(Line(f"{other.label} ± 2σ", speed, odd, colour, reach=reach, points=True))
+        lines.append(Line(other.label, speed, odd, colour, dash="dotted"))
     if curve.forward is not None and curve.backward is not None:
         opposite = tuple(-value for value in curve.backward)
         ways: tuple[tuple[str, tuple[float, ...], Marker], ...] = (
@@ -72,6 +87,15 @@ def _curve(joint: JointFriction) -> Table:
         Cells("speed", lambda i: curve.speed[i], f"{joint.unit}/s", 3),
         Cells("friction ± 2σ", lambda i: Interval.of(curve.odd[i], curve.odd_std[i]), torque),
         *ways,
+    )
+
+
+def _other_curve(other: ComparedFriction, joint: JointFriction) -> Table:
+    curve, torque = other.curve, joint.torque_unit
+    return table(
+        range(len(curve.speed)),
+        Cells(f"speed in {other.label}", lambda i: curve.speed[i], f"{joint.unit}/s", 3),
+        Cells("friction ± 2σ", lambda i: Interval.of(curve.odd[i], curve.odd_std[i]), torque),
     )
 
 

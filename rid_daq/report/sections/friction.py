@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -47,6 +47,37 @@ class MeasuredFriction(Section):
         return cls.from_attributes(
             curve, odd_std=curve.odd_sigma, direction_std=curve.direction_sigma
         )
+
+
+class ComparedFriction(Section):
+    """Friction of the same joint in another run.
+
+    Attributes:
+        label: Label of the run.
+        curve: The measured friction.
+        percent: Mean difference from the run itself, relative to the friction of the run itself, in
+            the range of speeds of both runs [%]; left out if the ranges do not overlap.
+    """
+
+    label: str
+    curve: MeasuredFriction
+    percent: float | None = None
+
+    @classmethod
+    def of(cls, label: str, curve: FrictionCurve, own: FrictionCurve) -> ComparedFriction:
+        """Compare a curve with the curve of the run itself, which is interpolated.
+
+        Args:
+            label: Label of the compared run.
+            curve: Its friction.
+            own: Friction of the run itself.
+        """
+        shared = (curve.speed >= own.speed[0]) & (curve.speed <= own.speed[-1])
+        percent = None
+        if shared.any():
+            here = np.interp(curve.speed[shared], own.speed, own.odd)
+            percent = float(100.0 * (np.mean(curve.odd[shared]) / np.mean(here) - 1.0))
+        return cls(label=label, curve=MeasuredFriction.of(curve), percent=percent)
 
 
 class FrictionCoefficient(Section):
@@ -125,6 +156,7 @@ class JointFriction(Section):
         over_noise: RMS error of the best model divided by the noise; left out without a model.
         grade: "good", "doubtful" or "bad"; left out without a model.
         reason: Reason for the grade; left out without a model.
+        beside: Friction in other runs; left out without any.
     """
 
     joint: str
@@ -138,6 +170,7 @@ class JointFriction(Section):
     over_noise: float | None = None
     grade: Grade | None = None
     reason: str | None = None
+    beside: tuple[ComparedFriction, ...] | None = None
 
 
 class FrictionSection(Section):
@@ -158,6 +191,7 @@ class FrictionSection(Section):
         fits: Sequence[tuple[FrictionFit, ...]],
         robot: RobotDescription,
         model: EstimatedFriction | None = None,
+        beside: Mapping[str, Sequence[ComparedFriction]] | None = None,
     ) -> FrictionSection:
         """Return the section of measured friction.
 
@@ -165,6 +199,7 @@ class FrictionSection(Section):
             curves: Measured friction of each joint.
             fits: Models fitted to each curve, the best first.
             model: Friction of an estimated model to compare with.
+            beside: Friction of joints in other runs, by the joint's name.
         """
         from identification.friction.fits import CLEARLY_BETTER
 
@@ -174,7 +209,14 @@ class FrictionSection(Section):
             f" (AICc): smaller is better. Of all models within {CLEARLY_BETTER:g} of the smallest"
             " value, the simplest is selected.",
             joints=tuple(
-                _joint(curve, joint_fits, robot, model, CLEARLY_BETTER)
+                _joint(
+                    curve,
+                    joint_fits,
+                    robot,
+                    model,
+                    CLEARLY_BETTER,
+                    tuple((beside or {}).get(curve.joint, ())),
+                )
                 for curve, joint_fits in zip(curves, fits, strict=True)
             ),
         )
@@ -191,6 +233,7 @@ def _joint(
     robot: RobotDescription,
     model: EstimatedFriction | None,
     clearly_better: float,
+    beside: tuple[ComparedFriction, ...],
 ) -> JointFriction:
     j = robot.joint_names.index(curve.joint)
     unit, torque_unit = joint_units(robot.joints[j])
@@ -212,6 +255,10 @@ def _joint(
             f" off by {rms:.3g} {torque_unit} RMS,"
             f" {100.0 * rms / np.sqrt(np.mean(curve.odd**2)):.2g} %."
         )
+    for other in beside:
+        if other.percent is not None:
+            more = "more" if other.percent > 0.0 else "less"
+            sentence += f" In run {other.label!r}, friction is {abs(other.percent):.2g} % {more}."
     return JointFriction(
         joint=curve.joint,
         unit=unit,
@@ -224,6 +271,7 @@ def _joint(
         over_noise=None if graded is None else graded.over_noise,
         grade=None if graded is None else graded.grade,
         reason=None if graded is None else graded.reason,
+        beside=beside or None,
     )
 
 

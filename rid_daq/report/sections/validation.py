@@ -136,6 +136,7 @@ def _axis(
     unknown = int(np.count_nonzero(~validation.known[:, i]))
     error = finite_or_none(validation.rms_nm[i])
     limits, fit = validation.limits_percent, validation.fit[i]
+    over = fit.over_noise if limits else None
     return AxisError(
         joint=joint.name,
         unit=joint_units(joint)[1],
@@ -150,7 +151,7 @@ def _axis(
         passed=validation.verdicts[i],
         samples=int(np.count_nonzero(counted)),
         unknown_samples=unknown or None,
-        over_noise=fit.over_noise if limits else None,
+        over_noise=None if over is None else finite_or_none(over),
         grade=fit.grade if limits else None,
         reason=fit.reason if limits else None,
     )

@@ -23,7 +23,7 @@ from config.errors import ConfigError
 from config.load import load_cell
 from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
-from tests.builders.known_model import known
+from tests.builders.known_model import known_estimate
 from tests.builders.raised_codes import raises_code
 
 CELL, STEP_S = load_cell("ir361"), 0.008
@@ -49,7 +49,7 @@ def robot_with(*stiffness: float | None) -> RobotDescription:
 
 @pytest.fixture(scope="module")
 def estimate() -> Estimate:
-    return known(CELL, {})
+    return known_estimate(CELL, {})
 
 
 @pytest.fixture(scope="module")

@@ -14,7 +14,9 @@ from acquisition.recording.recording import Recording
 from config.errors import DataQualityError, EstimationError
 from identification.estimation.estimate import Estimate
 from identification.estimation.fitted_periods import fit_periodic
+from identification.validation.diagnosis import diagnose
 from identification.validation.torque_prediction import Validation, validate_torques
+from rid_daq.report.sections.validation import ValidationSection
 from tests.builders.raised_codes import raises_code
 
 if TYPE_CHECKING:
@@ -100,6 +102,11 @@ def test_a_joint_at_rest_has_no_error_and_no_verdict(
     assert np.isnan(result.relative_percent[1])
     assert result.verdicts == (True, None, True)
     assert result.passed is True
+    known_noise = replace(result, noise_nm=np.ones(3))
+    section = ValidationSection.of(known_noise, arm.robot, "A joint rests.")
+    assert section.axes[1].over_noise is None
+    assert section.axes[0].over_noise == pytest.approx(result.rms_nm[0])
+    assert len(diagnose(identified, known_noise)[1].sentence) > 0
 
 
 def test_a_recording_at_rest_is_refused(identified: Estimate, other_run: Recording) -> None:

@@ -182,3 +182,34 @@ def test_design_writes_both_kinds_of_friction_motions(
     samples = motion.plan(CELL.robot, CELL.config.cycle_time_s)
     assert f"Total duration {samples.duration_s:.0f} s" in output
     assert run(words) == 2  # the file exists
+
+
+def test_the_friction_of_another_run_is_shown_beside(
+    runs: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert CELL.plant is not None
+    weak = tuple(
+        axis.model_copy(
+            update={"coulomb_nm": 0.8 * axis.coulomb_nm, "viscous_nm_s": 0.8 * axis.viscous_nm_s}
+        )
+        for axis in CELL.plant.axes
+    )
+    (tmp_path / "plant.yaml").write_text(to_yaml(CELL.plant.model_copy(update={"axes": weak})))
+    changed = {"plate": None, "name": "arm", "plant": str(tmp_path / "plant.yaml")}
+    cell = tmp_path / "warm.yaml"
+    cell.write_text(to_yaml(CELL.config.model_copy(update=changed)))
+    motion = str(runs / "steady.yaml")
+    assert run(["record", str(cell), motion, "--label", "warm", "--runs", str(runs)]) == 0
+    alone = friction_of(runs, capsys, "steady")
+    joints = friction_of(runs, capsys, "steady", "--against", "warm")
+    for name, joint in joints.items():
+        (beside,) = joint["beside"]
+        assert beside["label"] == "warm"
+        assert beside["curve"]["speed"] == joint["curve"]["speed"]
+        assert -20.0 < beside["percent"] < -12.0  # Stribeck friction is not smaller
+        assert joint["curve"] == alone[name]["curve"]
+        assert alone[name].get("beside") is None
+    assert run(["friction", "steady", "--against", "warm", "--runs", str(runs)]) == 0
+    assert "speed in warm" in capsys.readouterr().out
+    assert run(["friction", "steady", "--against", "steady", "--runs", str(runs)]) == 2
+    assert "RID-OPTION-NO-EFFECT" in capsys.readouterr().err

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 from importlib.resources import files
 from pathlib import Path
@@ -30,10 +31,8 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert run(["init", str(folder)]) == 0
     cell = folder / "cell.yaml"
     bundled = files("config").joinpath("bundled/cells/ir361.yaml").read_text()
-    plate = bundled[bundled.index("\nplate:") :].replace(
-        "  amplifier:\n", LIMITS + "  amplifier:\n"
-    )
-    cell.write_text(cell.read_text() + plate)
+    plate = bundled[bundled.index("\nplate:") :]
+    cell.write_text(cell.read_text() + re.sub(r"  limits: .*\n", LIMITS, plate))
     for name, old, new in (
         ("motion.yaml", "periods: 8", "periods: 4"),
         ("validation.yaml", "points: 20", "points: 6"),
@@ -149,11 +148,14 @@ def test_validate_compares_a_planned_motion_with_the_base_limits(
         # the recorded load contains the overshoot of the drives' loops
         assert before["peak"] == pytest.approx(after["peak"], rel=0.25)
     assert run([*command, *cell, "--mass", "250"]) == 1
+    assert run([*command, "--cell", "ir361", "--mass", "99"]) == 0
     capsys.readouterr()
+    bare = workshop / "bare.yaml"
+    bare.write_text((workshop / "cell.yaml").read_text().replace(LIMITS, ""))
     for wrong, message in (
         (command, "needs --cell"),
         ([*command[:3], "--json", *cell], "--base-limits"),
-        ([*command, "--cell", "ir361"], "has no `plate` with `limits`"),
+        ([*command, "--cell", str(bare)], "RID-PLATE-NO-LIMITS"),
     ):
         assert run(wrong) == 2
         assert message in " ".join(capsys.readouterr().err.split())

@@ -295,7 +295,7 @@ def test_the_output_ends_with_the_record_command(
         ),
         (["--torque-rate", "-1"], "--torque-rate: -1 is outside its range"),
         (["--mass", "300"], "--mass"),
-        (["--base-limits"], "RID-PLATE-NO-LIMITS"),
+        (["--base-limits"], "RID-MODEL-NOT-COMBINED"),
         (["--rms-torque", "5"], "RMS torque of axis2 is"),
     ],
 )

@@ -14,7 +14,7 @@ from benchmarks.measured_arm import MeasuredArm
 from dynamics.geometry.kinematics import Chain, forward
 from rid_daq.app import run
 from rid_daq.runs.motion_runs import read_motion_run
-from tests.builders.told import document
+from tests.builders.json_output import document
 
 pytestmark = pytest.mark.slow
 

@@ -1,0 +1,243 @@
+"""`page_text`: the page `docs/thesis.md`, from the thesis's numbers and our results."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Final
+
+import jinja2
+import numpy as np
+
+from benchmarks.thesis.records import Tree
+from benchmarks.thesis.relations import Relation, relations
+from identification.choices import REPORTED
+
+Row = Sequence[str | float]
+
+TEMPLATE: Final = Path(__file__).with_name("page.md.j2")
+UNITS: Final = ("kg", "mm", "mm", "mm", *("kg m²",) * 6)
+SCALES: Final = (1.0, 1e3, 1e3, 1e3, *(1.0,) * 6)
+"""Factors from SI units to `UNITS`."""
+
+HUNDRED: Final = 100.0
+
+
+def page_text(facts: Tree, results: Tree) -> str:
+    """Return the page in Markdown."""
+    found = relations(facts, results)
+    template = jinja2.Template(
+        TEMPLATE.read_text(encoding="utf-8"),
+        undefined=jinja2.StrictUndefined,
+        keep_trailing_newline=True,
+    )
+    page: str = template.render(
+        facts=facts,
+        results=results,
+        relations=found,
+        joined=joined,
+        holds=lambda section: relation_lines(found, section),
+        **robot_tables(facts, results["robot"]),
+        **payload_tables(facts, results["payload"], results["sensitivity"]),
+        **path_tables(facts, results["path"]),
+        friction_table=friction_table(results["friction"]),
+    )
+    return page
+
+
+def relation_lines(found: Sequence[Relation], section: str) -> str:
+    """Return the relations of a section as a list."""
+    return "\n".join(
+        f"- {'Holds' if each.holds else '**Does not hold**'}: {each.text}"
+        for each in found
+        if each.section == section
+    )
+
+
+def table(head: Sequence[str], *rows: Row) -> str:
+    """Return a table in Markdown."""
+    lines = [tuple(head), ("---",) * len(head), *rows]
+    return "\n".join(
+        f"| {' | '.join(c if isinstance(c, str) else f'{c:.4g}' for c in line)} |" for line in lines
+    )
+
+
+def joined(values: Sequence[float]) -> str:
+    """Return numbers in one cell or sentence."""
+    return ", ".join(f"{each:.4g}" for each in values)
+
+
+def robot_tables(facts: Tree, robot: Tree) -> dict[str, str]:
+    """Return the tables of chapters 3 and 4."""
+    theirs, plate = facts["robot_torque"], facts["plate_torque"]
+    head = ("model", "thesis", "ours, excitation", "ours, random points")
+
+    def ours(model: str) -> tuple[str, str]:
+        return joined(robot[model]["excitation_nm"]), joined(robot[model]["points_nm"])
+
+    return {
+        "robot_table": table(
+            head,
+            ("reference model", joined(theirs["reference_nm"]), *ours("internal")),
+            (
+                "without rotor inertia",
+                joined(theirs["without_rotors_nm"]),
+                *ours("without_rotors"),
+            ),
+            ("calibrated kinematics", joined(theirs["calibrated_nm"]), *ours("calibrated")),
+        ),
+        "deviation_table": table(
+            ("parameter", "unit", "internal (torques)", "external (plate)", "combined"),
+            *((each["words"], each["unit"], *each["std"]) for each in robot["deviations"]),
+        ),
+        "plate_table": table(
+            head,
+            *(
+                (name, joined(plate[f"{name}_nm"]), *ours(name))
+                for name in ("internal", "combined")
+            ),
+        ),
+        "wrench_table": table(
+            ("model", "Fx [N]", "Fy [N]", "Fz [N]", "Mx [N m]", "My [N m]", "Mz [N m]"),
+            *((name, *_with_percent(robot[name])) for name in ("external", "combined")),
+        ),
+    }
+
+
+def friction_table(friction: Tree) -> str:
+    """Return the errors of the friction models of axis 6, the best first."""
+    errors = friction["warm"]["axis6"]["rms_nm"]
+    return table(("model", "error [N m]"), *sorted(errors.items(), key=lambda item: item[1]))
+
+
+def payload_tables(facts: Tree, payload: Tree, sensitivity: Tree) -> dict[str, str]:
+    """Return the tables of chapter 5."""
+    names = [f"{name} [{unit}]" for name, unit in zip(REPORTED, UNITS, strict=True)]
+    masses = [each["values"][0] for each in _experiments(payload, "medium", "model")]
+    return {
+        "payload_friction_table": table(
+            ("friction", *(f"axis {j}" for j in range(1, 7))),
+            *(
+                (f"{words}, {who}", *source[key])
+                for key, words in (
+                    ("coulomb_nm", "Coulomb [N m]"),
+                    ("viscous_nm_s", "viscous [N m s/rad]"),
+                )
+                for who, source in (("thesis", facts["friction"]), ("ours", payload["friction"]))
+            ),
+        ),
+        "sensitivity_table": table(
+            ("wrong assumption", "", *REPORTED), *_sensitivity_rows(facts, sensitivity)
+        ),
+        "prediction_table": table(
+            ("wrong assumption", "torque error [%]"),
+            *((case, _percent(max(row["torque_percent"]))) for case, row in sensitivity.items()),
+        ),
+        "experiments": " and ".join(
+            f"{len(_experiments(payload, name, 'difference'))} of the {name} payload"
+            for name in _payloads(payload)
+        ),
+        "difference_table": table(("payload", *names), *_payload_rows(payload, "difference")),
+        "model_table": table(("payload", *names), *_payload_rows(payload, "model")),
+        "model_masses": f"{min(masses):.2f} to {max(masses):.2f}",
+        "other_motion_table": table(
+            ("payload estimated with", *(f"axis {j}" for j in range(3, 7))),
+            *(
+                (words, *_with_torque(payload[key]))
+                for words, key in (
+                    ("a second run", "other_difference"),
+                    ("a modelled robot", "other_model"),
+                )
+            ),
+        ),
+    }
+
+
+def path_tables(facts: Tree, path: Tree) -> dict[str, str]:
+    """Return the tables of chapter 6."""
+    theirs, peaks = facts["path"], facts["joint_peaks"]
+    plain, ours, chosen = (path[f"circle_{key}"] for key in ("plain", "classical", "chosen"))
+    rows = (
+        ("ours, without", plain),
+        ("ours, with; Coulomb and viscous friction", ours),
+        ("ours, with; friction terms chosen by the program", chosen),
+        ("ours, vertical circle of 30 cm at 0.5 m/s, without", path["other_plain"]),
+        ("ours, vertical circle, with; Coulomb and viscous friction", path["other_classical"]),
+        ("ours, vertical circle, with; chosen friction terms", path["other_chosen"]),
+    )
+    return {
+        "main_table": table(
+            (
+                "path error [mm]",
+                "thesis",
+                "ours, friction terms of the thesis",
+                "ours, chosen terms",
+            ),
+            *(
+                (words, theirs[f"{when}_{key}"], one[key], other[key])
+                for words, when, key, one, other in (
+                    ("mean, without compensation", "plain", "mean_mm", plain, plain),
+                    ("mean, with compensation", "compensated", "mean_mm", ours, chosen),
+                    ("largest, without compensation", "plain", "max_mm", plain, plain),
+                    ("largest, with compensation", "compensated", "max_mm", ours, chosen),
+                )
+            ),
+        ),
+        "joint_table": table(
+            ("", "thesis, largest axis", "ours, axes 1 to 3"),
+            (
+                "without compensation",
+                f"about {peaks['plain_mrad']:g}",
+                joined(plain["peaks_mrad"]),
+            ),
+            (
+                "with compensation",
+                f"about {peaks['compensated_mrad']:g}",
+                joined(ours["peaks_mrad"]),
+            ),
+        ),
+        "path_table": table(
+            ("path error [mm]", "mean", "largest"),
+            ("thesis, without", theirs["plain_mean_mm"], theirs["plain_max_mm"]),
+            ("thesis, with", theirs["compensated_mean_mm"], theirs["compensated_max_mm"]),
+            *((words, each["mean_mm"], each["max_mm"]) for words, each in rows),
+        ),
+    }
+
+
+def _with_percent(model: Tree) -> list[str]:
+    pairs = zip(model["wrench"], model["wrench_percent"], strict=True)
+    return [f"{error:.3g} ({percent:.2g} %)" for error, percent in pairs]
+
+
+def _with_torque(found: Tree) -> list[str]:
+    pairs = zip(found["error_nm"], found["torque_nm"], strict=True)
+    return [f"{error:.3g} of {torque:.3g}" for error, torque in pairs]
+
+
+def _sensitivity_rows(facts: Tree, sensitivity: Tree) -> Iterator[Row]:
+    for case, theirs in facts["sensitivity"]["rows"].items():
+        yield (case, "thesis", *map(_percent, theirs))
+        yield ("", "ours", *map(_percent, sensitivity[case]["percent"]))
+
+
+def _payloads(payload: Tree) -> list[str]:
+    return list(dict.fromkeys(each["payload"] for each in payload["experiments"]))
+
+
+def _experiments(payload: Tree, name: str, procedure: str) -> list[Tree]:
+    wanted = (name, procedure)
+    return [e for e in payload["experiments"] if (e["payload"], e["procedure"]) == wanted]
+
+
+def _payload_rows(payload: Tree, procedure: str) -> Iterator[Row]:
+    """Yield the largest errors of each payload, with the mean standard deviations."""
+    for name in _payloads(payload):
+        own = _experiments(payload, name, procedure)
+        errors = np.abs([each["errors"] for each in own]).max(axis=0) * SCALES
+        std = np.mean([each["std"] for each in own], axis=0) * SCALES
+        yield (name, *(f"{e:.2g} ({s:.2g})" for e, s in zip(errors, std, strict=True)))
+
+
+def _percent(value: float) -> str:
+    return f"{round(value, 1) + 0.0:.1f}" if abs(value) < HUNDRED else f"{value:.0f}"

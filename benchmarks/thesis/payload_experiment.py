@@ -1,0 +1,223 @@
+"""Experiments of chapter 5 and of section 3.7.5: friction and payloads of the six-axis robot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from acquisition.motion.kinds.constant_velocity import ConstantVelocityMotion
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
+from benchmarks.loaded import Workplace
+from benchmarks.thesis.records import Tree, numbers, rounded
+from config.load import LoadedCell, load_cell, to_yaml
+
+PERIOD_S: Final = 30.0
+HIGH: Final = 20
+WARM_K: Final = 315.15
+SPEEDS: Final = {
+    "axis1": (2.6, (0.1, 0.6, 1.4, 2.3)),
+    "axis4": (4.0, (0.1, 0.4, 1.0, 2.2, 4.0)),
+    "axis6": (5.0, (0.2, 0.8, 2.5, 5.0, 8.0)),
+}
+"""Reach [rad] and speeds [rad/s] of the friction measurement: the axes of figures 3.9 to 3.12."""
+
+LOAD_FRICTION: Final = 0.05
+"""Friction per transmitted torque for figure 3.12; kr15 has 0.004, which is too small to see."""
+
+ACCURATE: Final = ("--mass-limit", "20", "--centre-limit", "60", "--inertia-limit", "400")
+"""Limits of the verdict, wide enough for an estimate that the thesis's motion determines poorly."""
+
+
+def cell_at(
+    folder: Path, name: str, temperature_k: float, load_friction: float | None = None
+) -> Workplace:
+    """Write a cell like kr15 whose motors start at a temperature; return its workplace.
+
+    Args:
+        folder: Folder of the cell file.
+        name: Name of the file.
+        temperature_k: Temperature of all motors at the start [K].
+        load_friction: Friction per transmitted torque; that of kr15 if None.
+    """
+    loaded = load_cell("kr15")
+    assert loaded.plant is not None
+    assert loaded.plant.unmodelled is not None
+    effects = []
+    for axis in loaded.plant.unmodelled.axes:
+        assert axis.thermal is not None
+        thermal = axis.thermal.model_copy(update={"initial_k": temperature_k})
+        load = axis.load_friction if load_friction is None else load_friction
+        effects.append(axis.model_copy(update={"thermal": thermal, "load_friction": load}))
+    unmodelled = loaded.plant.unmodelled.model_copy(update={"axes": tuple(effects)})
+    plant = loaded.plant.model_copy(update={"unmodelled": unmodelled})
+    (folder / f"{name}_plant.yaml").write_text(to_yaml(plant))
+    config = loaded.config.model_copy(update={"plant": str(folder / f"{name}_plant.yaml")})
+    (folder / f"{name}.yaml").write_text(to_yaml(config))
+    return Workplace(folder, str(folder / f"{name}.yaml"), limit_fraction="0.5")
+
+
+def friction_results(folder: Path, quick: bool) -> Tree:
+    """Return friction curves: cold, warm, and with the medium payload (figures 3.9 to 3.12)."""
+    motion = ConstantVelocityMotion.model_validate(
+        {
+            "kind": "constant_velocity",
+            "robot": "kr15",
+            "pose": (0.0,) * 6,
+            "joints": tuple(
+                {
+                    "joint": name,
+                    "low": -reach,
+                    "high": reach,
+                    "speeds": speeds[:1] + speeds[2::2] if quick else speeds,
+                }
+                for name, (reach, speeds) in SPEEDS.items()
+            ),
+            "longest_run_s": 2.0,
+        }
+    )
+    (folder / "speeds.yaml").write_text(to_yaml(motion))
+    found: Tree = {}
+    for name, start_k, more in (
+        ("cold", 298.15, ()),
+        ("warm", WARM_K, ()),
+        ("loaded", WARM_K, ("--mounted", "medium")),
+    ):
+        work = cell_at(folder, name, start_k, LOAD_FRICTION)
+        work.record("speeds", name, *more)
+        document = work("friction", name, codes=(0, 6))
+        found[name] = {
+            joint["joint"]: friction_curve(joint) for joint in document["friction"]["joints"]
+        }
+    return found
+
+
+def friction_curve(joint: Tree) -> Tree:
+    """Return a joint's friction curve, and the errors of the fitted models [N m]."""
+    return {
+        "speed_rad_s": numbers(joint["curve"]["speed"]),
+        "friction_nm": numbers(joint["curve"]["odd"]),
+        "rms_nm": {fit["name"]: rounded(fit["rms"]) for fit in joint["fits"]},
+    }
+
+
+def payload_motion(loaded: LoadedCell, seed: int, periods: int, first_axis: int) -> FourierMotion:
+    """Return a motion of the kind of section 5.6: harmonics 1 and 20 of a period of 30 s.
+
+    Args:
+        loaded: The cell, for the limits.
+        seed: Random seed of the phases.
+        periods: Number of measured periods.
+        first_axis: First axis that moves, from 0.
+    """
+    random = np.random.default_rng(seed)
+    joints = []
+    for j, joint in enumerate(loaded.robot.joints):
+        limits = joint.limits
+        middle = (limits.position_max + limits.position_min) / 2.0
+        reach = min((limits.position_max - limits.position_min) / 2.0, np.pi)
+        low, high = 2.0 * np.pi / PERIOD_S, 2.0 * np.pi * HIGH / PERIOD_S
+        sizes = np.zeros(HIGH)
+        sizes[0] = min(0.4 * reach, 0.4 * limits.velocity / low)
+        sizes[-1] = 0.25 * min(reach, limits.velocity / high, limits.acceleration / high**2)
+        phases = random.uniform(0.0, 2.0 * np.pi, HIGH)
+        sizes *= 0.0 if j < first_axis else 1.0
+        joints.append(
+            FourierJoint(
+                joint=joint.name,
+                offset=0.0 if j < first_axis else middle,
+                sine=tuple((sizes * np.cos(phases)).tolist()),
+                cosine=tuple((sizes * np.sin(phases)).tolist()),
+            )
+        )
+    return FourierMotion(
+        kind="fourier",
+        robot=loaded.robot.name,
+        period_s=PERIOD_S,
+        periods=periods,
+        joints=tuple(joints),
+    )
+
+
+def payload_results(folder: Path, quick: bool) -> Tree:
+    """Return payload estimates of both procedures, and torque errors on another motion."""
+    loaded = load_cell("kr15")
+    assert loaded.plant is not None
+    work = cell_at(folder, "kr15_warm", WARM_K)
+    periods = 2 if quick else 3
+    motions = {
+        "payload": payload_motion(loaded, 21, periods, 2),
+        "other": payload_motion(loaded, 22, 2, 2),
+    }
+    for name, motion in motions.items():
+        (folder / f"{name}.yaml").write_text(to_yaml(motion))
+    work.excitation("robot", 1, 3 if quick else 8)
+    work.record("robot", "robot")
+    estimate = work("identify", "robot", "-o", work.path("robot.json"), codes=(0, 6))["estimate"]
+    experiments = {"medium": 1} if quick else {"medium": 2, "small": 1, "large": 1}
+    found: Tree = {
+        "periods": periods,
+        "friction": friction_of(estimate["parameters"]),
+        "experiments": [],
+    }
+    for seed in range(max(experiments.values())):
+        work.record("payload", f"empty {seed}", "--seed", str(seed))
+    for name, count in experiments.items():
+        body = loaded.plant.payloads[name]
+        truth = np.array([body.mass_kg, *body.centre_m, *body.inertia_kg_m2])
+        for seed in range(count):
+            run = f"{name} {seed}"
+            more = ("--seed", str(seed + 100), "--mounted", name)
+            work.record("payload", run, *more)
+            for procedure, options in (
+                ("difference", ("--unloaded", f"empty {seed}", "--procedure", "difference")),
+                ("model", ("--model", work.path("robot.json"))),
+            ):
+                file = work.path(f"{name}-{seed}-{procedure}.json")
+                words = ("payload", "identify", "--loaded", run, *options, *ACCURATE, "-o", file)
+                values = work(*words, codes=(0, 1, 6))["payload"]["parameters"]
+                entry = payload_entry(values, truth)
+                found["experiments"].append({"payload": name, "procedure": procedure} | entry)
+    work.record("other", "other", "--mounted", "medium")
+    words = ("validate", work.path("robot.json"), "other", "--limits", "50", "--payload")
+    for procedure in ("difference", "model"):
+        file = work.path(f"medium-0-{procedure}.json")
+        axes = work(*words, file, codes=(0, 1))["validation"]["axes"][2:]
+        found[f"other_{procedure}"] = {
+            "error_nm": numbers([axis["rms_error"] for axis in axes]),
+            "torque_nm": numbers([axis["rms_torque"] for axis in axes]),
+        }
+    return found
+
+
+def payload_entry(values: list[Tree], truth: Any) -> Tree:
+    """Return a payload's estimate, its errors and standard deviations."""
+    found = np.array([each["value"] for each in values])
+    return {
+        "values": numbers(found),
+        "errors": numbers(found - truth),
+        "std": numbers([each["std"] for each in values]),
+    }
+
+
+def friction_of(parameters: list[Tree]) -> Tree:
+    """Return the identified Coulomb and viscous friction of all axes, as in table 5.1."""
+    named = {each["name"]: each["value"] for each in parameters}
+    return {
+        key: numbers([named[f"{prefix}_axis{j}"] for j in range(1, 7)])
+        for key, prefix in (("coulomb_nm", "fc"), ("viscous_nm_s", "fv"))
+    }
+
+
+def sensitivity_results(folder: Path) -> Tree:
+    """Return the table of wrong assumptions about the robot (table 5.3, figure 5.4)."""
+    work = Workplace(folder, "kr15")
+    document = work("sensitivity", "kr15", runs=False)
+    return {
+        row["case"]: {
+            "percent": numbers(row["percent"]),
+            "torque_percent": numbers([each for each in row["torque_percent"] if each is not None]),
+        }
+        for row in document["rows"]
+    }

@@ -1,0 +1,176 @@
+"""`write_pictures`: the figures of the page as SVG, readable on light and dark pages."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+
+from benchmarks.thesis.records import Tree
+
+INK: Final = "#7f7f7f"
+"""Colour of axes and texts, with sufficient contrast on white and on black."""
+
+COLOURS: Final = ("#0091d5", "#e0701a", "#2ca05a", "#b05cc8")
+STYLE: Final[dict[Any, Any]] = {
+    "svg.hashsalt": "thesis",
+    "svg.fonttype": "none",
+    "font.family": "sans-serif",
+    "font.size": 9.0,
+    "text.color": INK,
+    "axes.edgecolor": INK,
+    "axes.labelcolor": INK,
+    "axes.facecolor": "none",
+    "axes.grid": True,
+    "axes.spines.right": False,
+    "axes.spines.top": False,
+    "grid.color": INK,
+    "grid.alpha": 0.25,
+    "lines.linewidth": 1.1,
+    "xtick.color": INK,
+    "ytick.color": INK,
+    "legend.frameon": False,
+}
+WIDTH: Final = 7.2
+
+
+def write_pictures(results: Tree, folder: Path) -> None:
+    """Write all pictures into a folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    robot, path, friction = results["robot"], results["path"], results["friction"]
+    with mpl.rc_context(STYLE):
+        pictures = {
+            "excitation": _excitation(robot["excitation"]),
+            "torque": _torque(robot),
+            "friction": _friction(friction),
+            "reaction": _reaction(robot["combined"]["curves"]),
+            "loop": _loop(path["loop"]),
+            "tracking": _tracking(path["curves"]),
+            "deviation": _deviation(path["curves"]),
+        }
+        for name, figure in pictures.items():
+            figure.savefig(
+                folder / f"{name}.svg", transparent=True, metadata={"Date": None, "Creator": None}
+            )
+
+
+def _figure(rows: int, columns: int, height: float, **options: Any) -> tuple[Figure, Any]:
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, **options)
+
+
+def _excitation(found: Tree) -> Figure:
+    figure, ((axes,),) = _figure(1, 1, 2.4)
+    for j, values in enumerate(found["position_rad"]):
+        axes.plot(found["time_s"], values, color=COLOURS[j], label=f"axis {j + 1}")
+    axes.set_xlabel("time [s]")
+    axes.set_ylabel("position [rad]")
+    axes.legend(ncols=3)
+    return figure
+
+
+def _torque(robot: Tree) -> Figure:
+    figure, grid = _figure(3, 2, 5.0, sharex=True)
+    for column, (name, title) in enumerate(
+        (("without_rotors", "without rotor inertia"), ("internal", "with rotor inertia"))
+    ):
+        curves = robot[name]["curves"]
+        for j in range(3):
+            axes = grid[j][column]
+            measured, predicted = (np.array(curves[key][j]) for key in ("measured", "predicted"))
+            axes.plot(curves["time_s"], measured, color=COLOURS[0], label="measured")
+            axes.plot(curves["time_s"], measured - predicted, color=COLOURS[1], label="error")
+            axes.set_ylabel(f"axis {j + 1} [N m]")
+        grid[0][column].set_title(title)
+        grid[2][column].set_xlabel("time [s]")
+    figure.legend(*grid[0][0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
+    return figure
+
+
+def _friction(found: Tree) -> Figure:
+    figure, (row,) = _figure(1, 3, 2.6)
+    for axes, joint, runs in zip(
+        row,
+        ("axis1", "axis4", "axis6"),
+        (("cold",), ("cold", "warm"), ("warm", "loaded")),
+        strict=True,
+    ):
+        words = {"cold": "cold", "warm": "warm", "loaded": "warm, with payload"}
+        for colour, run in zip(COLOURS, runs, strict=False):
+            one = found[run][joint]
+            axes.plot(
+                one["speed_rad_s"], one["friction_nm"], marker="o", markersize=3.0, color=colour,
+                label=words[run],
+            )  # fmt: skip
+        axes.set_ylim(bottom=0.0)
+        axes.set_xlabel("speed [rad/s]")
+        axes.set_ylabel(f"friction of {joint.replace('axis', 'axis ')} [N m]")
+        axes.legend()
+    return figure
+
+
+def _reaction(curves: Tree) -> Figure:
+    figure, grid = _figure(3, 2, 5.0, sharex=True)
+    for i, name in enumerate(("Fx", "Fy", "Fz", "Mx", "My", "Mz")):
+        axes = grid[i % 3][i // 3]
+        measured, predicted = (
+            np.array(curves[f"wrench_{key}"][i]) for key in ("measured", "predicted")
+        )
+        axes.plot(curves["wrench_time_s"], measured, color=COLOURS[0], label="measured")
+        axes.plot(curves["wrench_time_s"], measured - predicted, color=COLOURS[1], label="error")
+        axes.set_ylabel(f"{name} [{'N' if name[0] == 'F' else 'N m'}]")
+    for axes in grid[2]:
+        axes.set_xlabel("time [s]")
+    figure.legend(*grid[0][0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
+    return figure
+
+
+def _loop(found: Tree) -> Figure:
+    figure, (row,) = _figure(1, 2, 2.4)
+    for axes, key, label in zip(
+        row, ("magnitude_db", "phase_deg"), ("gain [dB of N m s/rad]", "phase [°]"), strict=True
+    ):
+        measured, model = found["measured"], found["model"]
+        axes.plot(
+            measured["frequency_hz"], measured[key], "o", markersize=3.0, color=COLOURS[0],
+            label="measured",
+        )  # fmt: skip
+        axes.plot(model["frequency_hz"], model[key], color=COLOURS[1], label="PI model")
+        axes.set_xlabel("frequency [Hz]")
+        axes.set_ylabel(label)
+    row[0].legend()
+    return figure
+
+
+def _tracking(curves: Tree) -> Figure:
+    figure, (row,) = _figure(1, 2, 2.6, sharey=True)
+    for axes, name, title in zip(
+        row, ("plain", "compensated"), ("without compensation", "with compensation"), strict=True
+    ):
+        one = curves[name]
+        for j, values in enumerate(one["joint_mrad"]):
+            axes.plot(one["time_s"], values, color=COLOURS[j], label=f"axis {j + 1}")
+        axes.set_title(title)
+        axes.set_xlabel("time [s]")
+    row[0].set_ylabel("tracking error [mrad]")
+    row[1].legend()
+    return figure
+
+
+def _deviation(curves: Tree) -> Figure:
+    figure, (row,) = _figure(1, 3, 2.4, sharey=True)
+    for i, (axes, name) in enumerate(zip(row, "xyz", strict=True)):
+        for colour, key, label in (
+            (COLOURS[1], "plain", "without"),
+            (COLOURS[0], "compensated", "with compensation"),
+        ):
+            one = curves[key]
+            axes.plot(one["time_s"], one["deviation_mm"][i], color=colour, label=label)
+        axes.set_title(f"{name} direction")
+        axes.set_xlabel("time [s]")
+    row[0].set_ylabel("path error [mm]")
+    row[2].legend()
+    return figure

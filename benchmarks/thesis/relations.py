@@ -1,0 +1,214 @@
+"""`relations`: statements of the thesis, checked on our results."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from benchmarks.thesis.records import Tree
+
+SMALL: Final = 0.05
+"""Largest relative change that counts as none."""
+
+ILL: Final = 10.0
+"""Ratio of condition numbers from which the larger one counts as bad."""
+
+
+@dataclass(frozen=True)
+class Relation:
+    """A statement of the thesis.
+
+    Attributes:
+        section: Section of the page in which the statement is.
+        text: The statement with our numbers.
+        holds: True if our results agree.
+    """
+
+    section: str
+    text: str
+    holds: bool
+
+
+def relations(facts: Tree, results: Tree) -> list[Relation]:
+    """Return all relations.
+
+    Relations about the scatter of estimates need several experiments, so short results (`quick`)
+    are not asked for them.
+    """
+    return [
+        *_robot(facts, results["robot"]),
+        *_plate(results["robot"]),
+        *_friction(results["friction"]),
+        *_sensitivity(results["sensitivity"]),
+        *_payload(facts, results["payload"], results["quick"]),
+        *_path(facts, results["path"]),
+    ]
+
+
+def _robot(facts: Tree, robot: Tree) -> Iterator[Relation]:
+    count, wanted = robot["internal"]["links"], facts["base_parameters"]["internal_links"]
+    yield Relation(
+        "base",
+        f"The internal model has {wanted} independent parameters of the links; ours has {count}.",
+        count == wanted,
+    )
+    ours, without = robot["internal"]["points_nm"][2], robot["without_rotors"]["points_nm"][2]
+    yield Relation(
+        "rotors",
+        "A model without rotor inertia predicts the torque of axis 3 less accurately: the error"
+        f" is {without / ours:.2f} times as large.",
+        without > (1.0 + SMALL) * ours,
+    )
+    change = _largest_change(robot["calibrated"]["points_nm"], robot["internal"]["points_nm"])
+    yield Relation(
+        "kinematics",
+        "Calibrated kinematics do not improve the torque prediction: no error changes by more than"
+        f" {100.0 * SMALL:g} % (largest change {100.0 * change:.1f} %).",
+        change <= SMALL,
+    )
+    worse = robot["calibrated"]["condition"] / robot["internal"]["condition"]
+    yield Relation(
+        "kinematics",
+        "With calibrated kinematics, the equations are badly conditioned, because further"
+        f" parameters are hardly excited: the condition number is {worse:.0f} times as large.",
+        worse > ILL,
+    )
+
+
+def _plate(robot: Tree) -> Iterator[Relation]:
+    std = np.array([each["std"] for each in robot["deviations"]])
+    gain = float(np.min(np.minimum(std[:, 0], std[:, 1]) / std[:, 2]))
+    yield Relation(
+        "deviations",
+        "The combined model has the smallest standard deviation for every parameter: the smaller"
+        f" one of internal and external model is at least {gain:.2f} times as large.",
+        gain >= 1.0,
+    )
+    change = _largest_change(robot["combined"]["points_nm"], robot["internal"]["points_nm"])
+    yield Relation(
+        "plate_torque",
+        "The plate does not improve the torque prediction: no error changes by more than"
+        f" {100.0 * SMALL:g} % (largest change {100.0 * change:.1f} %).",
+        change <= SMALL,
+    )
+    change = _largest_change(robot["combined"]["wrench"], robot["external"]["wrench"])
+    yield Relation(
+        "wrench",
+        "External and combined model predict the reaction equally well: no error differs by more"
+        f" than {100.0 * SMALL:g} % (largest difference {100.0 * change:.1f} %).",
+        change <= SMALL,
+    )
+
+
+def _friction(friction: Tree) -> Iterator[Relation]:
+    cold, warm = (_mean_friction(friction[name]["axis4"]) for name in ("cold", "warm"))
+    yield Relation(
+        "warm",
+        "A warm robot has less friction than a cold one: axis 4 has"
+        f" {100.0 * (1.0 - warm / cold):.0f} % less.",
+        warm < cold,
+    )
+    empty, loaded = (_mean_friction(friction[name]["axis6"]) for name in ("warm", "loaded"))
+    yield Relation(
+        "loaded",
+        "A payload increases friction: axis 6 has"
+        f" {100.0 * (loaded / empty - 1.0):.1f} % more with the medium payload.",
+        loaded > empty,
+    )
+
+
+def _sensitivity(table: Tree) -> Iterator[Relation]:
+    worst = max(max(row["torque_percent"]) for row in table.values())
+    largest = max(max(abs(each) for each in row["percent"]) for row in table.values())
+    yield Relation(
+        "prediction",
+        "Wrong assumptions about the robot change the parameters much more than the predicted"
+        f" torque: parameters by up to {largest:.0f} %, torques by up to {worst:.1f} %.",
+        worst < 0.1 * largest,
+    )
+    mass = {case: abs(row["percent"][0]) for case, row in table.items()}
+    slight = max(
+        mass[case]
+        for case in ("wrist coupling neglected", "efficiency 95 %",
+                     "25 % of friction acts in the joints")
+    )  # fmt: skip
+    yield Relation(
+        "mass",
+        "Wrong link parameters cause the largest error of the mass; coupling, gear losses and"
+        f" friction in the joints hardly any: {mass['robot links']:.1f} % and at most"
+        f" {slight:.1f} %.",
+        mass["robot links"] == max(mass.values()) and slight < 1.0,
+    )
+
+
+def _payload(facts: Tree, payload: Tree, quick: bool) -> Iterator[Relation]:
+    limits = facts["payload_errors"]
+    own = [each for each in payload["experiments"] if each["procedure"] == "difference"]
+    errors = np.abs([each["errors"] for each in own])
+    std = np.array([each["std"] for each in own])
+    mass, centre = errors[:, 0].max(), 1e3 * errors[:, 1:4].max()
+    inside = float(np.mean(errors <= limits["sigmas"] * std))
+    if not quick:
+        yield Relation(
+            "payloads",
+            f"The mass is within {1e3 * limits['mass_kg']:.0f} g and the centre of gravity within a"
+            f" few millimetres: worst {1e3 * mass:.0f} g and {centre:.1f} mm.",
+            mass <= limits["mass_kg"] and centre <= limits["centre_mm"],
+        )
+        yield Relation(
+            "payloads",
+            "The true values are within two standard deviations: this holds for"
+            f" {100.0 * inside:.0f} % of ours (at least 90 %).",
+            inside >= 0.9,
+        )
+    model = [each["std"][0] for each in payload["experiments"] if each["procedure"] == "model"]
+    ratio = float(np.mean(model) / np.mean(std[:, 0]))
+    yield Relation(
+        "model",
+        "A modelled robot gives a less certain mass than a second run: its standard deviation is"
+        f" {ratio:.1f} times as large.",
+        ratio > 1.0,
+    )
+
+
+def _path(facts: Tree, path: Tree) -> Iterator[Relation]:
+    theirs = facts["path"]
+    plain, ours = path["circle_plain"], path["circle_classical"]
+    for key, wanted in (
+        ("mean_mm", theirs["plain_mean_mm"] / theirs["compensated_mean_mm"]),
+        ("max_mm", theirs["plain_max_mm"] / theirs["compensated_max_mm"]),
+    ):
+        ratio = plain[key] / ours[key]
+        yield Relation(
+            "path",
+            f"Compensation reduces the {'mean' if key == 'mean_mm' else 'largest'} path error"
+            f" {wanted:.1f} times; ours {ratio:.1f} times.",
+            ratio >= wanted,
+        )
+    peak = max(ours["peaks_mrad"])
+    wanted = facts["joint_peaks"]["compensated_mrad"]
+    yield Relation(
+        "path",
+        f"With compensation the joint errors are at most about {wanted:g} mrad; ours {peak:.2f}.",
+        peak <= wanted,
+    )
+    better = min(
+        path["other_plain"][key] / path["other_classical"][key] for key in ("mean_mm", "max_mm")
+    )
+    yield Relation(
+        "other_path",
+        "Compensation also improves a circle that was not used for tuning: at least"
+        f" {better:.1f} times.",
+        better > 1.0,
+    )
+
+
+def _largest_change(new: list[float], old: list[float]) -> float:
+    return float(np.max(np.abs(np.array(new) / np.array(old) - 1.0)))
+
+
+def _mean_friction(curve: Tree) -> float:
+    return float(np.mean(curve["friction_nm"]))

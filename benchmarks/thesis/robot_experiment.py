@@ -1,0 +1,215 @@
+"""Experiments of chapters 3, 4 and 6 on ir361: identification on a force plate, path errors."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import yaml
+
+from acquisition.motion.kinds.fourier import FourierMotion
+from acquisition.motion.motion_file import load_motion
+from benchmarks.loaded import Workplace
+from benchmarks.paths import CIRCLES, circle_text
+from benchmarks.thesis.records import Tree, curve, numbers, rounded
+from config.load import load_cell, to_yaml
+
+CELL: Final = "ir361_thesis"
+PERIOD_S: Final = 9.6
+"""Period of the excitation [s]; the thesis's 10 s are no whole number of cycles of 6 ms."""
+
+CLASSICAL: Final = ("--friction-terms", "coulomb,viscous")
+OTHER_CIRCLE: Final = "vertical circle of 30 cm at 0.5 m/s"
+
+
+def robot_results(folder: Path, quick: bool) -> Tree:
+    """Return excitation, accuracy of the parameters and prediction errors (chapters 3 and 4)."""
+    work = Workplace(folder, CELL)
+    loaded = load_cell(CELL)
+    assert loaded.plant is not None
+    assert loaded.plant.unmodelled is not None
+    words = ("design", CELL, "-o", work.path("excitation.yaml"), "--harmonics", "5")
+    times = ("--period", str(PERIOD_S), "--periods", "3" if quick else "16")
+    work(*words, *times, "--starts", "2", runs=False)
+    points = {"kind": "multipoint", "robot": "ir361", "points": 20, "seed": 1}
+    Path(work.path("points.yaml")).write_text(yaml.safe_dump(points))
+    work.record("excitation", "excitation")
+    work.record("points", "points")
+    assert loaded.plant.unmodelled.kinematics is not None
+    calibrated = loaded.robot.model_copy(update={"kinematics": loaded.plant.unmodelled.kinematics})
+    (folder / "calibrated_robot.yaml").write_text(to_yaml(calibrated))
+    config = loaded.config.model_copy(update={"robot": str(folder / "calibrated_robot.yaml")})
+    (folder / "calibrated.yaml").write_text(to_yaml(config))
+    known = Workplace(folder, work.path("calibrated.yaml"))
+    known.record("excitation", "calibrated")
+    known.record("points", "calibrated points")
+    found: Tree = {"excitation": excitation(Path(work.path("excitation.yaml")), loaded.robot)}
+    models: Tree = {}
+    for name, run, options in (
+        ("internal", "excitation", ()),
+        ("without_rotors", "excitation", ("--no-rotors",)),
+        ("calibrated", "calibrated", ()),
+        ("external", "excitation", ("--model", "external")),
+        ("combined", "excitation", ("--model", "combined")),
+    ):
+        words = ("identify", run, *options, "-o", work.path(f"{name}.json"), "--no-diagnose")
+        document = work(*words, codes=(0, 6))
+        judged = "calibrated points" if name == "calibrated" else "points"
+        other = work("validate", work.path(f"{name}.json"), judged, codes=(0, 1))
+        models[name] = model_results(document, other)
+        if name == "combined":
+            models["deviations"] = deviations(document["plate"]["improvement"]["parameters"])
+        if name in ("internal", "without_rotors", "combined"):
+            models[name]["curves"] = curves(folder, judged, with_wrench=name == "combined")
+    return found | models
+
+
+def excitation(path: Path, robot: Any) -> Tree:
+    """Return condition number, crest factors and curves of a designed excitation."""
+    motion = FourierMotion.require(load_motion(path), "the excitation is periodic")
+    trajectory = motion.trajectory(robot, 0.006)
+    time_s = trajectory.sample_times_s
+    v = trajectory.velocity(time_s)
+    text = path.read_text().splitlines()[1]
+    return {
+        "condition": float(text.split("Condition number ")[1].split(";")[0]),
+        "velocity_crest": numbers(np.abs(v).max(axis=0) / np.sqrt(np.mean(v**2, axis=0))),
+        "time_s": curve(time_s),
+        "position_rad": [curve(each) for each in trajectory.position(time_s).T],
+    }
+
+
+def model_results(document: Tree, other: Tree) -> Tree:
+    """Return the results of an identified model and of its validation on the random points."""
+    estimate = document["estimate"]
+    names = [each["name"] for each in estimate["parameters"]]
+    rigid = [name for name in names if name[:3] not in ("fc_", "fv_", "k_s", "P0_")]
+    found: Tree = {
+        "links": len([name for name in rigid if not name.startswith("Im")]),
+        "rigid": len(rigid),
+        "condition": rounded(estimate["condition_number"]),
+        "excitation_nm": numbers([each["residual"] for each in estimate["axes"]]),
+        "points_nm": numbers([each["rms_error"] for each in other["validation"]["axes"]]),
+    }
+    if other.get("reaction"):
+        parts = other["reaction"]["components"]
+        found["wrench"] = numbers([each["rms_error"] for each in parts])
+        found["wrench_percent"] = numbers([each["relative_error_percent"] for each in parts])
+    return found
+
+
+def deviations(parameters: list[Tree]) -> list[Tree]:
+    """Return the standard deviations of parameters that torques and plate both determine."""
+    kept = []
+    for each in parameters:
+        three = [each[f"std_{name}"] for name in ("internal", "external", "combined")]
+        if all(three):
+            kept.append({"words": each["words"], "unit": each["unit"], "std": numbers(three)})
+    return kept
+
+
+def curves(folder: Path, label: str, with_wrench: bool) -> Tree:
+    """Return measured and predicted torque of a run, from its report."""
+    result = run_result(folder, label)
+    torque = result["curves"]["torque"]
+    found: Tree = {
+        "time_s": curve(torque["time_s"]),
+        "measured": [curve(axis["measured"]) for axis in torque["axes"]],
+        "predicted": [curve(axis["predicted"]) for axis in torque["axes"]],
+    }
+    if with_wrench:
+        found["wrench_time_s"] = curve(result["reaction"]["time_s"])
+        for key in ("measured", "predicted"):
+            parts = result["reaction"]["components"]
+            found[f"wrench_{key}"] = [curve(part[key]) for part in parts]
+    return found
+
+
+def run_result(folder: Path, label: str) -> Tree:
+    """Return the results of the run with a label."""
+    for manifest in (folder / "runs").glob("*/manifest.json"):
+        if json.loads(manifest.read_text(encoding="utf-8"))["label"] == label:
+            found: Tree = json.loads(manifest.with_name("result.json").read_text(encoding="utf-8"))
+            return found
+    raise SystemExit(f"{folder}: no run {label!r}")
+
+
+def path_results(folder: Path, quick: bool) -> Tree:
+    """Return velocity loops, and path errors without and with compensation (chapter 6).
+
+    The folder has the excitation run of `robot_results`. The first circle tunes the compensation;
+    the other circle is used for its validation only.
+    """
+    config = load_cell(CELL).config.model_copy(update={"plate": None, "name": "arm"})
+    (folder / "arm.yaml").write_text(to_yaml(config))
+    work = Workplace(folder, str(folder / "arm.yaml"))
+    work("design", work.cell, "--kind", "multisine", "-o", work.path("multisine.yaml"), runs=False)
+    work.record("multisine", "multisine")
+    loop = work("loop", "multisine", "-o", work.path("loops.json"))
+    found: Tree = {"loop": loop_results(loop["axes"][0])}
+    models: dict[str, tuple[str, ...]] = {"classical": CLASSICAL, "chosen": ("--choose",)}
+    periods = 3 if quick else 15
+    circles = {"circle": CIRCLES["circle of 40 cm at 0.6 m/s"], "other": CIRCLES[OTHER_CIRCLE]}
+    for circle, own in circles.items():
+        Path(work.path(f"{circle}.yaml")).write_text(circle_text(own, periods))
+        work.record(circle, f"{circle} plain")
+    for model, options in models.items():
+        file = work.path(f"{model}.json")
+        words = ("identify", "excitation", *options, "-o", file, "--no-diagnose")
+        work(*words, codes=(0, 6))
+        for circle in circles:
+            label, ahead = f"{circle} {model}", work.path(f"{circle}-{model}.json")
+            words = ("compensate", work.cell, work.path(f"{circle}.yaml"), "--model", file)
+            more = ("--loop", work.path("loops.json"), "--reference", "circle plain")
+            work(*words, *more, "-o", ahead)
+            work.record(circle, label, "--feedforward", ahead)
+            motion = work("tracking", label, "--against", f"{circle} plain")["motions"][0]
+            found[f"{circle}_plain"] = path_error(motion["against"])
+            found[f"{circle}_{model}"] = path_error(motion)
+        if model == "classical":
+            found["curves"] = path_curves(run_result(folder, "circle classical"))
+    return found
+
+
+def loop_results(axis: Tree) -> Tree:
+    """Return gain, integral time and response of a velocity loop up to 5 Hz, as in figure 6.4."""
+    found: Tree = {
+        "gain_nm_s": rounded(axis["gain"]),
+        "integral_time_s": rounded(axis["integral_time_s"]),
+    }
+    for name, response in (("measured", axis["response"]), ("model", axis["response"]["fit"])):
+        hz = np.array(response["frequency_hz"])
+        low = hz <= 5.0
+        found[name] = {
+            "frequency_hz": curve(hz[low]),
+            "magnitude_db": curve(20.0 * np.log10(np.array(response["magnitude"])[low])),
+            "phase_deg": curve(np.array(response["phase_deg"])[low]),
+        }
+    return found
+
+
+def path_error(motion: Tree) -> Tree:
+    """Return a motion's path error [mm] and its joint peaks [mrad]."""
+    peaks = motion["joint_peak"]
+    values = peaks.values() if isinstance(peaks, dict) else peaks
+    return {
+        "mean_mm": rounded(1e3 * motion["mean_m"]),
+        "max_mm": rounded(1e3 * motion["max_m"]),
+        "peaks_mrad": numbers([1e3 * each for each in values]),
+    }
+
+
+def path_curves(result: Tree) -> Tree:
+    """Return joint and path errors of one turn without and with compensation."""
+    drawn = result["tracking"]["motions"][0]["drawn"]
+    found: Tree = {}
+    for name, key in (("plain", "before"), ("compensated", "after")):
+        one = drawn[key]
+        found[name] = {
+            "time_s": curve(one["time_s"]),
+            "joint_mrad": [curve(1e3 * np.array(each)) for each in one["joint"]],
+            "deviation_mm": [curve(1e3 * np.array(each)) for each in one["deviation_m"]],
+        }
+    return found

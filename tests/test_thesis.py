@@ -1,0 +1,100 @@
+"""`docs/thesis.md`: its numbers are those of the last full run, and the thesis's relations hold."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks.thesis.__main__ import DOCS, PAGE, PICTURES, RESULTS
+from benchmarks.thesis.page import page_text
+from benchmarks.thesis.records import load_facts, load_results
+from benchmarks.thesis.relations import relations
+from config.load import load_cell
+from identification.sensitivity.cases import thesis_cases
+
+LARGEST_BYTES = 150_000
+
+
+@pytest.fixture(scope="module")
+def facts() -> dict[str, Any]:
+    return load_facts()
+
+
+@pytest.fixture(scope="module")
+def results() -> dict[str, Any]:
+    return load_results(RESULTS)
+
+
+def test_the_page_has_the_numbers_of_facts_and_results(
+    facts: dict[str, Any], results: dict[str, Any]
+) -> None:
+    assert results["quick"] is False
+    assert PAGE.read_text(encoding="utf-8") == page_text(facts, results)
+
+
+def test_every_relation_of_the_thesis_holds(facts: dict[str, Any], results: dict[str, Any]) -> None:
+    found = relations(facts, results)
+    assert len(found) > 15
+    assert [each.text for each in found if not each.holds] == []
+
+
+def test_a_relation_that_does_not_hold_is_found(
+    facts: dict[str, Any], results: dict[str, Any]
+) -> None:
+    path = results["path"] | {"circle_classical": results["path"]["circle_plain"]}
+    broken = [each for each in relations(facts, results | {"path": path}) if not each.holds]
+    assert {each.section for each in broken} == {"path"}
+    assert len(broken) == 3
+
+
+def test_every_picture_of_the_page_exists_and_is_small() -> None:
+    linked = re.findall(r"\]\((pictures/thesis/[a-z]+\.svg)\)", PAGE.read_text(encoding="utf-8"))
+    assert {DOCS / each for each in linked} == set(PICTURES.glob("*"))
+    for each in linked:
+        assert (DOCS / each).stat().st_size < LARGEST_BYTES
+
+
+def test_the_simulated_robots_have_the_values_of_the_thesis(facts: dict[str, Any]) -> None:
+    plant = load_cell("kr15").plant
+    assert plant is not None
+    axes = plant.axes
+    assert [axis.coulomb_nm for axis in axes] == facts["friction"]["coulomb_nm"]
+    assert [axis.viscous_nm_s for axis in axes] == facts["friction"]["viscous_nm_s"]
+    masses = {name: body.mass_kg for name, body in plant.payloads.items()}
+    assert masses == facts["payloads"]["mass_kg"]
+    assert load_cell("ir361_thesis").robot == load_cell("ir361").robot
+
+
+def test_each_row_of_table_5_3_is_a_case_of_the_program(facts: dict[str, Any]) -> None:
+    cases = {case.words for case in thesis_cases(6)}
+    assert set(facts["sensitivity"]["rows"]) <= cases
+
+
+@pytest.mark.long
+def test_a_quick_run_reproduces_the_results(
+    facts: dict[str, Any], results: dict[str, Any], tmp_path: Path
+) -> None:
+    file = tmp_path / "quick.json"
+    words = ["-m", "benchmarks.thesis", "--quick", "--results", str(file)]
+    assert subprocess.run([sys.executable, *words], check=False).returncode == 0
+    quick = load_results(file)
+    for of_robot in ("internal", "without_rotors", "calibrated", "combined"):
+        own, stored = (each["robot"][of_robot] for each in (quick, results))
+        assert own["rigid"] == stored["rigid"]
+        assert np.allclose(own["points_nm"], stored["points_nm"], rtol=0.15)
+    for name in ("circle_plain", "circle_classical", "circle_chosen"):
+        for key in ("mean_mm", "max_mm"):
+            assert quick["path"][name][key] == pytest.approx(results["path"][name][key], rel=0.3)
+    assert quick["sensitivity"] == results["sensitivity"]
+    own = quick["payload"]["friction"]
+    assert np.allclose(own["coulomb_nm"], results["payload"]["friction"]["coulomb_nm"], rtol=0.1)
+    assert {each["payload"] for each in quick["payload"]["experiments"]} == {"medium"}
+    medium = facts["payloads"]["mass_kg"]["medium"]
+    for each in quick["payload"]["experiments"]:
+        assert abs(each["values"][0] - medium) < 4.0 * each["std"][0]
