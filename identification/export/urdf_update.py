@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from config.arrays import FloatArray
-from config.errors import ConfigError, EstimationError
+from config.errors import EstimationError
 from config.formats.urdf_file import read_urdf
 from config.formats.xml_edit import XmlEditor
 from config.formats.xml_tree import parse_xml
@@ -24,7 +24,7 @@ from identification.consistency.closest_robot import NominalLinks
 from identification.consistency.rigid_body import LinkBody
 from identification.export.model import ExportModel
 from identification.export.text import comment_text, header_lines
-from identification.export.urdf_arm import MatchedArm, match_arm
+from identification.export.urdf_arm import read_arm
 from identification.export.urdf_bodies import MovingBodies
 from identification.export.urdf_elements import write_dynamics, write_inertial
 
@@ -96,7 +96,7 @@ class UrdfUpdate:
         """
         self.file = file
         self._data = data
-        self._literal, self._matched = _match(data, file, model, tip)
+        self._literal, self._matched = read_arm(data, file, model, tip)
         self.bodies = MovingBodies.of(self._matched, model)
 
     @property
@@ -208,29 +208,6 @@ class UrdfUpdate:
                 " discarded",
                 code="RID-INTERNAL-ERROR",
             )
-
-
-def _match(data: bytes, file: str, model: ExportModel, tip: str | None) -> tuple[bool, MatchedArm]:
-    """Return the arm, and True if its angles are used as written.
-
-    Rounded angles are replaced by exact ones (`AngleReading`) if the axes then agree better.
-
-    Raises:
-        ConfigError: Neither reading has an arm with the model's axes, or the file cannot be read.
-    """
-    found: list[tuple[bool, MatchedArm]] = []
-    refused: list[ConfigError] = []
-    for literal in (False, True):
-        try:
-            tree = read_urdf(data, file, literal_angles=literal)
-            found.append((literal, match_arm(tree, model, tip)))
-        except ConfigError as error:
-            if error.refusal != "RID-URDF-KINEMATICS":
-                raise
-            refused.append(error)
-    if not found:
-        raise refused[0]
-    return min(found, key=lambda each: each[1].angle_rad + each[1].distance_m)
 
 
 def _has_friction(model: ExportModel, joint: int) -> bool:

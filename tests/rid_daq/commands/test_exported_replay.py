@@ -69,9 +69,8 @@ def replay(real_robot: Path, tmp_path_factory: pytest.TempPathFactory) -> Replay
     estimate = read_estimate(model)
     data = RunData.load(find_run(folder / "runs", "other"))
     signals = smoothed_recording(data.recording, estimate.band_hz)
-    motion = [each[::STEP] for each in (signals.position, signals.velocity, signals.acceleration)]
-    predicted = predict(estimate, *motion)
-    return Replay(folder, *motion, predicted, signals.torque_nm[::STEP])
+    q, v, a = (each[::STEP] for each in (signals.position, signals.velocity, signals.acceleration))
+    return Replay(folder, q, v, a, predict(estimate, q, v, a), signals.torque_nm[::STEP])
 
 
 def exported(replay: Replay, name: str, *words: str) -> dict[str, Any]:
