@@ -285,6 +285,25 @@ def test_options_of_an_update_are_checked(
     assert code in capsys.readouterr().err
 
 
+def test_a_fixed_link_that_does_not_fit_into_the_measured_body_is_refused(
+    model_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own, out = tmp_path / "own.urdf", tmp_path / "updated.urdf"
+    assert run(["export", str(model_file), "--to", "urdf", "-o", str(own)]) == 0
+    heavy = (
+        '<link name="anvil"><inertial><mass value="900"/><inertia ixx="9" ixy="0" ixz="0"'
+        ' iyy="9" iyz="0" izz="9"/></inertial></link><joint name="bolt" type="fixed">'
+        '<origin xyz="1 0 0"/><parent link="link3"/><child link="anvil"/></joint></robot>'
+    )
+    own.write_text(own.read_text().replace("</robot>", heavy))
+    words = ["export", str(model_file), "--to", "urdf", "--urdf", str(own), "-o", str(out)]
+    assert run(words) == 6
+    refused = capsys.readouterr().err
+    assert "RID-EXPORT-LINKS" in refused
+    assert "anvil" in refused
+    assert not out.exists()
+
+
 def test_parameters_of_the_kdl_solver_name_the_chain_of_a_urdf(
     estimate: Estimate, model_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
