@@ -85,8 +85,11 @@ class MatchedArm:
         waiting = [last]
         while waiting:
             link = waiting.pop(0)
-            apart = self.places[link] - tool
-            if np.abs(apart[:3, 3]).max() < DISTANCE_M and np.abs(apart[:3, :3]).max() < ANGLE_RAD:
+            difference = self.places[link] - tool
+            if (
+                np.abs(difference[:3, 3]).max() < DISTANCE_M
+                and np.abs(difference[:3, :3]).max() < ANGLE_RAD
+            ):
                 return link
             waiting += [
                 joint.child

@@ -37,13 +37,13 @@ _OWN_COMMENT: Final = re.compile(rb"\r?\n<!-- Updated inertias and friction\.(?s
 class ChangedLink:
     """A link with a new `<inertial>`; `before_kg` is None if the URDF stated no mass.
 
-    `companions` are links that move with it and keep their values.
+    `unchanged_links` are links that move with it and keep their values.
     """
 
     name: str
     before_kg: float | None
     body: LinkBody
-    companions: tuple[str, ...]
+    unchanged_links: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -100,9 +100,9 @@ class UrdfUpdate:
         self.bodies = MovingBodies.of(self._matched, model)
 
     @property
-    def companions(self) -> tuple[tuple[str, ...], ...]:
+    def unchanged_links(self) -> tuple[tuple[str, ...], ...]:
         """For each joint, the links with mass that it moves and that keep their values."""
-        return tuple(tuple(self.bodies.companions(j)) for j in range(len(self.bodies.changed)))
+        return tuple(tuple(self.bodies.unchanged_links(j)) for j in range(len(self.bodies.changed)))
 
     @property
     def nominal(self) -> NominalLinks:
@@ -130,7 +130,9 @@ class UrdfUpdate:
             write_inertial(editor, elements[name], body)
             inertial = self._matched.tree.links[name].inertial
             before = None if inertial is None else inertial.mass_kg
-            links.append(ChangedLink(name, before, body, tuple(self.bodies.companions(number))))
+            links.append(
+                ChangedLink(name, before, body, tuple(self.bodies.unchanged_links(number)))
+            )
         elements = {each.attributes["name"]: each for each in root.all("joint")}
         for number, joint in enumerate(self._matched.arm.joints):
             if not _has_friction(model, number):
@@ -164,17 +166,16 @@ class UrdfUpdate:
         if outside:
             yield f"outside the arm, and unchanged: {', '.join(outside)}"
         for number, name in enumerate(bodies.changed):
-            companions = bodies.companions(number)
-            if companions:
+            others = bodies.unchanged_links(number)
+            if others:
                 yield (
-                    f"{', '.join(companions)} move with {name} and keep their values; {name} takes"
-                    " the difference between the identified body and their sum"
+                    f"{', '.join(others)} move with {name} and keep their values; {name} takes the"
+                    " difference between the identified body and their sum"
                 )
-        if bodies.companions(len(bodies.changed) - 1) or model.robot.tool_offset_m != (0.0,) * 3:
-            yield (
-                f"whatever was mounted on the flange during the identification is part of the last"
-                f" body, and so of {bodies.changed[-1]} unless links of the URDF describe it"
-            )
+        yield (
+            "whatever was mounted on the flange during the identification is part of the last body,"
+            f" and so of {bodies.changed[-1]} unless links of the URDF describe it"
+        )
         yield from bodies.held
         for number, comment in bodies.links.comments.items():
             yield f"nominal values of {bodies.changed[number]}: {comment}"

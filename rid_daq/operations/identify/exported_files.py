@@ -26,7 +26,7 @@ from identification.export.kdl import kdl_notes, kdl_parameters
 from identification.export.model import ExportModel
 from identification.export.table import csv_table, json_table
 from identification.export.urdf_arm import read_arm
-from identification.export.urdf_update import UrdfUpdate
+from identification.export.urdf_update import UpdatedUrdf, UrdfUpdate
 from identification.model.still_joints import refuse_unmoved_joints
 from identification.regression.fit_grade import Grade
 from rid_daq.operations.identify.export import ExportedModel, ExportedRecording, ExportRequest
@@ -170,20 +170,31 @@ def update_urdf(request: ExportRequest, path: Path, estimate: Estimate) -> Expor
     """Write a user's URDF with the identified inertias and friction.
 
     Raises:
+        ConfigError, EstimationError: As raised by `updated_urdf`.
+        RecordingError: The file cannot be written.
+    """
+    chosen, sentence, updated = updated_urdf(request, path, estimate)
+    write_whole(request.output, updated.data)
+    section = UpdatedUrdfSection.of(estimate, chosen, updated)
+    torques = exported_torques(estimate, chosen, updated.joint_names, has_armatures=False)
+    return ExportedModel(request, estimate.robot.name, sentence, chosen.test, torques, section)
+
+
+def updated_urdf(
+    request: ExportRequest, path: Path, estimate: Estimate
+) -> tuple[ExportModel, str, UpdatedUrdf]:
+    """Return the written parameters, their origin as a sentence, and the updated file.
+
+    Raises:
         ConfigError: The URDF cannot be read, or does not contain the identified robot.
         EstimationError: As raised by `exported_parameters`; or links that keep their values do not
             fit into the identified bodies.
-        RecordingError: The file cannot be written.
     """
     update = UrdfUpdate(_read(path), str(path), ExportModel.identified(estimate), request.tip)
     chosen, sentence = exported_parameters(request, estimate, update.nominal)
     if not request.despite_misfit:
         _require_room(update, estimate, chosen)
-    updated = update.with_model(chosen)
-    write_whole(request.output, updated.data)
-    section = UpdatedUrdfSection.of(estimate, chosen, updated)
-    torques = exported_torques(estimate, chosen, updated.joint_names, has_armatures=False)
-    return ExportedModel(request, estimate.robot.name, sentence, chosen.test, torques, section)
+    return chosen, sentence, update.with_model(chosen)
 
 
 def export_kdl(request: ExportRequest, estimate: Estimate) -> ExportedModel:
@@ -231,7 +242,7 @@ def _require_room(update: UrdfUpdate, estimate: Estimate, chosen: ExportModel) -
     sigmas = np.abs(moved) / estimate.sigma
     worst = int(np.argmax(sigmas))
     if sigmas[worst] > MOST_SIGMAS:
-        names = sorted({name for each in update.companions for name in each})
+        names = sorted({name for each in update.unchanged_links for name in each})
         raise EstimationError(
             f"{update.file}: the links {', '.join(names)} keep their <inertial>, which is too large"
             f" for the identified bodies: {estimate.base.names[worst]} would change by"
