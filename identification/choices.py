@@ -96,6 +96,7 @@ class LoadFormat(StrEnum):
     ABB = "abb"
     FANUC = "fanuc"
     UR = "ur"
+    UR_ROS2 = "ur-ros2"
     FRANKA = "franka"
     STAUBLI = "staubli"
     URDF = "urdf"

@@ -16,6 +16,7 @@ import numpy as np
 from config.arrays import BoolArray, FloatArray
 from config.errors import ConfigError
 from config.formats.urdf import MOVING, UrdfTree
+from config.formats.urdf_file import read_urdf
 from config.robot.urdf_chain import UrdfArm, held_positions
 from identification.export.model import ExportModel, tool_frame
 
@@ -84,8 +85,11 @@ class MatchedArm:
         waiting = [last]
         while waiting:
             link = waiting.pop(0)
-            apart = self.places[link] - tool
-            if np.abs(apart[:3, 3]).max() < DISTANCE_M and np.abs(apart[:3, :3]).max() < ANGLE_RAD:
+            difference = self.places[link] - tool
+            if (
+                np.abs(difference[:3, 3]).max() < DISTANCE_M
+                and np.abs(difference[:3, :3]).max() < ANGLE_RAD
+            ):
                 return link
             waiting += [
                 joint.child
@@ -146,6 +150,37 @@ def match_arm(tree: UrdfTree, model: ExportModel, tip: str | None = None) -> Mat
             code="RID-URDF-ARM",
         )
     return (by_name or equal)[0].matched()
+
+
+def read_arm(
+    data: bytes, file: str, model: ExportModel, tip: str | None = None
+) -> tuple[bool, MatchedArm]:
+    """Return the arm of a URDF that is the identified robot, and True if angles are as written.
+
+    Rounded angles are replaced by exact ones (`AngleReading`) if the axes then agree better.
+
+    Args:
+        data: The file's bytes.
+        file: Name of the file in messages.
+        model: The identified robot.
+        tip: As for `match_arm`.
+
+    Raises:
+        ConfigError: Neither reading has an arm with the model's axes, or the file cannot be read.
+    """
+    found: list[tuple[bool, MatchedArm]] = []
+    refused: list[ConfigError] = []
+    for literal in (False, True):
+        try:
+            tree = read_urdf(data, file, literal_angles=literal)
+            found.append((literal, match_arm(tree, model, tip)))
+        except ConfigError as error:
+            if error.refusal != "RID-URDF-KINEMATICS":
+                raise
+            refused.append(error)
+    if not found:
+        raise refused[0]
+    return min(found, key=lambda each: each[1].angle_rad + each[1].distance_m)
 
 
 @dataclass(frozen=True, eq=False)

@@ -80,7 +80,7 @@ class MovingBodies:
         """Sum of all links as the URDF states them, in the model's frames, (n, 10)."""
         return np.array([self._sum(i, list(names)) for i, names in enumerate(self.carried[1:])])
 
-    def companions(self, number: int) -> list[str]:
+    def unchanged_links(self, number: int) -> list[str]:
         """Return the links with mass that move with a changed link and keep their values."""
         return [
             name
@@ -105,7 +105,7 @@ class MovingBodies:
             if body is None or not body.is_consistent:
                 raise EstimationError(
                     f"link {name!r} would be physically impossible: the links that are fixed to it"
-                    f" ({', '.join(self.companions(number))}) have {part[0]:.4g} kg of the"
+                    f" ({', '.join(self.unchanged_links(number))}) have {part[0]:.4g} kg of the"
                     f" identified {whole[0]:.4g} kg. Correct their <inertial> in the URDF",
                     code="RID-EXPORT-LINKS",
                 )

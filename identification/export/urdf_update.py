@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from config.arrays import FloatArray
-from config.errors import ConfigError, EstimationError
+from config.errors import EstimationError
 from config.formats.urdf_file import read_urdf
 from config.formats.xml_edit import XmlEditor
 from config.formats.xml_tree import parse_xml
@@ -24,7 +24,7 @@ from identification.consistency.closest_robot import NominalLinks
 from identification.consistency.rigid_body import LinkBody
 from identification.export.model import ExportModel
 from identification.export.text import comment_text, header_lines
-from identification.export.urdf_arm import MatchedArm, match_arm
+from identification.export.urdf_arm import read_arm
 from identification.export.urdf_bodies import MovingBodies
 from identification.export.urdf_elements import write_dynamics, write_inertial
 
@@ -37,13 +37,13 @@ _OWN_COMMENT: Final = re.compile(rb"\r?\n<!-- Updated inertias and friction\.(?s
 class ChangedLink:
     """A link with a new `<inertial>`; `before_kg` is None if the URDF stated no mass.
 
-    `companions` are links that move with it and keep their values.
+    `unchanged_links` are links that move with it and keep their values.
     """
 
     name: str
     before_kg: float | None
     body: LinkBody
-    companions: tuple[str, ...]
+    unchanged_links: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -96,13 +96,13 @@ class UrdfUpdate:
         """
         self.file = file
         self._data = data
-        self._literal, self._matched = _match(data, file, model, tip)
+        self._literal, self._matched = read_arm(data, file, model, tip)
         self.bodies = MovingBodies.of(self._matched, model)
 
     @property
-    def companions(self) -> tuple[tuple[str, ...], ...]:
+    def unchanged_links(self) -> tuple[tuple[str, ...], ...]:
         """For each joint, the links with mass that it moves and that keep their values."""
-        return tuple(tuple(self.bodies.companions(j)) for j in range(len(self.bodies.changed)))
+        return tuple(tuple(self.bodies.unchanged_links(j)) for j in range(len(self.bodies.changed)))
 
     @property
     def nominal(self) -> NominalLinks:
@@ -130,7 +130,9 @@ class UrdfUpdate:
             write_inertial(editor, elements[name], body)
             inertial = self._matched.tree.links[name].inertial
             before = None if inertial is None else inertial.mass_kg
-            links.append(ChangedLink(name, before, body, tuple(self.bodies.companions(number))))
+            links.append(
+                ChangedLink(name, before, body, tuple(self.bodies.unchanged_links(number)))
+            )
         elements = {each.attributes["name"]: each for each in root.all("joint")}
         for number, joint in enumerate(self._matched.arm.joints):
             if not _has_friction(model, number):
@@ -164,17 +166,16 @@ class UrdfUpdate:
         if outside:
             yield f"outside the arm, and unchanged: {', '.join(outside)}"
         for number, name in enumerate(bodies.changed):
-            companions = bodies.companions(number)
-            if companions:
+            others = bodies.unchanged_links(number)
+            if others:
                 yield (
-                    f"{', '.join(companions)} move with {name} and keep their values; {name} takes"
-                    " the difference between the identified body and their sum"
+                    f"{', '.join(others)} move with {name} and keep their values; {name} takes the"
+                    " difference between the identified body and their sum"
                 )
-        if bodies.companions(len(bodies.changed) - 1) or model.robot.tool_offset_m != (0.0,) * 3:
-            yield (
-                f"whatever was mounted on the flange during the identification is part of the last"
-                f" body, and so of {bodies.changed[-1]} unless links of the URDF describe it"
-            )
+        yield (
+            "whatever was mounted on the flange during the identification is part of the last body,"
+            f" and so of {bodies.changed[-1]} unless links of the URDF describe it"
+        )
         yield from bodies.held
         for number, comment in bodies.links.comments.items():
             yield f"nominal values of {bodies.changed[number]}: {comment}"
@@ -208,29 +209,6 @@ class UrdfUpdate:
                 " discarded",
                 code="RID-INTERNAL-ERROR",
             )
-
-
-def _match(data: bytes, file: str, model: ExportModel, tip: str | None) -> tuple[bool, MatchedArm]:
-    """Return the arm, and True if its angles are used as written.
-
-    Rounded angles are replaced by exact ones (`AngleReading`) if the axes then agree better.
-
-    Raises:
-        ConfigError: Neither reading has an arm with the model's axes, or the file cannot be read.
-    """
-    found: list[tuple[bool, MatchedArm]] = []
-    refused: list[ConfigError] = []
-    for literal in (False, True):
-        try:
-            tree = read_urdf(data, file, literal_angles=literal)
-            found.append((literal, match_arm(tree, model, tip)))
-        except ConfigError as error:
-            if error.refusal != "RID-URDF-KINEMATICS":
-                raise
-            refused.append(error)
-    if not found:
-        raise refused[0]
-    return min(found, key=lambda each: each[1].angle_rad + each[1].distance_m)
 
 
 def _has_friction(model: ExportModel, joint: int) -> bool:

@@ -18,7 +18,8 @@ from dynamics.model.memory import with_presliding_history
 from dynamics.model.robot_model import torque
 from identification.estimation.estimate import Estimate, base_regressor, predict
 from identification.estimation.file import read_estimate, write_estimate
-from identification.export.description import mjcf, pinocchio_model, urdf
+from identification.export.description import mjcf, pinocchio_model
+from identification.export.description import urdf as description_urdf
 from identification.export.model import ExportModel
 from identification.friction.curve import friction_columns
 from identification.payload.carried import contains_payload
@@ -28,7 +29,7 @@ from rid_daq.api.robot import Robot
 from rid_daq.blocks.block import AnyBlock
 from rid_daq.blocks.plot import Axis
 from rid_daq.operations.identify.export import ExportRequest
-from rid_daq.operations.identify.exported_files import exported_parameters
+from rid_daq.operations.identify.exported_files import exported_parameters, updated_urdf
 from rid_daq.operations.stated_payload import carry_judged, state_payload
 from rid_daq.report.section_blocks.estimate import estimate_blocks, fit_blocks, fit_verdict
 from rid_daq.report.sections.estimate import EstimateSection
@@ -295,20 +296,43 @@ class Model:
             )
         return replace(self, estimate=found, section=EstimateSection.of(found))
 
-    def to_urdf(self, *, despite_misfit: bool = False) -> str:
+    def to_urdf(
+        self,
+        urdf: str | Path | None = None,
+        *,
+        tip: str | None = None,
+        despite_misfit: bool = False,
+    ) -> str:
         """Return a URDF of the robot with the closest physically consistent parameters.
 
-        What a URDF cannot express is listed at its top.
+        What a URDF cannot express is listed in it as a comment.
 
         Args:
+            urdf: Your URDF of the robot, in UTF-8. The result is this file with the identified
+                inertias and friction; everything else stays. Without it, the result has the frames
+                and names of the model.
+            tip: Link behind the arm's last joint, if `urdf` has several equal arms.
             despite_misfit: Accept a model that does not explain its data, and data that no
                 physically consistent parameters explain.
 
         Raises:
-            EstimationError: The model does not explain its own data (RID-MODEL-MISFIT), or no
-                physically consistent parameters explain the data (RID-MODEL-INCONSISTENT).
+            ConfigError: `urdf` cannot be read, or its axes are not those of the robot
+                (RID-URDF-KINEMATICS).
+            EstimationError: The model does not explain its own data (RID-MODEL-MISFIT), no
+                physically consistent parameters explain the data (RID-MODEL-INCONSISTENT), or
+                links of `urdf` do not fit into the identified bodies (RID-EXPORT-LINKS).
         """
-        return urdf(self._export_model(Format.URDF, despite_misfit))
+        if urdf is None:
+            return description_urdf(self._export_model(Format.URDF, despite_misfit))
+        request = self._request(Format.URDF, despite_misfit).model_copy(update={"tip": tip})
+        data = updated_urdf(request, Path(urdf), self.estimate)[2].data
+        try:
+            return data.decode()
+        except UnicodeDecodeError:
+            raise ConfigError(
+                f"{urdf}: the file is not UTF-8; save it in UTF-8, or use rid-daq export",
+                code="RID-FILE-TYPE",
+            ) from None
 
     def to_pinocchio(self, *, despite_misfit: bool = False) -> Any:
         """Return the robot as a `pinocchio.Model`, with armatures, friction and damping.
@@ -361,13 +385,15 @@ class Model:
         return f"Model({self.estimate.robot.name}, {len(self.values)} base parameters)"
 
     def _export_model(self, form: Format, despite_misfit: bool) -> ExportModel:
-        request = ExportRequest(
+        return exported_parameters(self._request(form, despite_misfit), self.estimate)[0]
+
+    def _request(self, form: Format, despite_misfit: bool) -> ExportRequest:
+        return ExportRequest(
             what=f"model of {self.estimate.robot.name}",
             to=form,
             output=Path(form.value),
             despite_misfit=despite_misfit,
         )
-        return exported_parameters(request, self.estimate)[0]
 
     def _require_stated_payload(self) -> None:
         """Refuse a model that contains a payload, because nothing states what the robot carries."""

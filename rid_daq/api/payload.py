@@ -107,7 +107,7 @@ class Payload:
         """Return the load data in the format of a robot's controller, read back and compared.
 
         Args:
-            controller: kuka, abb, fanuc, ur, franka, staubli or urdf.
+            controller: kuka, abb, fanuc, ur, ur-ros2, franka, staubli or urdf.
 
         Raises:
             ConfigError: There is no such controller (RID-REQUEST-INVALID).

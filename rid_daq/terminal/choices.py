@@ -48,6 +48,7 @@ class Format(StrEnum):
     SDF = "sdf"
     MJCF = "mjcf"
     PINOCCHIO = "pinocchio"
+    KDL = "kdl"
     C = "c"
     PYTHON = "python"
     CSV = "csv"

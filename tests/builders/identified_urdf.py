@@ -63,7 +63,7 @@ def identified_urdf(data: bytes, tip: str | None = None) -> IdentifiedUrdf:
     base = base_parameters(options.build(robot))
     columns = base.columns(regressor(options.build(robot), q, v, a))
     rows = columns.reshape(-1, len(base))
-    values: FloatArray = np.linalg.lstsq(rows, torques.ravel(), rcond=None)[0]
+    values = np.asarray(np.linalg.lstsq(rows, torques.ravel(), rcond=None)[0], np.float64)
     covariance = np.diag((NOISE * np.abs(values) + 1e-5) ** 2)
     n = len(robot.joints)
     estimate = Estimate(

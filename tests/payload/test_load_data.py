@@ -8,6 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+import yaml
 
 from config.errors import ConfigError, EstimationError
 from identification.choices import LoadFormat
@@ -131,6 +132,21 @@ def test_a_universal_robots_call_agrees_with_values_by_hand() -> None:
     ]
 
 
+def test_a_request_of_the_ur_driver_agrees_with_values_by_hand() -> None:
+    request = yaml.safe_load(load_data(TURNED_ABOUT_Z, LoadFormat.UR_ROS2))
+    assert request == {
+        "mass": 4,
+        "center_of_gravity": {"x": 0.01, "y": -0.02, "z": 0.1},
+        "ixx": 0.035,
+        "iyy": 0.045,
+        "izz": 0.06,
+        "ixy": -0.00866025403784,
+        "ixz": 0,
+        "iyz": 0,
+        "transition_time": {"sec": 0, "nanosec": 100_000_000},
+    }
+
+
 def test_franka_values_are_column_major() -> None:
     text = load_data(TURNED_ABOUT_Z, LoadFormat.FRANKA)
     document = json.loads(text)
@@ -235,6 +251,8 @@ def test_an_inertia_beyond_the_controllers_limit_is_refused() -> None:
     heavy = PayloadBody(900.0, np.zeros(3), np.diag([140.0, 140.0, 140.0]))
     with raises_code(EstimationError, "RID-LOAD-DATA-RANGE", "140 kg", "133 kg"):
         load_data(heavy, LoadFormat.UR)
+    with raises_code(EstimationError, "RID-LOAD-DATA-RANGE"):
+        load_data(heavy, LoadFormat.UR_ROS2)
 
 
 def test_origin_lines_cannot_leave_their_comment() -> None:

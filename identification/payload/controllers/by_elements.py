@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.formats.urdf import rotation_of_rpy
 from identification.payload.body import PayloadBody
@@ -69,13 +70,7 @@ def from_fanuc(text: str) -> PayloadBody:
 
 def to_ur(body: PayloadBody, origin: tuple[str, ...], digits: Digits) -> str:
     """Write Universal Robots' set_target_payload."""
-    elements = body.reported[4:]
-    if np.max(np.abs(elements)) > LARGEST_UR_KG_M2:
-        raise EstimationError(
-            f"an inertia of {np.max(np.abs(elements)):.4g} kg m^2 exceeds the controller's"
-            f" largest value ({LARGEST_UR_KG_M2:g} kg m^2)",
-            code="RID-LOAD-DATA-RANGE",
-        )
+    elements = _ur_elements(body)
     head = (
         *origin,
         "set_target_payload(m [kg], centre of gravity [m] from the tool flange, inertia [kg m^2]",
@@ -101,6 +96,61 @@ def from_ur(text: str) -> PayloadBody:
         find_match(pattern, text, "set_target_payload(m, [x, y, z], [six elements])")
     )
     return PayloadBody.of_reported(values)
+
+
+def _ur_elements(body: PayloadBody) -> FloatArray:
+    """Return Ixx, Iyy, Izz, Ixy, Ixz, Iyz if the controller accepts them.
+
+    Raises:
+        EstimationError: An element is too large.
+    """
+    elements = body.reported[4:]
+    if np.max(np.abs(elements)) > LARGEST_UR_KG_M2:
+        raise EstimationError(
+            f"an inertia of {np.max(np.abs(elements)):.4g} kg m^2 exceeds the controller's"
+            f" largest value ({LARGEST_UR_KG_M2:g} kg m^2)",
+            code="RID-LOAD-DATA-RANGE",
+        )
+    return elements
+
+
+# Universal Robots' ROS 2 driver: a request of the service set_payload, in YAML.
+
+_UR_ROS2_ELEMENTS: Final = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+
+
+def to_ur_ros2(body: PayloadBody, origin: tuple[str, ...], digits: Digits) -> str:
+    """Write a request of the service set_payload of Universal Robots' ROS 2 driver."""
+    head = (
+        *origin,
+        "Request of ur_msgs/srv/SetPayload for the ROS 2 driver:",
+        "ros2 service call /io_and_status_controller/set_payload ur_msgs/srv/SetPayload"
+        ' "$(cat FILE)"',
+        "mass [kg]; center_of_gravity [m] from the tool flange; inertia [kg m^2] about the centre",
+        "of gravity in the flange's axes. NOT VERIFIED with a driver. Older versions of ur_msgs",
+        "have neither inertia nor transition_time in this message: delete these lines for them.",
+    )
+    x, y, z = (digits(value) for value in body.centre_m)
+    inertia = zip(_UR_ROS2_ELEMENTS, _ur_elements(body), strict=True)
+    return (
+        comments("#", head)
+        + "transition_time: {sec: 0, nanosec: 100000000}\n"
+        + f"mass: {digits(body.mass_kg)}\n"
+        + f"center_of_gravity: {{x: {x}, y: {y}, z: {z}}}\n"
+        + "".join(f"{name}: {digits(value)}\n" for name, value in inertia)
+    )
+
+
+def from_ur_ros2(text: str) -> PayloadBody:
+    """Read a request of the service set_payload; raise ValueError for any other text."""
+    centre = rf"\{{\s*x: {NUMBER}\s*,\s*y: {NUMBER}\s*,\s*z: {NUMBER}\s*\}}"
+    patterns = [
+        rf"(?m)^mass: {NUMBER}\s*$",
+        rf"(?m)^center_of_gravity: {centre}\s*$",
+        *(rf"(?m)^{name}: {NUMBER}\s*$" for name in _UR_ROS2_ELEMENTS),
+    ]
+    found = [match_numbers(find_match(each, text, each.split(":")[0][5:])) for each in patterns]
+    return PayloadBody.of_reported(np.concatenate(found))
 
 
 # Franka: SI, 3 x 3 column by column.

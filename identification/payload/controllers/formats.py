@@ -23,11 +23,13 @@ from identification.payload.controllers.by_elements import (
     from_franka,
     from_staubli,
     from_ur,
+    from_ur_ros2,
     from_urdf,
     to_fanuc,
     to_franka,
     to_staubli,
     to_ur,
+    to_ur_ros2,
     to_urdf,
 )
 from identification.payload.controllers.by_principal_axes import (
@@ -170,6 +172,7 @@ _CODECS: Final[dict[LoadFormat, _Codec]] = {
     LoadFormat.ABB: _Codec(to_abb, from_abb),
     LoadFormat.FANUC: _Codec(to_fanuc, from_fanuc, whole_inertia=False),
     LoadFormat.UR: _Codec(to_ur, from_ur),
+    LoadFormat.UR_ROS2: _Codec(to_ur_ros2, from_ur_ros2),
     LoadFormat.FRANKA: _Codec(to_franka, from_franka),
     LoadFormat.STAUBLI: _Codec(to_staubli, from_staubli),
     LoadFormat.URDF: _Codec(to_urdf, from_urdf),

@@ -41,9 +41,9 @@ class ExportRequest(Request):
         Format,
         Field(
             description="File format. For a model: urdf, sdf, mjcf, pinocchio (robot description"
-            " with inertias); c, python (function of the inverse dynamics); csv, json"
-            " (table of parameters). For a run: csv, parquet, mat, mdf4, with one"
-            " column per quantity and joint."
+            " with inertias); kdl (parameters of ROS 2's inverse_dynamics_solver); c, python"
+            " (function of the inverse dynamics); csv, json (table of parameters). For a run: csv,"
+            " parquet, mat, mdf4, with one column per quantity and joint."
         ),
         Option(metavar="FORMAT"),
     ]
@@ -72,8 +72,9 @@ class ExportRequest(Request):
     urdf: Annotated[
         Path | None,
         Field(
-            description="Your URDF of the robot, with --to urdf: the output is this file with the"
-            " identified inertias and friction; everything else stays byte for byte."
+            description="Your URDF of the robot. With --to urdf, the output is this file with the"
+            " identified inertias and friction; everything else stays byte for byte. With --to"
+            " kdl, the parameters are for this file."
         ),
         Option(metavar="FILE", file="input"),
     ] = None
@@ -112,6 +113,7 @@ class ExportedModel:
         test: Test of the consistent parameters against the data.
         torques: Comparison of the file's torques with the model's; only for robot descriptions.
         urdf: The changes of a user's URDF, if one was updated.
+        notes: What a solver with the written parameters leaves out.
     """
 
     request: ExportRequest
@@ -120,6 +122,7 @@ class ExportedModel:
     test: ConsistencyTest | None
     torques: tuple[ExportedTorques, ...] = ()
     urdf: UpdatedUrdfSection | None = None
+    notes: tuple[str, ...] = ()
     exit_code: int = 0
 
     def document(self) -> dict[str, object]:
@@ -135,6 +138,7 @@ class ExportedModel:
             "consistency": None if self.test is None else ConsistencyEntry.of(self.test),
             "torques": list(self.torques),
             "urdf": self.urdf,
+            "notes": list(self.notes),
         }
 
     def blocks(self) -> Iterator[AnyBlock]:
@@ -146,6 +150,7 @@ class ExportedModel:
             from rid_daq.operations.identify.exported_torques import torque_blocks
 
             yield from torque_blocks(self.torques)
+        yield from note_blocks(self.notes)
         yield Verdict(passed=True, text=f"Wrote {self.request.output}")
 
 

@@ -22,13 +22,15 @@ from identification.estimation.estimate import Estimate
 from identification.estimation.file import read_estimate
 from identification.export.description import mjcf, pinocchio_model, sdf, urdf
 from identification.export.function import c_function, python_function
+from identification.export.kdl import kdl_notes, kdl_parameters
 from identification.export.model import ExportModel
 from identification.export.table import csv_table, json_table
-from identification.export.urdf_update import UrdfUpdate
+from identification.export.urdf_arm import read_arm
+from identification.export.urdf_update import UpdatedUrdf, UrdfUpdate
 from identification.model.still_joints import refuse_unmoved_joints
 from identification.regression.fit_grade import Grade
 from rid_daq.operations.identify.export import ExportedModel, ExportedRecording, ExportRequest
-from rid_daq.operations.identify.exported_torques import exported_torques
+from rid_daq.operations.identify.exported_torques import ExportedTorques, exported_torques
 from rid_daq.operations.identify.updated_urdf import UpdatedUrdfSection
 from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
@@ -66,7 +68,7 @@ def export_file(request: ExportRequest) -> ExportedModel | ExportedRecording:
     found = find_file_or_run(request.runs, request.what)
     if isinstance(found, Path):
         _refuse_without_effect(request, ("unfinished",), "with a model file")
-        if request.to is not Format.URDF:
+        if request.to not in (Format.URDF, Format.KDL):
             _refuse_without_effect(request, ("urdf",), f"with --to {request.to.value}")
         if request.as_identified:
             _refuse_without_effect(request, ("despite_misfit",), "with --as-identified")
@@ -95,7 +97,7 @@ def export_model(request: ExportRequest) -> ExportedModel:
         RecordingError: The file cannot be written.
     """
     to, as_identified = request.to, request.as_identified
-    if to not in NEED_NO_LINKS and to not in DESCRIPTIONS:
+    if to not in NEED_NO_LINKS and to not in DESCRIPTIONS and to is not Format.KDL:
         raise ConfigError(
             f"--to {to.value} is a format for recordings, but {request.what} is a model file",
             code="RID-EXPORT-FORMAT",
@@ -107,6 +109,8 @@ def export_model(request: ExportRequest) -> ExportedModel:
             code="RID-EXPORT-LINKS",
         )
     estimate = read_estimate(Path(request.what))
+    if to is Format.KDL:
+        return export_kdl(request, estimate)
     if request.urdf is not None:
         return update_urdf(request, request.urdf, estimate)
     chosen, sentence = exported_parameters(request, estimate)
@@ -114,7 +118,7 @@ def export_model(request: ExportRequest) -> ExportedModel:
         text = TABLES[to](estimate, None if as_identified else chosen)
     else:
         text = (FUNCTIONS | DESCRIPTIONS)[to](chosen)
-    torques = ()
+    torques: tuple[ExportedTorques, ...] = ()
     if to in DESCRIPTIONS:
         joints = estimate.robot.joint_names
         torques = exported_torques(estimate, chosen, joints, has_armatures=to in WITH_ARMATURES)
@@ -168,26 +172,62 @@ def update_urdf(request: ExportRequest, path: Path, estimate: Estimate) -> Expor
     """Write a user's URDF with the identified inertias and friction.
 
     Raises:
-        ConfigError: The URDF cannot be read, or does not contain the identified robot.
-        EstimationError: As raised by `exported_parameters`; or links that keep their values do not
-            fit into the identified bodies.
+        ConfigError, EstimationError: As raised by `updated_urdf`.
         RecordingError: The file cannot be written.
     """
-    try:
-        data = read_file(path, MAX_BYTES)
-    except OSError as error:
-        raise ConfigError(
-            f"{path}: the file cannot be read: {error.strerror}", code="RID-FILE-READ"
-        ) from None
-    update = UrdfUpdate(data, str(path), ExportModel.from_estimate(estimate), request.tip)
-    chosen, sentence = exported_parameters(request, estimate, update.nominal)
-    if not request.despite_misfit:
-        _require_room(update, estimate, chosen)
-    updated = update.with_model(chosen)
+    chosen, sentence, updated = updated_urdf(request, path, estimate)
     write_whole(request.output, updated.data)
     section = UpdatedUrdfSection.of(estimate, chosen, updated)
     torques = exported_torques(estimate, chosen, updated.joint_names, has_armatures=False)
     return ExportedModel(request, estimate.robot.name, sentence, chosen.test, torques, section)
+
+
+def updated_urdf(
+    request: ExportRequest, path: Path, estimate: Estimate
+) -> tuple[ExportModel, str, UpdatedUrdf]:
+    """Return the written parameters, their origin as a sentence, and the updated file.
+
+    Raises:
+        ConfigError: The URDF cannot be read, or does not contain the identified robot.
+        EstimationError: As raised by `exported_parameters`; or links that keep their values do not
+            fit into the identified bodies.
+    """
+    update = UrdfUpdate(_read(path), str(path), ExportModel.from_estimate(estimate), request.tip)
+    chosen, sentence = exported_parameters(request, estimate, update.nominal)
+    if not request.despite_misfit:
+        _require_room(update, estimate, chosen)
+    return chosen, sentence, update.with_model(chosen)
+
+
+def export_kdl(request: ExportRequest, estimate: Estimate) -> ExportedModel:
+    """Write the parameters of ROS 2's inverse dynamics solver for a URDF of the robot.
+
+    Raises:
+        ConfigError: No URDF is given, it cannot be read, or it does not contain the robot.
+        EstimationError: As raised by `exported_parameters`.
+        RecordingError: The file cannot be written.
+    """
+    if request.urdf is None:
+        raise ConfigError(
+            "--to kdl needs --urdf: the URDF that the solver gets as robot_description, as written"
+            " by `rid-daq export --to urdf`",
+            code="RID-OPTION-NEEDS",
+        )
+    path, identified = request.urdf, ExportModel.from_estimate(estimate)
+    _, matched = read_arm(_read(path), str(path), identified, request.tip)
+    chosen, sentence = exported_parameters(request, estimate)
+    write_whole(request.output, kdl_parameters(chosen, matched).encode())
+    notes = tuple(kdl_notes(chosen, matched))
+    return ExportedModel(request, estimate.robot.name, sentence, chosen.test, notes=notes)
+
+
+def _read(path: Path) -> bytes:
+    try:
+        return read_file(path, MAX_BYTES)
+    except OSError as error:
+        raise ConfigError(
+            f"{path}: the file cannot be read: {error.strerror}", code="RID-FILE-READ"
+        ) from None
 
 
 def _require_room(update: UrdfUpdate, estimate: Estimate, chosen: ExportModel) -> None:
@@ -204,7 +244,7 @@ def _require_room(update: UrdfUpdate, estimate: Estimate, chosen: ExportModel) -
     sigmas = np.abs(moved) / estimate.sigma
     worst = int(np.argmax(sigmas))
     if sigmas[worst] > MOST_SIGMAS:
-        names = sorted({name for each in update.companions for name in each})
+        names = sorted({name for each in update.unchanged_links for name in each})
         raise EstimationError(
             f"{update.file}: the links {', '.join(names)} keep their <inertial>, which is too large"
             f" for the identified bodies: {estimate.base.names[worst]} would change by"

@@ -28,7 +28,7 @@ class UpdatedLink(Section):
         mass_kg, centre_m: Written mass, and centre of gravity in the link's frame.
         inertia_kg_m2: Written ixx, ixy, ixz, iyy, iyz, izz about the centre of gravity, in the axes
             of the link.
-        companions: Links that move with it and keep their values.
+        unchanged_links: Links that move with it and keep their values.
     """
 
     name: str
@@ -36,7 +36,7 @@ class UpdatedLink(Section):
     mass_kg: float
     centre_m: Annotated[tuple[float, ...], Strict(False)]
     inertia_kg_m2: Annotated[tuple[float, ...], Strict(False)]
-    companions: Texts
+    unchanged_links: Texts
 
 
 class UpdatedJoint(Section):
@@ -99,7 +99,7 @@ class UpdatedUrdfSection(Section):
                 mass_kg=each.body.mass_kg,
                 centre_m=tuple(each.body.centre_m.tolist()),
                 inertia_kg_m2=tuple(each.body.inertia_kg_m2[np.triu_indices(3)].tolist()),
-                companions=each.companions,
+                unchanged_links=each.unchanged_links,
             )
             for each in updated.links
         )

@@ -100,7 +100,7 @@ def test_the_link_with_mass_takes_the_change_and_the_others_keep_their_values(
     updated: UpdatedUrdf,
 ) -> None:
     assert [link.name for link in updated.links] == ["column", "cover", "ram", "hand"]
-    assert updated.links[-1].companions == ("right", "left")
+    assert updated.links[-1].unchanged_links == ("right", "left")
     assert [link.before_kg for link in updated.links] == [3.0, 2.0, 1.5, 0.8]
 
 
@@ -228,7 +228,7 @@ def test_a_base_that_stands_elsewhere_is_the_same_robot(made: IdentifiedUrdf) ->
     np.testing.assert_allclose(rnea(arm, *motion), rnea(made.truth, *motion), atol=1e-4)
 
 
-def test_companions_that_are_too_heavy_are_refused(made: IdentifiedUrdf) -> None:
+def test_unchanged_links_that_are_too_heavy_are_refused(made: IdentifiedUrdf) -> None:
     heavy = ARM.replace(b'<mass value="0.1"/>', b'<mass value="50"/>')
     model = ExportModel.from_estimate(made.estimate)
     other = UrdfUpdate(heavy, "heavy.urdf", model)
@@ -244,3 +244,61 @@ def test_the_urdf_is_read_back_as_it_was_intended(
     total = sum(link.inertial.mass_kg for link in tree.links.values() if link.inertial)
     bodies = found.standard_values[:40].reshape(4, 10)
     assert total == pytest.approx(4.0 + bodies[:, 0].sum())
+
+
+def test_a_file_in_another_encoding_keeps_it(made: IdentifiedUrdf) -> None:
+    latin = ARM.decode().replace("utf-8", "iso-8859-1").encode("iso-8859-1")
+    update = UrdfUpdate(latin, "latin.urdf", ExportModel.from_estimate(made.estimate))
+    chosen = consistent(made.estimate, update.nominal)
+    written = update.with_model(ExportModel.from_closest_robot(chosen)).data
+    assert without_changes(written) == without_changes(latin)
+    assert read_urdf(written, "latin.urdf").links.keys() == read_urdf(ARM, "arm.urdf").links.keys()
+    with raises_code(ConfigError, "RID-FILE-TYPE", "wide.urdf"):
+        wide = ARM.decode().replace("utf-8", "utf-16").encode("utf-16")
+        model = ExportModel.from_estimate(made.estimate)
+        UrdfUpdate(wide, "wide.urdf", model).with_model(ExportModel.from_closest_robot(chosen))
+
+
+def test_a_urdf_without_masses_gets_them(made: IdentifiedUrdf) -> None:
+    bare = re.sub(rb"<inertial>.*?</inertial>", b"", ARM, flags=re.DOTALL)
+    update = UrdfUpdate(bare, "bare.urdf", ExportModel.from_estimate(made.estimate))
+    chosen = consistent(made.estimate, update.nominal)
+    written = update.with_model(ExportModel.from_closest_robot(chosen))
+    assert [link.before_kg for link in written.links] == [None] * 4
+    assert sum("a guess" in note for note in written.notes) == 4
+    arm = made.arm_of(written.data)
+    model = ExportModel.from_closest_robot(chosen)
+    arm.armature = np.array([model.armature(j) for j in range(4)])
+    motion = random_motion(4, 20)
+    np.testing.assert_allclose(rnea(arm, *motion), rnea(made.truth, *motion), atol=1e-3)
+
+
+SCARA = b"""<robot name="scara"><link name="base"/>
+<joint name="a" type="revolute"><parent link="base"/><child link="one"/><axis xyz="0 0 1"/>
+<origin xyz="0 0 0.3" rpy="0 0 0"/><limit lower="-2" upper="2" effort="50" velocity="3"/></joint>
+<link name="one"><inertial><origin xyz="0.2 0 0"/><mass value="4"/>
+<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.05" iyz="0" izz="0.05"/></inertial></link>
+<joint name="b" type="revolute"><parent link="one"/><child link="two"/><axis xyz="0 0 1"/>
+<origin xyz="0.4 0.01 0.1"/><limit lower="-2" upper="2" effort="50" velocity="3"/></joint>
+<link name="two"><inertial><origin xyz="0.1 0 0"/><mass value="3"/>
+<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.02" iyz="0" izz="0.02"/></inertial></link>
+<joint name="c" type="prismatic"><parent link="two"/><child link="three"/><axis xyz="0 0 -1"/>
+<origin xyz="0.3 0 0"/><limit lower="0" upper="0.2" effort="50" velocity="1"/></joint>
+<link name="three"><inertial><mass value="1"/>
+<inertia ixx="0.01" ixy="0" ixz="0" iyy="0.01" iyz="0" izz="0.01"/></inertial></link></robot>"""
+
+
+def test_an_arm_with_parallel_axes_is_found_by_their_distances() -> None:
+    made = identified_urdf(SCARA)
+    model = ExportModel.from_estimate(made.estimate)
+    turned = SCARA.replace(b'xyz="0 0 0.3" rpy="0 0 0"', b'xyz="1 2 3" rpy="0 0 2"')
+    update = UrdfUpdate(turned, "scara.urdf", model)
+    chosen = consistent(made.estimate, update.nominal)
+    arm = made.arm_of(update.with_model(ExportModel.from_closest_robot(chosen)).data)
+    consistent_model = ExportModel.from_closest_robot(chosen)
+    arm.armature = np.array([consistent_model.armature(j) for j in range(3)])
+    motion = random_motion(3, 20)
+    offsets = [consistent_model.straight_friction(j).offset for j in range(3)]
+    np.testing.assert_allclose(rnea(arm, *motion) + offsets, rnea(made.truth, *motion), atol=1e-3)
+    with raises_code(ConfigError, "RID-URDF-KINEMATICS", "b "):
+        UrdfUpdate(SCARA.replace(b"0.4 0.01", b"0.42 0.01"), "longer.urdf", model)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import sys
 from pathlib import Path
 from typing import Any
@@ -101,6 +102,21 @@ def test_an_exported_urdf_is_read_as_a_robot(model: Model, tmp_path: Path) -> No
     (tmp_path / "arm.urdf").write_text(model.to_urdf(), encoding="utf-8")
     robot = Robot.from_urdf(tmp_path / "arm.urdf")
     assert robot.joint_names == model.robot.joint_names
+
+
+def test_a_users_urdf_gets_the_identified_inertias(model: Model, tmp_path: Path) -> None:
+    own = model.to_urdf()
+    mine = own[own.index("<robot") :].replace('name="link2"', 'name="my_link"')
+    mine = mine.replace('link="link2"', 'link="my_link"')
+    mine = re.sub(r'<mass value="[^"]*"', '<mass value="9"', mine)
+    (tmp_path / "mine.urdf").write_text(mine, encoding="utf-8")
+    updated = model.to_urdf(tmp_path / "mine.urdf")
+    assert updated.startswith(mine[: mine.index("<dynamics")])
+    assert "my_link" in updated
+    assert updated != mine
+    (tmp_path / "mine.urdf").write_bytes(b"<!-- \xe9 -->" + mine.encode())
+    with raises_code(ConfigError, "RID-FILE-SYNTAX"):
+        model.to_urdf(tmp_path / "mine.urdf")
 
 
 def test_a_validation_passes_on_another_motion_only(

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
+import yaml
 
 from acquisition.motion.samples import Phase
 from acquisition.processing.periods import average_periods
@@ -282,3 +283,48 @@ def test_options_of_an_update_are_checked(
     monkeypatch.chdir(tmp_path)
     assert run(["export", str(model_file), "-o", "out.urdf", *extra]) == 2
     assert code in capsys.readouterr().err
+
+
+def test_a_fixed_link_that_does_not_fit_into_the_measured_body_is_refused(
+    model_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own, out = tmp_path / "own.urdf", tmp_path / "updated.urdf"
+    assert run(["export", str(model_file), "--to", "urdf", "-o", str(own)]) == 0
+    heavy = (
+        '<link name="anvil"><inertial><mass value="900"/><inertia ixx="9" ixy="0" ixz="0"'
+        ' iyy="9" iyz="0" izz="9"/></inertial></link><joint name="bolt" type="fixed">'
+        '<origin xyz="1 0 0"/><parent link="link3"/><child link="anvil"/></joint></robot>'
+    )
+    own.write_text(own.read_text().replace("</robot>", heavy))
+    words = ["export", str(model_file), "--to", "urdf", "--urdf", str(own), "-o", str(out)]
+    assert run(words) == 6
+    refused = capsys.readouterr().err
+    assert "RID-EXPORT-LINKS" in refused
+    assert "anvil" in refused
+    assert not out.exists()
+
+
+def test_parameters_of_the_kdl_solver_name_the_chain_of_a_urdf(
+    estimate: Estimate, model_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own, out = tmp_path / "own.urdf", tmp_path / "kdl.yaml"
+    assert run(["export", str(model_file), "--to", "urdf", "-o", str(own)]) == 0
+    words = ["export", str(model_file), "--to", "kdl", "-o", str(out)]
+    assert run(words) == 2
+    assert "RID-OPTION-NEEDS" in capsys.readouterr().err
+    # A cover that is fixed to link 2 is not on the chain from base to tool.
+    cover = (
+        '<link name="cover"><inertial><mass value="1.5"/><inertia ixx="0.01" ixy="0" ixz="0"'
+        ' iyy="0.01" iyz="0" izz="0.01"/></inertial></link><joint name="bolt" type="fixed">'
+        '<parent link="link2"/><child link="cover"/></joint></robot>'
+    )
+    own.write_text(own.read_text().replace("</robot>", cover))
+    assert run([*words, "--urdf", str(own)]) == 0
+    parameters = yaml.safe_load(out.read_text())["/**"]["ros__parameters"]
+    assert parameters["inverse_dynamics_solver_plugin_name"] == (
+        "kdl_inverse_dynamics_solver/InverseDynamicsSolverKDL"
+    )
+    assert parameters["kdl"]["root"] == "base"
+    assert parameters["kdl"]["tip"] == "tool"
+    assert parameters["kdl"]["gravity"] == pytest.approx(estimate.robot.gravity_m_s2)
+    assert "cover (1.5 kg)" in out.read_text()
