@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from acquisition.runs.catalogue import find_runs
-from compensation.feedforward.deflection import lumped_motors
 from acquisition.tracker.tracker_file import read_tracked_point
+from compensation.feedforward.deflection import lumped_motors
 from compensation.feedforward.tool_side import tool_side_error
 from config.errors import ConfigError, DataQualityError
 from config.robot.robot import RobotDescription
