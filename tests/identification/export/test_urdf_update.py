@@ -249,7 +249,7 @@ def test_the_urdf_is_read_back_as_it_was_intended(
 def test_a_file_in_another_encoding_keeps_it(made: IdentifiedUrdf) -> None:
     latin = ARM.decode().replace("utf-8", "iso-8859-1").encode("iso-8859-1")
     update = UrdfUpdate(latin, "latin.urdf", ExportModel.from_estimate(made.estimate))
-    chosen = consistent(made.estimate, update.nominal)
+    chosen = find_closest(made.estimate, update.nominal)
     written = update.with_model(ExportModel.from_closest_robot(chosen)).data
     assert without_changes(written) == without_changes(latin)
     assert read_urdf(written, "latin.urdf").links.keys() == read_urdf(ARM, "arm.urdf").links.keys()
@@ -262,7 +262,7 @@ def test_a_file_in_another_encoding_keeps_it(made: IdentifiedUrdf) -> None:
 def test_a_urdf_without_masses_gets_them(made: IdentifiedUrdf) -> None:
     bare = re.sub(rb"<inertial>.*?</inertial>", b"", ARM, flags=re.DOTALL)
     update = UrdfUpdate(bare, "bare.urdf", ExportModel.from_estimate(made.estimate))
-    chosen = consistent(made.estimate, update.nominal)
+    chosen = find_closest(made.estimate, update.nominal)
     written = update.with_model(ExportModel.from_closest_robot(chosen))
     assert [link.before_kg for link in written.links] == [None] * 4
     assert sum("a guess" in note for note in written.notes) == 4
@@ -293,7 +293,7 @@ def test_an_arm_with_parallel_axes_is_found_by_their_distances() -> None:
     model = ExportModel.from_estimate(made.estimate)
     turned = SCARA.replace(b'xyz="0 0 0.3" rpy="0 0 0"', b'xyz="1 2 3" rpy="0 0 2"')
     update = UrdfUpdate(turned, "scara.urdf", model)
-    chosen = consistent(made.estimate, update.nominal)
+    chosen = find_closest(made.estimate, update.nominal)
     arm = made.arm_of(update.with_model(ExportModel.from_closest_robot(chosen)).data)
     consistent_model = ExportModel.from_closest_robot(chosen)
     arm.armature = np.array([consistent_model.armature(j) for j in range(3)])
