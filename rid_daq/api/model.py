@@ -320,7 +320,7 @@ class Model:
                 (RID-URDF-KINEMATICS).
             EstimationError: The model does not explain its own data (RID-MODEL-MISFIT), no
                 physically consistent parameters explain the data (RID-MODEL-INCONSISTENT), or
-                links of `urdf` do not fit into the identified bodies (RID-EXPORT-LINKS).
+                links of `urdf` do not fit into the identified bodies (RID-EXPORT-FIXED-LINKS).
         """
         if urdf is None:
             return description_urdf(self._exported(Format.URDF, despite_misfit))

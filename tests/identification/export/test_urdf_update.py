@@ -233,7 +233,7 @@ def test_unchanged_links_that_are_too_heavy_are_refused(made: IdentifiedUrdf) ->
     model = ExportModel.identified(made.estimate)
     other = UrdfUpdate(heavy, "heavy.urdf", model)
     light = consistent(made.estimate).standard_values
-    with raises_code(EstimationError, "RID-EXPORT-LINKS", "hand", "left", "right", "100 kg"):
+    with raises_code(EstimationError, "RID-EXPORT-FIXED-LINKS", "hand", "left", "right", "100 kg"):
         other.with_model(replace(model, parameters=light))
 
 
