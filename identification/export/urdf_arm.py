@@ -286,6 +286,11 @@ class _Lines:
         turn = motion[:3, :3]
         return _Lines(self.points @ turn.T + motion[:3, 3], self.directions @ turn.T, self.slides)
 
+    def between(self, first: int, second: int) -> FloatArray:
+        """Return the vector between two lines, normal to the first one, (3,)."""
+        vector, axis = self.points[second] - self.points[first], self.directions[first]
+        return np.asarray(vector - axis * (vector @ axis))
+
     def gaps(self, other: _Lines) -> tuple[FloatArray, FloatArray]:
         """Return sines of the angles, and distances of the points to other lines, (n, 3) each.
 
@@ -312,11 +317,7 @@ def _fit(target: _Lines, source: _Lines, gravity: tuple[FloatArray, FloatArray])
     if np.linalg.svd(target.directions)[1][1:].sum() < NEARLY_PARALLEL:
         turning = np.flatnonzero(~target.slides)
         for i in turning[1:]:
-            pair = (
-                _across(each.points[i] - each.points[turning[0]], each.directions[0])
-                for each in (target, source)
-            )
-            pairs.append(tuple(pair))
+            pairs.append((target.between(turning[0], i), source.between(turning[0], i)))
         pairs.append((1e-3 * gravity[0], 1e-4 * gravity[1]))
     wanted, given = (np.array(side) for side in zip(*pairs, strict=True))
     left, _, right = np.linalg.svd(wanted.T @ given)
@@ -344,7 +345,3 @@ def _step(x: FloatArray) -> FloatArray:
     motion[:3, :3] = Rotation.from_rotvec(x[:3]).as_matrix()
     motion[:3, 3] = x[3:]
     return motion
-
-
-def _across(vector: FloatArray, axis: FloatArray) -> FloatArray:
-    return np.asarray(vector - axis * (vector @ axis))
