@@ -316,8 +316,9 @@ def _fit(target: _Lines, source: _Lines, gravity: tuple[FloatArray, FloatArray])
     pairs = list(zip(target.directions, source.directions, strict=True))
     if np.linalg.svd(target.directions)[1][1:].sum() < NEARLY_PARALLEL:
         turning = np.flatnonzero(~target.slides)
-        for i in turning[1:]:
-            pairs.append((target.between(turning[0], i), source.between(turning[0], i)))
+        pairs += [
+            (target.between(turning[0], i), source.between(turning[0], i)) for i in turning[1:]
+        ]
         pairs.append((1e-3 * gravity[0], 1e-4 * gravity[1]))
     wanted, given = (np.array(side) for side in zip(*pairs, strict=True))
     left, _, right = np.linalg.svd(wanted.T @ given)
