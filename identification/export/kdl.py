@@ -8,31 +8,35 @@ Source: documentation of the packages `inverse_dynamics_solver` and `kdl_inverse
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from config.arrays import FloatArray
+from identification.consistency.metric import whiten_parameters
+from identification.estimation.estimate import Estimate
 from identification.export.model import ExportModel
-from identification.export.text import header_lines, numbers
+from identification.export.text import comment_text, header_lines, numbers
 from identification.export.urdf_arm import MatchedArm
 
 PLUGIN: Final = "kdl_inverse_dynamics_solver/InverseDynamicsSolverKDL"
 NAMESPACE: Final = "kdl"
 
 
-def kdl_parameters(model: ExportModel, matched: MatchedArm) -> str:
+def kdl_parameters(model: ExportModel, matched: MatchedArm, notes: tuple[str, ...]) -> str:
     """Return a YAML file of ROS 2 parameters.
 
     Args:
         model: The identified robot.
         matched: Its arm in the URDF that the solver gets as `robot_description`.
+        notes: Further lines for the comment at the top, as `kdl_notes` returns them.
     """
     gravity = matched.frames[0][:3, :3] @ model.model.chain.gravity_m_s2
     lines = [
         *header_lines(model),
-        f"For the robot_description {matched.tree.file}.",
-        *kdl_notes(model, matched),
+        comment_text(f"For the robot_description {matched.tree.file}."),
+        *map(comment_text, notes),
     ]
     return (
         "".join(f"# {line}\n" for line in lines)
@@ -44,6 +48,32 @@ def kdl_parameters(model: ExportModel, matched: MatchedArm) -> str:
         + f"      tip: {_quoted(_tip(model, matched))}\n"
         + f"      gravity: [{numbers(_round(gravity))}]\n"
     )
+
+
+def rest_of_model(
+    estimate: Estimate, model: ExportModel, bodies: FloatArray
+) -> tuple[ExportModel, float]:
+    """Return a model with the bodies of a file, and rotors and friction that fit to them best.
+
+    Torques determine sums of links' inertias and rotors' inertias. If the links are given, the
+    rotors are the rest.
+
+    Args:
+        estimate: The identified model.
+        model: Physically consistent parameters.
+        bodies: Shape (n, 10). The bodies in the file, in the model's frames.
+
+    Returns:
+        The model, and the largest difference of its base parameters from the estimate [sigma].
+    """
+    theta = np.array(model.parameters)
+    theta[: bodies.size] = bodies.ravel()
+    columns = whiten_parameters(estimate, estimate.base.combination[:, bodies.size :])
+    missing = estimate.values - estimate.base.from_standard(theta)
+    change = np.linalg.lstsq(columns, whiten_parameters(estimate, missing), rcond=1e-12)[0]
+    theta[bodies.size :] += change
+    left = estimate.values - estimate.base.from_standard(theta)
+    return replace(model, parameters=theta), float(np.max(np.abs(left) / estimate.sigma))
 
 
 def kdl_notes(model: ExportModel, matched: MatchedArm) -> Iterator[str]:

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from scipy.optimize import least_squares
+from scipy.spatial.transform import Rotation
 
 from config.arrays import BoolArray, FloatArray
 from config.errors import ConfigError
@@ -22,7 +24,8 @@ from identification.export.model import ExportModel, tool_frame
 
 ANGLE_RAD: Final = 1e-3
 DISTANCE_M: Final = 1e-3
-PARALLEL: Final = 1e-6
+NEARLY_PARALLEL: Final = 0.2
+EXACT: Final = 1e-12
 WORTH_A_NOTE: Final = 1e-6
 
 
@@ -207,13 +210,13 @@ class _Comparison:
         kinds = tuple((prismatic == model.model.chain.prismatic).tolist())
         root = tree.placements(tree.root_of(arm.base))[arm.base][:3, :3]
         gravity = -root[2], model.model.chain.gravity_m_s2
-        fit = _fit(points, axes, own, prismatic, gravity)
-        fitted = np.array([fit @ frame for frame in own])
-        z = fitted[1:, :3, 2]
-        angles = np.arctan2(np.linalg.norm(np.cross(z, axes), axis=1), np.sum(z * axes, axis=1))
-        across = np.cross(points - fitted[1:, :3, 3], z)
-        distances = np.where(prismatic, 0.0, np.linalg.norm(across, axis=1))
-        return cls(tree, arm, fitted, angles, distances, kinds)
+        target = _Lines(points, axes, prismatic)
+        source = _Lines(own[1:, :3, 3], own[1:, :3, 2], prismatic)
+        fit = _fit(target, source, gravity)
+        found = source.moved(fit)
+        sines, distances = (np.linalg.norm(gap, axis=1) for gap in target.gaps(found))
+        angles = np.arctan2(sines, np.sum(found.directions * axes, axis=1))
+        return cls(tree, arm, np.array([fit @ frame for frame in own]), angles, distances, kinds)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -270,48 +273,76 @@ def _is_behind(tree: UrdfTree, arm: UrdfArm, tip: str) -> bool:
     return bool(driven) and driven[-1] is arm.joints[-1]
 
 
-def _fit(
-    points: FloatArray,
-    axes: FloatArray,
-    own: FloatArray,
-    prismatic: BoolArray,
-    gravity: tuple[FloatArray, FloatArray],
-) -> FloatArray:
+@dataclass(frozen=True, eq=False)
+class _Lines:
+    """Joint axes: points (n, 3), directions (n, 3), and whether the joint slides (n,)."""
+
+    points: FloatArray
+    directions: FloatArray
+    slides: BoolArray
+
+    def moved(self, motion: FloatArray) -> _Lines:
+        """Return the lines after a rigid motion (4, 4)."""
+        turn = motion[:3, :3]
+        return _Lines(self.points @ turn.T + motion[:3, 3], self.directions @ turn.T, self.slides)
+
+    def between(self, first: int, second: int) -> FloatArray:
+        """Return the vector between two lines, normal to the first one, (3,)."""
+        vector, axis = self.points[second] - self.points[first], self.directions[first]
+        return np.asarray(vector - axis * (vector @ axis))
+
+    def gaps(self, other: _Lines) -> tuple[FloatArray, FloatArray]:
+        """Return sines of the angles, and distances of the points to other lines, (n, 3) each.
+
+        The place of an axis along which a joint slides has no effect: its distance is zero.
+        """
+        across = np.cross(self.points - other.points, other.directions)
+        across[self.slides] = 0.0
+        return np.cross(other.directions, self.directions), across
+
+
+def _fit(target: _Lines, source: _Lines, gravity: tuple[FloatArray, FloatArray]) -> FloatArray:
     """Return the rigid motion (4, 4) that takes the model's axes to the URDF's.
 
-    Directions determine the rotation. If all axes are parallel, the distances between them and the
-    direction of gravity determine it. The translation is a least-squares solution; along parallel
-    axes it takes the first frames' origins onto each other.
+    Directions determine the rotation. If all axes are nearly parallel, the distances between them
+    and the direction of gravity determine it. The translation is a least-squares solution; along
+    parallel axes it takes the first points onto each other. If the axes are not equal, all six
+    coordinates are then adjusted so that the sum of squared gaps is least.
+
+    Args:
+        target, source: The axes in the URDF and in the model.
+        gravity: Direction of gravity in the URDF, and gravity in the model.
     """
-    origins, z = own[1:, :3, 3], own[1:, :3, 2]
-    pairs = [(u, w) for u, w in zip(axes, z, strict=True)]
-    if np.linalg.svd(axes)[1][1:].sum() < PARALLEL:
-        turning = np.flatnonzero(~prismatic)
-        for i in turning[1:]:
-            first = turning[0]
-            pairs.append(
-                (
-                    _across(points[i] - points[first], axes[0]),
-                    _across(origins[i] - origins[first], z[0]),
-                )
-            )
+    pairs = list(zip(target.directions, source.directions, strict=True))
+    if np.linalg.svd(target.directions)[1][1:].sum() < NEARLY_PARALLEL:
+        turning = np.flatnonzero(~target.slides)
+        pairs += [
+            (target.between(turning[0], i), source.between(turning[0], i)) for i in turning[1:]
+        ]
         pairs.append((1e-3 * gravity[0], 1e-4 * gravity[1]))
-    target, source = (np.array(side) for side in zip(*pairs, strict=True))
-    left, _, right = np.linalg.svd(target.T @ source)
-    handed = np.diag([1.0, 1.0, np.linalg.det(left @ right)])
+    wanted, given = (np.array(side) for side in zip(*pairs, strict=True))
+    left, _, right = np.linalg.svd(wanted.T @ given)
     motion = np.eye(4)
-    motion[:3, :3] = rotation = left @ handed @ right
-    start = points[0] - rotation @ origins[0]
-    rows = [
-        np.eye(3) - np.outer(u, u) for u, slides in zip(axes, prismatic, strict=True) if not slides
-    ]
+    motion[:3, :3] = left @ np.diag([1.0, 1.0, np.linalg.det(left @ right)]) @ right
+    motion[:3, 3] = target.points[0] - motion[:3, :3] @ source.points[0]
+    rows = [np.eye(3) - np.outer(axis, axis) for axis in target.directions[~target.slides]]
     if rows:
-        gaps = (points - origins @ rotation.T - start)[~prismatic]
-        wanted = [row @ gap for row, gap in zip(rows, gaps, strict=True)]
-        start = start + np.linalg.lstsq(np.vstack(rows), np.concatenate(wanted), rcond=1e-9)[0]
-    motion[:3, 3] = start
+        missing = (target.points - source.moved(motion).points)[~target.slides]
+        steps = [row @ gap for row, gap in zip(rows, missing, strict=True)]
+        motion[:3, 3] += np.linalg.lstsq(np.vstack(rows), np.concatenate(steps), rcond=1e-9)[0]
+
+    def residuals(x: FloatArray) -> FloatArray:
+        return np.concatenate([gap.ravel() for gap in target.gaps(source.moved(_step(x) @ motion))])
+
+    if np.abs(residuals(np.zeros(6))).max() < EXACT:
+        return motion
+    found = least_squares(residuals, np.zeros(6), xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    return np.asarray(_step(found.x) @ motion)
+
+
+def _step(x: FloatArray) -> FloatArray:
+    """Return the rigid motion (4, 4) of a rotation vector and a translation, (6,)."""
+    motion = np.eye(4)
+    motion[:3, :3] = Rotation.from_rotvec(x[:3]).as_matrix()
+    motion[:3, 3] = x[3:]
     return motion
-
-
-def _across(vector: FloatArray, axis: FloatArray) -> FloatArray:
-    return np.asarray(vector - axis * (vector @ axis))

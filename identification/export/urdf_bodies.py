@@ -107,7 +107,7 @@ class MovingBodies:
                     f"link {name!r} would be physically impossible: the links that are fixed to it"
                     f" ({', '.join(self.unchanged_links(number))}) have {part[0]:.4g} kg of the"
                     f" identified {whole[0]:.4g} kg. Correct their <inertial> in the URDF",
-                    code="RID-EXPORT-LINKS",
+                    code="RID-EXPORT-FIXED-LINKS",
                 )
             place = np.linalg.inv(self.matched.places[name]) @ self.matched.frames[number + 1]
             turn = place[:3, :3]

@@ -31,8 +31,9 @@ from config.errors import RidDaqError
 from rid_daq.api.cell import Cell
 from rid_daq.api.compensation import Feedforward, compensate
 from rid_daq.api.estimation import identify, validate
-from rid_daq.api.model import Model, Parameter
+from rid_daq.api.model import Model
 from rid_daq.api.motion import Motion, design, retime
+from rid_daq.api.parameter import Parameter
 from rid_daq.api.payload import Payload, identify_payload
 from rid_daq.api.plotting import plot
 from rid_daq.api.recording import Recording, read_recording

@@ -25,6 +25,7 @@ from identification.friction.curve import friction_columns
 from identification.payload.carried import contains_payload
 from rid_daq.api.console import text_of
 from rid_daq.api.curves import curves_plot
+from rid_daq.api.parameter import Parameter
 from rid_daq.api.robot import Robot
 from rid_daq.blocks.block import AnyBlock
 from rid_daq.blocks.plot import Axis
@@ -41,31 +42,6 @@ if TYPE_CHECKING:
     from rid_daq.api.payload import Payload
 
 FRICTION_SPEEDS = 201
-
-
-@dataclass(frozen=True)
-class Parameter:
-    """A base parameter, or a nonlinear parameter of friction, with its 95 % interval.
-
-    Attributes:
-        name: Name of the first standard parameter of the combination.
-        expression: The combination of standard parameters.
-        unit: Unit of the value.
-        value, sigma: The estimate, and its standard deviation, which includes model error.
-        is_shown: False if the recordings do not determine the value: its interval is meaningless.
-    """
-
-    name: str
-    expression: str
-    unit: str
-    value: float
-    sigma: float
-    is_shown: bool = True
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """The ends of the 95 % interval: two standard deviations to either side."""
-        return self.value - 2.0 * self.sigma, self.value + 2.0 * self.sigma
 
 
 @dataclass(frozen=True, eq=False)
@@ -320,7 +296,7 @@ class Model:
                 (RID-URDF-KINEMATICS).
             EstimationError: The model does not explain its own data (RID-MODEL-MISFIT), no
                 physically consistent parameters explain the data (RID-MODEL-INCONSISTENT), or
-                links of `urdf` do not fit into the identified bodies (RID-EXPORT-LINKS).
+                links of `urdf` do not fit into the identified bodies (RID-EXPORT-FIXED-LINKS).
         """
         if urdf is None:
             return description_urdf(self._export_model(Format.URDF, despite_misfit))

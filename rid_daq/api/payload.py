@@ -14,7 +14,8 @@ from identification.payload.body import REPORTED_UNITS
 from identification.payload.file import read_payload, write_payload
 from identification.payload.verdict import PayloadResult
 from rid_daq.api.console import text_of
-from rid_daq.api.model import Model, Parameter
+from rid_daq.api.model import Model
+from rid_daq.api.parameter import Parameter
 from rid_daq.api.recording import Recording
 from rid_daq.blocks.block import AnyBlock, Text, Verdict
 from rid_daq.operations.cell_files import refuse_other_robot

@@ -22,10 +22,9 @@ from identification.estimation.estimate import Estimate
 from identification.estimation.file import read_estimate
 from identification.export.description import mjcf, pinocchio_model, sdf, urdf
 from identification.export.function import c_function, python_function
-from identification.export.kdl import kdl_notes, kdl_parameters
+from identification.export.kdl import kdl_notes, kdl_parameters, rest_of_model
 from identification.export.model import ExportModel
 from identification.export.table import csv_table, json_table
-from identification.export.urdf_arm import read_arm
 from identification.export.urdf_update import UpdatedUrdf, UrdfUpdate
 from identification.model.still_joints import refuse_unmoved_joints
 from identification.regression.fit_grade import Grade
@@ -214,10 +213,17 @@ def export_kdl(request: ExportRequest, estimate: Estimate) -> ExportedModel:
             code="RID-OPTION-NEEDS",
         )
     path, identified = request.urdf, ExportModel.from_estimate(estimate)
-    _, matched = read_arm(_read(path), str(path), identified, request.tip)
-    chosen, sentence = exported_parameters(request, estimate)
-    write_whole(request.output, kdl_parameters(chosen, matched).encode())
-    notes = tuple(kdl_notes(chosen, matched))
+    update = UrdfUpdate(_read(path), str(path), identified, request.tip)
+    chosen, sentence = exported_parameters(request, estimate, update.nominal)
+    rest, sigmas = rest_of_model(estimate, chosen, update.bodies.stated)
+    notes = tuple(kdl_notes(rest, update.bodies.matched))
+    if sigmas > MOST_SIGMAS:
+        notes = (
+            f"the inertias in {path} differ from the identified ones by {sigmas:.3g} σ: update the"
+            f" file first with `rid-daq export --to urdf --urdf {path}`, and give the updated file",
+            *notes,
+        )
+    write_whole(request.output, kdl_parameters(rest, update.bodies.matched, notes).encode())
     return ExportedModel(request, estimate.robot.name, sentence, chosen.test, notes=notes)
 
 
@@ -250,7 +256,7 @@ def _require_room(update: UrdfUpdate, estimate: Estimate, chosen: ExportModel) -
             f" for the identified bodies: {estimate.base.names[worst]} would change by"
             f" {sigmas[worst]:.3g} σ. Correct these links in the URDF, or export nevertheless"
             " (--despite-misfit)",
-            code="RID-EXPORT-LINKS",
+            code="RID-EXPORT-FIXED-LINKS",
         )
 
 

@@ -233,7 +233,7 @@ def test_unchanged_links_that_are_too_heavy_are_refused(made: IdentifiedUrdf) ->
     model = ExportModel.from_estimate(made.estimate)
     other = UrdfUpdate(heavy, "heavy.urdf", model)
     light = find_closest(made.estimate).standard_values
-    with raises_code(EstimationError, "RID-EXPORT-LINKS", "hand", "left", "right", "100 kg"):
+    with raises_code(EstimationError, "RID-EXPORT-FIXED-LINKS", "hand", "left", "right", "100 kg"):
         other.with_model(replace(model, parameters=light))
 
 
@@ -246,17 +246,17 @@ def test_the_urdf_is_read_back_as_it_was_intended(
     assert total == pytest.approx(4.0 + bodies[:, 0].sum())
 
 
-def test_a_file_in_another_encoding_keeps_it(made: IdentifiedUrdf) -> None:
+def test_a_file_in_another_encoding_keeps_it(
+    made: IdentifiedUrdf, found: ConsistentEstimate
+) -> None:
     latin = ARM.decode().replace("utf-8", "iso-8859-1").encode("iso-8859-1")
-    update = UrdfUpdate(latin, "latin.urdf", ExportModel.from_estimate(made.estimate))
-    chosen = find_closest(made.estimate, update.nominal)
-    written = update.with_model(ExportModel.from_closest_robot(chosen)).data
+    identified, model = ExportModel.from_estimate(made.estimate), ExportModel.from_closest_robot(found)
+    written = UrdfUpdate(latin, "latin.urdf", identified).with_model(model).data
     assert without_changes(written) == without_changes(latin)
     assert read_urdf(written, "latin.urdf").links.keys() == read_urdf(ARM, "arm.urdf").links.keys()
+    wide = ARM.decode().replace("utf-8", "utf-16").encode("utf-16")
     with raises_code(ConfigError, "RID-FILE-TYPE", "wide.urdf"):
-        wide = ARM.decode().replace("utf-8", "utf-16").encode("utf-16")
-        model = ExportModel.from_estimate(made.estimate)
-        UrdfUpdate(wide, "wide.urdf", model).with_model(ExportModel.from_closest_robot(chosen))
+        UrdfUpdate(wide, "wide.urdf", identified).with_model(model)
 
 
 def test_a_urdf_without_masses_gets_them(made: IdentifiedUrdf) -> None:
@@ -300,5 +300,11 @@ def test_an_arm_with_parallel_axes_is_found_by_their_distances() -> None:
     motion = random_motion(3, 20)
     offsets = [consistent_model.straight_friction(j).offset for j in range(3)]
     np.testing.assert_allclose(rnea(arm, *motion) + offsets, rnea(made.truth, *motion), atol=1e-3)
+    # A calibrated robot file: the second axis leans by 0.3 mrad.
+    leaning = SCARA.replace(b'xyz="0.4 0.01 0.1"', b'xyz="0.4 0.01 0.1" rpy="0.0003 0 0"')
+    calibrated = UrdfUpdate(leaning, "leaning.urdf", model)
+    np.testing.assert_allclose(calibrated.nominal.unchanged, 0.0)
+    notes = calibrated.with_model(consistent_model).notes
+    assert sum("mrad" in note for note in notes) == 1
     with raises_code(ConfigError, "RID-URDF-KINEMATICS", "b "):
         UrdfUpdate(SCARA.replace(b"0.4 0.01", b"0.42 0.01"), "longer.urdf", model)

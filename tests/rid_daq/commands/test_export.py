@@ -299,7 +299,7 @@ def test_a_fixed_link_that_does_not_fit_into_the_measured_body_is_refused(
     words = ["export", str(model_file), "--to", "urdf", "--urdf", str(own), "-o", str(out)]
     assert run(words) == 6
     refused = capsys.readouterr().err
-    assert "RID-EXPORT-LINKS" in refused
+    assert "RID-EXPORT-FIXED-LINKS" in refused
     assert "anvil" in refused
     assert not out.exists()
 
@@ -314,12 +314,21 @@ def test_parameters_of_the_kdl_solver_name_the_chain_of_a_urdf(
     assert "RID-OPTION-NEEDS" in capsys.readouterr().err
     # A cover that is fixed to link 2 is not on the chain from base to tool.
     cover = (
-        '<link name="cover"><inertial><mass value="1.5"/><inertia ixx="0.01" ixy="0" ixz="0"'
+        '<link name="cover"><inertial><mass value="15"/><inertia ixx="0.01" ixy="0" ixz="0"'
         ' iyy="0.01" iyz="0" izz="0.01"/></inertial></link><joint name="bolt" type="fixed">'
-        '<parent link="link2"/><child link="cover"/></joint></robot>'
+        '<origin xyz="0.2 0.5 0"/><parent link="link2"/><child link="cover"/></joint></robot>'
     )
     own.write_text(own.read_text().replace("</robot>", cover))
-    assert run([*words, "--urdf", str(own)]) == 0
+    capsys.readouterr()
+    assert run([*words, "--urdf", str(own), "--json"]) == 0
+    notes = json.loads(capsys.readouterr().out)["notes"]
+    assert sum("σ" in note for note in notes) == 1, "the cover is not part of the identified robot"
+    update = ["export", str(model_file), "--to", "urdf", "--urdf", str(own)]
+    assert run([*update, "-o", str(tmp_path / "new.urdf")]) == 0
+    capsys.readouterr()
+    assert run([*words, "--urdf", str(tmp_path / "new.urdf"), "--overwrite", "--json"]) == 0
+    notes = json.loads(capsys.readouterr().out)["notes"]
+    assert not any("σ" in note for note in notes)
     parameters = yaml.safe_load(out.read_text())["/**"]["ros__parameters"]
     assert parameters["inverse_dynamics_solver_plugin_name"] == (
         "kdl_inverse_dynamics_solver/InverseDynamicsSolverKDL"
@@ -327,4 +336,4 @@ def test_parameters_of_the_kdl_solver_name_the_chain_of_a_urdf(
     assert parameters["kdl"]["root"] == "base"
     assert parameters["kdl"]["tip"] == "tool"
     assert parameters["kdl"]["gravity"] == pytest.approx(estimate.robot.gravity_m_s2)
-    assert "cover (1.5 kg)" in out.read_text()
+    assert "cover (15 kg)" in out.read_text()

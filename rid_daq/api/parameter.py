@@ -1,0 +1,30 @@
+"""`Parameter`: an identified value with its 95 % interval."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A base parameter, or a nonlinear parameter of friction, with its 95 % interval.
+
+    Attributes:
+        name: Name of the first standard parameter of the combination.
+        expression: The combination of standard parameters.
+        unit: Unit of the value.
+        value, sigma: The estimate, and its standard deviation, which includes model error.
+        is_shown: False if the recordings do not determine the value: its interval is meaningless.
+    """
+
+    name: str
+    expression: str
+    unit: str
+    value: float
+    sigma: float
+    is_shown: bool = True
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """The ends of the 95 % interval: two standard deviations to either side."""
+        return self.value - 2.0 * self.sigma, self.value + 2.0 * self.sigma
