@@ -58,6 +58,36 @@ def test_the_modules_evaluate_no_text_and_load_nothing() -> None:
         assert "export{" in text.replace(" ", "")
 
 
+_IMPORT = re.compile(r'import \{([^}]*)\} from "\./([\w.]+)";')
+_EXPORT = re.compile(r"^export (?:async )?(?:function|const|let|class) (\w+)", re.MULTILINE)
+_EXPORTED = re.compile(r"\bexport ?\{([^}]*)\}")
+
+
+def exported_names(module: str) -> set[str]:
+    """Return the names that a module exports."""
+    lists = [part for listed in _EXPORTED.findall(module) for part in listed.split(",")]
+    named = {part.split(" as ")[-1].strip() for part in lists}
+    return {*_EXPORT.findall(module), *named} - {""}
+
+
+def test_every_imported_name_is_exported() -> None:
+    """A name that a module lacks stops all scripts of a page."""
+    modules = {
+        name: content.decode()
+        for name, content in static_files.static_files().items()
+        if name.endswith(".js")
+    }
+    missing = [
+        f"{name}: {wanted} of {source}"
+        for name, text in modules.items()
+        for listed, source in _IMPORT.findall(text)
+        for wanted in (part.split(" as ")[0].strip() for part in listed.split(",") if part.strip())
+        if wanted not in exported_names(modules[source])
+    ]
+    assert len(modules) > 20
+    assert missing == []
+
+
 def test_git_contains_no_bundled_file() -> None:
     words = ("git", "ls-files", "rid_daq/workbench/bundled", "*/node_modules/*")
     assert subprocess.run(words, cwd=ROOT, capture_output=True, check=True).stdout == b""

@@ -82,7 +82,7 @@ def static_version() -> str:
     digest = hashlib.sha256(f"{program_version()} {version('bokeh')}".encode())
     templates = files("rid_daq.workbench").joinpath("templates").iterdir()
     pages = {file.name: file.read_bytes() for file in templates}
-    for name, content in sorted((static_files() | pages).items()):
+    for name, content in sorted({**static_files(), **pages}.items()):
         digest.update(name.encode() + hashlib.sha256(content).digest())
     return digest.hexdigest()[:16]
 

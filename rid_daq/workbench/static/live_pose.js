@@ -1,5 +1,5 @@
 // Pose of the cell's robot in the 3-D view: live during a motion, otherwise the newest known pose.
-import { moment } from "./dom.js";
+import { timeOf } from "./dom.js";
 import { request } from "./requests.js";
 import { CELL, on, reach } from "./service.js";
 
@@ -31,7 +31,7 @@ export function followPose(view) {
       const found = await request(`/view${CELL}/pose`, {}, { patienceMs: PATIENCE_MS });
       if (found.position === null || receivedAt > -Infinity) return;
       position = found.position;
-      words = `pose of ${found.source}, ${moment(found.at_s)}`;
+      words = `pose of ${found.source}, ${timeOf(found.at_s)}`;
     } catch (error) {
       words = error.message;
     }
@@ -44,7 +44,7 @@ export function followPose(view) {
     const silent = picture.joints.filter((joint) => joint.answers === false).map((joint) => joint.name);
     isLive = picture.age_s !== null && picture.age_s <= OLD_S && !picture.over && silent.length === 0;
     position = values;
-    words = `last pose of the motion ${moment(Date.now() / 1000)}`;
+    words = `last pose of the motion ${timeOf(Date.now() / 1000)}`;
     if (!isLive) {
       if (silent.length > 0) words = `no answer from ${silent.join(", ")}`;
       rest();

@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 
 from acquisition.motion.motion_file import MOTION_KINDS
-from rid_daq.service import folder_files as folder_files_module
 from rid_daq.service.folder_files import folder_files
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
@@ -61,7 +60,7 @@ def test_an_unchanged_run_folder_is_not_read_again(
         (run / "model.json").write_text(MODEL)
         os.utime(run, (1e9, 1e9))
     folder_files(service, "ir361")
-    monkeypatch.setattr(folder_files_module.os, "scandir", noted)
+    monkeypatch.setattr(os, "scandir", noted)
     (service.runs / "01B" / "loops.json").write_text(LOOPS)
     found = folder_files(service, "ir361")
     assert "01A" not in read
