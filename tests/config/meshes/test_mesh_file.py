@@ -9,7 +9,7 @@ import pytest
 
 from config.errors import ConfigError
 from config.meshes.mesh_file import read_mesh
-from tests.builders.mesh_files import INSTANCE, ascii_stl, binary_stl, box, dae, obj, write
+from tests.builders.mesh_files import INSTANCE, ascii_stl, binary_stl, box, dae, joined, obj, write
 from tests.builders.raised_codes import raises_code
 
 BRICK = box((0.0, 0.0, 0.0), (1.0, 2.0, 3.0))
@@ -122,3 +122,31 @@ def test_a_damaged_mesh_is_refused(tmp_path: Path, name: str, content, number: s
         write(tmp_path / name, content)
     with raises_code(ConfigError, "RID-URDF-MESH", number):
         read_mesh(tmp_path / name)
+
+
+def test_an_obj_of_several_materials_keeps_the_triangles_of_each(tmp_path: Path) -> None:
+    far = box((10.0, 0.0, 0.0), (11.0, 1.0, 1.0))
+    first, second = obj(*BRICK), obj(far[0], far[1] + 8)
+    text = f"usemtl a\n{first}usemtl b\n{second}"
+    mesh = read_mesh(write(tmp_path / "two.obj", text))
+    assert not mesh.is_hull
+    assert volume_m3(mesh) == pytest.approx(7.0)
+    assert mesh.corners_m[12:].min(axis=(0, 1)) == pytest.approx((10.0, 0.0, 0.0))
+
+
+def test_parts_in_one_node_of_a_dae_file_become_the_hull_of_their_vertices(tmp_path: Path) -> None:
+    far = box((10.0, 0.0, 0.0), (11.0, 2.0, 3.0))
+    both = joined(BRICK, far)
+    text = dae(*both, asset='<unit meter="0.1"/>')
+    one, rest = text.split("<triangles", 1)
+    _, after = rest.split("</triangles>", 1)
+    parts = "".join(
+        f'<triangles count="12" material="m{k}"><input semantic="VERTEX" source="#v" offset="0"/>'
+        f"<p>{' '.join(map(str, (BRICK[1] + 8 * k).ravel().tolist()))}</p></triangles>"
+        for k in (0, 1)
+    )
+    mesh = read_mesh(write(tmp_path / "two.dae", one + parts + after))
+    assert mesh.is_hull
+    np.testing.assert_allclose(mesh.vertices_m.min(axis=0), 0.0, atol=1e-6)
+    np.testing.assert_allclose(mesh.vertices_m.max(axis=0), (1.1, 0.2, 0.3), atol=1e-6)
+    assert len(mesh.vertices_m) == 8
