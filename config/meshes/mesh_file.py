@@ -1,10 +1,10 @@
 """Conversion of a mesh file (STL, DAE or OBJ) to a `Mesh` in metres.
 
-The library coal reads STL and DAE files, including the nested nodes of a DAE file. It ignores the
-unit of a DAE file, which is therefore read here. If a file has several parts in one node, coal
-connects their triangles wrongly; the convex hull of the vertices then replaces them. The
-`<up_axis>` of a DAE file is ignored on purpose: RViz, MoveIt and Gazebo ignore it, and the files of
-robots are made for them (decision 0073).
+The library coal reads STL and DAE files. It ignores the unit of a DAE file, which is therefore read
+here. If a file has several parts in one node, coal connects their triangles wrongly; then
+`dae_geometry.py` reads them, or the convex hull of the vertices replaces them. The `<up_axis>` of a
+DAE file is ignored on purpose: RViz, MoveIt and Gazebo ignore it, and the files of robots are made
+for them (decision 0073).
 """
 
 from __future__ import annotations
@@ -21,14 +21,16 @@ from scipy.spatial import ConvexHull, QhullError
 
 from config.arrays import FloatArray, IntArray
 from config.errors import ConfigError
-from config.formats.bounded_file import open_file
+from config.formats.bounded_file import open_file, read_file
 from config.formats.number import parse_number
+from config.meshes.dae_geometry import triangles_of_dae
 from config.meshes.mesh import Mesh
 
 CODE: Final = "RID-URDF-MESH"
 FORMATS: Final = (".stl", ".dae", ".obj")
 MOST_BYTES: Final = 300_000_000
 MOST_TRIANGLES: Final = 3_000_000
+SAME_BOUNDS: Final = 1e-5
 _CHUNK: Final = 1 << 16
 _POINTER: Final = b"version https://git-lfs"
 
@@ -80,6 +82,8 @@ def read_mesh(path: Path) -> Mesh:
         return Mesh(vertices * unit_m, triangles)
     # coal numbers the vertices of a node's second and further meshes from 0: these triangles are
     # wrong. It never returns vertices without triangles, so that missing numbers reveal the error.
+    if path.suffix.lower() == ".dae" and (repaired := _read_dae(path, vertices)) is not None:
+        return Mesh(repaired.vertices_m * unit_m, repaired.triangles)
     return _hull_of(vertices * unit_m, path)
 
 
@@ -96,6 +100,21 @@ def _load(path: Path) -> tuple[FloatArray, IntArray]:
     corners = [(t[0], t[1], t[2]) for t in map(found.tri_indices, range(found.num_tris))]
     vertices = np.array(found.vertices(), dtype=float).reshape(-1, 3)
     return vertices, np.array(corners, dtype=np.int64).reshape(-1, 3)
+
+
+def _read_dae(path: Path, vertices: FloatArray) -> Mesh | None:
+    """Return the mesh of a DAE file; None if it cannot be read, or if it differs from `vertices`.
+
+    The bounds of `vertices`, which coal read, must be those of the mesh.
+    """
+    try:
+        corners = triangles_of_dae(read_file(path, MOST_BYTES), str(path)).reshape(-1, 3)
+    except (ConfigError, ValueError, LookupError, StopIteration, OSError):
+        return None
+    bounds = [np.array([each.min(axis=0), each.max(axis=0)]) for each in (corners, vertices)]
+    if np.abs(bounds[0] - bounds[1]).max() > SAME_BOUNDS * np.abs(vertices).max():
+        return None
+    return Mesh(corners, np.arange(len(corners)).reshape(-1, 3))
 
 
 def _read_obj(path: Path) -> tuple[FloatArray, IntArray]:

@@ -134,19 +134,34 @@ def test_an_obj_of_several_materials_keeps_the_triangles_of_each(tmp_path: Path)
     assert mesh.corners_m[12:].min(axis=(0, 1)) == pytest.approx((10.0, 0.0, 0.0))
 
 
-def test_parts_in_one_node_of_a_dae_file_become_the_hull_of_their_vertices(tmp_path: Path) -> None:
-    far = box((10.0, 0.0, 0.0), (11.0, 2.0, 3.0))
-    both = joined(BRICK, far)
-    text = dae(*both, asset='<unit meter="0.1"/>')
-    one, rest = text.split("<triangles", 1)
-    _, after = rest.split("</triangles>", 1)
+def dae_of_two_materials(shape: str) -> str:
+    """Return a DAE file in dm with two bricks, 10 dm apart, of two materials in one node."""
+    both = joined(BRICK, box((10.0, 0.0, 0.0), (11.0, 2.0, 3.0)))
+    turn = f"<node><translate>0 0 5</translate><rotate>0 0 1 90</rotate>{INSTANCE}</node>"
+    text = dae(*both, asset='<unit meter="0.1"/>', nodes=turn)
+    before, rest = text.split("<triangles", 1)
+    after = rest.split("</triangles>", 1)[1]
+    use = '<input semantic="VERTEX" source="#v" offset="0"/>'
+    counts = f"<vcount>{'3 ' * 12}</vcount>" if shape == "polylist" else ""
     parts = "".join(
-        f'<triangles count="12" material="m{k}"><input semantic="VERTEX" source="#v" offset="0"/>'
-        f"<p>{' '.join(map(str, (BRICK[1] + 8 * k).ravel().tolist()))}</p></triangles>"
+        f'<{shape} count="12" material="m{k}">{use}{counts}'
+        f"<p>{' '.join(map(str, (BRICK[1] + 8 * k).ravel().tolist()))}</p></{shape}>"
         for k in (0, 1)
     )
-    mesh = read_mesh(write(tmp_path / "two.dae", one + parts + after))
+    return before + parts + after
+
+
+@pytest.mark.parametrize("shape", ["triangles", "polylist"])
+def test_a_dae_of_several_materials_keeps_the_triangles_of_each(tmp_path: Path, shape: str) -> None:
+    mesh = read_mesh(write(tmp_path / "two.dae", dae_of_two_materials(shape)))
+    assert not mesh.is_hull
+    assert volume_m3(mesh) == pytest.approx(0.012, rel=1e-5)
+    np.testing.assert_allclose(mesh.vertices_m.min(axis=0), (-0.2, 0.0, 0.5), atol=1e-6)
+    np.testing.assert_allclose(mesh.vertices_m.max(axis=0), (0.0, 1.1, 0.8), atol=1e-6)
+
+
+def test_a_dae_of_several_materials_that_cannot_be_read_becomes_its_hull(tmp_path: Path) -> None:
+    text = dae_of_two_materials("triangles").replace("<COLLADA", "<!DOCTYPE COLLADA><COLLADA")
+    mesh = read_mesh(write(tmp_path / "two.dae", text))
     assert mesh.is_hull
-    np.testing.assert_allclose(mesh.vertices_m.min(axis=0), 0.0, atol=1e-6)
-    np.testing.assert_allclose(mesh.vertices_m.max(axis=0), (1.1, 0.2, 0.3), atol=1e-6)
-    assert len(mesh.vertices_m) == 8
+    np.testing.assert_allclose(mesh.vertices_m.max(axis=0), (0.0, 1.1, 0.8), atol=1e-6)
