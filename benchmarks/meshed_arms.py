@@ -65,7 +65,6 @@ ARMS: Final = (
     f"{ROBOTS}/tiago_pro_description/robots/tiago_pro.urdf",
     f"{ROBOTS}/baxter_description/urdf/baxter.urdf",
     f"{ROBOTS}/b1_description/urdf/b1-z1.urdf",
-    f"{ROBOTS}/finger_edu_description/robots/finger_edu.urdf",
     f"{XACRO}/abb_irb140_description/urdf/irb140.urdf",
     f"{XACRO}/kuka_description/kuka_kr16/urdf/kr16_2.urdf",
     f"{XACRO}/kuka_description/kuka_kr120/urdf/kr120r2500pro.urdf",
@@ -79,7 +78,7 @@ ARMS: Final = (
 )
 """Left out: the UR3e of airo-models and panda_collision.urdf, which have no meshes of <collision>,
 and robots that `init` refuses for another reason: PR2 (a reduction of -52143), xArm 6 of pybullet
-(a reduction that is not a number), fingers of robot-properties-fingers (1000 rad/s).
+(a reduction that is not a number), finger_edu (1000 rad/s).
 """
 BODIED_BAR: Final = 0.95
 OUTSIDE_BAR_MM: Final = 1.0
