@@ -16,10 +16,12 @@ class Mesh:
     Attributes:
         vertices_m: Shape (vertices, 3). Corners of the triangles [m].
         triangles: Shape (triangles, 3). Numbers of each triangle's three vertices.
+        is_hull: True if these are not the file's triangles but the convex hull of its vertices.
     """
 
     vertices_m: FloatArray
     triangles: IntArray
+    is_hull: bool = False
 
     @property
     def corners_m(self) -> FloatArray:
@@ -38,8 +40,9 @@ class Mesh:
         """
         mirrored = np.prod(np.sign(scale)) < 0.0
         order = [0, 2, 1] if mirrored else [0, 1, 2]
-        return Mesh(self.vertices_m * np.array(scale), self.triangles[:, order])
+        return Mesh(self.vertices_m * np.array(scale), self.triangles[:, order], self.is_hull)
 
     def placed(self, pose: FloatArray) -> Mesh:
         """Return the mesh in another frame; `pose`, (4, 4), is the pose of its frame there."""
-        return Mesh(self.vertices_m @ pose[:3, :3].T + pose[:3, 3], self.triangles)
+        vertices_m = self.vertices_m @ pose[:3, :3].T + pose[:3, 3]
+        return Mesh(vertices_m, self.triangles, self.is_hull)

@@ -1,29 +1,36 @@
 """Conversion of a mesh file (STL, DAE or OBJ) to a `Mesh` in metres.
 
-The library coal reads the geometry, including the nested nodes of a DAE file. It ignores the unit
-of a DAE file, which is therefore read here. The `<up_axis>` of a DAE file is ignored on purpose:
-RViz, MoveIt and Gazebo ignore it, and the files of robots are made for them (decision 0073).
+The library coal reads STL and DAE files. It ignores the unit of a DAE file, which is therefore read
+here. If a file has several parts in one node, coal connects their triangles wrongly; then
+`dae_geometry.py` reads them, or the convex hull of the vertices replaces them. The `<up_axis>` of a
+DAE file is ignored on purpose: RViz, MoveIt and Gazebo ignore it, and the files of robots are made
+for them (decision 0073).
 """
 
 from __future__ import annotations
 
 import os
+from itertools import pairwise
 from pathlib import Path
 from typing import BinaryIO, Final
 from xml.parsers import expat
 
 import coal  # pyright: ignore[reportMissingImports]
 import numpy as np
+from scipy.spatial import ConvexHull, QhullError
 
+from config.arrays import FloatArray, IntArray
 from config.errors import ConfigError
-from config.formats.bounded_file import open_file
+from config.formats.bounded_file import open_file, read_file
 from config.formats.number import parse_number
+from config.meshes.dae_geometry import triangles_of_dae
 from config.meshes.mesh import Mesh
 
 CODE: Final = "RID-URDF-MESH"
 FORMATS: Final = (".stl", ".dae", ".obj")
 MOST_BYTES: Final = 300_000_000
 MOST_TRIANGLES: Final = 3_000_000
+SAME_BOUNDS: Final = 1e-5
 _CHUNK: Final = 1 << 16
 _POINTER: Final = b"version https://git-lfs"
 
@@ -36,7 +43,8 @@ def read_mesh(path: Path) -> Mesh:
 
     Returns:
         The mesh. DAE files are scaled to metres by their `<unit>`; the numbers of STL and OBJ
-        files, which state no unit, are taken as metres.
+        files, which state no unit, are taken as metres. If the triangles of a file with several
+        parts cannot be read, the mesh is the convex hull of all its vertices (`Mesh.is_hull`).
 
     Raises:
         ConfigError: The file does not exist, is damaged, or contains no triangle.
@@ -61,25 +69,103 @@ def read_mesh(path: Path) -> Mesh:
             f"{path}: contains only a pointer of Git LFS; fetch the mesh with `git lfs pull`",
             code=CODE,
         )
-    try:
-        found = coal.MeshLoader().load(os.fspath(path))
-    except (ValueError, RuntimeError):
+    vertices, triangles = _read_obj(path) if path.suffix.lower() == ".obj" else _load(path)
+    if len(triangles) > MOST_TRIANGLES:
         raise ConfigError(
-            f"{path}: is not a complete {path.suffix[1:].upper()} file with triangles; export it"
-            " again",
-            code=CODE,
-        ) from None
-    vertices = np.array(found.vertices(), dtype=float).reshape(-1, 3)
-    if found.num_tris > MOST_TRIANGLES:
-        raise ConfigError(
-            f"{path}: {found.num_tris} triangles; at most {MOST_TRIANGLES} are read: simplify the"
+            f"{path}: {len(triangles)} triangles; at most {MOST_TRIANGLES} are read: simplify the"
             " mesh",
             code=CODE,
         )
-    corners = [(t[0], t[1], t[2]) for t in map(found.tri_indices, range(found.num_tris))]
     if not np.isfinite(vertices).all():
         raise ConfigError(f"{path}: a vertex is not finite; export the mesh again", code=CODE)
-    return Mesh(vertices * unit_m, np.array(corners, dtype=np.int64).reshape(-1, 3))
+    if len(np.unique(triangles)) == len(vertices):
+        return Mesh(vertices * unit_m, triangles)
+    # coal numbers the vertices of a node's second and further meshes from 0: these triangles are
+    # wrong. It never returns vertices without triangles, so that missing numbers reveal the error.
+    if path.suffix.lower() == ".dae" and (repaired := _read_dae(path, vertices)) is not None:
+        return Mesh(repaired.vertices_m * unit_m, repaired.triangles)
+    return _hull_of(vertices * unit_m, path)
+
+
+def _load(path: Path) -> tuple[FloatArray, IntArray]:
+    """Return vertices and triangles of an STL or DAE file.
+
+    Raises:
+        ConfigError: The file is damaged, or contains no triangle.
+    """
+    try:
+        found = coal.MeshLoader().load(os.fspath(path))
+    except (ValueError, RuntimeError):
+        raise _incomplete(path) from None
+    corners = [(t[0], t[1], t[2]) for t in map(found.tri_indices, range(found.num_tris))]
+    vertices = np.array(found.vertices(), dtype=float).reshape(-1, 3)
+    return vertices, np.array(corners, dtype=np.int64).reshape(-1, 3)
+
+
+def _read_dae(path: Path, vertices: FloatArray) -> Mesh | None:
+    """Return the mesh of a DAE file; None if it cannot be read, or if it differs from `vertices`.
+
+    The bounds of `vertices`, which coal read, must be those of the mesh.
+    """
+    try:
+        corners = triangles_of_dae(read_file(path, MOST_BYTES), str(path)).reshape(-1, 3)
+    except (ConfigError, ValueError, LookupError, StopIteration, OSError):
+        return None
+    bounds = [np.array([each.min(axis=0), each.max(axis=0)]) for each in (corners, vertices)]
+    if np.abs(bounds[0] - bounds[1]).max() > SAME_BOUNDS * np.abs(vertices).max():
+        return None
+    return Mesh(corners, np.arange(len(corners)).reshape(-1, 3))
+
+
+def _read_obj(path: Path) -> tuple[FloatArray, IntArray]:
+    """Return the vertices that faces use, and triangles of an OBJ file; faces become fans.
+
+    Raises:
+        ConfigError: A vertex or face cannot be read, or there is no face.
+    """
+    vertices: list[list[float]] = []
+    triangles: list[tuple[int, int, int]] = []
+    try:
+        for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
+            kind, *words = line.split() or [""]
+            if kind == "v":
+                vertices.append([float(word) for word in words[:3]])
+            elif kind == "f":
+                stated = [int(word.partition("/")[0]) for word in words]
+                numbers = [k - 1 if k > 0 else len(vertices) + k for k in stated]
+                if len(numbers) < 3 or not all(0 <= k < len(vertices) for k in numbers):
+                    raise _incomplete(path)
+                triangles += [(numbers[0], *pair) for pair in pairwise(numbers[1:])]
+        found = np.array(vertices, dtype=float).reshape(-1, 3)
+    except ValueError:
+        raise _incomplete(path) from None
+    if not triangles:
+        raise _incomplete(path)
+    used, renumbered = np.unique(np.array(triangles), return_inverse=True)
+    return found[used], renumbered.reshape(-1, 3)
+
+
+def _incomplete(path: Path) -> ConfigError:
+    return ConfigError(
+        f"{path}: is not a complete {path.suffix[1:].upper()} file with triangles; export it again",
+        code=CODE,
+    )
+
+
+def _hull_of(vertices_m: FloatArray, path: Path) -> Mesh:
+    """Return the convex hull of a file's vertices as a mesh.
+
+    Raises:
+        ConfigError: The vertices are flat.
+    """
+    try:
+        hull = ConvexHull(vertices_m)
+    except QhullError:
+        raise ConfigError(
+            f"{path}: its flat parts cannot be read; export them as one mesh", code=CODE
+        ) from None
+    renumbered = np.searchsorted(np.sort(hull.vertices), hull.simplices)
+    return Mesh(vertices_m[np.sort(hull.vertices)], renumbered.astype(np.int64), is_hull=True)
 
 
 def _unit_of_dae(file: BinaryIO, path: Path) -> float:

@@ -45,6 +45,7 @@ class _Notes:
 
     made: list[str] = field(default_factory=list)
     refused: dict[str, list[str]] = field(default_factory=dict)
+    hulls: list[str] = field(default_factory=list)
 
     def add_refused(self, found: LinkMeshes) -> None:
         """Add the meshes that were not read."""
@@ -52,12 +53,27 @@ class _Notes:
             for mesh in meshes:
                 self.refused.setdefault(mesh.reason, []).append(f"{link} ({mesh.address})")
 
+    def add_hulls(self, found: LinkMeshes) -> None:
+        """Add the files of which only the convex hull is known."""
+        self.hulls += [
+            f"{link} ({each.file.name})"
+            for link, meshes in found.by_link.items()
+            for each in meshes
+            if each.mesh.is_hull
+        ]
+
     def texts(self) -> Iterator[str]:
         """Yield the notes."""
         if self.made:
             yield (
                 "convex bodies were made from meshes (number of hulls and points, largest distance"
                 f" from the convex parts of the mesh): {'; '.join(self.made)}"
+            )
+        if self.hulls:
+            yield (
+                f"the meshes of {', '.join(self.hulls)} consist of several parts that were not read"
+                " separately: their bodies contain the convex hull of all parts. To get smaller"
+                " bodies, export each mesh as one part"
             )
         for reason, links in self.refused.items():
             yield f"no bodies from the meshes of {', '.join(links)}: {reason}"
@@ -94,6 +110,7 @@ def bodies_of_urdf(
             largest = LARGEST if number else LARGEST_OF_BASE
             found = read_link_meshes(tree, packages, reach_m, links=names, largest=largest)
             notes.add_refused(found)
+            notes.add_hulls(found)
             hulls = _hulls(number, found, poses, reach_m)
             notes.made += [_describe(name, made) for name, made in hulls.items()]
         for name in names:

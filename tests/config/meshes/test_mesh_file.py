@@ -9,7 +9,7 @@ import pytest
 
 from config.errors import ConfigError
 from config.meshes.mesh_file import read_mesh
-from tests.builders.mesh_files import INSTANCE, ascii_stl, binary_stl, box, dae, obj, write
+from tests.builders.mesh_files import INSTANCE, ascii_stl, binary_stl, box, dae, joined, obj, write
 from tests.builders.raised_codes import raises_code
 
 BRICK = box((0.0, 0.0, 0.0), (1.0, 2.0, 3.0))
@@ -122,3 +122,46 @@ def test_a_damaged_mesh_is_refused(tmp_path: Path, name: str, content, number: s
         write(tmp_path / name, content)
     with raises_code(ConfigError, "RID-URDF-MESH", number):
         read_mesh(tmp_path / name)
+
+
+def test_an_obj_of_several_materials_keeps_the_triangles_of_each(tmp_path: Path) -> None:
+    far = box((10.0, 0.0, 0.0), (11.0, 1.0, 1.0))
+    first, second = obj(*BRICK), obj(far[0], far[1] + 8)
+    text = f"usemtl a\n{first}usemtl b\n{second}"
+    mesh = read_mesh(write(tmp_path / "two.obj", text))
+    assert not mesh.is_hull
+    assert volume_m3(mesh) == pytest.approx(7.0)
+    assert mesh.corners_m[12:].min(axis=(0, 1)) == pytest.approx((10.0, 0.0, 0.0))
+
+
+def dae_of_two_materials(shape: str) -> str:
+    """Return a DAE file in dm with two bricks, 10 dm apart, of two materials in one node."""
+    both = joined(BRICK, box((10.0, 0.0, 0.0), (11.0, 2.0, 3.0)))
+    turn = f"<node><translate>0 0 5</translate><rotate>0 0 1 90</rotate>{INSTANCE}</node>"
+    text = dae(*both, asset='<unit meter="0.1"/>', nodes=turn)
+    before, rest = text.split("<triangles", 1)
+    after = rest.split("</triangles>", 1)[1]
+    use = '<input semantic="VERTEX" source="#v" offset="0"/>'
+    counts = f"<vcount>{'3 ' * 12}</vcount>" if shape == "polylist" else ""
+    parts = "".join(
+        f'<{shape} count="12" material="m{k}">{use}{counts}'
+        f"<p>{' '.join(map(str, (BRICK[1] + 8 * k).ravel().tolist()))}</p></{shape}>"
+        for k in (0, 1)
+    )
+    return before + parts + after
+
+
+@pytest.mark.parametrize("shape", ["triangles", "polylist"])
+def test_a_dae_of_several_materials_keeps_the_triangles_of_each(tmp_path: Path, shape: str) -> None:
+    mesh = read_mesh(write(tmp_path / "two.dae", dae_of_two_materials(shape)))
+    assert not mesh.is_hull
+    assert volume_m3(mesh) == pytest.approx(0.012, rel=1e-5)
+    np.testing.assert_allclose(mesh.vertices_m.min(axis=0), (-0.2, 0.0, 0.5), atol=1e-6)
+    np.testing.assert_allclose(mesh.vertices_m.max(axis=0), (0.0, 1.1, 0.8), atol=1e-6)
+
+
+def test_a_dae_of_several_materials_that_cannot_be_read_becomes_its_hull(tmp_path: Path) -> None:
+    text = dae_of_two_materials("triangles").replace("<COLLADA", "<!DOCTYPE COLLADA><COLLADA")
+    mesh = read_mesh(write(tmp_path / "two.dae", text))
+    assert mesh.is_hull
+    np.testing.assert_allclose(mesh.vertices_m.max(axis=0), (0.0, 1.1, 0.8), atol=1e-6)
