@@ -42,8 +42,8 @@ class CalibratePosesRequest(Request):
     The poses are within the limits of the robot file, clear of its bodies and of the cell's
     workspace, and can be reached without a collision. They determine the parameters best
     (D-optimality). With --load, half of them carry a known load. The table has empty columns for
-    the measured points. rid-daq does not know where the instrument stands: check its line of sight,
-    leave hidden poses out, and ask for some more poses than you need.
+    the measured points. rid-daq does not know the place of the instrument: check that it sees the
+    point in each pose, leave hidden poses out, and request some more poses than you need.
     """
 
     robot: RobotName
@@ -152,7 +152,7 @@ class CalibratePosesResult:
             f" coordinate, at most {number(design.spread_max, 2)} times."
         )
         yield Text(
-            text="Check the line of sight from the instrument to each pose; leave hidden poses out."
+            text="Check that the instrument sees the point in each pose; leave hidden poses out."
         )
         yield Text(text=f"Written: {', '.join(map(str, found.files))}")
         yield Next(lead="After the measurement", words=self._next_words())

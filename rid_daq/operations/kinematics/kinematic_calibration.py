@@ -89,7 +89,8 @@ class CalibratedRobot:
     @property
     def suspicious_rows(self) -> list[int]:
         """Lines of poses with a conspicuous error."""
-        return self.calibration.poses.rows[self.calibration.suspicious].tolist()
+        rows = self.calibration.poses.rows[self.calibration.suspicious]
+        return [int(row) for row in rows]
 
     @property
     def gears(self) -> tuple[GearStiffness, ...]:

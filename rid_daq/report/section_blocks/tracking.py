@@ -16,10 +16,10 @@ from rid_daq.report.sections.tracking import (
     FollowedMotion,
     JointUnit,
     PathCurves,
-    ToolSideSize,
     TrackingSection,
     magnification,
 )
+from rid_daq.report.tool_side_entry import ToolSideSize
 
 AXES: Final = "xyz"
 LEAST_MM: Final = 1e-4

@@ -18,10 +18,10 @@ from config.robot.robot import RobotDescription
 from rid_daq.blocks.formats import number
 from rid_daq.report.sections.section import Numbers, Section, Texts, joint_units, round_values
 from rid_daq.report.sections.verdict import VerdictCheck, VerdictSection
+from rid_daq.report.tool_side_entry import ToolSideSize
 
 if TYPE_CHECKING:
     from compensation.feedforward.deflection import Deflection
-    from compensation.feedforward.tool_side import ToolSideError
     from compensation.feedforward.tracking_error import TrackingError
 
 DRAWN_POINTS = 500
@@ -99,48 +99,6 @@ class ErrorSize(Section):
         """Return the size of a run's errors."""
         bent = None if run.deflection is None else ToolDeflection.of(run.deflection)
         return cls.from_attributes(run.error, bending=bent)
-
-
-class ToolSideSize(Section):
-    """Path errors of one run at the tool, measured by an external instrument.
-
-    Attributes:
-        run: Label of the run.
-        file: Name of the tracker file.
-        rows: Number of measured points in the motion's main part.
-        mean_m: Mean distance of the measured from the desired point [m].
-        max_m: Largest distance [m].
-        motor_mean_m: Mean distance at the motor encoders [m].
-        clock_offset_s: Time of the instrument minus time of the run [s].
-        clock_ppm: Rate of the instrument's clock relative to the run's, minus 1 [1e-6].
-        residual_m: RMS distance between the measured path and that by the motor encoders [m].
-    """
-
-    run: str
-    file: str
-    rows: int
-    mean_m: float
-    max_m: float
-    motor_mean_m: float
-    clock_offset_s: float
-    clock_ppm: float
-    residual_m: float
-
-    @classmethod
-    def of(cls, error: ToolSideError, *, run: str, file: str, motor_mean_m: float) -> ToolSideSize:
-        """Return the size of a run's errors at the tool."""
-        clock = error.alignment
-        return cls(
-            run=run,
-            file=file,
-            rows=len(error.time_s),
-            mean_m=error.mean_m,
-            max_m=error.max_m,
-            motor_mean_m=motor_mean_m,
-            clock_offset_s=clock.offset_s,
-            clock_ppm=1e6 * clock.rate,
-            residual_m=clock.residual_m,
-        )
 
 
 class PathCurves(Section):

@@ -33,7 +33,7 @@ def recording() -> Recording:
     noise = 1e-5 * np.random.default_rng(3).normal(size=target.shape)
     return Recording(
         joint_names=ROBOT.joint_names,
-        time_s=0.004 * np.arange(rows),
+        time_s=0.004 * np.arange(rows, dtype=np.float64),
         position=target + SAG + noise,
         torque_nm=np.zeros_like(target),
         valid=np.ones(rows, dtype=np.bool_),

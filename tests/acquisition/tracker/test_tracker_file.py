@@ -43,6 +43,7 @@ def test_millimetres_decimal_commas_comments_and_other_columns_are_read(
     )
     found = read_tracked_point(path)
     np.testing.assert_allclose(found.point_m, [[1.5005, -0.25, 0.125], [1.6005, -0.25, 0.125]])
+    assert found.sigma_m is not None
     np.testing.assert_allclose(found.sigma_m, [2e-5, 3e-5])
     np.testing.assert_array_equal(found.time_s, [0.0, 0.2])
     assert found.left_out == 1

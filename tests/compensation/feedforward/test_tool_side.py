@@ -40,7 +40,7 @@ def recording() -> Recording:
     rows = len(target)
     return Recording(
         joint_names=ROBOT.joint_names,
-        time_s=0.004 * np.arange(rows),
+        time_s=0.004 * np.arange(rows, dtype=np.float64),
         position=target - _wave(target, 1e-4),
         torque_nm=np.zeros_like(target),
         valid=np.ones(rows, dtype=np.bool_),
