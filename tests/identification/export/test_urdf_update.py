@@ -250,7 +250,10 @@ def test_a_file_in_another_encoding_keeps_it(
     made: IdentifiedUrdf, found: ConsistentEstimate
 ) -> None:
     latin = ARM.decode().replace("utf-8", "iso-8859-1").encode("iso-8859-1")
-    identified, model = ExportModel.from_estimate(made.estimate), ExportModel.from_closest_robot(found)
+    identified, model = (
+        ExportModel.from_estimate(made.estimate),
+        ExportModel.from_closest_robot(found),
+    )
     written = UrdfUpdate(latin, "latin.urdf", identified).with_model(model).data
     assert without_changes(written) == without_changes(latin)
     assert read_urdf(written, "latin.urdf").links.keys() == read_urdf(ARM, "arm.urdf").links.keys()
