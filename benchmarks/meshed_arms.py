@@ -78,7 +78,7 @@ ARMS: Final = (
 )
 """Left out: the UR3e of airo-models and panda_collision.urdf, which have no meshes of <collision>,
 and robots that `init` refuses for another reason: PR2 (a reduction of -52143), xArm 6 of pybullet
-(a reduction that is not a number), finger_edu (1000 rad/s).
+(a reduction that is not a number), finger_edu and two variants (1000 rad/s).
 """
 BODIED_BAR: Final = 0.95
 OUTSIDE_BAR_MM: Final = 1.0
