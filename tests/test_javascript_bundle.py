@@ -147,7 +147,6 @@ def test_a_build_needs_the_registry_once_and_gives_the_same_bytes(project: Path)
     refused = build(project, "--sdist", registry=NO_REGISTRY)
     assert refused.returncode
     assert "npm_config_registry" in refused.stderr
-    assert "wheel of a release" in refused.stderr
     assert not list(project.glob("dist/*.gz"))
     assert build(project, "--sdist").returncode == 0
     (source,) = project.glob("dist/*.tar.gz")

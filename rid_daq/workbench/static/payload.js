@@ -203,7 +203,7 @@ press("certify", panel, "payload_certificate", () => {
 });
 
 // ---- the controller
-const ENDINGS = { kuka: ".src", abb: ".mod", fanuc: ".txt", ur: ".script", franka: ".json", staubli: ".txt", urdf: ".urdf" };
+const ENDINGS = { kuka: ".src", abb: ".mod", fanuc: ".txt", ur: ".script", "ur-ros2": ".yaml", franka: ".json", staubli: ".txt", urdf: ".urdf" };
 
 press("export", panel, "payload_export", async () => {
   const to = find("make").value;

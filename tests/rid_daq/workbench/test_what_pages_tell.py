@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from pathlib import Path
 
 import pytest
 
 from acquisition.runs.folder import RunFolder
 from config.load import load_cell
+from identification.choices import LoadFormat
 from rid_daq.service.api.app import make_api
 from rid_daq.service.api.runs import run_folder
 from rid_daq.service.records import Role
@@ -16,8 +18,10 @@ from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
 from rid_daq.workbench import runs_pages
 from rid_daq.workbench.cell_sources import sources_of
+from rid_daq.workbench.menu import MENU
 from rid_daq.workbench.pages import PAGES
 from rid_daq.workbench.robot_history import HistoryEntry, QuantityHistory, history_of
+from rid_daq.workbench.static_files import static_files
 from tests.rid_daq.service.test_api import Api
 from tests.rid_daq.workbench.conftest import estimated
 
@@ -94,3 +98,23 @@ def test_a_page_of_another_program_version_must_be_reloaded(tmp_path: Path) -> N
     api.app = make_api(service, api.door, PAGES)
     answer = api.ask(Role.VIEWER, "GET", "/static/0123456789abcdef/job_panel.js")
     assert (answer.status_code, answer.json()["code"]) == (404, "RID-PAGE-OUTDATED")
+
+
+@pytest.mark.parametrize("path", [entry.path for entry in MENU])
+def test_every_page_of_the_menu_is_rendered(tmp_path: Path, path: str) -> None:
+    service = CellService(tmp_path, [ServedCell("ir361", 20.0)])
+    api = Api(service)
+    api.app = make_api(service, api.door, PAGES)
+    assert api.ask(Role.VIEWER, "GET", f"/cells/ir361{path}").status_code == 200
+
+
+def test_load_data_of_every_controller_can_be_chosen_and_saved(tmp_path: Path) -> None:
+    service = CellService(tmp_path, [ServedCell("kr15", 20.0)])
+    api = Api(service)
+    api.app = make_api(service, api.door, PAGES)
+    page = api.ask(Role.VIEWER, "GET", "/cells/kr15/payload").text
+    script = static_files()["payload.js"].decode()
+    endings = script.partition("const ENDINGS = {")[2].partition("}")[0]
+    for each in LoadFormat:
+        assert f'value="{each.value}"' in page
+        assert re.search(rf"\b{each.value}\"?: \"\.", endings), each
