@@ -25,6 +25,9 @@ WRITTEN: Final = {
     " digits, '_' and '-', at most 32",
     r"^[0-9A-F]{4}h:[0-9A-F]{2}$": "an object is written as 6091h:01",
     r"^[0-9A-F]{4}h(:[0-9A-F]{2})?$": "an object is written as 6091h or 6091h:01",
+    r"^[A-Za-z0-9][\w-]{0,55}\.meshes$": "the name of the file, which is in the folder of the robot"
+    " file, ends in .meshes",
+    r"^[0-9a-f]{64}$": "a SHA-256 has 64 digits 0 to 9 and a to f",
     r"^[rt]pdo[1-4]$": "a PDO is written as rpdo1 to rpdo4 or tpdo1 to tpdo4",
     r"^[!-~]{1,8}$": "one to eight ASCII characters without space are expected",
     r"^[!-/:-@]$": "one ASCII punctuation mark is expected",

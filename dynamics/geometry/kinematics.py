@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import EstimationError
+from config.formats.urdf import rotation_of_rpy
 from config.robot.robot import RobotDescription
 
 ChainArrays = tuple[FloatArray, FloatArray, BoolArray, FloatArray]
@@ -81,6 +82,14 @@ class Chain:
     def arrays(self) -> ChainArrays:
         """The arrays for the kernels: rows, fixed_rotations, prismatic, gravity_m_s2."""
         return self.rows, self.fixed_rotations, self.prismatic, self.gravity_m_s2
+
+
+def flange_pose(robot: RobotDescription) -> FloatArray:
+    """Return the flange (the robot file's tool frame) in the frame of the last link, (4, 4)."""
+    pose = np.eye(4)
+    pose[:3, 3] = Chain.from_description(robot).tool_m
+    pose[:3, :3] = rotation_of_rpy(*robot.tool_rpy_rad)
+    return pose
 
 
 def link_transforms(chain: Chain, q: npt.ArrayLike) -> FloatArray:

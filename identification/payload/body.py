@@ -10,9 +10,6 @@ from numpy.typing import NDArray
 
 from config.arrays import FloatArray, freeze
 from config.errors import EstimationError
-from config.formats.urdf import rotation_of_rpy
-from config.robot.robot import RobotDescription
-from dynamics.geometry.kinematics import Chain
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.choices import REPORTED
 from identification.consistency.pseudo_inertia import BASIS
@@ -128,14 +125,6 @@ def reported_slopes(parameters: FloatArray) -> FloatArray:
         stepped[column] += 1j * _STEP
         slopes[:, column] = reported(stepped).imag / _STEP
     return slopes
-
-
-def flange_pose(robot: RobotDescription) -> FloatArray:
-    """Return the flange (the robot file's tool frame) in the frame of the last link, (4, 4)."""
-    pose = np.eye(4)
-    pose[:3, 3] = Chain.from_description(robot).tool_m
-    pose[:3, :3] = rotation_of_rpy(*robot.tool_rpy_rad)
-    return pose
 
 
 def to_link(pose: FloatArray) -> FloatArray:

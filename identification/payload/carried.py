@@ -12,10 +12,11 @@ from dataclasses import replace
 import numpy as np
 
 from config.errors import ConfigError, EstimationError
+from dynamics.geometry.kinematics import flange_pose
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.estimation.estimate import Estimate
 from identification.estimation.transformed import transform
-from identification.payload.body import flange_pose, to_link
+from identification.payload.body import to_link
 from identification.payload.estimate import PayloadEstimate
 
 

@@ -17,13 +17,14 @@ import numpy as np
 from config.arrays import FloatArray, IntArray
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
+from dynamics.geometry.kinematics import flange_pose
 from dynamics.model.robot_model import RobotModel
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.consistency.metric import full_rank_covariance
 from identification.estimation.estimate import Estimate
 from identification.model.base_parameters import BaseParameters, base_parameters
 from identification.model.options import ModelOptions
-from identification.payload.body import PARAMETERS, flange_pose, to_link
+from identification.payload.body import PARAMETERS, to_link
 from identification.regression.least_squares import triangular_factor
 
 Procedure = Literal["together", "difference", "model", "apart"]

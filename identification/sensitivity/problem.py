@@ -18,10 +18,11 @@ from config.arrays import FloatArray, IntArray, freeze, read_only
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from config.robot.wrist_coupling import WristCoupling
+from dynamics.geometry.kinematics import flange_pose
 from dynamics.model.robot_model import RobotModel, regressor, torque
 from dynamics.terms.conditions import Conditions
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
-from identification.payload.body import PayloadBody, flange_pose, reported, to_link
+from identification.payload.body import PayloadBody, reported, to_link
 
 Comparison = Literal["model", "difference"]
 """Comparison that separates a payload: with a model of the robot, or with an unloaded run."""

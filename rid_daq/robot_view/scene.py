@@ -13,8 +13,7 @@ from config.cell.plate import PlateConfig
 from config.formats.urdf import rotation_of_rpy
 from config.meshes.mesh import Mesh
 from config.robot.robot import RobotDescription
-from dynamics.geometry.kinematics import Chain
-from identification.payload.body import flange_pose
+from dynamics.geometry.kinematics import Chain, flange_pose
 from rid_daq.robot_view.link_shapes import (
     ShapeKind,
     body_meshes,

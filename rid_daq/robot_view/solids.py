@@ -6,7 +6,6 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import ConvexHull
 
 from config.arrays import FloatArray, IntArray
 from config.meshes.mesh import Mesh
@@ -109,6 +108,8 @@ def box_mesh(least: npt.ArrayLike, most: npt.ArrayLike) -> Mesh:
 
 def hull_mesh(points: npt.ArrayLike) -> Mesh:
     """Return the convex hull of points, (points, 3), that span a volume."""
+    from scipy.spatial import ConvexHull  # imported late: it takes 30 MB of memory
+
     hull = ConvexHull(np.asarray(points, dtype=np.float64))
     used, triangles = np.unique(hull.simplices, return_inverse=True)
     mesh = Mesh(hull.points[used], triangles.reshape(-1, 3))

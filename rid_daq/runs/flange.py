@@ -14,7 +14,8 @@ from acquisition.runs.folder import RunFolder
 from config.arrays import FloatArray
 from config.load import LoadedCell, load_bundled_or_path, to_yaml
 from config.simulation.plant import PlantConfig
-from identification.payload.body import PayloadBody, flange_pose, reported, to_link
+from dynamics.geometry.kinematics import flange_pose
+from identification.payload.body import PayloadBody, reported, to_link
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.verdict import PayloadResult
 from rid_daq.runs.run_data import PLANT, RunData

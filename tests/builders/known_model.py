@@ -8,12 +8,13 @@ import numpy as np
 
 from config.load import LoadedCell
 from config.robot.friction_terms import FrictionTerm
+from dynamics.geometry.kinematics import flange_pose
 from dynamics.model.true_parameters import true_parameters
 from identification.design.model import design_model
 from identification.estimation.estimate import Estimate
 from identification.model.base_parameters import ModelKind, base_parameters
 from identification.model.options import ModelOptions
-from identification.payload.body import flange_pose, to_link
+from identification.payload.body import to_link
 from tests.builders.certified import MEDIUM
 
 

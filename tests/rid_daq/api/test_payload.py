@@ -9,9 +9,10 @@ import pytest
 
 from config.arrays import FloatArray
 from config.errors import ConfigError, EstimationError
+from dynamics.geometry.kinematics import flange_pose
 from dynamics.model.robot_model import RobotModel, torque
 from dynamics.terms.conditions import Conditions
-from identification.payload.body import PayloadBody, flange_pose, to_link
+from identification.payload.body import PayloadBody, to_link
 from rid_daq.api import Payload, Recording, identify_payload
 from tests.builders.raised_codes import raises_code
 from tests.rid_daq.api.conftest import Arm

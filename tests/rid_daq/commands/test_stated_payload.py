@@ -14,10 +14,11 @@ from compensation.loops.velocity_loop import VelocityLoop
 from config.arrays import FloatArray
 from config.formats.json_file import read_content
 from config.load import load_cell
+from dynamics.geometry.kinematics import flange_pose
 from dynamics.model.robot_model import RobotModel
 from dynamics.model.true_parameters import true_parameters
 from identification.estimation.file import write_estimate
-from identification.payload.body import flange_pose, to_link
+from identification.payload.body import to_link
 from identification.payload.file import write_payload
 from identification.payload.verdict import PayloadCheck, PayloadResult
 from rid_daq.app import run
