@@ -101,10 +101,9 @@ class ErrorSize(Section):
 
 
 class PathCurves(Section):
-    """Path and errors of a run over time, thinned for drawing.
+    """Path and errors of a run over the times `time_s` [s], thinned for drawing.
 
     Attributes:
-        time_s: Times [s].
         wanted_m: Desired path of the tool point in the base frame, as x, y and z [m].
         deviation_m: Reached minus desired tool point in the base frame, as x, y and z [m].
         distance_m: Magnitude of the deviation [m].
