@@ -97,8 +97,9 @@ class GearResponse:
     """Torque over motor velocity of one axis on its own lines of the multisines.
 
     Attributes:
-        frequency_hz: Shape (F,). Lines, of all realisations [Hz].
-        measured, predicted: Shape (F,). Torque over velocity without friction [N m s/rad].
+        frequency_hz: Shape (F,). The lines [Hz].
+        measured, predicted: Shape (F,). Torque over velocity without friction, over all
+            realisations [N m s/rad].
     """
 
     frequency_hz: FloatArray
@@ -205,20 +206,23 @@ def jackknife_variance(problem: ElasticProblem, found: Minimum) -> FloatArray:
 
 def _response(problem: ElasticProblem, gears: Gears, joint: int) -> tuple[GearResponse, float]:
     """Return the response of an axis on its own lines, and the share of the torque's residual."""
-    lines, measured, predicted, left = [], [], [], []
+    lines, speeds, torques, fits = [], [], [], []
     for number, run in enumerate(problem.multisines, start=len(problem.excitations)):
         own = run.excited == joint
-        whole = run.torque - multisine_torque(run, gears)
-        friction = problem.friction_of(number, joint, whole[:, joint])
-        speed = 2j * np.pi * run.frequency_hz[own] * run.theta[own, joint]
-        torque = run.torque[own, joint] - friction[own]
+        predicted = multisine_torque(run, gears)[:, joint]
+        friction = problem.friction_of(number, joint, run.torque[:, joint] - predicted)
         lines.append(run.frequency_hz[own])
-        measured.append(torque / speed)
-        predicted.append((run.torque - whole)[own, joint] / speed)
-        left.append(
-            (np.mean(np.abs(whole[own, joint] - friction[own]) ** 2), np.mean(np.abs(torque) ** 2))
-        )
-    order = np.argsort(np.concatenate(lines), kind="stable")
-    parts = (np.concatenate(each)[order] for each in (lines, measured, predicted))
-    residual, size = np.mean(left, axis=0)
-    return GearResponse(*parts), float(np.sqrt(residual / size))
+        speeds.append(2j * np.pi * run.frequency_hz[own] * run.theta[own, joint])
+        torques.append((run.torque[:, joint] - friction)[own])
+        fits.append(predicted[own])
+    speed, torque, fit = (np.concatenate(each) for each in (speeds, torques, fits))
+    frequency_hz, place = np.unique(np.concatenate(lines), return_inverse=True)
+    power = np.bincount(place, np.abs(speed) ** 2)
+
+    def over_speed(values: Bins) -> Bins:
+        cross = values * np.conj(speed)
+        parts = np.bincount(place, cross.real) + 1j * np.bincount(place, cross.imag)
+        return np.asarray(parts / power)
+
+    share = np.linalg.norm(torque - fit) / np.linalg.norm(torque)
+    return GearResponse(frequency_hz, over_speed(torque), over_speed(fit)), float(share)

@@ -92,7 +92,7 @@ def track_runs(request: TrackingRequest) -> TrackedRuns:
     if estimate is not None:
         robot, differing = _with_stiffness(robot, estimate.robot)
         notes += differing
-        torques = _torque_words(estimate) + payload_words(request.payload)
+        torques = _torque_words(estimate, robot) + payload_words(request.payload)
     motions = [compare_with_motion(*pair, robot, estimate) for pair in pairs]
     section = TrackingSection.of(motions, robot, torques=torques)
     if request.tracker:
@@ -135,12 +135,16 @@ def _tool_side_sizes(
     return tuple(sizes)
 
 
-def _torque_words(estimate: Estimate) -> str:
-    """Return a phrase that names the model's torques from which the deflection is computed."""
+def _torque_words(estimate: Estimate, robot: RobotDescription) -> str:
+    """Return a phrase that names the model's torques from which the deflection is computed.
+
+    Args:
+        robot: Robot with the motors' inertias, if they are known.
+    """
     words = "the model's torques of the links (gravity and inertia, no friction"
     lumped = [
         joint.name
-        for joint in estimate.robot.joints
+        for joint in robot.joints
         if joint.name in lumped_motors(estimate) and joint.motor_inertia_kg_m2 is None
     ]
     if lumped:

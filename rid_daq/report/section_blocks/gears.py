@@ -49,10 +49,10 @@ def gears_plot(section: GearsSection) -> Plot:
     return Plot(
         name="gears",
         panels=tuple(_panel(axis) for axis in section.axes),
-        columns=max(2, min(3, len(section.axes))),
         caption="Magnitude of torque over motor velocity at the lines of the multisine, without the"
-        " part that friction explains. A minimum is the resonance of the link on the locked motor;"
-        " a maximum is that of motor and link against each other.",
+        " part that friction explains, over all realisations. A maximum is the resonance of the"
+        " link on the locked motor; the minimum above it is that of motor and link against each"
+        " other.",
     )
 
 
@@ -61,8 +61,8 @@ def _panel(axis: AxisGear) -> Panel:
         x=Axis("frequency", "Hz", log=True),
         y=Axis("torque over velocity", axis.damping_unit, log=True),
         lines=(
-            Line("predicted", axis.frequency_hz, axis.predicted, "orange", points=True),
-            Line("measured", axis.frequency_hz, axis.measured, "ink", points=True, marker="square"),
+            Line("predicted", axis.frequency_hz, axis.predicted, "orange", width=3.2),
+            Line("measured", axis.frequency_hz, axis.measured, "ink", points=True),
         ),
         title=axis.joint,
     )

@@ -102,10 +102,9 @@ class ErrorSize(Section):
 
 
 class PathCurves(Section):
-    """Path and errors of a run over time, thinned for drawing.
+    """Path and errors of a run over the times `time_s` [s], thinned for drawing.
 
     Attributes:
-        time_s: Times [s].
         wanted_m: Desired path of the tool point in the base frame, as x, y and z [m].
         deviation_m: Reached minus desired tool point in the base frame, as x, y and z [m].
         distance_m: Magnitude of the deviation [m].
@@ -139,11 +138,10 @@ class PathCurves(Section):
 
 
 class DrawnPaths(Section):
-    """Curves of a motion with and without compensation.
+    """Curves of a motion with compensation, and without; `before` is null if no such run exists.
 
     Attributes:
-        after: Curves with compensation.
-        before: Curves without compensation; null if there is no such run.
+        after, before: The curves.
     """
 
     after: PathCurves
@@ -291,13 +289,15 @@ def _deflection_sentence(
     if not bent:
         return "The size of this deflection is not known: the robot file has no stiffness_nm_rad."
     largest, rms = (max(getattr(each, key) for each in bent) for key in ("max_m", "rms_m"))
-    tool = [each.tool_mean_m for each in bent if each.tool_mean_m is not None]
+    runs = [run for motion in motions for run in (motion.before, motion.after) if run is not None]
+    tool = [run.bending.tool_mean_m for run in runs if run.bending and run.bending.tool_mean_m]
     words = (
         f"Estimated deflection of the gears at the tool: {number(1e3 * largest, 2)} mm at most,"
         f" {number(1e3 * rms, 2)} mm RMS, from stiffness_nm_rad and {torques}."
     )
     if tool:
-        words += f" Estimated mean distance of the tool: {number(1e3 * max(tool), 2)} mm."
+        sizes = ", ".join(number(1e3 * each, 2) for each in tool)
+        words += f" Estimated mean distance of the tool from its path: {sizes} mm (run by run)."
     return words + (f" The stiffness of {', '.join(missing)} is not known." if missing else "")
 
 

@@ -102,7 +102,8 @@ def test_links_follow_the_motors_as_springs_and_dampers_demand(
 ) -> None:
     """Slow and fast harmonics, of which the fastest is at half the lowest resonance."""
     random = np.random.default_rng(2)
-    theta = (random.normal(size=(31, 3)) + 1j * random.normal(size=(31, 3))) * 0.02
+    drawn = random.normal(size=(2, 31, 3))
+    theta = np.asarray(0.02 * (drawn[0] + 1j * drawn[1]), dtype=np.complex128)
     theta *= np.where(np.arange(31) <= 10, 1.0, 0.02)[:, np.newaxis]
     theta[0] = [0.2, 0.3, 0.4]
     solved, bent, torque = solve_links(arm, gears, theta, 6.0, 256, np.array([11.0, 12.0, 1.6]))
@@ -131,7 +132,7 @@ def test_small_motions_agree_with_pinocchio(
     mass = bodies.gearing.T @ pin.crba(bodies.model, data, bodies.gearing @ np.tile(pose, 2))
     mass = mass @ bodies.gearing
     hz = np.array([2.0, 9.0, 14.0, 40.0])
-    theta = np.random.default_rng(3).normal(size=(4, 3)) + 0j
+    theta = np.random.default_rng(3).normal(size=(4, 3)).astype(np.complex128)
     run = MultisineBins(
         "run",
         hz,
@@ -139,7 +140,7 @@ def test_small_motions_agree_with_pinocchio(
         theta,
         theta,
         np.ones(3),
-        np.zeros((4, 3, 1)) + 0j,
+        np.zeros((4, 3, 1), dtype=np.complex128),
         SmallMotion.of(arm, pose[np.newaxis]),
     )
     found = multisine_torque(run, gears)

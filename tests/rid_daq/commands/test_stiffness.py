@@ -129,4 +129,4 @@ def test_the_corrected_path_moves_the_tool_as_planned(
     assert before["tool_mean_m"] > 1e-3
     assert after["tool_mean_m"] < 0.1 * before["tool_mean_m"]
     assert_shown("elastic-gears", TRACK, printed(TRACK, capsys), same_numbers=False)
-    assert find_run("runs", "corrected").file("report.html").exists()
+    assert find_run(Path("runs"), "corrected").file("report.html").exists()
