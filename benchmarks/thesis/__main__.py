@@ -1,12 +1,14 @@
 """Repeat the thesis's experiments, compare the results, and write `docs/thesis.md`.
 
-Run it with ``python -m benchmarks.thesis [--quick] [--page] [--results FILE]``.
+Run it with ``python -m benchmarks.thesis [--quick] [--only PART,...] [--page] [--results FILE]``.
 
-- Without options all experiments are run; `docs/thesis.json`, the page and its pictures are
+- The experiments have four parts: robot (chapters 3, 4 and 6), friction, payload and sensitivity.
+  With `--only`, the stored results of the other parts are kept.
+- The results are stored in `docs/thesis.json`, part by part. Then the page and its pictures are
   written.
-- `--quick` runs short experiments, and writes no page.
-- `--page` writes the page and its pictures from the stored results.
-- `--results FILE` writes the results to another file, without a page.
+- `--quick` runs short experiments. Page and results say which parts were short.
+- `--page` runs nothing, and writes the page from the stored results.
+- `--results FILE` stores the results in another file, and writes no page.
 
 The exit code is 1 if a relation that the thesis states does not hold in our results.
 """
@@ -18,6 +20,7 @@ import json
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Final
 
@@ -38,38 +41,60 @@ PAGE: Final = DOCS / "thesis.md"
 PICTURES: Final = DOCS / "pictures" / "thesis"
 
 
-def run_experiments(quick: bool) -> Tree:
-    """Return the results of all experiments."""
-    results: Tree = {"quick": quick}
-    began_s = time.monotonic()
-    with tempfile.TemporaryDirectory(prefix="thesis") as name:
-        folder = Path(name)
-        for key, experiment in (("robot", robot_results), ("path", path_results)):
-            results[key] = experiment(folder, quick)
-            print(f"{key}: {time.monotonic() - began_s:.0f} s", flush=True)
-    with tempfile.TemporaryDirectory(prefix="thesis") as name:
-        folder = Path(name)
-        for key, experiment in (("friction", friction_results), ("payload", payload_results)):
-            results[key] = experiment(folder, quick)
-            print(f"{key}: {time.monotonic() - began_s:.0f} s", flush=True)
-        results["sensitivity"] = sensitivity_results(folder)
-    results["elapsed_min"] = round((time.monotonic() - began_s) / 60.0, 1)
+def robot_part(folder: Path, quick: bool) -> Tree:
+    """Return the results of chapters 3, 4 and 6, which use the same excitation run."""
+    return {"robot": robot_results(folder, quick), "path": path_results(folder, quick)}
+
+
+PARTS: Final[dict[str, Callable[[Path, bool], Tree]]] = {
+    "robot": robot_part,
+    "friction": lambda folder, quick: {"friction": friction_results(folder, quick)},
+    "payload": lambda folder, quick: {"payload": payload_results(folder, quick)},
+    "sensitivity": lambda folder, _quick: {"sensitivity": sensitivity_results(folder)},
+}
+"""Experiments by the names of their parts."""
+
+
+def run_parts(names: list[str], quick: bool, path: Path) -> Tree:
+    """Run parts of the experiments, and store the results after each part.
+
+    Args:
+        names: Names of the parts.
+        quick: True for short experiments.
+        path: File of the results; results of other parts in it are kept.
+    """
+    results = load_results(path) if path.exists() else {"minutes": {}, "short": []}
+    for name in names:
+        began_s = time.monotonic()
+        with tempfile.TemporaryDirectory(prefix="thesis") as folder:
+            results |= PARTS[name](Path(folder), quick)
+        minutes = (time.monotonic() - began_s) / 60.0
+        results["minutes"][name] = round(minutes, 1)
+        short = {each for each in results["short"] if each != name} | ({name} if quick else set())
+        results["short"] = sorted(short)
+        write_results(results, path)
+        print(f"{name}: {minutes:.1f} min", flush=True)
     return results
 
 
 def main() -> int:
     """Measure, write the page, and print the relations; the last line is one JSON object."""
     parser = argparse.ArgumentParser(description="Compare simulated experiments with the thesis.")
-    parser.add_argument("--quick", action="store_true", help="run short experiments; no page")
+    parser.add_argument("--quick", action="store_true", help="run short experiments")
+    parser.add_argument("--only", default=",".join(PARTS), help="parts to run (default: all)")
     parser.add_argument("--page", action="store_true", help="write the page from stored results")
-    parser.add_argument("--results", type=Path, help="write results to this file, and no page")
+    parser.add_argument("--results", type=Path, help="store results in this file; write no page")
     options = parser.parse_args()
-    results = load_results(RESULTS) if options.page else run_experiments(options.quick)
+    names = options.only.split(",")
+    if unknown := set(names) - set(PARTS):
+        parser.error(f"--only: {', '.join(sorted(unknown))} is not one of {', '.join(PARTS)}")
+    stored = options.results or RESULTS
+    results = load_results(stored) if options.page else run_parts(names, options.quick, stored)
     facts = load_facts()
-    if options.results is not None:
-        write_results(results, options.results)
-    elif not options.quick:
-        write_results(results, RESULTS)
+    if missing := [name for name in PARTS if name not in results]:
+        print(f"no results of {', '.join(missing)} yet: run these parts too")
+        return 1
+    if options.results is None:
         PAGE.write_text(page_text(facts, results), encoding="utf-8")
         write_pictures(results, PICTURES)
     found = relations(facts, results)

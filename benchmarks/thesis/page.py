@@ -36,6 +36,7 @@ def page_text(facts: Tree, results: Tree) -> str:
         results=results,
         relations=found,
         joined=joined,
+        duration=duration_text(results),
         holds=lambda section: relation_lines(found, section),
         **robot_tables(facts, results["robot"]),
         **payload_tables(facts, results["payload"], results["sensitivity"]),
@@ -43,6 +44,19 @@ def page_text(facts: Tree, results: Tree) -> str:
         friction_table=friction_table(results["friction"]),
     )
     return page
+
+
+def duration_text(results: Tree) -> str:
+    """Return sentences with the duration of the last run, and its short parts."""
+    minutes = ", ".join(f"{name} {each:g}" for name, each in results["minutes"].items())
+    text = f"Duration of the parts of the last run, in minutes: {minutes}."
+    if results["short"]:
+        text += (
+            f" These parts were short experiments (`--quick`): {', '.join(results['short'])}. Their"
+            " means contain more noise. Errors of short payload experiments are not compared with"
+            " the thesis's limits."
+        )
+    return text
 
 
 def relation_lines(found: Sequence[Relation], section: str) -> str:

@@ -145,7 +145,7 @@ def payload_results(folder: Path, quick: bool) -> Tree:
     loaded = load_cell("kr15")
     assert loaded.plant is not None
     work = cell_at(folder, "kr15_warm", WARM_K)
-    periods = 2 if quick else 3
+    periods = 2 if quick else 4
     motions = {
         "payload": payload_motion(loaded, 21, periods, 2),
         "other": payload_motion(loaded, 22, 2, 2),
@@ -155,7 +155,11 @@ def payload_results(folder: Path, quick: bool) -> Tree:
     work.excitation("robot", 1, 3 if quick else 8)
     work.record("robot", "robot")
     estimate = work("identify", "robot", "-o", work.path("robot.json"), codes=(0, 6))["estimate"]
-    experiments = {"medium": 1} if quick else {"medium": 2, "small": 1, "large": 1}
+    experiments = (
+        dict.fromkeys(("medium", "small", "large"), 1)
+        if quick
+        else {"medium": 3, "small": 2, "large": 2}
+    )
     found: Tree = {
         "periods": periods,
         "friction": friction_of(estimate["parameters"]),

@@ -31,7 +31,8 @@ def robot_results(folder: Path, quick: bool) -> Tree:
     assert loaded.plant is not None
     assert loaded.plant.unmodelled is not None
     words = ("design", CELL, "-o", work.path("excitation.yaml"), "--harmonics", "5")
-    times = ("--period", str(PERIOD_S), "--periods", "3" if quick else "16")
+    periods = 3 if quick else 16
+    times = ("--period", str(PERIOD_S), "--periods", str(periods))
     work(*words, *times, "--starts", "2", runs=False)
     points = {"kind": "multipoint", "robot": "ir361", "points": 20, "seed": 1}
     Path(work.path("points.yaml")).write_text(yaml.safe_dump(points))
@@ -45,7 +46,8 @@ def robot_results(folder: Path, quick: bool) -> Tree:
     known = Workplace(folder, work.path("calibrated.yaml"))
     known.record("excitation", "calibrated")
     known.record("points", "calibrated points")
-    found: Tree = {"excitation": excitation(Path(work.path("excitation.yaml")), loaded.robot)}
+    found: Tree = {"periods": periods}
+    found["excitation"] = excitation(Path(work.path("excitation.yaml")), loaded.robot)
     models: Tree = {}
     for name, run, options in (
         ("internal", "excitation", ()),
@@ -148,12 +150,12 @@ def path_results(folder: Path, quick: bool) -> Tree:
     work("design", work.cell, "--kind", "multisine", "-o", work.path("multisine.yaml"), runs=False)
     work.record("multisine", "multisine")
     loop = work("loop", "multisine", "-o", work.path("loops.json"))
-    found: Tree = {"loop": loop_results(loop["axes"][0])}
     models: dict[str, tuple[str, ...]] = {"classical": CLASSICAL, "chosen": ("--choose",)}
-    periods = 3 if quick else 15
+    turns = 3 if quick else 15
+    found: Tree = {"turns": turns, "loop": loop_results(loop["axes"][0])}
     circles = {"circle": CIRCLES["circle of 40 cm at 0.6 m/s"], "other": CIRCLES[OTHER_CIRCLE]}
     for circle, own in circles.items():
-        Path(work.path(f"{circle}.yaml")).write_text(circle_text(own, periods))
+        Path(work.path(f"{circle}.yaml")).write_text(circle_text(own, turns))
         work.record(circle, f"{circle} plain")
     for model, options in models.items():
         file = work.path(f"{model}.json")
