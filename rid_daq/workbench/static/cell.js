@@ -9,9 +9,10 @@ import { RobotView } from "./robot_view.js";
 import { runTable } from "./run_table.js";
 import { ask, on, preflightAge, reach } from "./service.js";
 
-const panel = new JobPanel(find("job"), { next, ended });
+const view = new RobotView(find("view"), { preview: true });
+followPose(view);
+const panel = new JobPanel(find("job"), { next, ended, heard });
 let status = null;
-followPose(new RobotView(find("view"), { preview: true }));
 
 const LAST_POSE = "pose since the last run"; // as in rid_daq/preflight/last_pose.py
 
@@ -38,7 +39,17 @@ function next(job, document) {
   return [];
 }
 
+// The picture shows the positive direction of the joint that an axis test or a jog moves.
+function heard(event, job) {
+  if (job.kind !== "axes" || event.kind !== "motion") return;
+  const joint = (status?.joints ?? []).findIndex((name) => event.title === `Axis test of ${name}.`); // as in axis_tester.py
+  view.choose(joint < 0 ? null : joint, { withGhost: false });
+}
+
+document.addEventListener("joint-chosen", ({ detail }) => view.choose(detail));
+
 function ended(job) {
+  if (job.kind === "axes") view.choose(null);
   if (job.run) showEnd(find("joints-words"));
   refresh();
 }

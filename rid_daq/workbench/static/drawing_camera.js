@@ -1,5 +1,5 @@
 // Camera of the 3-D view: it turns about a point; z is up on the screen. Keys, mouse and touch move it.
-import { Box3, PerspectiveCamera, Vector3 } from "./three.js";
+import { PerspectiveCamera, Vector3 } from "./three.js";
 
 export const VIEWS = { "3-D": [-0.86, 0.42], Front: [0, 0.05], Side: [-Math.PI / 2, 0.05], Top: [-Math.PI / 2, 1.5533] };
 const FIELD_DEG = 28;
@@ -24,35 +24,36 @@ export class DrawingCamera {
     this.eye.up.set(0, 0, 1);
     this.target = new Vector3();
     [this.azimuth, this.elevation] = VIEWS["3-D"];
-    this.box = new Box3(new Vector3(-1, -1, -1), new Vector3(1, 1, 1)); // the visible part
-    this.distance = 5; // from which the box fills the picture
+    [this.points, this.margin] = [[new Vector3()], 1]; // what is visible
+    this.distance = 5; // from which it fills the picture
     this.share = 1; // of this distance
     this.isMoved = false; // true once the user has zoomed
     this.changed = changed;
     this.listen(canvas);
   }
 
-  // Show a box completely.
-  frame(box) {
-    this.box.copy(box);
-    box.getCenter(this.target);
+  // Show points completely, and what is within `margin` around them.
+  frame(points, margin) {
+    [this.points, this.margin] = [points, margin];
     this.fit();
     this.update();
   }
 
-  // Find the distance from which all corners of the box are inside the picture.
+  // Find the target and the distance from which all points are inside the picture.
   fit() {
-    const high = Math.tan((FIELD_DEG * Math.PI) / 360);
     const back = this.direction();
     const right = new Vector3(-Math.sin(this.azimuth), Math.cos(this.azimuth), 0);
     const up = back.clone().cross(right);
-    const { min, max } = this.box;
-    this.distance = 0;
-    for (const x of [min.x, max.x]) for (const y of [min.y, max.y]) for (const z of [min.z, max.z]) {
-      const corner = new Vector3(x, y, z).sub(this.target);
-      const aside = Math.max(Math.abs(corner.dot(right)) / this.eye.aspect, Math.abs(corner.dot(up)));
-      this.distance = Math.max(this.distance, aside / (INSIDE * high) + corner.dot(back));
-    }
+    const along = (axis) => this.points.map((point) => point.dot(axis));
+    const middle = (values) => (Math.min(...values) + Math.max(...values)) / 2;
+    const [x, y, z] = [right, up, back].map(along);
+    const [midX, midY, midZ] = [x, y, z].map(middle);
+    this.target.set(0, 0, 0).addScaledVector(right, midX).addScaledVector(up, midY).addScaledVector(back, midZ);
+    const high = INSIDE * Math.tan((FIELD_DEG * Math.PI) / 360);
+    this.distance = Math.max(...this.points.map((_, i) => {
+      const aside = Math.max((Math.abs(x[i] - midX) + this.margin) / this.eye.aspect, Math.abs(y[i] - midY) + this.margin);
+      return aside / high + (z[i] - midZ);
+    }));
   }
 
   // Direction from the target to the eye.

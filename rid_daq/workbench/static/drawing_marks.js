@@ -48,7 +48,7 @@ export class Paints {
     for (const material of this.known.values()) {
       const colour = new Color(this.colour(material.name));
       material.color.copy(colour);
-      if (!material.depthTest) material.emissive.copy(colour);
+      if (!material.depthTest) material.emissive?.copy(colour); // a line has no emissive colour
     }
   }
 

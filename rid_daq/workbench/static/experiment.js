@@ -2,6 +2,7 @@
 import { find } from "./dom.js";
 import { JobPanel } from "./job_panel.js";
 import { html, render } from "./lit.js";
+import { showPlans } from "./planned_view.js";
 import { newest } from "./requests.js";
 import { CELL, on, page } from "./service.js";
 import { blocksUrl, modelOf, nameOf, numberOf, offer, press, showBlocks, wanted } from "./work.js";
@@ -53,6 +54,7 @@ async function showMotion() {
 }
 
 motion.addEventListener("change", showMotion);
+showPlans(find("view"), motion);
 find("model").addEventListener("change", showMotion);
 find("payload").addEventListener("change", showMotion);
 

@@ -4,6 +4,9 @@ import { hold, letGo, on, tap } from "./service.js";
 
 const JOG_KEYS = [["−", "-"], ["+", "+"]];
 
+// Tell the page which joint the buttons move: its index, or null if there are no such buttons any more.
+const tellJoint = (joint) => document.dispatchEvent(new CustomEvent("joint-chosen", { detail: joint }));
+
 let shown = null; // { job, problem }: job of the buttons on this page, and the element for its messages
 on("key", (job, text) => {
   if (shown?.job === job) shown.problem.textContent = text;
@@ -64,10 +67,12 @@ export function holdPad(job, joints) {
         release();
         chosen = i + 1;
         tap(job.id, String(chosen));
+        tellJoint(i);
         for (const each of choices) each.setAttribute("aria-pressed", String(each === choice));
       });
       return choice;
     });
+    tellJoint(0);
     rows.push(element("div", { class: "joints", role: "group", "aria-label": "joint" }, ...choices));
     const hints = { "-": "hold to move in negative direction", "+": "hold to move in positive direction" };
     rows.push(element("div", { class: "holds" }, ...JOG_KEYS.map(([text, key]) => holder(text, () => chosen + key, hints[key]))));
@@ -84,6 +89,7 @@ export function holdPad(job, joints) {
   const leave = () => {
     release();
     abort.abort();
+    if (free) tellJoint(null);
   };
   return { pad: element("div", { class: "pad" }, ...rows), leave };
 }

@@ -22,16 +22,16 @@ export function followPose(view) {
 
   function rest() {
     isLive = false;
-    const source = position === null ? "no pose is known; the picture shows the zero pose" : words;
+    const source = words || "no pose is known; the picture shows the zero pose";
     view.show({ position, words: `NO LIVE DATA: ${source}.`, kind: "old" });
   }
 
   async function ask() {
     try {
       const found = await request(`/view${CELL}/pose`, {}, { patienceMs: PATIENCE_MS });
-      if (found.position === null || receivedAt > -Infinity) return;
+      if (receivedAt > -Infinity) return; // a motion has begun meanwhile
       position = found.position;
-      words = `pose of ${found.source}, ${timeOf(found.at_s)}`;
+      words = position === null ? "" : `pose of ${found.source}, ${timeOf(found.at_s)}`;
     } catch (error) {
       words = error.message;
     }

@@ -53,13 +53,15 @@ export class RobotDrawing {
     this.world.updateWorldMatrix(true, true);
     this.layers = Object.fromEntries(LAYERS.map((name) => [name, []]));
     this.size = 0.11 * this.arm.reach();
-    this.box = null;
+    this.gravity = null;
     this.arm.set(position);
     this.addJoints();
     this.addFrames();
     this.addGravity();
     if (document.payload_centre) this.addPayload(vectorOf(document.payload_centre));
-    this.position = position;
+    this.seen = this.cornersOfAll();
+    this.box = new Box3().setFromPoints(this.seen);
+    this.camera.frame(this.seen, 0.2 * this.size);
     this.show(position, null);
     this.camera.look("3-D");
   }
@@ -122,15 +124,14 @@ export class RobotDrawing {
 
   addGravity() {
     const { size } = this;
-    const gravity = this.document.gravity ?? null;
-    if (gravity !== null && Math.hypot(...gravity) === 0) return;
+    const { gravity } = this.document;
+    this.stage.remove(this.stage.getObjectByName("gravity"));
+    if (Math.hypot(...gravity) === 0) return;
     this.gravity = arrow(this.paints, "gravity", 0.07 * size).aim(DOWN, 2.4 * size);
     this.gravity.position.set(-2.4 * size, -2.4 * size, this.measure(this.arm.base).min.z + 3.4 * size);
-    this.stage.remove(this.stage.getObjectByName("gravity"));
     this.stage.add(Object.assign(this.gravity, { name: "gravity" }));
     this.layers.gravity.push(this.gravity);
-    const words = gravity === null ? "gravity" : `gravity ${Math.hypot(...gravity).toFixed(2)} m/s²`;
-    this.labels.add(words, this.gravity, new Vector3(0, 0, 0.35 * size), "gravity");
+    this.labels.add(`gravity ${Math.hypot(...gravity).toFixed(2)} m/s²`, this.gravity, new Vector3(0, 0, 0.35 * size), "gravity");
   }
 
   // Show the centre of gravity of a payload; the place is in the frame of the last link.
@@ -146,11 +147,16 @@ export class RobotDrawing {
   // Show the path of the tool: the positions of the joints, one row for each point.
   showPath(rows) {
     for (const old of this.layers.path) old.removeFromParent();
+    this.layers.path = [];
+    if (rows.length === 0) {
+      this.draw();
+      return;
+    }
     const points = rows.map((row) => {
       this.ghost.set(row);
       return new Vector3().setFromMatrixPosition(this.ghost.tool.matrixWorld);
     });
-    for (const row of rows) this.include(row);
+    this.include(points);
     const line = new Line(new BufferGeometry().setFromPoints(points), new LineBasicMaterial({ color: this.paints.colour("path"), depthTest: false, transparent: true }));
     line.material.name = "path";
     this.paints.known.set("path line", line.material);
@@ -159,12 +165,6 @@ export class RobotDrawing {
     line.visible = !this.hidden.has("path");
     this.stage.add(line);
     this.show(this.position, this.target);
-  }
-
-  // Keep a pose inside the picture, in addition to the present one.
-  include(position) {
-    this.ghost.set(position);
-    this.box.union(this.boxOfJoints(this.ghost));
   }
 
   // Show a pose, and a second pose as a ghost (null: none).
@@ -181,7 +181,7 @@ export class RobotDrawing {
       const room = Math.min(position[i] - low, high - position[i]) / (high - low);
       this.needles[i].material = this.paints.of(room < NEAR_LIMIT ? "needle-end" : "needle");
     });
-    this.keepInside();
+    if (!this.camera.isMoved) this.include(this.placesOf(arm));
     this.draw();
   }
 
@@ -221,25 +221,31 @@ export class RobotDrawing {
     return new Box3().setFromObject(group);
   }
 
-  // Box of the joints and the tool of an arm, with space for its links, in the upright frame.
-  boxOfJoints(arm) {
-    const points = [...arm.links, arm.tool].map((each) => new Vector3().setFromMatrixPosition(each.matrixWorld));
-    return new Box3().setFromPoints(points).expandByScalar(0.7 * this.size);
+  // Places of the joints and the tool of an arm, in the upright frame.
+  placesOf(arm) {
+    return [...arm.links, arm.tool].map((each) => new Vector3().setFromMatrixPosition(each.matrixWorld));
   }
 
-  // Enlarge the visible part if the robot leaves it, unless the user has zoomed.
-  keepInside() {
-    if (this.camera.isMoved && this.box) return;
-    const present = this.boxOfJoints(this.arm);
-    const isInside = this.box?.containsBox(present);
-    if (isInside) return;
-    if (!this.box) {
-      this.box = new Box3();
-      for (const mesh of this.arm.meshes) if (mesh.visible) this.box.expandByObject(mesh);
-      if (this.gravity) this.box.expandByObject(this.gravity);
+  // Keep places inside the picture, in addition to the earlier ones.
+  include(places) {
+    if (this.box.containsBox(new Box3().setFromPoints(places))) return;
+    this.seen.push(...places);
+    this.box.setFromPoints(this.seen);
+    this.camera.frame(this.seen, 0.5 * this.size);
+  }
+
+  // Corners of the boxes around the links and around the gravity arrow, in the upright frame.
+  cornersOfAll() {
+    const corners = [];
+    const all = [...this.arm.meshes, ...(this.gravity?.children ?? [])];
+    for (const mesh of all.filter((each) => each.isMesh && each.visible)) {
+      mesh.updateWorldMatrix(true, false);
+      mesh.geometry.computeBoundingBox();
+      const { min, max } = mesh.geometry.boundingBox;
+      for (const x of [min.x, max.x]) for (const y of [min.y, max.y]) for (const z of [min.z, max.z])
+        corners.push(new Vector3(x, y, z).applyMatrix4(mesh.matrixWorld));
     }
-    this.box.union(present);
-    this.camera.frame(this.box);
+    return corners;
   }
 
   resize() {

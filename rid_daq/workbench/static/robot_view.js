@@ -27,7 +27,10 @@ export class RobotView {
     this.hidden = hidden;
     this.query = query;
     this.pose = { position: null, target: null };
-    this.preview = null;
+    this.preview = null; // number of the joint whose positive direction is shown
+    this.withGhost = true;
+    this.ghost = null; // pose of the preview
+    this.path = [];
     this.state = element("p", { class: "view-state", role: "status" });
     this.shape = element("p", { class: "view-shape" });
     this.canvas = element("canvas", { tabindex: "0", role: "img", "aria-label": HELP });
@@ -35,8 +38,8 @@ export class RobotView {
     this.problem = element("p", { class: "view-problem", hidden: true });
     this.tools = element("div", { class: "view-tools tools" });
     this.table = element("div", { class: "scroll", tabindex: "0", role: "group", "aria-label": "pose of the joints" });
-    const picture = element("div", { class: "view-picture" }, this.canvas, this.labels, this.problem);
-    const stage = element("div", { class: "view-stage" }, this.state, picture, this.shape, this.tools);
+    this.picture = element("div", { class: "view-picture" }, this.canvas, this.labels, this.problem);
+    const stage = element("div", { class: "view-stage" }, this.state, this.picture, this.shape, this.tools);
     section.append(element("div", { class: "view-parts" }, stage, this.table));
     section.robotView = this;
     this.say("NO LIVE DATA", "old");
@@ -74,7 +77,8 @@ export class RobotView {
     this.drawing ??= new RobotDrawing({ section, canvas, labels, isSoftware, lost: (isLost) => this.showLoss(isLost) });
     this.drawing.open(document, triangles, this.position());
     for (const name of this.hidden) this.drawing.setLayer(name, false);
-    this.refresh();
+    this.drawing.showPath(this.path);
+    this.choose(this.preview, { withGhost: this.withGhost });
     await this.addTools();
   }
 
@@ -94,25 +98,35 @@ export class RobotView {
   // Show a pose [rad or m] (null: unknown), a second pose as a ghost, and words about them.
   // The kind of the words is "live", "old" (no live data) or "planned".
   show({ position, target = null, wrench = null, words, kind }) {
+    const isFirst = this.pose.position === null && position !== null;
     this.pose = { position, target };
+    if (isFirst && this.ghost !== null) this.choose(this.preview); // until now, the ghost was at the zero pose
     this.say(words, kind);
     this.rows?.show(position);
     this.refresh();
     this.drawing?.showWrench(wrench);
   }
 
-  // Show the positive direction of a joint, with a ghost of the robot after a small move (null: of none).
-  choose(joint) {
-    this.preview = joint;
-    this.rows?.mark(joint);
+  // Show the path of the tool: positions of the joints, one row for each point (none: no path).
+  showPath(rows) {
+    this.path = rows;
+    this.drawing?.showPath(rows);
+    if (this.drawing) this.addTools();
+  }
+
+  // Show the positive direction of a joint (null: of none). The ghost is the present pose after a small move of
+  // the joint; it stays there while the robot moves, so that a move of the same size can be compared with it.
+  choose(joint, { withGhost = true } = {}) {
+    [this.preview, this.withGhost] = [joint, withGhost];
+    this.rows?.mark(withGhost ? joint : null);
     this.drawing?.choose(joint);
+    const moved = (value, i) => value + (i === joint ? GHOST[this.document.joints[i].kind][0] : 0);
+    this.ghost = joint !== null && withGhost && this.document ? this.position().map(moved) : null;
     this.refresh();
   }
 
   refresh() {
-    const position = this.position();
-    const target = this.preview === null ? this.pose.target : position.map((value, i) => value + (i === this.preview ? GHOST[this.document.joints[i].kind][0] : 0));
-    this.drawing?.show(position, target);
+    this.drawing?.show(this.position(), this.ghost ?? this.pose.target);
   }
 
   // The pose to draw: the known one, or the zero pose (within the limits).

@@ -12,6 +12,7 @@ from rid_daq.robot_view.scene import RobotScene
 from rid_daq.robot_view.scene_encoding import Detail, SceneDocument, encode_scene
 from rid_daq.service.api.context import OfCell, Service
 from rid_daq.service.refusals import UnknownError
+from rid_daq.service.request_check import require_inside
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.workbench.block_routes import KEPT
 from rid_daq.workbench.compressed import CompressedBody
@@ -50,6 +51,15 @@ def send_triangles(request: Request, cell: OfCell, version: str, detail: Detail)
 def send_pose(cell: OfCell, service: Service) -> JSONResponse:
     """Return the newest known pose of a cell that does not move, and its source."""
     return JSONResponse(resting_pose(cell.loaded, service.readiness.preflight(cell)).document())
+
+
+@router.get("/motion")
+def send_motion(cell: OfCell, service: Service, file: str) -> JSONResponse:
+    """Return the poses of a motion file for playback, with their clearances."""
+    from rid_daq.workbench.view.planned_motion import planned_motion
+
+    path = require_inside(file, service.folder)
+    return JSONResponse(planned_motion(cell.loaded, path).document())
 
 
 @functools.lru_cache(maxsize=MOST_SCENES)
