@@ -2,6 +2,7 @@
 import { find } from "./dom.js";
 import { JobPanel } from "./job_panel.js";
 import { html } from "./lit.js";
+import { showPlans } from "./planned_view.js";
 import { on } from "./service.js";
 import { completeRuns, modelOf, nameOf, numberOf, offer, options, press, runWords, showRun, wanted } from "./work.js";
 
@@ -94,6 +95,7 @@ async function ended(job, document) {
 }
 
 on("again", () => showRuns());
+showPlans(find("view"), find("motion"));
 await showRuns();
 const first = wanted.get("run");
 if (first) {

@@ -3,6 +3,8 @@ import { blockParts } from "./blocks.js";
 import { find, timeOf } from "./dom.js";
 import { JobPanel } from "./job_panel.js";
 import { html, render } from "./lit.js";
+import { followPose } from "./live_pose.js";
+import { RobotView } from "./robot_view.js";
 import { CELL, ask, on, page } from "./service.js";
 import { blocksUrl, figureIn, fileLink, look, numberOf, offer, press, problemOf, showRun, wanted } from "./work.js";
 
@@ -167,6 +169,7 @@ async function showResult(run) {
   if (blocks === null) return;
   history.replaceState(null, "", `?run=${encodeURIComponent(run)}`);
   session = { run, payload: `runs/${run}/payload.json` };
+  showCentre(session.payload);
   const passed = blocks.find((block) => block.kind === "verdict")?.passed === true;
   find("papers").hidden = false;
   find("report").href = `/api/v1/runs/${encodeURIComponent(run)}/report`;
@@ -188,6 +191,18 @@ async function showPapers() {
     const result = events.findLast((event) => event.kind === "result");
     if (result && session.run === run) showPaper(result.document, result.blocks);
   }
+}
+
+// Show the payload's centre of gravity on the robot.
+let view = null;
+function showCentre(payload) {
+  find("view").hidden = false;
+  if (view !== null) {
+    view.reload({ payload });
+    return;
+  }
+  view = new RobotView(find("view"), { hidden: ["axes", "limits"], query: { payload } });
+  followPose(view);
 }
 
 const PAPERS = {

@@ -39,7 +39,9 @@ export function showPlans(section, select) {
     }
   }
 
-  select.addEventListener("change", load);
-  on("again", load);
-  load();
+  view.seen.then(() => {
+    select.addEventListener("change", load);
+    on("again", load);
+    load();
+  });
 }

@@ -12,14 +12,14 @@ const LAYERS = ["axes", "limits", "frames", "gravity", "plate", "payload", "path
 
 export class RobotDrawing {
   // `lost(isLost)` is called if the browser stops the drawing, and when it returns.
-  constructor({ section, canvas, labels, isSoftware, lost }) {
+  constructor({ section, canvas, labels, hidden, isSoftware, lost }) {
     this.canvas = canvas;
     this.paints = new Paints(section);
     this.labels = new DrawingLabels(labels);
     this.renderer = new WebGLRenderer({ canvas, antialias: !isSoftware });
     this.renderer.setPixelRatio(isSoftware ? 1 : Math.min(devicePixelRatio, 2));
     this.stage = new Scene();
-    this.hidden = new Set();
+    this.hidden = new Set(hidden); // layers that are off
     this.frames = 0; // number of drawn pictures
     this.isWaiting = false;
     this.camera = new DrawingCamera(canvas, () => this.draw());

@@ -20,7 +20,7 @@ const HELP = "3-D picture of the robot. Drag or use the arrow keys to turn it, +
 export class RobotView {
   // Show the robot of this page's cell in a section once the section is visible.
   // `preview`: the rows of the table can show the positive directions. `hidden`: layers that are off at first.
-  // `payload`: address parameter for a payload whose centre of gravity is shown.
+  // `query`: parameters of the scene's address, such as the payload whose centre of gravity is shown.
   constructor(section, { preview = false, hidden = [], query = {} } = {}) {
     this.section = section;
     this.canPreview = preview;
@@ -43,12 +43,22 @@ export class RobotView {
     section.append(element("div", { class: "view-parts" }, stage, this.table));
     section.robotView = this;
     this.say("NO LIVE DATA", "old");
-    const seen = new IntersectionObserver((found) => {
-      if (!found.some((each) => each.isIntersecting)) return;
-      seen.disconnect();
-      this.load();
-    }, { rootMargin: "25%" });
-    seen.observe(section);
+    // resolves once the section is visible, or nearly
+    this.seen = new Promise((resolve) => {
+      const watch = new IntersectionObserver((found) => {
+        if (!found.some((each) => each.isIntersecting)) return;
+        watch.disconnect();
+        resolve();
+      }, { rootMargin: "25%" });
+      watch.observe(section);
+    });
+    this.seen.then(() => this.load());
+  }
+
+  // Show the scene for other parameters of its address.
+  reload(query) {
+    this.query = query;
+    return this.seen.then(() => this.load());
   }
 
   // Get the scene and draw it. Without WebGL, the table alone shows the pose.
@@ -73,10 +83,10 @@ export class RobotView {
     this.rows.show(this.pose.position);
     if (binary === null) return;
     const [{ RobotDrawing }, triangles] = await Promise.all([import("./robot_drawing.js"), binary]);
-    const { section, canvas, labels } = this;
-    this.drawing ??= new RobotDrawing({ section, canvas, labels, isSoftware, lost: (isLost) => this.showLoss(isLost) });
+    const { section, canvas, labels, hidden } = this;
+    this.drawing ??= new RobotDrawing({ section, canvas, labels, hidden, isSoftware, lost: (isLost) => this.showLoss(isLost) });
     this.drawing.open(document, triangles, this.position());
-    for (const name of this.hidden) this.drawing.setLayer(name, false);
+    for (const name of this.drawing.hidden) this.drawing.setLayer(name, false);
     this.drawing.showPath(this.path);
     this.choose(this.preview, { withGhost: this.withGhost });
     await this.addTools();

@@ -16,6 +16,7 @@ from rid_daq.service.request_check import require_inside
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.workbench.block_routes import KEPT
 from rid_daq.workbench.compressed import CompressedBody
+from rid_daq.workbench.view.payload_centre import payload_centre
 from rid_daq.workbench.view.resting_pose import resting_pose
 
 router = APIRouter(prefix="/view/cells/{cell}", include_in_schema=False)
@@ -26,9 +27,19 @@ WantedDetail = Annotated[Detail, Query()]
 
 
 @router.get("/scene")
-def send_scene(cell: OfCell, detail: WantedDetail = "small") -> JSONResponse:
-    """Return the scene of a cell's robot without its triangles."""
+def send_scene(
+    cell: OfCell, service: Service, detail: WantedDetail = "small", payload: str | None = None
+) -> JSONResponse:
+    """Return the scene of a cell's robot without its triangles.
+
+    Args:
+        detail: Level of detail of the triangles to which the scene refers.
+        payload: Payload file whose centre of gravity is shown.
+    """
     document, _ = _encoded_scene(cell, cell.loaded.files_hash, detail)
+    if payload is not None:
+        centre = payload_centre(cell.loaded.robot, require_inside(payload, service.folder))
+        document = document.model_copy(update={"payload_centre": centre})
     return JSONResponse(document.model_dump(mode="json"))
 
 

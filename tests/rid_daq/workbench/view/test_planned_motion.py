@@ -13,7 +13,7 @@ from acquisition.motion.motion_file import load_motion
 from config.load import load_cell
 from dynamics.geometry.clearances import Clearances
 from rid_daq.workbench.view.planned_motion import MOST_POSES, planned_motion
-from tests.builders.robot_pictures import changed_share, picture_of, wait_for_picture
+from tests.builders.drawn_robot import changed_share, picture_of, wait_for_picture
 from tests.rid_daq.service.conftest import ServedProcess, serving
 from tests.rid_daq.workbench.conftest import OpenPage
 from tests.rid_daq.workbench.test_every_page import CUT_OFF, WIDTHS, require_axe
