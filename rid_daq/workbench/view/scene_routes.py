@@ -65,12 +65,12 @@ def send_pose(cell: OfCell, service: Service) -> JSONResponse:
 
 
 @router.get("/motion")
-def send_motion(cell: OfCell, service: Service, file: str) -> JSONResponse:
+def send_motion_playback(cell: OfCell, service: Service, file: str) -> JSONResponse:
     """Return the poses of a motion file for playback, with their clearances."""
-    from rid_daq.workbench.view.planned_motion import planned_motion
+    from rid_daq.workbench.view.motion_playback import motion_playback
 
     path = require_inside(file, service.folder)
-    return JSONResponse(planned_motion(cell.loaded, path).document())
+    return JSONResponse(motion_playback(cell.loaded, path).document())
 
 
 @functools.lru_cache(maxsize=MOST_SCENES)
@@ -78,7 +78,9 @@ def _encoded_scene(
     cell: ServedCell, files_hash: str, detail: Detail
 ) -> tuple[SceneDocument, CompressedBody]:
     loaded = cell.loaded
-    scene = RobotScene.of(loaded.robot, loaded.config.plate)
+    named = loaded.robot.meshes
+    meshes = None if named is None else loaded.files.get(named.file)
+    scene = RobotScene.of(loaded.robot, loaded.config.plate, meshes=meshes)
     address = f"/view/cells/{cell.name}/triangles/{files_hash}/{detail}"
     document, binary = encode_scene(scene, address, detail)
     return document, CompressedBody.of(binary)

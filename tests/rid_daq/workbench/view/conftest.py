@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser, expect, sync_playwright
 
-from tests.builders.drawn_robot import WEBGL
+from tests.builders.browser_drawing import WEBGL
 from tests.rid_daq.conftest import PATIENCE_MS, QUIET, chromium_path
 
 

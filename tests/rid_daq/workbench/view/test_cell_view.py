@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.builders.drawn_robot import changed_share, picture_of, wait_for_picture
+from tests.builders.browser_drawing import changed_share, picture_of, wait_for_picture
 from tests.rid_daq.service.conftest import ServedProcess
 from tests.rid_daq.workbench.conftest import OpenPage
 from tests.rid_daq.workbench.stopped_motion import moving

@@ -12,7 +12,7 @@ from playwright.sync_api import Browser, Page
 from config.load import load_robot
 from config.robot.robot import RobotDescription
 from rid_daq.robot_view.scene import RobotScene
-from tests.builders.drawn_robot import (
+from tests.builders.browser_drawing import (
     changed_share,
     drawn_points,
     marker_place,

@@ -16,10 +16,10 @@ from identification.payload.file import write_payload
 from identification.payload.verdict import PayloadResult
 from rid_daq.robot_view.scene import RobotScene
 from rid_daq.workbench.view.payload_centre import payload_centre
+from tests.builders.browser_drawing import Pinhole, drawn_points, wait_for_picture
 from tests.builders.certified import MEDIUM, certified_session
 from tests.builders.drawn_figures import payload
 from tests.builders.raised_codes import raises_code
-from tests.builders.drawn_robot import Pinhole, drawn_points, wait_for_picture
 from tests.rid_daq.robot_view.test_scene import pinocchio_of
 from tests.rid_daq.service.conftest import ServedProcess, serving
 from tests.rid_daq.workbench.conftest import OpenPage

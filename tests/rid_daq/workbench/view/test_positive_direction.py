@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.builders.drawn_robot import wait_for_picture
+from tests.builders.browser_drawing import wait_for_picture
 from tests.rid_daq.service.conftest import ServedProcess
 from tests.rid_daq.workbench.conftest import OpenPage, give_back, ready, take_cell
 

@@ -1,4 +1,4 @@
-"""`PlannedMotion`: poses of a motion before it is executed, with the clearance in each pose."""
+"""`MotionPlayback`: poses of a motion before it is executed, with the clearance in each pose."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _PHASES: Final = {
 
 
 @dataclass(frozen=True, eq=False)
-class PlannedMotion:
+class MotionPlayback:
     """Poses of a motion at equal intervals; a periodic motion has one period.
 
     Attributes:
@@ -63,7 +63,7 @@ class PlannedMotion:
         }
 
 
-def planned_motion(cell: LoadedCell, path: Path) -> PlannedMotion:
+def motion_playback(cell: LoadedCell, path: Path) -> MotionPlayback:
     """Return the poses of a motion file, at most `MOST_POSES`.
 
     Args:
@@ -86,7 +86,7 @@ def planned_motion(cell: LoadedCell, path: Path) -> PlannedMotion:
         distances = clearances.distances(position)
         clearance = distances.min(axis=1)
         pairs = tuple(clearances.names[column] for column in distances.argmin(axis=1))
-    return PlannedMotion(
+    return MotionPlayback(
         times_s=rows * samples.sample_period_s,
         position=position,
         phases=tuple(_PHASES[Phase(phase)] for phase in samples.phase[rows]),

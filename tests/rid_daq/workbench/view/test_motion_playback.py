@@ -12,8 +12,8 @@ from playwright.sync_api import expect
 from acquisition.motion.motion_file import load_motion
 from config.load import load_cell
 from dynamics.geometry.clearances import Clearances
-from rid_daq.workbench.view.planned_motion import MOST_POSES, planned_motion
-from tests.builders.drawn_robot import changed_share, picture_of, wait_for_picture
+from rid_daq.workbench.view.motion_playback import MOST_POSES, motion_playback
+from tests.builders.browser_drawing import changed_share, picture_of, wait_for_picture
 from tests.rid_daq.service.conftest import ServedProcess, serving
 from tests.rid_daq.workbench.conftest import OpenPage
 from tests.rid_daq.workbench.test_every_page import CUT_OFF, WIDTHS, require_axe
@@ -37,7 +37,7 @@ def served_pages(tmp_path_factory: pytest.TempPathFactory, six: Path) -> Iterato
 
 def test_the_poses_are_those_of_the_motion_and_have_their_clearances(six: Path) -> None:
     cell = load_cell("kr15")
-    found = planned_motion(cell, six)
+    found = motion_playback(cell, six)
     whole = load_motion(six).plan(cell.robot, cell.config.cycle_time_s)
     assert len(found.times_s) <= MOST_POSES
     assert found.periods == whole.periods == 3
@@ -59,7 +59,7 @@ def test_the_poses_are_those_of_the_motion_and_have_their_clearances(six: Path) 
 def test_a_robot_without_bodies_has_no_clearance(motion: str, tmp_path: Path) -> None:
     path = tmp_path / "motion.yaml"
     path.write_text(motion)
-    assert planned_motion(load_cell("ir361"), path).clearance_m is None
+    assert motion_playback(load_cell("ir361"), path).clearance_m is None
 
 
 @pytest.mark.slow
@@ -70,7 +70,7 @@ def test_a_motion_is_played_and_can_be_scrubbed(
     page.goto(served_pages.url.split("/?")[0] + "/cells/kr15/experiment")
     wait_for_picture(page)
     expect(page.locator("#view .view-state")).to_contain_text("PLANNED MOTION, NO LIVE DATA")
-    found = planned_motion(load_cell("kr15"), six)
+    found = motion_playback(load_cell("kr15"), six)
     end_s = found.times_s[-1]
     expect(page.locator(CLOCK)).to_contain_text(f"0.0 of {end_s:.1f} s")
 

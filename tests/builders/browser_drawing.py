@@ -1,6 +1,6 @@
 """Drawn robots in a browser: a pinhole camera of our own, markers, and differences of pictures.
 
-The browser's view is the element `#view`; its property `robotView` is the object of `robot_view.js`.
+The view is the element `#view` of a page; its property `robotView` is the object of `robot_view.js`.
 """
 
 from __future__ import annotations
@@ -37,7 +37,9 @@ _OPEN = """async ({ scene, binary, position }) => {
 _SHOW = """(position) => {
   const view = document.getElementById('view').robotView;
   view.show({ position, words: 'a test', kind: 'planned' });
-  return new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => done(null))));
+  return new Promise((done) => {
+    requestAnimationFrame(() => requestAnimationFrame(() => done(null)));
+  });
 }"""
 _POINTS = """(poses) => {
   const { drawing } = document.getElementById('view').robotView;
@@ -46,7 +48,10 @@ _POINTS = """(poses) => {
     drawing.show(position, null);
     const points = [...arm.links, arm.tool].map((frame) => {
       const at = camera.target.clone().setFromMatrixPosition(frame.matrixWorld).project(camera.eye);
-      return [((at.x + 1) / 2) * canvas.clientWidth, ((1 - at.y) / 2) * canvas.clientHeight];
+      return [
+        ((at.x + 1) / 2) * canvas.clientWidth,
+        ((1 - at.y) / 2) * canvas.clientHeight,
+      ];
     });
     return { points, eye: camera.eye.position.toArray(), target: camera.target.toArray(),
       field_deg: camera.eye.fov, width: canvas.clientWidth, height: canvas.clientHeight };
@@ -60,7 +65,9 @@ _MARK = """async ({ link, radius }) => {
   const material = new MeshLambertMaterial({ color: '#000000', emissive: '#ff00ff' });
   drawing.marker = new Mesh(new SphereGeometry(radius, 24, 16), material);
   [...arm.links, arm.tool][link].add(drawing.marker);
-  stage.traverse((each) => { if (each.isMesh || each.isLine) each.visible = each === drawing.marker; });
+  stage.traverse((each) => {
+    if (each.isMesh || each.isLine) each.visible = each === drawing.marker;
+  });
   drawing.labels.place.hidden = true;
   drawing.draw();
   await new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)));
@@ -125,7 +132,7 @@ def show_pose(page: Page, position: np.ndarray) -> None:
 
 
 def drawn_points(page: Page, poses: np.ndarray) -> list[tuple[np.ndarray, Pinhole]]:
-    """Return for each pose the places of base, links and tool in the picture [px], and the camera."""
+    """Return for each pose the places of base, links and tool [px], and the camera."""
     found = page.evaluate(_POINTS, poses.tolist())
     return [(np.array(each["points"]), Pinhole.of(each)) for each in found]
 
