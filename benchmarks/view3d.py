@@ -7,6 +7,7 @@ processor time per frame of all processes of the browser.
 
 from __future__ import annotations
 
+import gzip
 import json
 import os
 import shutil
@@ -25,6 +26,7 @@ from playwright.sync_api import Page, sync_playwright
 from config.load import load_robot
 from config.meshes.mesh import Mesh
 from rid_daq.robot_view.scene import RobotScene
+from rid_daq.robot_view.scene_encoding import encode_scene
 from tests.builders.browser_drawing import (
     WEBGL,
     drawn_points,
@@ -53,7 +55,9 @@ _FIRST = """() => {
   const all = [...performance.getEntriesByType('navigation'), ...entries];
   const is_view = ({ name }) => /three|robot_|drawing_|view|joint_rows|live_pose/.test(name);
   const size = (list) => list.reduce((sum, each) => sum + each.transferSize, 0) / 1000;
-  return { transferred: size(all), view: size(entries.filter(is_view)) };
+  const triangles = entries.filter(({ name }) => name.includes('/triangles/'));
+  const sizes = { transferred: size(all), view: size(entries.filter(is_view)) };
+  return { ...sizes, triangles: size(triangles) };
 }"""
 _PLAY = """async ({ poses, seconds }) => {
   const view = document.getElementById('view').robotView;
@@ -89,10 +93,11 @@ def measure() -> dict[str, Any]:
             wait_for_picture(page)
             figures["first picture [s]"] = time.monotonic() - begin_s
             sizes = page.evaluate(_FIRST)
-            figures["transferred [kB]"] = sizes["transferred"]
-            figures["transferred for the view [kB]"] = sizes["view"]
+            served_kb = sizes["transferred"] - sizes["triangles"]
+            figures["scripts and scene of the view [kB]"] = sizes["view"] - sizes["triangles"]
             page.evaluate("document.querySelector('footer').hidden = true")
             figures |= frame_rate(page)
+            figures["transferred [kB]"] = served_kb + figures["compressed triangles [kB]"]
             figures["accuracy"] = {name: accuracy(page, name) for name in ROBOTS}
         browser.close()
     errors = [each["drawn [px]"] for each in figures["accuracy"].values()]
@@ -138,8 +143,10 @@ def frame_rate(page: Page) -> dict[str, float]:
     before_s = browser_time_s()
     rate = float(page.evaluate(_PLAY, {"poses": moving.tolist(), "seconds": PLAYED_S}))
     used_s = browser_time_s() - before_s
+    _, binary = encode_scene(scene, "/of/a/benchmark", "small")
     return {
         "triangles": sum(len(link.triangles) for link in fine),
+        "compressed triangles [kB]": len(gzip.compress(binary, 6)) / 1e3,
         "frames per second": rate,
         "processor time per frame [ms]": 1e3 * used_s / (rate * PLAYED_S),
         "load during": os.getloadavg()[0],

@@ -122,15 +122,6 @@ class Clearances:
                 nearest[column] = min(nearest[column], float(found.min()))
         return nearest
 
-    def distances(self, q: FloatArray) -> FloatArray:
-        """Return the distance of each pair in each pose of q, (samples, pairs) [m].
-
-        The distance is negative if the two solids overlap.
-        """
-        rows, columns = np.divmod(np.arange(len(q) * len(self)), max(1, len(self)))
-        found = self._measure(link_transforms(self.chain, q), rows, columns).distance
-        return found.reshape(len(q), len(self))
-
     def is_clear(self, q: FloatArray) -> bool:
         """Return True if every pair keeps the margin in all poses q, (samples, n)."""
         links = link_transforms(self.chain, q)

@@ -1,6 +1,7 @@
 """Drawn robots in a browser: a pinhole camera of our own, markers, and differences of pictures.
 
-The view is the element `#view` of a page; its property `robotView` is the object of `robot_view.js`.
+The view is the element `#view` of a page; its property `robotView` is the object of
+`robot_view.js`.
 """
 
 from __future__ import annotations

@@ -83,7 +83,7 @@ def motion_playback(cell: LoadedCell, path: Path) -> MotionPlayback:
     clearance, pairs = None, ()
     clearances = Clearances.of(cell.robot, cell.config.workspace)
     if cell.robot.bodies and len(clearances):
-        distances = clearances.distances(position)
+        distances = np.array([clearances.nearest(pose[np.newaxis]) for pose in position])
         clearance = distances.min(axis=1)
         pairs = tuple(clearances.names[column] for column in distances.argmin(axis=1))
     return MotionPlayback(
