@@ -30,7 +30,7 @@ export function followPose(view) {
     try {
       const found = await request(`/view${CELL}/pose`, {}, { patienceMs: PATIENCE_MS });
       if (receivedAt > -Infinity) return; // a motion has begun meanwhile
-      position = found.position;
+      position = found.position ?? null;
       words = position === null ? "" : `pose of ${found.source}, ${timeOf(found.at_s)}`;
     } catch (error) {
       words = error.message;

@@ -87,7 +87,7 @@ def motion_playback(cell: LoadedCell, path: Path) -> MotionPlayback:
         clearance = distances.min(axis=1)
         pairs = tuple(clearances.names[column] for column in distances.argmin(axis=1))
     return MotionPlayback(
-        times_s=rows * samples.sample_period_s,
+        times_s=np.asarray(rows * samples.sample_period_s, dtype=np.float64),
         position=position,
         phases=tuple(_PHASES[Phase(phase)] for phase in samples.phase[rows]),
         clearance_m=clearance,
