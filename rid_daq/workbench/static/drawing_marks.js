@@ -5,7 +5,7 @@ import {
 } from "./three.js";
 import { vectorOf } from "./robot_arm.js";
 
-const ON_TOP = ["axis", "chosen", "load", "wrench", "x", "y", "z", "needle", "path"];
+const ON_TOP = ["axis", "chosen", "load", "x", "y", "z", "needle", "needle-end", "path"];
 const Y = new Vector3(0, 1, 0);
 const Z = new Vector3(0, 0, 1);
 const FULL_TURN = 2 * Math.PI;

@@ -51,6 +51,7 @@ export class RobotDrawing {
     this.ghost = new RobotArm(document, geometries, () => this.paints.of("ghost", 0.45));
     this.world.add(this.arm.base, this.ghost.base);
     this.world.updateWorldMatrix(true, true);
+    for (const old of this.layers?.path ?? []) old.removeFromParent();
     this.layers = Object.fromEntries(LAYERS.map((name) => [name, []]));
     this.size = 0.11 * this.arm.reach();
     this.gravity = null;
@@ -115,11 +116,6 @@ export class RobotDrawing {
     arm.base.add(plate);
     this.layers.plate.push(plate);
     labels.add("force plate X", plate, new Vector3(2.1 * size, 0, 0), "plate");
-    this.force = arrow(paints, "wrench", 0.07 * size);
-    this.moment = turnArrow(paints, "wrench", 1.1 * size);
-    [this.force.visible, this.moment.visible] = [false, false];
-    arm.base.add(this.force, this.moment);
-    this.layers.plate.push(this.force, this.moment);
   }
 
   addGravity() {
@@ -190,17 +186,6 @@ export class RobotDrawing {
     this.turns.forEach((sense, i) => {
       sense.visible = i === joint;
     });
-    this.draw();
-  }
-
-  // Show the force [N] and moment [N m] on the base, in the base frame (null: unknown).
-  showWrench(wrench) {
-    if (!this.force) return;
-    const [force, moment] = wrench ? [vectorOf(wrench.slice(0, 3)), vectorOf(wrench.slice(3))] : [new Vector3(), new Vector3()];
-    this.force.visible = force.length() > 1 && !this.hidden.has("plate");
-    this.moment.visible = moment.length() > 1 && !this.hidden.has("plate");
-    if (force.length() > 1) this.force.aim(force, (1.2 + Math.min(3, force.length() / 500)) * this.size);
-    if (moment.length() > 1) alongAxis(this.moment, moment);
     this.draw();
   }
 

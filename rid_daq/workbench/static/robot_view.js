@@ -107,14 +107,13 @@ export class RobotView {
 
   // Show a pose [rad or m] (null: unknown), a second pose as a ghost, and words about them.
   // The kind of the words is "live", "old" (no live data) or "planned".
-  show({ position, target = null, wrench = null, words, kind }) {
+  show({ position, target = null, words, kind }) {
     const isFirst = this.pose.position === null && position !== null;
     this.pose = { position, target };
     if (isFirst && this.ghost !== null) this.choose(this.preview); // until now, the ghost was at the zero pose
     this.say(words, kind);
     this.rows?.show(position);
     this.refresh();
-    this.drawing?.showWrench(wrench);
   }
 
   // Show the path of the tool: positions of the joints, one row for each point (none: no path).
