@@ -54,6 +54,9 @@ PARTS: Final[dict[str, Callable[[Path, bool], Tree]]] = {
 }
 """Experiments by the names of their parts."""
 
+ALWAYS_FULL: Final = ("sensitivity",)
+"""Parts that `--quick` does not change."""
+
 
 def run_parts(names: list[str], quick: bool, path: Path) -> Tree:
     """Run parts of the experiments, and store the results after each part.
@@ -70,8 +73,9 @@ def run_parts(names: list[str], quick: bool, path: Path) -> Tree:
             results |= PARTS[name](Path(folder), quick)
         minutes = (time.monotonic() - began_s) / 60.0
         results["minutes"][name] = round(minutes, 1)
-        short = {each for each in results["short"] if each != name} | ({name} if quick else set())
-        results["short"] = sorted(short)
+        is_short = quick and name not in ALWAYS_FULL
+        short = {each for each in results["short"] if each != name}
+        results["short"] = sorted(short | {name} if is_short else short)
         write_results(results, path)
         print(f"{name}: {minutes:.1f} min", flush=True)
     return results
