@@ -34,6 +34,9 @@ OpenPage = Callable[..., Page]
 REPLACED = "WebSocket is closed before the connection is established"
 """Chromium's warning if a page closes a connection before an overloaded service accepts it."""
 
+SOFTWARE_GL = "GPU stall due to ReadPixels"
+"""Chromium's warning about the speed of the 3-D view on a computer without a GPU."""
+
 
 @pytest.fixture
 def problems() -> list[str]:
@@ -49,7 +52,8 @@ def open_page(
     contexts = []
 
     def note(message: ConsoleMessage) -> None:
-        if message.type in ("error", "warning") and REPLACED not in message.text:
+        is_known = REPLACED in message.text or SOFTWARE_GL in message.text
+        if message.type in ("error", "warning") and not is_known:
             problems.append(message.text)
 
     def opened(*, known: bool = True, dark: bool = False, width: int = 1280) -> Page:
