@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 
 from acquisition.signals.bins import Bins
-from config.arrays import FloatArray
+from config.arrays import BoolArray, FloatArray
 from dynamics.model.robot_model import regressor
 from identification.elasticity.elastic_arm import ElasticArm
 from identification.elasticity.elastic_runs import ExcitationBins, MultisineBins
@@ -136,7 +136,7 @@ class ElasticProblem:
         return tuple(found)
 
     @cached_property
-    def run_rows(self) -> tuple[FloatArray, ...]:
+    def run_rows(self) -> tuple[BoolArray, ...]:
         """For each run, a mask of its residuals; the rows of the priors belong to no run."""
         runs = np.concatenate([np.full(each.size, each.run) for each in self.channels])
         runs = np.concatenate([runs, np.full(3 * self.arm.n, -1)])
