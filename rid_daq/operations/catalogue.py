@@ -157,10 +157,10 @@ CATALOGUE: Final = {
         "experiment", "Experiment", "cut a run into periods, reject bad ones, average the rest"
     ),
     "calibrate kinematics": Entry(
-        "kinematics", "", "identify geometry and gear stiffness from measured positions"
+        "calibration", "", "identify geometry and gear stiffness from measured positions"
     ),
     "calibrate poses": Entry(
-        "kinematics", "", "propose the poses to measure for a kinematic calibration"
+        "calibration", "", "propose the poses to measure for a kinematic calibration"
     ),
     "compare": Entry("identify", "Identify", "compare two estimates of the same robot"),
     "export": Entry("identify", "Identify", "write a model or a recording for other programs"),
@@ -184,7 +184,7 @@ CATALOGUE: Final = {
         "effect of errors in the robot's known parameters on a payload estimate",
     ),
     "stiffness": Entry(
-        "identify",
+        "calibration",
         "Identify",
         "identify stiffness and damping of elastic gears, from excitation and multisine runs",
     ),

@@ -19,7 +19,7 @@ from rid_daq.operations.cell_files import read_estimate_for
 from rid_daq.operations.path.tracking import TrackingRequest
 from rid_daq.operations.stated_payload import payload_words, state_payload
 from rid_daq.report.sections.tracking import MOTOR_TORQUES, TrackingSection
-from rid_daq.report.tool_side_entry import ToolSideSize
+from rid_daq.report.tool_error_entries import ToolSideSize
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.followed_motion import compare_with_motion
 from rid_daq.runs.motion_runs import PLAIN, MotionRun, read_motion_run

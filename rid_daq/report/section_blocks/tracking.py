@@ -19,7 +19,7 @@ from rid_daq.report.sections.tracking import (
     TrackingSection,
     magnification,
 )
-from rid_daq.report.tool_side_entry import ToolSideSize
+from rid_daq.report.tool_error_entries import ToolSideSize
 
 AXES: Final = "xyz"
 LEAST_MM: Final = 1e-4

@@ -18,7 +18,7 @@ from config.robot.robot import RobotDescription
 from rid_daq.blocks.formats import number
 from rid_daq.report.sections.section import Numbers, Section, Texts, joint_units, round_values
 from rid_daq.report.sections.verdict import VerdictCheck, VerdictSection
-from rid_daq.report.tool_side_entry import ToolSideSize
+from rid_daq.report.tool_error_entries import ToolDeflection, ToolSideSize
 
 if TYPE_CHECKING:
     from compensation.feedforward.deflection import Deflection
@@ -55,28 +55,6 @@ class FollowedRun:
     drawn: slice
     sample_period_s: float
     deflection: Deflection | None = None
-
-
-class ToolDeflection(Section):
-    """Estimated deflection at the tool point, from the gears whose stiffness is known.
-
-    Attributes:
-        rms_m, max_m: RMS and largest deflection over the motion [m].
-        tool_mean_m, tool_max_m: Mean and largest distance of the tool from its path, estimated from
-            encoders and deflection [m].
-    """
-
-    rms_m: float
-    max_m: float
-    tool_mean_m: float | None = None
-    tool_max_m: float | None = None
-
-    @classmethod
-    def of(cls, bent: Deflection) -> ToolDeflection:
-        """Return the size of a deflection and of the tool's error."""
-        off = bent.tool_error_m
-        mean, most = (None, None) if off is None else (float(off.mean()), float(off.max()))
-        return cls(rms_m=bent.rms_m, max_m=bent.max_m, tool_mean_m=mean, tool_max_m=most)
 
 
 class ErrorSize(Section):

@@ -14,7 +14,7 @@ from rid_daq.requests.option import DEFAULT_RUNS, Option, RunNames, RunsFolder, 
 from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
-    from rid_daq.operations.identify.identified_gears import IdentifiedGears
+    from rid_daq.operations.calibration.identified_gears import IdentifiedGears
 
 
 class StiffnessRequest(Request):
@@ -85,7 +85,7 @@ class StiffnessResult:
 
 def run(request: StiffnessRequest, _context: Context) -> StiffnessResult:
     """Identify the gears and write the report."""
-    from rid_daq.operations.identify.identified_gears import identify_gears
+    from rid_daq.operations.calibration.identified_gears import identify_gears
 
     return StiffnessResult(identify_gears(request))
 
@@ -99,5 +99,5 @@ OPERATION: Final = Operation(
         "stiffness excitation-1 excitation-2 multisine",
         "stiffness excitation-1 excitation-2 multisine --plate --json",
     ),
-    module="rid_daq.operations.identify.identified_gears",
+    module="rid_daq.operations.calibration.identified_gears",
 )

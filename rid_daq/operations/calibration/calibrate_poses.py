@@ -13,7 +13,7 @@ from config.plausible import Plausible
 from config.ranges import Seed
 from rid_daq.blocks.block import AnyBlock, Next, Text, note_blocks
 from rid_daq.blocks.formats import number
-from rid_daq.operations.kinematics.calibrate_kinematics import (
+from rid_daq.operations.calibration.calibrate_kinematics import (
     GravityModel,
     LoadCentre,
     RobotName,
@@ -31,7 +31,7 @@ from rid_daq.requests.option import (
 from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
-    from rid_daq.operations.kinematics.proposed_poses import ProposedPoses
+    from rid_daq.operations.calibration.proposed_poses import ProposedPoses
 
 MOTION: Final = "Motion"
 
@@ -170,7 +170,7 @@ class CalibratePosesResult:
 
 def run(request: CalibratePosesRequest, _context: Context) -> CalibratePosesResult:
     """Choose the poses, and write the table and the motions."""
-    from rid_daq.operations.kinematics.proposed_poses import propose_poses
+    from rid_daq.operations.calibration.proposed_poses import propose_poses
 
     return CalibratePosesResult(request, propose_poses(request))
 
@@ -184,5 +184,5 @@ OPERATION: Final = Operation(
         "calibrate poses kr15 --output poses.csv --count 40 --load 13.6 --point 0.12,0.05,-0.10",
         "calibrate poses robot.yaml --output poses.csv --cell cell.yaml --motion poses.yaml",
     ),
-    module="rid_daq.operations.kinematics.proposed_poses",
+    module="rid_daq.operations.calibration.proposed_poses",
 )

@@ -25,7 +25,7 @@ from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from identification.kinematics.held_out import HeldOut
-    from rid_daq.operations.kinematics.kinematic_calibration import CalibratedRobot
+    from rid_daq.operations.calibration.kinematic_calibration import CalibratedRobot
 
 RobotName = Annotated[
     str,
@@ -266,7 +266,7 @@ def _mm(length_m: float) -> str:
 
 def run(request: CalibrateKinematicsRequest, _context: Context) -> CalibrateKinematicsResult:
     """Calibrate the robot, and write the corrected robot file."""
-    from rid_daq.operations.kinematics.kinematic_calibration import calibrate_robot
+    from rid_daq.operations.calibration.kinematic_calibration import calibrate_robot
 
     return CalibrateKinematicsResult(request, calibrate_robot(request))
 
@@ -281,5 +281,5 @@ OPERATION: Final = Operation(
         "calibrate kinematics kr15 poses.csv --point 0.12,0.05,-0.10 --json",
         "calibrate kinematics robot.yaml poses.csv --run free --run loaded",
     ),
-    module="rid_daq.operations.kinematics.kinematic_calibration",
+    module="rid_daq.operations.calibration.kinematic_calibration",
 )

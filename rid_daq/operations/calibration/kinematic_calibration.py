@@ -20,9 +20,9 @@ from config.robot.robot import RobotDescription
 from identification.kinematics.calibration import PRECISE, Calibration, calibrate
 from identification.kinematics.corrected import changed_keys, corrected_robot
 from identification.kinematics.held_out import HeldOut
+from rid_daq.operations.calibration.calibrate_kinematics import CalibrateKinematicsRequest
+from rid_daq.operations.calibration.gravity_source import read_gravity, stated_point
 from rid_daq.operations.cell_files import refuse_other_robot
-from rid_daq.operations.kinematics.calibrate_kinematics import CalibrateKinematicsRequest
-from rid_daq.operations.kinematics.gravity_source import read_gravity, stated_point
 from rid_daq.runs.output_file import require_writable
 from rid_daq.runs.run_data import RunData
 

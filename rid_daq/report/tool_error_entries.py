@@ -1,4 +1,4 @@
-"""`ToolSideSize`: path errors of a run at the tool, measured by an external instrument."""
+"""Path errors at the tool: estimated (`ToolDeflection`), and measured (`ToolSideSize`)."""
 
 from __future__ import annotations
 
@@ -7,7 +7,30 @@ from typing import TYPE_CHECKING
 from rid_daq.report.sections.section import Section
 
 if TYPE_CHECKING:
+    from compensation.feedforward.deflection import Deflection
     from compensation.feedforward.tool_side import ToolSideError
+
+
+class ToolDeflection(Section):
+    """Estimated deflection at the tool point, from the gears whose stiffness is known.
+
+    Attributes:
+        rms_m, max_m: RMS and largest deflection over the motion [m].
+        tool_mean_m, tool_max_m: Mean and largest distance of the tool from its path, estimated from
+            encoders and deflection [m].
+    """
+
+    rms_m: float
+    max_m: float
+    tool_mean_m: float | None = None
+    tool_max_m: float | None = None
+
+    @classmethod
+    def of(cls, bent: Deflection) -> ToolDeflection:
+        """Return the size of a deflection and of the tool's error."""
+        off = bent.tool_error_m
+        mean, most = (None, None) if off is None else (float(off.mean()), float(off.max()))
+        return cls(rms_m=bent.rms_m, max_m=bent.max_m, tool_mean_m=mean, tool_max_m=most)
 
 
 class ToolSideSize(Section):

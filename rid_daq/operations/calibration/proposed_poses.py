@@ -19,8 +19,8 @@ from config.robot.robot import RobotDescription
 from dynamics.geometry.clearances import Clearances
 from identification.kinematics.calibration import nominal_arm
 from identification.kinematics.pose_design import PoseDesign, design_poses
-from rid_daq.operations.kinematics.calibrate_poses import CalibratePosesRequest
-from rid_daq.operations.kinematics.gravity_source import read_gravity, stated_point
+from rid_daq.operations.calibration.calibrate_poses import CalibratePosesRequest
+from rid_daq.operations.calibration.gravity_source import read_gravity, stated_point
 from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
 

@@ -12,7 +12,7 @@ from config.errors import ConfigError, DataQualityError
 from identification.elasticity.elastic_arm import ElasticArm
 from identification.elasticity.elastic_runs import excitation_bins, multisine_bins
 from identification.elasticity.gear_estimate import estimate_gears
-from rid_daq.operations.identify.stiffness import StiffnessRequest
+from rid_daq.operations.calibration.stiffness import StiffnessRequest
 from rid_daq.report.sections.gears import GearsSection
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.run_data import MOTION, RunData, all_defects, result_of

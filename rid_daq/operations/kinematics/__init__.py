@@ -1,1 +1,0 @@
-"""Operations of a kinematic calibration: calibrate a robot, propose poses to measure."""
