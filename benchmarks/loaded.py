@@ -141,7 +141,7 @@ def validation_errors(folder: Path, quick: bool) -> dict[str, float]:
         percent = [axis["relative_error_percent"] for axis in axes]
         found[label] = max(percent)
         shown = " ".join(f"{each:.2f}" for each in percent)
-        print(f"kr15, torque errors of another motion, {label:26s} {shown} %")
+        print(f"kr15, torque errors on a validation motion, {label:26s} {shown} %")
     return found
 
 

@@ -156,8 +156,8 @@ def log_motion(
 ) -> Iterator[Logged]:
     """Yield the recordings of one motion by all loggers, at 125 Hz unless the case states a rate.
 
-    Encoders have 19 bits, torques 0.5 % of noise, velocities noise of 0.2 mrad/s in steps of
-    0.1 mrad/s.
+    Encoders have 19 bits, torques have noise of 0.5 % of each joint's RMS torque, and velocities
+    have noise of 0.2 mrad/s and steps of 0.1 mrad/s.
     """
     t, q, v, a = motion(kind, len(arm.coulomb), seconds, seed)
     for case in cases:

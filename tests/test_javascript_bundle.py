@@ -1,4 +1,4 @@
-"""Third-party JavaScript: pinned by hashes, made by the build, listed with its licence."""
+"""The bundle of third-party JavaScript: pinned packages, reproducible build, licences."""
 
 from __future__ import annotations
 

@@ -118,7 +118,8 @@ def parse_eds(data: bytes, name: str) -> ElectronicDataSheet:
     objects = reader.objects()
     if not objects:
         raise ConfigError(
-            f"{name}: it contains no object, such as [1000]; is it the whole file?",
+            f"{name}: it contains no object (a section such as [1000]): check that the file"
+            " is complete",
             code="RID-FILE-TYPE",
         )
     return ElectronicDataSheet(

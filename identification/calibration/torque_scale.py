@@ -111,8 +111,8 @@ def torque_consistency(fitted: FittedPeriods) -> TorqueConsistency:
     """
     if fitted.options.kind != "combined":
         raise EstimationError(
-            "torques and plate can be compared only in the combined model: identify the combined"
-            " model",
+            "torques and force plate can be compared only in a model that was identified from both:"
+            " use --model combined",
             code="RID-MODEL-NOT-COMBINED",
         )
     joints = fitted.robot.joint_names

@@ -73,10 +73,13 @@ class Gain:
 def simplest_model(errors: Sequence[FloatArray], sigmas: float = 1.0, least: float = 0.0) -> int:
     """Return the index of the first model that is not distinctly worse than the best.
 
+    A model is distinctly worse if the `Gain` of the best model over it exceeds `sigmas` standard
+    errors and the value `least`.
+
     Args:
         errors: Mean squared errors of each model's blocks, the simplest model first.
-        sigmas, least: A model is distinctly worse if the best model's gain exceeds this number of
-            standard errors and this gain.
+        sigmas: Number of standard errors.
+        least: Smallest gain that counts; 0.01 is 1 % of the RMS error.
     """
     gains = [Gain.between(errors[0], each).mean for each in errors]
     best = errors[int(np.argmax(gains))]

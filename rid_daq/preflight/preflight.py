@@ -29,7 +29,7 @@ def _ignore_lines(_lines: Sequence[CheckLine]) -> None:
 def lines_before_bus(
     loaded: LoadedCell, runs: Path, axis_test: AxisTestRule = AxisTestRule.REQUIRED
 ) -> list[CheckLine]:
-    """Return the lines that need no bus: bus load, disk, axis test, geometry."""
+    """Return the results of checks that need no connection: bus load, disk, axis test, geometry."""
     geometry = [
         CheckLine("robot file", "angles of the kinematics", "exact", note, "ok")
         for note in loaded.robot.kinematics.notes

@@ -41,9 +41,10 @@ class DataCheck(BaseModel):
     """Result of the check.
 
     Attributes:
-        data, model: Findings about the runs; and about runs and model together.
+        data: Findings about the runs.
+        model: Findings about the runs together with the model.
         parameters: Number of base parameters of the cell's robot.
-        friction: Friction terms of each joint in the robot file, by its name.
+        friction: Friction terms in the robot file, by the name of the joint.
     """
 
     model_config = ConfigDict(frozen=True)

@@ -94,7 +94,7 @@ def _sources() -> list[Path]:
 
 
 def _counted() -> list[Path]:
-    """Return the source files, except those compiled by numba, which does not support probes."""
+    """Return the source files except those that numba compiles, which cannot be measured."""
     texts = {path: path.read_text(encoding="utf-8") for path in _sources()}
     return [path for path, text in texts.items() if not any(word in text for word in COMPILED)]
 

@@ -92,7 +92,7 @@ class SessionFile(BaseModel):
     def begin(
         cls, folder: RunFolder, cell: str, asked: Mapping[str, JsonValue] | None = None
     ) -> Self:
-        """Write and return a new session on a cell in a folder.
+        """Create a payload session of a cell, write its file into a folder, and return it.
 
         Args:
             asked: Options of the session, as JSON.

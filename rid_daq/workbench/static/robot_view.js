@@ -74,7 +74,7 @@ export class RobotView {
     }
   }
 
-  // Show the robot of a scene; the binary with its triangles may be a promise, or null without a picture.
+  // Show the robot of a scene. `binary` contains its triangles; it can be a promise, or null if nothing can be drawn.
   async open(document, binary, isSoftware = true) {
     this.document = document;
     this.shape.textContent = SHAPES[document.shape];
@@ -106,7 +106,7 @@ export class RobotView {
   }
 
   // Show a pose [rad or m] (null: unknown), a second pose as a ghost, and words about them.
-  // The kind of the words is "live", "old" (no live data) or "planned".
+  // `kind` says how the pose is marked: "live", "old" (no live data) or "planned".
   show({ position, target = null, words, kind }) {
     const isFirst = this.pose.position === null && position !== null;
     this.pose = { position, target };

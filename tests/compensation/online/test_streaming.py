@@ -1,4 +1,4 @@
-"""Transport of points to the on-line stage: ring, bytes, iterator, socket."""
+"""Points reach the online compensation by shared memory, bytes, an iterator or a socket."""
 
 from __future__ import annotations
 

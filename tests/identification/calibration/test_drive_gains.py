@@ -74,9 +74,11 @@ def loaded(arm: KnownArm) -> tuple[Estimate, tuple[TimeRun, ...]]:
 def noise_weighted_equations(
     estimate: Estimate, runs: tuple[TimeRun, ...]
 ) -> tuple[NDArray[np.float64], int]:
-    """Return the rows [-tau_j ...
+    """Return the equations of all joints, divided by each joint's noise.
 
-    Phi] divided by each joint's noise, and the load mass's column.
+    Returns:
+        `rows`. The columns of the drive gains (minus the torque), then those of the parameters.
+        `column`. Index of the column of the load's mass.
     """
     n, parts = estimate.model.chain.n, []
     for rows in joint_equations(estimate.model, estimate.base, runs, estimate.standstill_rad_s):

@@ -33,7 +33,7 @@ Change = Callable[[np.ndarray], Any]
 def import_changed(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> Callable[..., SimpleNamespace]:
-    """Return a function that imports a changed table with changed keys of the map."""
+    """Return a function that imports a table, with changes of the table and of its import map."""
 
     def imported_table(change: Change, *options: str, **map_keys: Any) -> SimpleNamespace:
         table = sound_table(800)

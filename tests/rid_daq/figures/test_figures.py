@@ -293,7 +293,7 @@ def test_scripts_are_local_files() -> None:
 
 
 def test_dragging_zooms_in_every_panel(figures: dict[str, UIElement]) -> None:
-    """If a panel's toolbar lacks the zoom tool, BokehJS pans regardless of the figure's toolbar."""
+    """Each panel needs its own zoom tool: BokehJS ignores that of the whole figure."""
     panels = [each for each in figures["fit"].references() if isinstance(each, Plot)]
     assert {type(each.toolbar.active_drag).__name__ for each in panels} == {"BoxZoomTool"}
 
