@@ -120,7 +120,7 @@ CarriedPayloadOfModel = Annotated[
 ]
 """As `CarriedPayload`, for a request whose model is optional; without a model it has no effect."""
 
-Coordinate = Annotated[float, Plausible(0.0, 20.0, "m")]
+Coordinate = Annotated[float, Field(ge=-100.0, le=100.0), Plausible(0.0, 20.0, "m")]
 MeasuredPoint = Annotated[
     tuple[Coordinate, Coordinate, Coordinate] | None,
     Field(

@@ -33,7 +33,7 @@ def whole_result() -> dict[str, Any]:
 
     def size(deviation_m: float) -> dict[str, Any]:
         peaks = [2.0 * deviation_m] * 3
-        bending = {"rms_m": 1.1e-3, "max_m": 1.8e-3}
+        bending = {"rms_m": 1.1e-3, "max_m": 1.8e-3, "tool_mean_m": 1e-3, "tool_max_m": 1.6e-3}
         size = {"mean_m": deviation_m, "max_m": 2.0 * deviation_m, "joint_peak": peaks}
         return {**size, "bending": bending}
 
@@ -186,6 +186,7 @@ def whole_result() -> dict[str, Any]:
             "unseen": "The deflection of the gears is not included.",
             "with_stiffness": [*joints[:1]],
             "without_stiffness": [*joints[1:]],
+            "tool_side": [],
             "motions": [
                 {
                     "sentence": f"Motion of {use}.",

@@ -116,7 +116,7 @@ class JointTableMotion(Motion, Derived):
         """Return the motion file with the rows of the trajectory file in it."""
         return to_yaml(self).encode()
 
-    def completed(self, folder: Path) -> JointTableMotion:
+    def with_file_data(self, folder: Path) -> JointTableMotion:
         """Return the motion with the rows of its trajectory file.
 
         Args:

@@ -201,7 +201,7 @@ def test_more_than_16_joints_are_refused_before_any_processing() -> None:
         '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
         for n in range(17)
     )
-    with raises_code(ConfigError, "RID-URDF-LIMIT", "16"):
+    with raises_code(ConfigError, "RID-URDF-ARM", "16"):
         robot_of_urdf(read_urdf(f'<robot name="r">{links}{joints}</robot>'.encode(), "r.urdf"))
 
 
