@@ -114,7 +114,7 @@ def test_a_button_moves_a_joint_while_it_is_held(
         page.mouse.up()
     speed = page.locator('[data-joint="axis1"] [data-show="velocity"]')
     expect(speed).to_have_text(re.compile(r"^-?0\.0"))
-    page.get_by_role("button", name="axis2").click()
+    page.get_by_role("button", name="axis2", exact=True).click()
     expect(page.locator(".said")).to_contain_text("Chosen: axis2.")
     expect(page.get_by_role("button", name="Finish")).to_be_visible()
     page.keyboard.press("Escape")

@@ -35,7 +35,9 @@ window.fake = async (moving) => {
   const job = moving ? { id: "j1", kind: "record", state: "running", owner: "a test" } : null;
   const status = { ...now.status, state: moving ? "moving" : "closed", job };
   window.fetch = (url, { signal }) => new Promise((resolve, reject) => {
-    const answer = url.endsWith("/cells/ir361") ? status : url.endsWith("/preflight") ? null : [];
+    const answers = { "/cells/ir361": status, "/preflight": null, "/jobs/j1": job };
+    const end = Object.keys(answers).find((each) => url.endsWith(each));
+    const answer = end === undefined ? [] : answers[end];
     if (window.answering) resolve(new Response(JSON.stringify(answer)));
     signal.addEventListener("abort", () => reject(signal.reason));
   });
