@@ -29,6 +29,8 @@ DRAWN_SHARE = 0.12
 SHORTER_PERCENT = 20.0
 MEASURED_PERCENT = 102.0
 CLOSE_AS_BEFORE = 3.0
+WHOLE: Final = 0.9
+"""Share of a motion above which an instrument has measured it as a whole."""
 ENCODERS_AT_MOTORS: Final = (
     "The path is computed from the encoders at the motors. It does not contain the deflection of"
     " gears and links, so the true distance of the tool from the path can be larger."
@@ -237,6 +239,9 @@ class TrackingSection(Section):
         if self.tool_side:
             worst = max(size.mean_m for size in self.tool_side)
             mean += f", at the tool {number(1e3 * worst, 3)} mm"
+            least_share = min(size.share for size in self.tool_side)
+            if least_share < WHOLE:
+                mean += f" (measured on {100.0 * least_share:.0f} % of the motion)"
         if not ratios:
             return VerdictSection.of(
                 [], mean, f"No run without compensation was given for comparison. {self.unseen}"
