@@ -111,6 +111,17 @@ class Calibration:
         return np.asarray(scale * self.widening * few * own)
 
     @property
+    def imprecise(self) -> tuple[int, ...]:
+        """Joints whose compliance was fitted with a relative standard deviation above `PRECISE`."""
+        return tuple(
+            each.joint
+            for each, value, sigma in zip(
+                self.fit.parameters, self.values, self.sigmas, strict=True
+            )
+            if each.kind == "compliance" and sigma > PRECISE * value
+        )
+
+    @property
     def values(self) -> FloatArray:
         """Calibrated values of the parameters, (p,)."""
         return np.array([self.fit.arm.value(each) for each in self.fit.parameters])
@@ -249,8 +260,8 @@ def _require_enough(poses: MeasuredPoses, parameters: int) -> None:
     fewest, count = fewest_poses(parameters), len(np.unique(distinct_poses(poses.position)))
     if count < fewest:
         raise DataQualityError(
-            f"{poses.name}: has {count} different poses; {parameters} parameters need at least {fewest},"
-            f" and {2 * fewest} are better: measure more poses",
+            f"{poses.name}: has {count} different poses; {parameters} parameters need at least"
+            f" {fewest}, and {2 * fewest} are better: measure more poses",
             code="RID-KINEMATICS-FEW",
         )
 

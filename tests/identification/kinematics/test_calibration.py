@@ -94,6 +94,7 @@ def test_a_standard_table_is_corrected_in_the_modified_convention(
         found.fit,
         arm=replace(found.fit.arm, chain=replace(chain, tool_m=np.array([0.01, 0.02, 0.03]))),
         parameters=(),
+        covariance=np.zeros((0, 0)),
     )
     corrected = corrected_robot(replace(found, robot=robot, fit=still), is_tool=False)
     probes = probe_positions(robot, 20)
@@ -195,3 +196,19 @@ def test_a_table_without_a_valid_row_is_refused(three_axes: Experiment) -> None:
     none = three_axes.measured(np.zeros((1, 3)), np.zeros(1)).keep(np.zeros(1, dtype=np.bool_))
     with raises_code(DataQualityError, "RID-KINEMATICS-FEW", "0 different poses"):
         calibrate(three_axes.arm.robot, none, three_axes.gravity, three_axes.point_m)
+
+
+def test_an_imprecise_stiffness_does_not_replace_that_of_the_robot_file(
+    calibrated: Calibrated,
+) -> None:
+    found = calibrated("ir361")
+    joints = tuple(
+        joint.model_copy(update={"stiffness_nm_rad": 1.5e5}) for joint in found.robot.joints
+    )
+    stated = found.robot.model_copy(update={"joints": joints})
+    assert found.imprecise == ()
+    wide = replace(found.fit, covariance=1e6 * found.fit.covariance)
+    weak = replace(found, robot=stated, fit=wide)
+    assert weak.imprecise == (1, 2)
+    corrected = corrected_robot(weak, is_tool=True)
+    assert [joint.stiffness_nm_rad for joint in corrected.joints] == [1.5e5] * 3
