@@ -230,6 +230,22 @@ class TrackingSection(Section):
         )
 
     @property
+    def _tool_ratios(self) -> list[float]:
+        """Ratios of the tool's estimated errors; empty if the deflection of a run is unknown."""
+        ratios = []
+        for motion in self.motions:
+            if motion.before is None:
+                continue
+            sizes = [
+                None if size.bending is None else size.bending.tool_mean_m
+                for size in (motion.before, motion.after)
+            ]
+            if sizes[0] is None or sizes[1] is None:
+                return []
+            ratios.append(sizes[0] / max(sizes[1], 1e-12))
+        return ratios
+
+    @property
     def verdict(self) -> VerdictSection:
         """Headline of the report; no limit is checked."""
         after = [motion.after.mean_m for motion in self.motions]
@@ -246,15 +262,23 @@ class TrackingSection(Section):
             return VerdictSection.of(
                 [], mean, f"No run without compensation was given for comparison. {self.unseen}"
             )
-        least = min(ratios)
-        if least < 1.0:
-            changed = f"error increased {number(1.0 / max(least, 1e-12), 3)}-fold"
-            changed += " at most" if len(ratios) > 1 else ""
-        else:
-            changed = f"error reduced {number(least, 3)}-fold"
-            changed += " at least" if len(ratios) > 1 else ""
+        changed, at_tool = f"error {_change(ratios)}", self._tool_ratios
+        if at_tool:
+            changed = (
+                f"error at the motors {_change(ratios)}, estimated error at the tool with the"
+                f" deflection of the gears {_change(at_tool)}"
+            )
         two = "The errors before and after are those of two runs of the same motion."
         return VerdictSection.of([], f"{mean}: {changed}", f"{two} {self.unseen}")
+
+
+def _change(ratios: Sequence[float]) -> str:
+    """Return how errors have changed by the least ratio of errors before to errors after."""
+    least = min(ratios)
+    if least < 1.0:
+        words = f"increased {number(1.0 / max(least, 1e-12), 3)}-fold"
+        return words + (" at most" if len(ratios) > 1 else "")
+    return f"reduced {number(least, 3)}-fold" + (" at least" if len(ratios) > 1 else "")
 
 
 def _joints_with_stiffness(robot: RobotDescription, *, known: bool) -> tuple[str, ...]:
