@@ -89,17 +89,18 @@ class GearEstimate:
         worst = int(np.argmax(self.residual_share))
         left = float(self.residual_share[worst])
         if left > LARGEST_RESIDUAL:
-            reason = (
+            unexplained = (
                 f"the model, which is fitted to all axes together, does not explain"
                 f" {100.0 * left:.0f} % of the multisine's torque of {self.joint_names[worst]} (at"
                 f" most {100.0 * LARGEST_RESIDUAL:.0f} %); all runs need the same load"
             )
-            return (reason,) * len(self.joint_names)
+            return (unexplained,) * len(self.joint_names)
         found: list[str | None] = []
         for sigma, bend, minimum_hz, response in zip(
             self.relative_sigma, self.bend_rad, self.minimum_hz, self.responses, strict=True
         ):
-            reason, last_hz = None, float(response.frequency_hz[-1])
+            reason = None
+            last_hz = float(response.frequency_hz[-1])
             if minimum_hz > last_hz:
                 reason = (
                     f"motor and link move against each other at {minimum_hz:.3g} Hz, above the"
@@ -148,7 +149,8 @@ def estimate_gears(
         arm: Structure with which the runs were prepared.
 
     Raises:
-        EstimationError: A joint is excited by no multisine, or the runs do not determine the arm.
+        EstimationError: A joint is excited by no multisine, or the runs do not determine the arm,
+            or the fit does not converge.
     """
     for j, name in enumerate(robot.joint_names):
         if not any((run.excited == j).any() for run in multisines):
@@ -184,6 +186,7 @@ def _steps(problem: ElasticProblem) -> FloatArray:
 
 
 def _result(problem: ElasticProblem, found: Minimum) -> GearEstimate:
+    _require_settled(found.is_settled, "the fit of the gears")
     n, gears = problem.arm.n, problem.gears(found.x)
     covariance = found.covariance
     variance = np.maximum(np.diagonal(covariance), jackknife_variance(problem, found))
@@ -191,9 +194,10 @@ def _result(problem: ElasticProblem, found: Minimum) -> GearEstimate:
     loss = np.sqrt(variance[n : 2 * n]) / np.maximum(np.abs(found.x[n : 2 * n]), 1e-9)
     bend = np.zeros(n)
     for run in problem.excitations:
-        _, bent, _ = solve_links(
+        _, bent, _, is_settled = solve_links(
             problem.arm, gears, run.theta, run.period_s, run.rows, problem.inertia
         )
+        _require_settled(is_settled, f"the motion of the links in run {run.run_id}")
         moving = np.fft.irfft(bent[: len(run.torque) + 1] * run.rows, n=run.rows, axis=0)
         bend = np.maximum(bend, 0.5 * np.ptp(moving, axis=0))
     motors = problem.arm.reflected * gears.rotor
@@ -210,6 +214,20 @@ def _result(problem: ElasticProblem, found: Minimum) -> GearEstimate:
         responses,
         problem.delays > 0,
     )
+
+
+def _require_settled(is_settled: bool, what: str) -> None:
+    """Refuse a result of an iteration that has not converged.
+
+    Raises:
+        EstimationError: The iteration ended before.
+    """
+    if not is_settled:
+        raise EstimationError(
+            f"{what} has not converged, so no stiffness is given: check that all runs have the same"
+            " load, and record them again",
+            code="RID-STIFFNESS-RUNS",
+        )
 
 
 def jackknife_variance(problem: ElasticProblem, found: Minimum) -> FloatArray:

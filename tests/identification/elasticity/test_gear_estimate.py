@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from config.arrays import FloatArray
 from config.load import load_robot
 from identification.elasticity.gear_estimate import GearEstimate, GearResponse
 from identification.elasticity.levenberg_marquardt import minimise
@@ -75,3 +76,13 @@ def test_the_minimum_and_its_covariance_are_those_of_linear_least_squares() -> N
     found = minimise(lambda x: matrix @ x - wanted, np.zeros(3), np.full(3, 1e-4), 20)
     assert found.x == pytest.approx(np.linalg.lstsq(matrix, wanted, rcond=None)[0], abs=1e-6)
     assert found.covariance == pytest.approx(np.linalg.inv(matrix.T @ matrix), rel=1e-6)
+
+
+@pytest.mark.parametrize(("iterations", "is_settled"), [(1, False), (60, True)])
+def test_a_minimum_that_was_not_reached_is_marked(iterations: int, is_settled: bool) -> None:
+    def valley(x: FloatArray) -> FloatArray:
+        """Rosenbrock's function with an offset."""
+        return np.array([10.0 * (x[1] - x[0] ** 2), 1.0 - x[0], 1.0])
+
+    found = minimise(valley, np.array([-1.2, 1.0]), np.full(2, 1e-6), iterations)
+    assert found.is_settled == is_settled
