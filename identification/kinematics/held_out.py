@@ -95,8 +95,8 @@ def distinct_poses(position: FloatArray) -> IntArray:
     Args:
         position: Shape (rows, n). Joint positions [rad or m].
     """
-    apart = np.abs(position[:, np.newaxis] - position).max(axis=2)
-    _, group = connected_components(csr_array(apart <= SAME_POSE), directed=False)
+    difference = np.abs(position[:, np.newaxis] - position).max(axis=2)
+    _, group = connected_components(csr_array(difference <= SAME_POSE), directed=False)
     _, first, index = np.unique(group, return_index=True, return_inverse=True)
     return np.asarray(np.argsort(np.argsort(first))[index], dtype=np.int64)
 
