@@ -85,5 +85,5 @@ def test_a_jump_of_the_clock_is_refused() -> None:
     jumped = TrackedPoint(
         np.concatenate([[0.0], seen.time_s]), np.concatenate([seen.point_m[:1], seen.point_m])
     )
-    with raises_code(DataQualityError, "RID-TRACKER-ALIGNMENT", "jump from 0 s"):
+    with raises_code(DataQualityError, "RID-TRACKER-ALIGNMENT", "0 s"):
         align(jumped, TIME_S, path(TIME_S))

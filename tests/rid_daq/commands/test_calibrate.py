@@ -154,7 +154,7 @@ def test_a_check_with_rows_of_the_fit_is_refused(
     assert run(words(folder, "--check", folder / "poses.csv", "--json")) == 2
     error = document(capsys)["error"]
     assert error["code"] == "RID-OPTION-NO-EFFECT"
-    assert "40 such rows" in error["message"]
+    assert "40" in error["message"]
 
 
 def test_no_table_of_poses_is_written_if_a_motion_is_refused(
