@@ -22,6 +22,11 @@ FINEST_S: Final = 0.01
 LEAST_OVERLAP: Final = 0.5
 LEAST_SPEED: Final = 1e-3
 """Smallest RMS speed of a path that shows the clock [m/s]."""
+LARGEST_GAP: Final = 2.5
+"""Distance of neighbouring rows, in typical distances, above which the path between is unknown."""
+LONGEST_SPAN: Final = 10.0
+"""Largest time between first and last row of an instrument, over the time of its rows and the run;
+with more, its clock has jumped."""
 _PEAKS: Final = 4
 _ITERATIONS: Final = 15
 _APART_S: Final = 0.2
@@ -56,11 +61,26 @@ class Alignment:
         return np.asarray((point_m - self.origin_m) @ self.rotation)
 
 
+def is_covered(at_s: FloatArray, time_s: FloatArray) -> BoolArray:
+    """Return which times lie between rows, and not in a gap of the rows, shape of `at_s`.
+
+    Args:
+        at_s: The times to judge [s].
+        time_s: Shape (rows,). Times of the rows, increasing; at least two.
+    """
+    steps = np.diff(time_s)
+    after = np.clip(np.searchsorted(time_s, at_s), 1, len(steps))
+    inside = (at_s >= time_s[0]) & (at_s <= time_s[-1])
+    short = steps[after - 1] <= LARGEST_GAP * np.median(steps)
+    return np.asarray(inside & short)
+
+
 def align(tracked: TrackedPoint, time_s: FloatArray, path_m: FloatArray) -> Alignment:
     """Find the clock and the frame with which a measured path fits that of a run.
 
     The clock offset comes from the correlation of the speeds, which do not depend on the frame.
-    Offset, rate and frame are then fitted by least squares.
+    Offset, rate and frame are then fitted by least squares to the rows that are not in a gap of the
+    run.
 
     Args:
         tracked: The measured path.
@@ -68,12 +88,12 @@ def align(tracked: TrackedPoint, time_s: FloatArray, path_m: FloatArray) -> Alig
         path_m: Shape (samples, 3). The same point by the encoders, in frame 0.
 
     Raises:
-        DataQualityError: The point hardly moves, the two paths do not overlap in time, or they are
-            not the same path.
+        DataQualityError: The point hardly moves, the clock jumps, the two paths do not overlap in
+            time, or they are not the same path.
     """
     path = CubicSpline(time_s, path_m)
     found = [
-        _refined(tracked, path, offset_s) for offset_s in _coarse_offsets(tracked, time_s, path)
+        _refined(tracked, path, offset_s) for offset_s in _coarse_offsets(tracked, time_s, path_m)
     ]
     fits = [each for each in found if each is not None]
     best = min(fits, key=lambda each: each.residual_m, default=None)
@@ -87,8 +107,9 @@ def align(tracked: TrackedPoint, time_s: FloatArray, path_m: FloatArray) -> Alig
     return best
 
 
-def _coarse_offsets(tracked: TrackedPoint, time_s: FloatArray, path: CubicSpline) -> list[float]:
+def _coarse_offsets(tracked: TrackedPoint, time_s: FloatArray, path_m: FloatArray) -> list[float]:
     """Return the offsets at which the speeds of both paths correlate best, best first."""
+    _refuse_jump(tracked, float(np.ptp(time_s)))
     step = max(FINEST_S, 1.5 / tracked.rate_hz)
     here = np.arange(time_s[0], time_s[-1], step)
     there = np.arange(tracked.time_s[0], tracked.time_s[-1], step)
@@ -98,12 +119,10 @@ def _coarse_offsets(tracked: TrackedPoint, time_s: FloatArray, path: CubicSpline
             f" {np.ptp(tracked.time_s):.3g} s, too few to find its clock: record the whole motion",
             code=CODE,
         )
-    seen = np.column_stack(
-        [np.interp(there, tracked.time_s, column) for column in tracked.point_m.T]
-    )
-    speeds = [
-        np.linalg.norm(np.diff(points, axis=0), axis=1) / step for points in (path(here), seen)
-    ]
+    speeds = []
+    for at, times, points in ((here, time_s, path_m), (there, tracked.time_s, tracked.point_m)):
+        seen = np.column_stack([np.interp(at, times, column) for column in points.T])
+        speeds.append(np.linalg.norm(np.diff(seen, axis=0), axis=1) / step)
     if min(float(np.sqrt(np.mean(speed**2))) for speed in speeds) < LEAST_SPEED:
         raise DataQualityError(
             "the measured point hardly moves, so its clock cannot be found: record a motion of the"
@@ -131,6 +150,23 @@ def _coarse_offsets(tracked: TrackedPoint, time_s: FloatArray, path: CubicSpline
     return offsets
 
 
+def _refuse_jump(tracked: TrackedPoint, run_s: float) -> None:
+    """Refuse time stamps that span far more time than the rows and the run.
+
+    Raises:
+        DataQualityError: The clock of the instrument jumps.
+    """
+    span_s = float(np.ptp(tracked.time_s))
+    if span_s <= LONGEST_SPAN * (len(tracked.time_s) / tracked.rate_hz + run_s):
+        return
+    row = int(np.argmax(np.diff(tracked.time_s)))
+    raise DataQualityError(
+        f"the time stamps jump from {tracked.time_s[row]:.9g} s to {tracked.time_s[row + 1]:.9g} s:"
+        " remove the rows that do not belong to the run, or mark them by 0 in a column `valid`",
+        code=CODE,
+    )
+
+
 def _refined(tracked: TrackedPoint, path: CubicSpline, offset_s: float) -> Alignment | None:
     """Fit offset, rate and frame by Gauss-Newton steps; None if the paths do not overlap."""
     middle = float((tracked.time_s[0] + tracked.time_s[-1]) / 2.0)
@@ -138,7 +174,7 @@ def _refined(tracked: TrackedPoint, path: CubicSpline, offset_s: float) -> Align
     found = Alignment(offset_s, 0.0, middle, np.eye(3), np.zeros(3), np.inf)
     for number in range(_ITERATIONS):
         at = found.run_time(tracked.time_s)
-        rows: BoolArray = (at >= path.x[0]) & (at <= path.x[-1])
+        rows = is_covered(at, path.x)
         if rows.sum() < FEWEST_ROWS:
             return None
         here, measured = path(at[rows]), tracked.point_m[rows]

@@ -3,17 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
 from acquisition.motion.samples import Phase
 from acquisition.recording.recording import Recording
-from acquisition.tracker.alignment import Alignment, align
+from acquisition.tracker.alignment import CODE, Alignment, align, is_covered
 from acquisition.tracker.tracker_file import TrackedPoint
 from config.arrays import FloatArray, freeze
 from config.errors import DataQualityError
 from dynamics.geometry.kinematics import Chain, forward
+
+LEAST_SHARE: Final = 0.5
+"""Smallest share of the main part that the instrument must have measured."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,11 +30,13 @@ class ToolSideError:
     Attributes:
         time_s: Shape (rows,). Times of the run [s].
         deviation_m: Shape (rows, 3). Measured minus desired point.
+        share: Share of the main part's rows of the run that the instrument measured.
         alignment: Clock and frame of the instrument.
     """
 
     time_s: FloatArray
     deviation_m: FloatArray
+    share: float
     alignment: Alignment
 
     def __post_init__(self) -> None:
@@ -53,17 +59,23 @@ class ToolSideError:
         return float(self.distance_m.max())
 
 
-def tool_side_error(chain: Chain, recording: Recording, tracked: TrackedPoint) -> ToolSideError:
+def tool_side_error(
+    chain: Chain, recording: Recording, tracked: TrackedPoint, lead: FloatArray | None = None
+) -> ToolSideError:
     """Return the path errors of a point that an instrument measured during a run.
+
+    Rows of the instrument in gaps of the run are left out.
 
     Args:
         chain: The robot; its tool point is the measured point.
         recording: The run, with commanded positions.
         tracked: The measured point.
+        lead: Shape (samples, n). Part of the commanded positions by which the motors were ahead of
+            the path, so that elastic gears put the links on it [rad or m]; None for zero.
 
     Raises:
         DataQualityError: The run has no commanded positions, the measured path does not fit the
-            run, or it does not contain the motion's main part.
+            run, or it contains less than `LEAST_SHARE` of the motion's main part.
     """
     valid = recording.valid
     main = valid & (recording.phase == Phase.MAIN)
@@ -73,16 +85,18 @@ def tool_side_error(chain: Chain, recording: Recording, tracked: TrackedPoint) -
             " recorded",
             code="RID-RUN-FOREIGN",
         )
-    path = forward(chain, recording.position[valid])
+    ahead = np.zeros_like(recording.position) if lead is None else lead
+    path = forward(chain, (recording.position - ahead)[valid])
     found = align(tracked, recording.time_s[valid], path)
     times = recording.time_s[main]
     at = found.run_time(tracked.time_s)
-    rows = (at >= times[0]) & (at <= times[-1])
-    if not rows.any():
+    rows, share = is_covered(at, times), float(is_covered(times, at).mean())
+    if not rows.any() or share < LEAST_SHARE:
         raise DataQualityError(
-            f"the tracker file contains no row of the main part of run {recording.run_id}: record"
-            " the whole motion",
-            code="RID-TRACKER-ALIGNMENT",
+            f"the tracker file contains {100.0 * share:.0f} % of the main part of run"
+            f" {recording.run_id} (at least {100.0 * LEAST_SHARE:.0f} %): record the whole motion",
+            code=CODE,
         )
-    desired = forward(chain, CubicSpline(times, recording.target_position[main])(at[rows]))
-    return ToolSideError(at[rows], found.to_base(tracked.point_m[rows]) - desired, found)
+    wanted = CubicSpline(times, (recording.target_position - ahead)[main])(at[rows])
+    deviation = found.to_base(tracked.point_m[rows]) - forward(chain, wanted)
+    return ToolSideError(at[rows], deviation, share, found)

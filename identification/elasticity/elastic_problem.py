@@ -197,7 +197,7 @@ class ElasticProblem:
         self, run: ExcitationBins, gears: Gears, start: Bins | None
     ) -> tuple[Bins, Bins | None, Bins]:
         """Return motor torques and base wrench on the bins 1 to H, and the deflection's bins."""
-        motion, bent, torque = solve_links(
+        motion, bent, torque, _ = solve_links(
             self.arm, gears, run.theta, run.period_s, run.rows, self.inertia, start
         )
         used = slice(1, len(run.torque) + 1)

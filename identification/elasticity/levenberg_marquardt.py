@@ -23,11 +23,14 @@ class Minimum:
         x: Shape (p,). The unknowns.
         residuals: Shape (m,). The residuals.
         jacobian: Shape (m, p). Derivatives of the residuals.
+        is_settled: True if the last step reduced the sum by less than `SETTLED` of it; False if the
+            iterations ended before.
     """
 
     x: FloatArray
     residuals: FloatArray
     jacobian: FloatArray
+    is_settled: bool
 
     @property
     def covariance(self) -> FloatArray:
@@ -54,6 +57,7 @@ def minimise(
     """
     x, left, damping = start.copy(), residuals(start), 1e-4
     jacobian = np.empty((len(left), len(x)))
+    is_settled = False
     for _ in range(iterations):
         for i, step in enumerate(steps):
             moved = x.copy()
@@ -69,6 +73,7 @@ def minimise(
                 x, left, damping = trial_x, trial, 0.1 * damping
                 break
             damping = max(10.0 * damping, 1e-9)
-        if before - float(left @ left) < SETTLED * before:
+        is_settled = before - float(left @ left) <= SETTLED * before
+        if is_settled:
             break
-    return Minimum(x, left, jacobian)
+    return Minimum(x, left, jacobian, is_settled)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -37,6 +37,23 @@ class Gears:
     body: FloatArray
 
 
+class LinkMotion(NamedTuple):
+    """Motion of the links.
+
+    Attributes:
+        motion: The motion in one period.
+        deflection: Shape (H + 1, n). Bins of theta - q.
+        torque: Shape (H + 1, n). Bins of the torques that the gears transmit.
+        is_settled: True if the last step of the fixed point was below `SETTLED_RAD`; False if the
+            steps ended before.
+    """
+
+    motion: ElasticMotion
+    deflection: Bins
+    torque: Bins
+    is_settled: bool
+
+
 def solve_links(
     arm: ElasticArm,
     gears: Gears,
@@ -45,7 +62,7 @@ def solve_links(
     rows: int,
     inertia: FloatArray,
     start: Bins | None = None,
-) -> tuple[ElasticMotion, Bins, Bins]:
+) -> LinkMotion:
     """Return the links' motion for a motion of the motors.
 
     Args:
@@ -53,17 +70,13 @@ def solve_links(
         rows: Number of samples of the returned motion, enough for the products of harmonics.
         inertia: Shape (n,). Mean inertia of the links about each joint.
         start: Shape (H + 1, n). Deflection to start from.
-
-    Returns:
-        `motion`. The motion in one period.
-        `deflection`, shape (H + 1, n). Bins of theta - q.
-        `torque`, shape (H + 1, n). Bins of the torques that the gears transmit.
     """
     s = 2j * math.pi / period_s * np.arange(len(theta))[:, np.newaxis]
     gear = gears.stiffness + s * gears.damping
     speed = 1.0 / (1.0 + s**2 * inertia / gear)
     motor_v, motor_a = from_bins(theta * s, rows), from_bins(theta * s**2, rows)
     bent = start.copy() if start is not None and np.isfinite(start).all() else 0.0 * theta
+    is_settled = False
     for _ in range(MOST_STEPS):
         link = theta - bent
         motion = ElasticMotion(
@@ -77,6 +90,7 @@ def solve_links(
         torque = np.asarray(np.fft.rfft(tau, axis=0)[: len(theta)] / rows)
         step = speed * (torque / gear - bent)
         bent = bent + step
-        if np.abs(step).sum(axis=0).max() < SETTLED_RAD:
+        is_settled = bool(np.abs(step).sum(axis=0).max() < SETTLED_RAD)
+        if is_settled:
             break
-    return motion, bent, torque
+    return LinkMotion(motion, bent, torque, is_settled)

@@ -18,7 +18,13 @@ from dynamics.geometry.kinematics import Chain
 from identification.kinematics.arm import PlacedArm
 from identification.kinematics.fit import ArmFit, fit_arm
 from identification.kinematics.gravity import Gravity
-from identification.kinematics.held_out import FOLDS, HeldOut, cross_validate, judge
+from identification.kinematics.held_out import (
+    FOLDS,
+    HeldOut,
+    cross_validate,
+    distinct_poses,
+    judge,
+)
 from identification.kinematics.parameters import (
     KinematicParameter,
     choose_identifiable,
@@ -105,6 +111,17 @@ class Calibration:
         return np.asarray(scale * self.widening * few * own)
 
     @property
+    def imprecise(self) -> tuple[int, ...]:
+        """Joints whose compliance was fitted with a relative standard deviation above `PRECISE`."""
+        return tuple(
+            each.joint
+            for each, value, sigma in zip(
+                self.fit.parameters, self.values, self.sigmas, strict=True
+            )
+            if each.kind == "compliance" and sigma > PRECISE * value
+        )
+
+    @property
     def values(self) -> FloatArray:
         """Calibrated values of the parameters, (p,)."""
         return np.array([self.fit.arm.value(each) for each in self.fit.parameters])
@@ -142,13 +159,14 @@ def calibrate(
         DataQualityError: There are too few poses, or they do not determine the parameters.
         EstimationError: A fit fails.
     """
-    nominal = nominal_arm(robot, gravity, point_m).registered(poses.position, poses.point_m)
+    nominal = nominal_arm(robot, gravity, point_m)
     geometry = geometry_candidates(nominal.chain, robot.joint_names)
     gears = compliance_candidates(nominal.chain, robot.joint_names) if gravity else ()
     probes = probe_positions(robot)
     no_load = np.zeros(len(probes))
     wanted = choose_identifiable(nominal.slopes(probes, no_load, geometry), geometry)
     _require_enough(poses, len(wanted))
+    nominal = nominal.registered(poses.position, poses.point_m)
     candidates = (*geometry, *gears)
     slopes = nominal.slopes(poses.position, poses.load_kg, candidates)
     chosen = choose_identifiable(slopes, candidates)
@@ -239,11 +257,11 @@ def fewest_poses(parameters: int) -> int:
 
 
 def _require_enough(poses: MeasuredPoses, parameters: int) -> None:
-    fewest = fewest_poses(parameters)
-    if len(poses) < fewest:
+    fewest, count = fewest_poses(parameters), len(np.unique(distinct_poses(poses.position)))
+    if count < fewest:
         raise DataQualityError(
-            f"{poses.name}: has {len(poses)} poses; {parameters} parameters need at least {fewest},"
-            f" and {2 * fewest} are better: measure more poses",
+            f"{poses.name}: has {count} different poses; {parameters} parameters need at least"
+            f" {fewest}, and {2 * fewest} are better: measure more poses",
             code="RID-KINEMATICS-FEW",
         )
 

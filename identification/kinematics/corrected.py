@@ -24,7 +24,8 @@ def corrected_robot(calibration: Calibration, *, is_tool: bool) -> RobotDescript
 
     The offsets of the rows are added to `kinematics.calibration`. A table in the standard
     convention is first written in the modified one, which has Hayati's angle; its frames are those
-    of `cad`, rotors and bodies. Identified compliances become `stiffness_nm_rad`.
+    of `cad`, rotors and bodies. Precisely identified compliances become `stiffness_nm_rad`; a joint
+    with an imprecise one keeps what its file states.
 
     Args:
         calibration: The calibration.
@@ -46,6 +47,7 @@ def corrected_robot(calibration: Calibration, *, is_tool: bool) -> RobotDescript
         for joint, row in enumerate(before)
     )
     found = {each.joint for each in fit.parameters if each.kind == "compliance"}
+    found -= set(calibration.imprecise)
     joints = tuple(
         joint.model_copy(update={"stiffness_nm_rad": float(1.0 / fit.arm.compliance[number])})
         if number in found

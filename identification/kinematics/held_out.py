@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
 
 from acquisition.tracker.pose_file import MeasuredPoses
-from config.arrays import FloatArray, freeze
+from config.arrays import FloatArray, IntArray, freeze
 from config.errors import EstimationError
 from identification.kinematics.arm import PlacedArm
 from identification.kinematics.fit import ArmFit, fit_arm
@@ -17,6 +19,8 @@ from identification.kinematics.parameters import KinematicParameter
 
 FOLDS: Final = 5
 """Parts into which the poses are divided; each part is predicted from the others."""
+SAME_POSE: Final = 0.01
+"""Largest difference of a joint position between repetitions of one pose [rad or m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,18 +71,34 @@ def cross_validate(
 ) -> HeldOut:
     """Return the error at each pose of a fit to the other parts of the poses.
 
-    Pose k belongs to part k modulo `FOLDS`, so that a part has loaded and unloaded poses.
+    Distinct pose k belongs to part k modulo `FOLDS`, so that a part has loaded and unloaded poses.
+    Repetitions of a pose, also with other loads, are in the part of their first row: otherwise the
+    fit would contain a pose by which it is judged.
 
     Raises:
         EstimationError: A fit fails.
     """
     error, sigma = np.empty((2, len(poses), 3))
-    part = np.arange(len(poses)) % FOLDS
+    part = distinct_poses(poses.position) % FOLDS
     for number in range(FOLDS):
         out = part == number
         found = judge(fit_arm(start, poses.keep(~out), parameters), poses.keep(out))
         error[out], sigma[out] = found.error_m, found.sigma
     return HeldOut(error, sigma)
+
+
+def distinct_poses(position: FloatArray) -> IntArray:
+    """Return for each row the number of its pose, (rows,), counted from 0 by first occurrence.
+
+    Rows within `SAME_POSE` of a row are of its pose, and so are the rows near those.
+
+    Args:
+        position: Shape (rows, n). Joint positions [rad or m].
+    """
+    difference = np.abs(position[:, np.newaxis] - position).max(axis=2)
+    _, group = connected_components(csr_array(difference <= SAME_POSE), directed=False)
+    _, first, index = np.unique(group, return_index=True, return_inverse=True)
+    return np.asarray(np.argsort(np.argsort(first))[index], dtype=np.int64)
 
 
 def judge(fit: ArmFit, poses: MeasuredPoses) -> HeldOut:

@@ -40,6 +40,7 @@ class ToolSideSize(Section):
         run: Label of the run.
         file: Name of the tracker file.
         rows: Number of measured points in the motion's main part.
+        share: Share of the main part that the instrument measured.
         mean_m: Mean distance of the measured from the desired point [m].
         max_m: Largest distance [m].
         motor_mean_m: Mean distance at the motor encoders [m].
@@ -51,6 +52,7 @@ class ToolSideSize(Section):
     run: str
     file: str
     rows: int
+    share: float = 1.0
     mean_m: float
     max_m: float
     motor_mean_m: float
@@ -66,6 +68,7 @@ class ToolSideSize(Section):
             run=run,
             file=file,
             rows=len(error.time_s),
+            share=error.share,
             mean_m=error.mean_m,
             max_m=error.max_m,
             motor_mean_m=motor_mean_m,

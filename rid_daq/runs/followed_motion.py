@@ -105,10 +105,22 @@ def _wanted_positions(data: RunData, file: FeedforwardFile | None) -> tuple[Floa
             " has recorded",
             code="RID-RUN-FOREIGN",
         )
-    target = recording.target_position[main]
+    lead = motor_lead(data, file)[main]
+    return recording.target_position[main] - lead, lead
+
+
+def motor_lead(data: RunData, file: FeedforwardFile | None) -> FloatArray:
+    """Return by how much the motors were commanded ahead of the path in each row, (samples, n).
+
+    Outside the motion, the value is that of the closest row of the motion.
+    """
+    index = data.recording.sample_index
+    inside = np.flatnonzero(index >= 0)
     bent = None if file is None else file.bent_rows(len(file.feedforward))
-    lead = np.zeros_like(target) if bent is None else bent[recording.sample_index[main]]
-    return target - lead, lead
+    if bent is None or not inside.size:
+        return np.zeros_like(data.recording.position)
+    closest = np.round(np.interp(np.arange(len(index)), inside, np.arange(len(inside))))
+    return np.asarray(bent[index[inside[closest.astype(int)]]])
 
 
 def _main_rows(data: RunData) -> BoolArray:

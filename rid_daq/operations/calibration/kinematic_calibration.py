@@ -118,7 +118,8 @@ def calibrate_robot(request: CalibrateKinematicsRequest) -> CalibratedRobot:
     """Calibrate a robot, and write the corrected robot file if the request names one.
 
     Raises:
-        ConfigError: A file cannot be read, does not fit the robot, or the output exists already.
+        ConfigError: A file cannot be read, does not fit the robot, or the output exists already, or
+            the table of the check has rows of the fit.
         DataQualityError: The poses do not determine the parameters.
         EstimationError: The fit fails, or the payload failed its verdict.
     """
@@ -132,7 +133,10 @@ def calibrate_robot(request: CalibrateKinematicsRequest) -> CalibratedRobot:
         require_writable(request.output)
     robot = load_robot(request.robot)
     poses = read_measured_poses(request.poses, robot, _rests(request, robot))
-    check = None if request.check is None else read_measured_poses(request.check, robot)
+    check = None
+    if request.check is not None:
+        check = read_measured_poses(request.check, robot)
+        _refuse_shared_rows(poses, check)
     point = stated_point(robot, request.point)
     centre = point if request.load_centre is None else np.array(request.load_centre)
     gravity, notes = read_gravity(robot, request.model, request.payload, request.runs, centre)
@@ -149,9 +153,39 @@ def calibrate_robot(request: CalibrateKinematicsRequest) -> CalibratedRobot:
         )
         write_new(request.output, to_yaml(corrected, comment).encode())
         changes = changed_keys(robot, corrected)
+        notes += _unwritten_notes(found)
     elif request.output is not None:
         notes.append("no robot file is written, because the calibration does not reduce the errors")
     return CalibratedRobot(found, changes, notes)
+
+
+def _refuse_shared_rows(poses: MeasuredPoses, check: MeasuredPoses) -> None:
+    """Refuse a check whose rows are rows of the fit.
+
+    Raises:
+        ConfigError: A row has the same joint positions and the same point in both tables.
+    """
+    of_fit, of_check = (np.hstack([each.position, each.point_m]) for each in (poses, check))
+    same = (of_check[:, np.newaxis] == of_fit).all(axis=2)
+    if same.any():
+        row, fitted = np.argwhere(same)[0]
+        raise ConfigError(
+            f"--check {check.name}:{check.rows[row]}: is line {poses.rows[fitted]} of"
+            f" {poses.name}, which the fit uses ({same.any(axis=1).sum()} such rows): give poses"
+            " that are not in the table of the fit, or leave --check out",
+            code="RID-OPTION-NO-EFFECT",
+        )
+
+
+def _unwritten_notes(found: Calibration) -> list[str]:
+    """Return a note on identified stiffnesses that are not in the robot file."""
+    weak = [found.robot.joint_names[joint] for joint in found.imprecise]
+    if not weak:
+        return []
+    return [
+        f"stiffness_nm_rad of {', '.join(weak)} is not written, because its standard deviation is"
+        f" more than {100.0 * PRECISE:.0f} % of the value"
+    ]
 
 
 def _rests(request: CalibrateKinematicsRequest, robot: RobotDescription) -> FloatArray | None:

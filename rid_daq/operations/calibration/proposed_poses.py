@@ -82,15 +82,18 @@ def propose_poses(request: CalibratePosesRequest) -> ProposedPoses:
         range_fraction=request.range_fraction,
         seed=request.seed,
     )
+    motions = [
+        (path, _motion(request, robot, design, rows, clearances))
+        for path, rows in (
+            (request.motion, design.load_kg == 0.0),
+            (request.loaded_motion, design.load_kg > 0.0),
+        )
+        if path is not None
+    ]
     write_whole(request.output, "\n".join(_table_lines(robot, design)).encode())
-    for path, rows in (
-        (request.motion, design.load_kg == 0.0),
-        (request.loaded_motion, design.load_kg > 0.0),
-    ):
-        if path is not None:
-            motion = _motion(request, robot, design, rows, clearances)
-            comment = f"Poses of {request.output.name} by `rid-daq calibrate poses`."
-            write_whole(path, to_yaml(motion, comment).encode())
+    comment = f"Poses of {request.output.name} by `rid-daq calibrate poses`."
+    for path, motion in motions:
+        write_whole(path, to_yaml(motion, comment).encode())
     return ProposedPoses(robot, design, tuple(outputs), notes)
 
 

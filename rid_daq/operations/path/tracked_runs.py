@@ -21,7 +21,7 @@ from rid_daq.operations.stated_payload import payload_words, state_payload
 from rid_daq.report.sections.tracking import MOTOR_TORQUES, TrackingSection
 from rid_daq.report.tool_error_entries import ToolSideSize
 from rid_daq.report_page.write import write_result
-from rid_daq.runs.followed_motion import compare_with_motion
+from rid_daq.runs.followed_motion import compare_with_motion, motor_lead
 from rid_daq.runs.motion_runs import PLAIN, MotionRun, read_motion_run
 from rid_daq.runs.run_data import all_defects, result_of
 from rid_daq.terminal.console import as_command
@@ -126,7 +126,9 @@ def _tool_side_sizes(
             chain = replace(chain, tool_m=np.array(request.point))
         tracked = read_tracked_point(path)
         try:
-            error = tool_side_error(chain, one.data.recording, tracked)
+            error = tool_side_error(
+                chain, one.data.recording, tracked, motor_lead(one.data, one.file)
+            )
         except DataQualityError as problem:
             raise DataQualityError(f"{path}: {problem}", code=problem.refusal) from None
         sizes.append(

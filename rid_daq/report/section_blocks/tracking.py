@@ -65,6 +65,8 @@ def _tool_side_blocks(sizes: Sequence[ToolSideSize]) -> Iterator[AnyBlock]:
         sizes,
         Cells("run", lambda size: size.run),
         Cells("tracker file", lambda size: size.file),
+        Cells("rows", lambda size: size.rows),
+        Cells("measured part", lambda size: 100.0 * size.share, "%", 3),
         Cells("mean at the motors", lambda size: 1e3 * size.motor_mean_m, "mm", 3),
         Cells("mean at the tool", lambda size: 1e3 * size.mean_m, "mm", 3),
         Cells("largest at the tool", lambda size: 1e3 * size.max_m, "mm", 3),

@@ -72,7 +72,7 @@ class GearsSection(Section):
             length, force = joint_units(joint)
             response, reason = found.responses[j], found.reasons[j]
             gears, sigma = found.gears, float(found.relative_sigma[j])
-            shown = reason is None
+            shown, damped = reason is None, found.shows_damping[j]
             k = float(gears.stiffness[j])
             axes.append(
                 AxisGear(
@@ -81,8 +81,8 @@ class GearsSection(Section):
                     damping_unit=f"{force} s/{length}",
                     stiffness=k if shown else None,
                     stiffness_std=k * sigma if shown else None,
-                    damping=float(gears.damping[j]) if shown else None,
-                    damping_std=float(found.damping_sigma[j]) if shown else None,
+                    damping=float(gears.damping[j]) if damped else None,
+                    damping_std=float(found.damping_sigma[j]) if damped else None,
                     motor_inertia=float(found.motor_inertia[j]) if shown else None,
                     bend=float(found.bend_rad[j]) if shown else None,
                     reason=reason,
@@ -97,12 +97,12 @@ class GearsSection(Section):
     @property
     def keys(self) -> dict[str, dict[str, float]]:
         """Keys of the robot file for each joint whose stiffness the data show, by joint name."""
-        return {
-            axis.joint: {
-                "stiffness_nm_rad": float(f"{axis.stiffness:.4g}"),
-                "damping_nm_s": float(f"{max(0.0, axis.damping or 0.0):.3g}"),
-                "motor_inertia_kg_m2": float(f"{axis.motor_inertia:.4g}"),
-            }
-            for axis in self.axes
-            if axis.stiffness is not None
-        }
+        keys: dict[str, dict[str, float]] = {}
+        for axis in self.axes:
+            if axis.stiffness is not None:
+                of_joint = {"stiffness_nm_rad": float(f"{axis.stiffness:.4g}")}
+                if axis.damping is not None:
+                    of_joint["damping_nm_s"] = float(f"{axis.damping:.3g}")
+                of_joint["motor_inertia_kg_m2"] = float(f"{axis.motor_inertia:.4g}")
+                keys[axis.joint] = of_joint
+        return keys

@@ -29,6 +29,8 @@ DRAWN_SHARE = 0.12
 SHORTER_PERCENT = 20.0
 MEASURED_PERCENT = 102.0
 CLOSE_AS_BEFORE = 3.0
+WHOLE: Final = 0.9
+"""Share of a motion above which an instrument has measured it as a whole."""
 ENCODERS_AT_MOTORS: Final = (
     "The path is computed from the encoders at the motors. It does not contain the deflection of"
     " gears and links, so the true distance of the tool from the path can be larger."
@@ -228,6 +230,22 @@ class TrackingSection(Section):
         )
 
     @property
+    def _tool_ratios(self) -> list[float]:
+        """Ratios of the tool's estimated errors; empty if the deflection of a run is unknown."""
+        ratios = []
+        for motion in self.motions:
+            if motion.before is None:
+                continue
+            sizes = [
+                None if size.bending is None else size.bending.tool_mean_m
+                for size in (motion.before, motion.after)
+            ]
+            if sizes[0] is None or sizes[1] is None:
+                return []
+            ratios.append(sizes[0] / max(sizes[1], 1e-12))
+        return ratios
+
+    @property
     def verdict(self) -> VerdictSection:
         """Headline of the report; no limit is checked."""
         after = [motion.after.mean_m for motion in self.motions]
@@ -237,19 +255,30 @@ class TrackingSection(Section):
         if self.tool_side:
             worst = max(size.mean_m for size in self.tool_side)
             mean += f", at the tool {number(1e3 * worst, 3)} mm"
+            least_share = min(size.share for size in self.tool_side)
+            if least_share < WHOLE:
+                mean += f" (measured on {100.0 * least_share:.0f} % of the motion)"
         if not ratios:
             return VerdictSection.of(
                 [], mean, f"No run without compensation was given for comparison. {self.unseen}"
             )
-        least = min(ratios)
-        if least < 1.0:
-            changed = f"error increased {number(1.0 / max(least, 1e-12), 3)}-fold"
-            changed += " at most" if len(ratios) > 1 else ""
-        else:
-            changed = f"error reduced {number(least, 3)}-fold"
-            changed += " at least" if len(ratios) > 1 else ""
+        changed, at_tool = f"error {_change(ratios)}", self._tool_ratios
+        if at_tool:
+            changed = (
+                f"error at the motors {_change(ratios)}, estimated error at the tool with the"
+                f" deflection of the gears {_change(at_tool)}"
+            )
         two = "The errors before and after are those of two runs of the same motion."
         return VerdictSection.of([], f"{mean}: {changed}", f"{two} {self.unseen}")
+
+
+def _change(ratios: Sequence[float]) -> str:
+    """Return how errors have changed by the least ratio of errors before to errors after."""
+    least = min(ratios)
+    if least < 1.0:
+        words = f"increased {number(1.0 / max(least, 1e-12), 3)}-fold"
+        return words + (" at most" if len(ratios) > 1 else "")
+    return f"reduced {number(least, 3)}-fold" + (" at least" if len(ratios) > 1 else "")
 
 
 def _joints_with_stiffness(robot: RobotDescription, *, known: bool) -> tuple[str, ...]:

@@ -78,3 +78,12 @@ def test_too_few_rows_are_refused() -> None:
     few = TrackedPoint(TIME_S[:5], path(TIME_S[:5]))
     with raises_code(DataQualityError, "RID-TRACKER-ALIGNMENT", "5 rows"):
         align(few, TIME_S, path(TIME_S))
+
+
+def test_a_jump_of_the_clock_is_refused() -> None:
+    seen = tracked(250.0, 1.7e9, 0.0)
+    jumped = TrackedPoint(
+        np.concatenate([[0.0], seen.time_s]), np.concatenate([seen.point_m[:1], seen.point_m])
+    )
+    with raises_code(DataQualityError, "RID-TRACKER-ALIGNMENT", "0 s"):
+        align(jumped, TIME_S, path(TIME_S))

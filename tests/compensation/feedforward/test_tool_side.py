@@ -96,3 +96,58 @@ def test_a_foreign_run_is_refused(recording: Recording) -> None:
     foreign = replace(recording, target_position=None)
     with raises_code(DataQualityError, "RID-RUN-FOREIGN"):
         tool_side_error(CHAIN, foreign, tracked(recording, 0.0))
+
+
+@pytest.fixture(scope="module")
+def corrected(recording: Recording) -> tuple[Recording, FloatArray]:
+    """Return a run whose motors are ahead of the path by the deflection of the gears."""
+    path = recording.target_position
+    assert path is not None
+    lead = np.column_stack(
+        [0.0 * path[:, 0], 2e-3 * np.cos(path[:, 1]), 1e-3 * np.sin(path[:, 1] + path[:, 2])]
+    )
+    return replace(recording, position=path + lead, target_position=path + lead), lead
+
+
+def on_path(recording: Recording, lead: FloatArray) -> TrackedPoint:
+    """Return the measured path of a tool that is exactly on its path."""
+    points = forward(CHAIN, recording.position - lead) @ TURN.T + ORIGIN_M
+    return TrackedPoint(recording.time_s + 5.0, points)
+
+
+def test_a_run_that_corrects_the_deflection_is_judged_by_the_path_of_the_links(
+    corrected: tuple[Recording, FloatArray],
+) -> None:
+    run, lead = corrected
+    found = tool_side_error(CHAIN, run, on_path(run, lead), lead)
+    assert found.max_m < 1e-6
+    assert found.share > 0.999
+    assert tool_side_error(CHAIN, run, on_path(run, lead)).mean_m > 1e-3
+
+
+@pytest.mark.parametrize("rows", [60, 125, 400])
+def test_measured_rows_in_a_gap_of_the_run_are_left_out(
+    corrected: tuple[Recording, FloatArray], rows: int
+) -> None:
+    run, lead = corrected
+    valid = run.valid.copy()
+    first = len(valid) // 2 - 300
+    valid[first : first + rows] = False
+    found = tool_side_error(CHAIN, replace(run, valid=valid), on_path(run, lead), lead)
+    assert len(found.time_s) == pytest.approx(len(valid) - rows, abs=2)
+    assert found.max_m < 1e-6
+
+
+@pytest.mark.parametrize("part", [0.3, 0.7])
+def test_a_part_of_the_motion_is_not_judged_as_the_whole(
+    corrected: tuple[Recording, FloatArray], part: float
+) -> None:
+    run, lead = corrected
+    whole = on_path(run, lead)
+    rows = int(part * len(whole.time_s))
+    seen = TrackedPoint(whole.time_s[:rows], whole.point_m[:rows])
+    if part < 0.5:
+        with raises_code(DataQualityError, "RID-TRACKER-ALIGNMENT", "30 %"):
+            tool_side_error(CHAIN, run, seen, lead)
+    else:
+        assert tool_side_error(CHAIN, run, seen, lead).share == pytest.approx(part, abs=0.01)

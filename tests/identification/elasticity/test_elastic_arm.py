@@ -106,7 +106,9 @@ def test_links_follow_the_motors_as_springs_and_dampers_demand(
     theta = np.asarray(0.02 * (drawn[0] + 1j * drawn[1]), dtype=np.complex128)
     theta *= np.where(np.arange(31) <= 10, 1.0, 0.02)[:, np.newaxis]
     theta[0] = [0.2, 0.3, 0.4]
-    solved, bent, torque = solve_links(arm, gears, theta, 6.0, 256, np.array([11.0, 12.0, 1.6]))
+    inertia = np.array([11.0, 12.0, 1.6])
+    solved, bent, torque, is_settled = solve_links(arm, gears, theta, 6.0, 256, inertia)
+    assert is_settled
     s = 2j * np.pi / 6.0 * np.arange(31)[:, np.newaxis]
     assert np.abs((STIFFNESS + s * DAMPING) * bent - torque).max() < 1e-4
     again = arm.link_torque(solved, gears.body, gears.rotor)

@@ -5,22 +5,32 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from identification.elasticity.gear_estimate import GearEstimate
+from config.arrays import FloatArray
+from config.load import load_robot
+from identification.elasticity.gear_estimate import GearEstimate, GearResponse
 from identification.elasticity.levenberg_marquardt import minimise
 from identification.elasticity.link_motion import Gears
+from rid_daq.report.sections.gears import GearsSection
 
 
-def estimate(sigma: float, bend_rad: float, residual: float) -> GearEstimate:
-    one = np.ones(1)
+def estimate(
+    *axes: tuple[float, float, float], minimum_hz: float = 10.0, damping_sigma: float = 0.1
+) -> GearEstimate:
+    """Return gears by relative standard deviation, deflection [rad] and residual share."""
+    sigma, bend_rad, residual = np.array(axes).T
+    one = np.ones(len(axes))
+    lines = np.array([1.0, 20.0])
+    response = GearResponse(lines, lines + 0j, lines + 0j)
     return GearEstimate(
-        ("axis",),
+        tuple(f"axis{number}" for number in range(1, len(axes) + 1)),
         Gears(one, one, one, one),
         one,
-        np.array([sigma]),
-        one,
-        np.array([bend_rad]),
-        np.array([residual]),
-        (),
+        sigma,
+        damping_sigma * one,
+        bend_rad,
+        minimum_hz * one,
+        residual,
+        (response,) * len(axes),
         False,
     )
 
@@ -32,13 +42,32 @@ def estimate(sigma: float, bend_rad: float, residual: float) -> GearEstimate:
 def test_an_axis_without_evidence_has_a_reason(
     sigma: float, bend_rad: float, residual: float, number: str
 ) -> None:
-    (reason,) = estimate(sigma, bend_rad, residual).reasons
+    (reason,) = estimate((sigma, bend_rad, residual)).reasons
     assert reason is not None
     assert number in reason
 
 
 def test_an_axis_with_evidence_has_none() -> None:
-    assert estimate(0.05, 1e-4, 0.1).reasons == (None,)
+    assert estimate((0.05, 1e-4, 0.12)).reasons == (None,)
+
+
+def test_one_axis_that_is_not_explained_rejects_the_joint_fit() -> None:
+    reasons = estimate((0.02, 1e-3, 0.10), (0.02, 1e-3, 0.18)).reasons
+    assert all(reason is not None and "axis2" in reason for reason in reasons)
+
+
+def test_a_resonance_above_the_last_line_is_not_shown() -> None:
+    (reason,) = estimate((0.02, 1e-3, 0.1), minimum_hz=25.0).reasons
+    assert reason is not None
+    assert "25 Hz" in reason
+
+
+@pytest.mark.parametrize(("sigma", "shown"), [(0.2, True), (0.9, False)])
+def test_damping_is_left_out_if_the_data_do_not_show_it(sigma: float, shown: bool) -> None:
+    found = estimate(*[(0.02, 1e-3, 0.1)] * 3, damping_sigma=sigma)
+    section = GearsSection.of(load_robot("ir361"), found, ("run",))
+    assert all((axis.damping is not None) == shown for axis in section.axes)
+    assert all(("damping_nm_s" in keys) == shown for keys in section.keys.values())
 
 
 def test_the_minimum_and_its_covariance_are_those_of_linear_least_squares() -> None:
@@ -47,3 +76,13 @@ def test_the_minimum_and_its_covariance_are_those_of_linear_least_squares() -> N
     found = minimise(lambda x: matrix @ x - wanted, np.zeros(3), np.full(3, 1e-4), 20)
     assert found.x == pytest.approx(np.linalg.lstsq(matrix, wanted, rcond=None)[0], abs=1e-6)
     assert found.covariance == pytest.approx(np.linalg.inv(matrix.T @ matrix), rel=1e-6)
+
+
+@pytest.mark.parametrize(("iterations", "is_settled"), [(1, False), (60, True)])
+def test_a_minimum_that_was_not_reached_is_marked(iterations: int, is_settled: bool) -> None:
+    def valley(x: FloatArray) -> FloatArray:
+        """Rosenbrock's function with an offset."""
+        return np.array([10.0 * (x[1] - x[0] ** 2), 1.0 - x[0], 1.0])
+
+    found = minimise(valley, np.array([-1.2, 1.0]), np.full(2, 1e-6), iterations)
+    assert found.is_settled == is_settled

@@ -13,6 +13,7 @@ from config.load import load_robot
 from dynamics.geometry.kinematics import Chain, forward
 from identification.kinematics.calibration import Calibration, calibrate, probe_positions
 from identification.kinematics.corrected import changed_keys, corrected_robot
+from identification.kinematics.held_out import distinct_poses
 from tests.builders.raised_codes import raises_code
 from tests.identification.kinematics.conftest import NOISE_M, Experiment
 
@@ -93,6 +94,7 @@ def test_a_standard_table_is_corrected_in_the_modified_convention(
         found.fit,
         arm=replace(found.fit.arm, chain=replace(chain, tool_m=np.array([0.01, 0.02, 0.03]))),
         parameters=(),
+        covariance=np.zeros((0, 0)),
     )
     corrected = corrected_robot(replace(found, robot=robot, fit=still), is_tool=False)
     probes = probe_positions(robot, 20)
@@ -164,3 +166,49 @@ def test_points_in_another_order_are_refused(three_axes: Experiment) -> None:
     mixed = replace(poses, point_m=poses.point_m[::-1])
     with raises_code(DataQualityError, "RID-KINEMATICS-POSES", "poses.csv"):
         calibrate(three_axes.arm.robot, mixed, three_axes.gravity, three_axes.point_m)
+
+
+def test_repetitions_of_a_pose_are_held_out_together(three_axes: Experiment) -> None:
+    random = np.random.default_rng(1)
+    probes = probe_positions(three_axes.arm.robot, 14)
+    once = three_axes.arm.points(probes, np.zeros(14)) + 3e-4 * random.normal(size=(14, 3))
+    rows = np.repeat(np.arange(14), 3)
+    position = probes[rows] + 1e-4 * random.normal(size=(42, 3))
+    points = once[rows] + 1e-5 * random.normal(size=(42, 3))
+    poses = replace(three_axes.measured(position, np.zeros(42)), point_m=points)
+    assert distinct_poses(position).tolist() == rows.tolist()
+    found = calibrate(three_axes.arm.robot, poses, None, three_axes.point_m)
+    fresh = probe_positions(three_axes.arm.robot, 300)[100:]
+    off = found.fit.arm.points(fresh, np.zeros(200)) - three_axes.arm.points(fresh, np.zeros(200))
+    real = np.sqrt(np.mean(np.sum(off**2, axis=1)) + 3.0 * 3e-4**2)
+    assert found.after.rms_m == pytest.approx(real, rel=0.5)
+
+
+def test_repetitions_do_not_count_as_poses(three_axes: Experiment) -> None:
+    probes = np.repeat(probe_positions(three_axes.arm.robot, 6), 5, axis=0)
+    poses = three_axes.measured(probes, np.zeros(30))
+    with raises_code(DataQualityError, "RID-KINEMATICS-FEW", "6"):
+        calibrate(three_axes.arm.robot, poses, three_axes.gravity, three_axes.point_m)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_table_without_a_valid_row_is_refused(three_axes: Experiment) -> None:
+    none = three_axes.measured(np.zeros((1, 3)), np.zeros(1)).keep(np.zeros(1, dtype=np.bool_))
+    with raises_code(DataQualityError, "RID-KINEMATICS-FEW", "0"):
+        calibrate(three_axes.arm.robot, none, three_axes.gravity, three_axes.point_m)
+
+
+def test_an_imprecise_stiffness_does_not_replace_that_of_the_robot_file(
+    calibrated: Calibrated,
+) -> None:
+    found = calibrated("ir361")
+    joints = tuple(
+        joint.model_copy(update={"stiffness_nm_rad": 1.5e5}) for joint in found.robot.joints
+    )
+    stated = found.robot.model_copy(update={"joints": joints})
+    assert found.imprecise == ()
+    wide = replace(found.fit, covariance=1e6 * found.fit.covariance)
+    weak = replace(found, robot=stated, fit=wide)
+    assert weak.imprecise == (1, 2)
+    corrected = corrected_robot(weak, is_tool=True)
+    assert [joint.stiffness_nm_rad for joint in corrected.joints] == [1.5e5] * 3

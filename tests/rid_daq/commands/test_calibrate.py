@@ -146,3 +146,22 @@ def test_proposed_poses_are_recorded_and_measured(
     poses.unlink()
     assert run([*words, "--overwrite"]) == 0
     assert run([*words, "--overwrite"]) == 0
+
+
+def test_a_check_with_rows_of_the_fit_is_refused(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(words(folder, "--check", folder / "poses.csv", "--json")) == 2
+    error = document(capsys)["error"]
+    assert error["code"] == "RID-OPTION-NO-EFFECT"
+    assert "40" in error["message"]
+
+
+def test_no_table_of_poses_is_written_if_a_motion_is_refused(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    form, motion = tmp_path / "form.csv", tmp_path / "loaded.yaml"
+    words = ["calibrate", "poses", str(folder / "robot.yaml"), "-o", str(form), "--count", "12"]
+    assert run([*words, "--loaded-motion", str(motion), "--json"]) != 0  # no pose is loaded
+    assert "error" in document(capsys)
+    assert not form.exists()

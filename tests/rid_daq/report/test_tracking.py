@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from config.load import load_robot
 from dynamics.geometry.kinematics import Chain
 from rid_daq.report.result import Result
 from rid_daq.report.sections.tracking import FollowedMotion, FollowedRun, TrackingSection
+from rid_daq.report.tool_error_entries import ToolDeflection, ToolSideSize
 
 MEAN = "Mean distance from the path at the motor encoders"
 RESULT = Path(__file__).parent / "results" / "tracking.json"
@@ -97,3 +99,40 @@ def test_an_unknown_stiffness_is_reported() -> None:
     assert section.motions[0].after.bending is None
     assert section.without_stiffness == ("axis1", "axis2", "axis3")
     assert "not known" in (section.unseen or "")
+
+
+def test_the_headline_states_the_change_at_the_motors_and_at_the_tool() -> None:
+    section = tracking_with_ratios(0.97)
+    (motion,) = section.motions
+    assert motion.before is not None
+    sizes = [
+        size.model_copy(
+            update={"bending": ToolDeflection(rms_m=1e-3, max_m=2e-3, tool_mean_m=tool_m)}
+        )
+        for size, tool_m in ((motion.before, 2.4e-3), (motion.after, 2e-4))
+    ]
+    motion = motion.model_copy(update={"before": sizes[0], "after": sizes[1]})
+    headline = section.model_copy(update={"motions": (motion,)}).verdict.headline
+    assert re.findall(r"([\d.]+)-fold", headline) == ["1.03", "12"]
+    half = motion.model_copy(update={"before": motion.before.model_copy(update={"bending": None})})
+    headline = section.model_copy(update={"motions": (half,)}).verdict.headline
+    assert re.findall(r"([\d.]+)-fold", headline) == ["1.03"]
+
+
+def test_the_headline_states_which_part_of_the_motion_was_measured() -> None:
+    size = ToolSideSize(
+        run="a",
+        file="t.csv",
+        rows=9,
+        share=0.7,
+        mean_m=1e-3,
+        max_m=2e-3,
+        motor_mean_m=1e-4,
+        clock_offset_s=0.0,
+        clock_ppm=0.0,
+        residual_m=1e-3,
+    )
+    section = tracking_with_ratios(None).model_copy(update={"tool_side": (size,)})
+    assert "70 %" in section.verdict.headline
+    whole = size.model_copy(update={"share": 0.95})
+    assert "%" not in section.model_copy(update={"tool_side": (whole,)}).verdict.headline
