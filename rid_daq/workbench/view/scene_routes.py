@@ -74,7 +74,9 @@ def send_motion_playback(cell: OfCell, service: Service, file: str) -> JSONRespo
     from rid_daq.workbench.view.motion_playback import motion_playback
 
     path = require_inside(file, service.folder)
-    return JSONResponse(motion_playback(cell.loaded, path).document())
+    loaded = cell.loaded
+    document = motion_playback(loaded, path).document()
+    return JSONResponse({**document, "files_hash": loaded.files_hash})
 
 
 @dataclass(frozen=True)
