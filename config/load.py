@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import functools
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -67,7 +68,7 @@ class LoadedCell:
         """Paths on disk of the files that were read; bundled files are not included."""
         return tuple(self.hashes)
 
-    @property
+    @functools.cached_property
     def files_hash(self) -> str:
         """Hash of all files; it changes if any file changes."""
         digest = hashlib.sha256()

@@ -79,6 +79,7 @@ class SceneDocument(ConfigModel):
         payload_centre: Centre of gravity of a payload in the frame of the last link.
         vertices, triangles: Counts of the binary.
         geometry: Address of the binary.
+        files_hash: Hash of the cell's files; empty without a cell.
     """
 
     robot: str
@@ -93,6 +94,7 @@ class SceneDocument(ConfigModel):
     vertices: int
     triangles: int
     geometry: str
+    files_hash: str = ""
 
 
 def encode_scene(scene: RobotScene, geometry: str, detail: Detail) -> tuple[SceneDocument, bytes]:

@@ -133,9 +133,12 @@ def _files(service: CellService) -> Iterator[Path]:
         return
     with os.scandir(service.runs) as runs:
         for run in runs:
-            if not run.is_dir(follow_symlinks=False):
+            try:
+                if not run.is_dir(follow_symlinks=False):
+                    continue
+                changed_ns = run.stat().st_mtime_ns
+            except OSError:  # the folder has just been removed
                 continue
-            changed_ns = run.stat().st_mtime_ns
             is_settled = time.time_ns() - changed_ns > CHANGING_S * 1e9
             names = _results_in if is_settled else _results_in.__wrapped__
             for name in names(run.path, changed_ns):

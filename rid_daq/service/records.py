@@ -176,7 +176,7 @@ class CellStatus(Record):
 
     `preflight_age_s` is None without a valid preflight. `not_ready_because` is the obstacle to
     motions in general. `not_held_because` is the obstacle to axis test and jog, for which a key is
-    held: they do not require an earlier axis test.
+    held: they do not require an earlier axis test. `files_hash` changes with the cell's files.
     """
 
     cell: str
@@ -184,6 +184,7 @@ class CellStatus(Record):
     joints: tuple[str, ...]
     simulated: bool
     pace: float | None
+    files_hash: str
     state: CellState
     fault: str = ""
     preflight_age_s: float | None = None

@@ -138,13 +138,14 @@ class CellService:
             state = CellState.FAULT
         else:
             state = CellState.CLOSED if obstacle else CellState.READY
-        robot = cell.loaded.robot
+        loaded = cell.loaded
         return CellStatus(
             cell=cell.name,
-            robot=robot.name,
-            joints=robot.joint_names,
-            simulated=cell.loaded.config.simulated,
+            robot=loaded.robot.name,
+            joints=loaded.robot.joint_names,
+            simulated=loaded.config.simulated,
             pace=cell.pace,
+            files_hash=loaded.files_hash,
             state=state,
             fault=fault,
             preflight_age_s=None if obstacle and not fault else self.readiness.age_s(cell),

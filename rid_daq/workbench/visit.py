@@ -40,12 +40,17 @@ _TEMPLATES: Final = jinja2.Environment(
 )
 
 
+_NOT_IN_BROWSERS: Final = ("posix/", "right/", "Factory")
+"""Begins of zone names that this computer may know and that browsers reject."""
+
+
 def _zone() -> str:
-    """Return the IANA name of this computer's time zone; UTC if it has no name."""
+    """Return the IANA name of this computer's time zone; UTC without a name that browsers know."""
     link = os.path.realpath("/etc/localtime").partition("/zoneinfo/")[2]
     for name in (os.environ.get("TZ", "").lstrip(":"), link):
         with contextlib.suppress(ValueError, OSError, ZoneInfoNotFoundError):
-            return ZoneInfo(name).key
+            if not name.startswith(_NOT_IN_BROWSERS):
+                return ZoneInfo(name).key
     return "UTC"
 
 

@@ -1,5 +1,5 @@
 // Templates of the blocks of a result, one for each kind of block.
-import { html } from "./lit.js";
+import { html, keyed } from "./lit.js";
 
 const MARKS = { true: ["good", "✓ "], false: ["bad", "✗ "], null: ["", ""] };
 const RUNS = `/cells/${encodeURIComponent(document.body.dataset.cell)}/runs/`;
@@ -46,5 +46,6 @@ function tablePart({ columns, rows, failed }, title, mostRows) {
   const heads = columns.map((each) => (each.unit ? `${each.title} [${each.unit}]` : each.title));
   const shown = table(heads, rows.map((row) => row.map((text, i) => cell(text, columns[i]))), failed, title);
   if (rows.length <= mostRows) return shown;
-  return html`<details ?open=${failed?.includes(true) ?? false}><summary>${title}: ${rows.length} rows</summary>${shown}</details>`;
+  // a new result is a new element: it opens even if the user has closed the last one
+  return keyed(rows, html`<details ?open=${failed?.includes(true) ?? false}><summary>${title}: ${rows.length} rows</summary>${shown}</details>`);
 }

@@ -28,9 +28,19 @@ export function timeOf(time) {
   return Number.isNaN(at) ? time : zoned.format(at); // an edited manifest may contain any text
 }
 const two = "2-digit";
-const zoned = new Intl.DateTimeFormat("sv-SE", { // year-month-day hour:minute
-  year: "numeric", month: two, day: two, hour: two, minute: two, timeZoneName: "short", timeZone: document.body.dataset.zone,
+const format = (timeZone) => new Intl.DateTimeFormat("sv-SE", { // year-month-day hour:minute
+  year: "numeric", month: two, day: two, hour: two, minute: two, timeZoneName: "short", timeZone,
 });
+const zoned = inZone();
+
+// Return the format of times in the service's zone; in UTC if the browser does not know the zone.
+function inZone() {
+  try {
+    return format(document.body.dataset.zone);
+  } catch {
+    return format("UTC");
+  }
+}
 
 // Parse a number with a decimal point or a decimal comma; return NaN for any other text.
 // The result is also NaN if a comma may separate thousands, as in "1,234".

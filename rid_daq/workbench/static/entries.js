@@ -37,6 +37,16 @@ for (const control of find("main").querySelectorAll("input, select, textarea")) 
 }
 for (const type of ["input", "change"]) find("main").addEventListener(type, keep);
 
+// Forget the entries of this page: they belong to work that has begun.
+export function forgetEntries() {
+  for (const name of Object.keys(kept)) delete kept[name];
+  try {
+    sessionStorage.removeItem(KEY);
+  } catch {
+    // the browser has no session storage
+  }
+}
+
 export const keptChoice = (select) => kept[select.id];
 export const keptTicks = (name) =>
   Object.keys(kept).filter((each) => each.startsWith(`${name}=`) && kept[each]).map((each) => each.slice(name.length + 1));

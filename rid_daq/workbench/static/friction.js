@@ -2,7 +2,7 @@
 import { find } from "./dom.js";
 import { keptTicks } from "./entries.js";
 import { JobPanel } from "./job_panel.js";
-import { html, render } from "./lit.js";
+import { html, keyed, live, render } from "./lit.js";
 import { on } from "./service.js";
 import { completeRuns, press, runWords, showRun, wanted } from "./work.js";
 
@@ -14,14 +14,13 @@ const chosenRuns = () => [...document.querySelectorAll("#runs input:checked")].m
 
 let runs = [];
 async function showRuns() {
-  const before = chosenRuns();
-  const [asked, kept] = [wanted.getAll("run"), keptTicks("run")];
-  const chosen = [before, asked, kept].find((each) => each.length) ?? [];
   runs = (await completeRuns()).filter((run) => MEASURE.has(run.motion));
+  const [before, asked, kept] = [chosenRuns(), wanted.getAll("run"), keptTicks("run")];
+  const chosen = [before, asked, kept].find((each) => each.length) ?? [];
   find("no-runs").hidden = runs.length > 0;
   find("runs").hidden = runs.length === 0;
-  render(runs.map((run) => html`<label><input type="checkbox" name="run" value=${run.id} .checked=${chosen.includes(run.id)}>
-    ${runWords(run)} (${run.motion.replaceAll("_", " ")})</label>`), find("runs"));
+  render(runs.map((run) => keyed(run.id, html`<label><input type="checkbox" name="run" value=${run.id} .checked=${live(chosen.includes(run.id))}>
+    ${runWords(run)} (${run.motion.replaceAll("_", " ")})</label>`)), find("runs"));
 }
 
 press("measure", panel, "friction", () => {

@@ -2,7 +2,7 @@
 import { find } from "./dom.js";
 import { keptTicks } from "./entries.js";
 import { JobPanel } from "./job_panel.js";
-import { html, render } from "./lit.js";
+import { html, keyed, live, render } from "./lit.js";
 import { newest } from "./requests.js";
 import { CELL, mayMove, on } from "./service.js";
 import { completeRuns, fileLink, findings, look, nameOf, numberOf, options, press, runWords, showRun, wanted } from "./work.js";
@@ -110,13 +110,12 @@ async function check() {
 }
 
 async function showRuns() {
-  const before = chosenRuns();
   runs = await completeRuns();
   find("no-runs").hidden = runs.length > 0;
-  const [asked, kept] = [wanted.getAll("run"), keptTicks("run")];
+  const [before, asked, kept] = [chosenRuns(), wanted.getAll("run"), keptTicks("run")];
   const chosen = [before, asked, kept].find((each) => each.length) ?? [];
-  render(runs.map((run) => html`<label><input type="checkbox" name="run" value=${run.id} .checked=${chosen.includes(run.id)}>
-    ${runWords(run)}${run.files.includes("model.json") ? " (has a model)" : ""}</label>`), find("runs"));
+  render(runs.map((run) => keyed(run.id, html`<label><input type="checkbox" name="run" value=${run.id} .checked=${live(chosen.includes(run.id))}>
+    ${runWords(run)}${run.files.includes("model.json") ? " (has a model)" : ""}</label>`)), find("runs"));
   await check();
 }
 

@@ -33,7 +33,7 @@ export function followPose(view) {
       position = found.position ?? null;
       words = position === null ? "" : `pose of ${found.source}, ${timeOf(found.at_s)}`;
     } catch (error) {
-      words = error.message;
+      if (position === null) words = error.message; // a known pose keeps its source and time
     }
     rest();
   }

@@ -1,6 +1,7 @@
 // Page Payload: the guided session, its warm-up, its result, load data for the controller.
 import { blockParts } from "./blocks.js";
 import { find, timeOf } from "./dom.js";
+import { forgetEntries } from "./entries.js";
 import { JobPanel } from "./job_panel.js";
 import { html, render } from "./lit.js";
 import { followPose } from "./live_pose.js";
@@ -10,9 +11,14 @@ import { blocksUrl, figureIn, fileLink, look, numberOf, offer, press, problemOf,
 
 const WORDS = { done: "done", now: "now", bad: "problem", wait: "not yet" };
 const DRAWN_MS = 3000;
-let session = null;
+let session = null; // the session whose result is shown
+let showings = 0; // number of results that were requested or closed
+let jobAtOpening = null; // id of the job that ran when the page was opened, empty without one
 const STAGES = [...document.querySelectorAll("[data-stage]")];
 
+on("cell", ({ job }) => {
+  jobAtOpening ??= job?.id ?? "";
+});
 const panel = new JobPanel(find("job"), { heard, begun, ended });
 
 // ---- stages: each shows one or two states of the session
@@ -31,7 +37,19 @@ function begun(job) {
   if (job.kind !== "payload_session") return;
   reach("prepare");
   find("warm-up").hidden = true;
+  if (!job.ended_s && jobAtOpening !== null && job.id !== jobAtOpening) leaveLast();
 }
+
+// A new session has begun: close the earlier session's result, and forget the entries, which describe one payload.
+function leaveLast() {
+  session = null;
+  showings += 1;
+  find("result-card").hidden = true;
+  history.replaceState(null, "", location.pathname);
+  forgetEntries();
+}
+
+const isSessionRunning = () => panel.job?.kind === "payload_session" && !panel.job.ended_s;
 
 // ---- events of the session
 let drawnAt = -Infinity;
@@ -64,7 +82,7 @@ async function ended(job, document) {
       if (now) show(now, "bad");
     }
   }
-  if (document) PAPERS[job.kind]?.(document, panel.view.blocks);
+  if (document && isOf(session, job)) PAPERS[job.kind]?.(document, panel.view.blocks, job);
 }
 
 // Return the number in a field that can be empty; null if the field is empty.
@@ -103,6 +121,7 @@ press("begin", panel, "payload_session", () => {
   const asks = resumed ? saidAnew() : { ...request(), motion: find("motion").value || null };
   return panel.begin("payload_session", asks, { moves: true });
 });
+find("anew").addEventListener("click", forgetEntries);
 press("check", panel, "check", () => panel.begin("check"));
 
 // ---- sessions that can be resumed, and sessions with a result
@@ -164,9 +183,10 @@ function saidAnew() {
 
 // ---- the result; the address names the session, so that a reload shows it again
 async function showResult(run) {
+  const showing = ++showings;
   find("result-card").hidden = false;
   const blocks = await showRun(find("result"), run, "verdict", "payload");
-  if (blocks === null) return;
+  if (blocks === null || showing !== showings) return;
   history.replaceState(null, "", `?run=${encodeURIComponent(run)}`);
   session = { run, payload: `runs/${run}/payload.json` };
   showCentre(session.payload);
@@ -175,23 +195,27 @@ async function showResult(run) {
   find("report").href = `/api/v1/runs/${encodeURIComponent(run)}/report`;
   find("after").hidden = !passed;
   for (const id of ["certificate", "load-data", "compared"]) render([], find(id));
-  reach("done", passed ? "done" : "bad");
-  find("result-card").scrollIntoView({ block: "start" });
+  if (!isSessionRunning()) {
+    reach("done", passed ? "done" : "bad");
+    find("result-card").scrollIntoView({ block: "start" });
+  }
   await showPapers();
 }
 
 // Show the newest certificate, load data and comparison that were made from the session, also before a reload.
 async function showPapers() {
-  const { run } = session;
+  const shown = session;
   const jobs = await ask("GET", `/jobs?cell=${encodeURIComponent(page.cell)}&limit=1000`);
-  const ofSession = ({ request: { session: of, payload } }) => of === run || payload === session.payload;
   for (const [kind, showPaper] of Object.entries(PAPERS)) {
-    const job = jobs.find((each) => each.kind === kind && ofSession(each));
+    const job = jobs.find((each) => each.kind === kind && isOf(shown, each));
     const events = job ? await ask("GET", `/jobs/${job.id}/events`) : [];
     const result = events.findLast((event) => event.kind === "result");
-    if (result && session.run === run) showPaper(result.document, result.blocks);
+    if (result && session?.run === shown.run) showPaper(result.document, result.blocks, job);
   }
 }
+
+// True if a job has made its result from a session.
+const isOf = (of, { request: { session: run, payload } }) => of !== null && (run === of.run || payload === of.payload);
 
 // Show the payload's centre of gravity on the robot.
 let view = null;
@@ -205,10 +229,12 @@ function showCentre(payload) {
   followPose(view);
 }
 
+const madeAt = (job) => html`<p class="soft">Made ${timeOf(job.ended_s)}</p>`;
+
 const PAPERS = {
-  payload_certificate: ({ file }) => render(fileLink(file, "Save the certificate"), find("certificate")),
+  payload_certificate: ({ file }, _, job) => render([fileLink(file, "Save the certificate"), madeAt(job)], find("certificate")),
   payload_export: showLoadData,
-  payload_read_back: (document, blocks) => render(blockParts(blocks), find("compared")),
+  payload_read_back: (document, blocks, job) => render([blockParts(blocks), madeAt(job)], find("compared")),
 };
 
 press("certify", panel, "payload_certificate", () => {
@@ -227,10 +253,10 @@ press("export", panel, "payload_export", async () => {
   });
 });
 
-function showLoadData({ robot, text, file }) {
+function showLoadData({ robot, text, file }, _, job) {
   render(html`<p>For robot ${robot}. Enter these data in the controller, then compare the controller's data below.</p>
     <pre tabindex="0" aria-label="load data">${text}</pre>
-    <div class="actions">${fileLink(file, `Save ${file}`)}</div>`, find("load-data"));
+    <div class="actions">${fileLink(file, `Save ${file}`)}</div>${madeAt(job)}`, find("load-data"));
 }
 
 press("read-back", panel, "payload_read_back", async () => {

@@ -41,6 +41,7 @@ export class RobotDrawing {
   // Show a robot: the document of its scene, and the binary with the triangles.
   open(document, binary, position) {
     this.world?.removeFromParent();
+    for (const old of [this.world, this.gravity]) old?.traverse((each) => each.geometry?.dispose());
     this.labels.clear();
     this.document = document;
     this.world = new Group(); // base frame, turned so that gravity points down
@@ -51,7 +52,7 @@ export class RobotDrawing {
     this.ghost = new RobotArm(document, geometries, () => this.paints.of("ghost", 0.45));
     this.world.add(this.arm.base, this.ghost.base);
     this.world.updateWorldMatrix(true, true);
-    for (const old of this.layers?.path ?? []) old.removeFromParent();
+    this.removePath();
     this.layers = Object.fromEntries(LAYERS.map((name) => [name, []]));
     this.size = 0.11 * this.arm.reach();
     this.gravity = null;
@@ -60,7 +61,8 @@ export class RobotDrawing {
     this.addFrames();
     this.addGravity();
     if (document.payload_centre) this.addPayload(vectorOf(document.payload_centre));
-    this.seen = this.cornersOfAll();
+    this.corners = this.cornersOfAll();
+    this.seen = [...this.corners];
     this.box = new Box3().setFromPoints(this.seen);
     this.camera.frame(this.seen, 0.2 * this.size);
     this.show(position, null);
@@ -142,8 +144,11 @@ export class RobotDrawing {
 
   // Show the path of the tool: the positions of the joints, one row for each point.
   showPath(rows) {
-    for (const old of this.layers.path) old.removeFromParent();
-    this.layers.path = [];
+    if (this.removePath()) {
+      this.seen = [...this.corners];
+      this.box.setFromPoints(this.seen);
+      this.camera.frame(this.seen, 0.5 * this.size);
+    }
     if (rows.length === 0) {
       this.draw();
       return;
@@ -161,6 +166,17 @@ export class RobotDrawing {
     line.visible = !this.hidden.has("path");
     this.stage.add(line);
     this.show(this.position, this.target);
+  }
+
+  // Remove the path of the tool; return true if there was one.
+  removePath() {
+    const [line] = this.layers?.path ?? [];
+    if (line === undefined) return false;
+    line.removeFromParent();
+    line.geometry.dispose();
+    line.material.dispose();
+    this.layers.path = [];
+    return true;
   }
 
   // Show a pose, and a second pose as a ghost (null: none).

@@ -1,8 +1,8 @@
 // The 3-D view of a page: picture of the robot, its controls, and the joint table with the same values.
 import { element } from "./dom.js";
 import { GHOST, JointRows } from "./joint_rows.js";
-import { CELL } from "./service.js";
-import { request } from "./requests.js";
+import { newest, request } from "./requests.js";
+import { CELL, now, on } from "./service.js";
 
 const PATIENCE_MS = 30000;
 const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;
@@ -27,6 +27,9 @@ export class RobotView {
     this.hidden = hidden;
     this.query = query;
     this.pose = { position: null, target: null };
+    this.last = null; // what the page wants to show, also while the scene is out of date
+    this.hasFailed = false;
+    this.replacing = newest();
     this.preview = null; // number of the joint whose positive direction is shown
     this.withGhost = true;
     this.ghost = null; // pose of the preview
@@ -52,7 +55,25 @@ export class RobotView {
       }, { rootMargin: "25%" });
       watch.observe(section);
     });
-    this.seen.then(() => this.load());
+    this.seen.then(() => {
+      this.load();
+      on("cell", () => this.renew());
+      on("again", () => this.hasFailed && this.load());
+    });
+  }
+
+  // True if the cell's files have changed since the scene was loaded: the picture shows another robot.
+  isOutdated() {
+    const { files_hash: ours } = this.document ?? {};
+    return Boolean(ours && now.status) && ours !== now.status.files_hash;
+  }
+
+  // Load the scene again if the cell's files have changed; until then, no pose counts as live.
+  renew() {
+    if (!this.isOutdated() || this.renewedFor === now.status.files_hash) return;
+    this.renewedFor = now.status.files_hash;
+    if (this.last) this.show(this.last);
+    this.load();
   }
 
   // Show the scene for other parameters of its address.
@@ -63,29 +84,37 @@ export class RobotView {
 
   // Get the scene and draw it. Without WebGL, the table alone shows the pose.
   async load() {
+    const signal = this.replacing();
     const software = findRenderer();
     const wanted = { ...this.query, detail: software === false ? "full" : "small" };
     try {
-      const document = await request(`/view${CELL}/scene?${new URLSearchParams(wanted)}`, {}, { patienceMs: PATIENCE_MS });
-      if (software === null) this.refuse("This browser cannot draw 3-D pictures (it has no WebGL 2). The table shows the pose.");
-      await this.open(document, software === null ? null : getBinary(document.geometry), software);
+      const document = await request(`/view${CELL}/scene?${new URLSearchParams(wanted)}`, {}, { patienceMs: PATIENCE_MS, signal });
+      const binary = software === null ? null : await getBinary(document.geometry, signal);
+      this.hasFailed = false;
+      this.refuse(software === null ? "This browser cannot draw 3-D pictures (it has no WebGL 2). The table shows the pose." : "");
+      await this.open(document, binary, software);
+      if (this.last) this.show(this.last);
     } catch (error) {
+      if (signal.aborted) return;
+      this.hasFailed = true;
       this.refuse(`No picture of the robot: ${error.message}`);
     }
   }
 
-  // Show the robot of a scene. `binary` contains its triangles; it can be a promise, or null if nothing can be drawn.
+  // Show the robot of a scene. `binary` contains its triangles; it is null if nothing can be drawn.
   async open(document, binary, isSoftware = true) {
     this.document = document;
+    if (this.pose.position?.length !== document.joints.length) this.pose = { position: null, target: null };
     this.shape.textContent = SHAPES[document.shape];
     this.rows = new JointRows(document.joints, this.canPreview ? (joint) => this.choose(joint) : null);
     this.table.replaceChildren(this.rows.table);
     this.rows.show(this.pose.position);
     if (binary === null) return;
-    const [{ RobotDrawing }, triangles] = await Promise.all([import("./robot_drawing.js"), binary]);
+    const { RobotDrawing } = await import("./robot_drawing.js");
+    if (this.document !== document) return; // a newer scene has been loaded meanwhile
     const { section, canvas, labels, hidden } = this;
     this.drawing ??= new RobotDrawing({ section, canvas, labels, hidden, isSoftware, lost: (isLost) => this.showLoss(isLost) });
-    this.drawing.open(document, triangles, this.position());
+    this.drawing.open(document, binary, this.position());
     for (const name of this.drawing.hidden) this.drawing.setLayer(name, false);
     this.drawing.showPath(this.path);
     this.choose(this.preview, { withGhost: this.withGhost });
@@ -107,7 +136,13 @@ export class RobotView {
 
   // Show a pose [rad or m] (null: unknown), a second pose as a ghost, and words about them.
   // `kind` says how the pose is marked: "live", "old" (no live data) or "planned".
-  show({ position, target = null, words, kind }) {
+  show(last) {
+    this.last = last;
+    if (this.isOutdated()) {
+      this.say("NO LIVE DATA: the cell's files have changed, and the robot is being loaded.", "old");
+      return;
+    }
+    const { position, target = null, words, kind } = last;
     const isFirst = this.pose.position === null && position !== null;
     this.pose = { position, target };
     if (isFirst && this.ghost !== null) this.choose(this.preview); // until now, the ghost was at the zero pose
@@ -163,8 +198,8 @@ export class RobotView {
   }
 }
 
-async function getBinary(address) {
-  const answer = await fetch(address, { signal: AbortSignal.timeout(PATIENCE_MS) });
+async function getBinary(address, signal) {
+  const answer = await fetch(address, { signal: AbortSignal.any([signal, AbortSignal.timeout(PATIENCE_MS)]) });
   if (!answer.ok) throw new Error(`the service refused the robot's shape (status ${answer.status}).`);
   return answer.arrayBuffer();
 }

@@ -1,5 +1,6 @@
 // Page Runs: search, filter, compare two runs, recover runs.
 import { find } from "./dom.js";
+import { keptChoice } from "./entries.js";
 import { JobPanel } from "./job_panel.js";
 import { html, nothing, render } from "./lit.js";
 import { runTable } from "./run_table.js";
@@ -13,7 +14,7 @@ const LIST_MS = 30000;
 let waiting = null;
 const replacing = newest();
 let shown = { runs: null, problem: "" };
-let kinds = [];
+let kinds = [keptChoice(kind)].filter(Boolean);
 let picked = [];
 
 async function load() {
@@ -32,8 +33,10 @@ async function load() {
   draw();
 }
 
+const drawKinds = () => render(kinds.map((name) => html`<option>${name}</option>`), kind);
+
 function draw() {
-  render(kinds.map((name) => html`<option>${name}</option>`), kind);
+  drawKinds();
   render(shown.problem ? html`<p class="problem">${shown.problem}</p>` : listOf(shown.runs), find("runs"));
   find("compare").disabled = picked.length !== 2 || !mayMove;
   find("compare").classList.toggle("main", picked.length === 2);
@@ -66,4 +69,6 @@ find("filter").addEventListener("submit", (event) => {
   load();
 });
 find("compare").addEventListener("click", () => panel.begin("compare", { first: picked[0], second: picked[1] }));
+drawKinds();
+if (kinds.length) kind.value = kinds[0];
 load();

@@ -46,11 +46,13 @@ async function showTokens() {
 async function revokeToken(token) {
   const text = `${token.name} will have no access from now on.`;
   if (!(await dialog(`Revoke ${token.name}?`, [element("p", {}, text)], "Revoke", { danger: true }))) return;
+  const place = find("revoke-problem");
+  render([], place);
   try {
     await ask("DELETE", `/tokens/${encodeURIComponent(token.id)}`);
     await Promise.all([showTokens(), showAudit()]);
   } catch (error) {
-    render(html`<p class="problem">${error.message}</p>`, find("tokens"));
+    render(html`<p class="problem">${error.message}</p>`, place);
   }
 }
 

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import functools
+import hashlib
+from dataclasses import dataclass, field
 from typing import Annotated
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import JSONResponse, Response
 
+from config.load import LoadedCell
 from rid_daq.robot_view.scene import RobotScene
 from rid_daq.robot_view.scene_encoding import Detail, SceneDocument, encode_scene
 from rid_daq.service.api.context import OfCell, Service
 from rid_daq.service.refusals import UnknownError
 from rid_daq.service.request_check import require_inside
-from rid_daq.service.served_cell import ServedCell
 from rid_daq.workbench.block_routes import KEPT
 from rid_daq.workbench.compressed import CompressedBody
 from rid_daq.workbench.view.payload_centre import payload_centre
@@ -36,25 +38,27 @@ def send_scene(
         detail: Level of detail of the triangles to which the scene refers.
         payload: Payload file whose centre of gravity is shown.
     """
-    document, _ = _encoded_scene(cell, cell.loaded.files_hash, detail)
+    loaded = cell.loaded
+    document, _, _ = _encode_scene(_CellScene(cell.name, loaded.files_hash, detail, loaded))
     if payload is not None:
-        centre = payload_centre(cell.loaded.robot, require_inside(payload, service.folder))
+        centre = payload_centre(loaded.robot, require_inside(payload, service.folder))
         document = document.model_copy(update={"payload_centre": centre})
     return JSONResponse(document.model_dump(mode="json"))
 
 
 @router.get("/triangles/{version}/{detail}")
 def send_triangles(request: Request, cell: OfCell, version: str, detail: Detail) -> Response:
-    """Return the triangles of a scene; a browser keeps them until the cell's files change.
+    """Return the triangles of a scene; a browser keeps them, because the address names the content.
 
     Raises:
-        UnknownError: The cell's files have changed since the page received the scene.
+        UnknownError: The robot's shape has changed since the page received the scene.
     """
-    if version != cell.loaded.files_hash:
+    loaded = cell.loaded
+    _, body, present = _encode_scene(_CellScene(cell.name, loaded.files_hash, detail, loaded))
+    if version != present:
         raise UnknownError(
             f"the files of cell {cell.name} have changed: reload the page", code="RID-PAGE-OUTDATED"
         )
-    _, body = _encoded_scene(cell, version, detail)
     return body.answer(request, "application/octet-stream", KEPT)
 
 
@@ -70,17 +74,30 @@ def send_motion_playback(cell: OfCell, service: Service, file: str) -> JSONRespo
     from rid_daq.workbench.view.motion_playback import motion_playback
 
     path = require_inside(file, service.folder)
-    return JSONResponse(motion_playback(cell.loaded, path).document())
+    loaded = cell.loaded
+    document = motion_playback(loaded, path).document()
+    return JSONResponse({**document, "files_hash": loaded.files_hash})
+
+
+@dataclass(frozen=True)
+class _CellScene:
+    """A scene of a cell with the content of the cell's files; equal if the hashes are equal."""
+
+    cell: str
+    files_hash: str
+    detail: Detail
+    loaded: LoadedCell = field(compare=False, repr=False)
 
 
 @functools.lru_cache(maxsize=MOST_SCENES)
-def _encoded_scene(
-    cell: ServedCell, files_hash: str, detail: Detail
-) -> tuple[SceneDocument, CompressedBody]:
-    loaded = cell.loaded
+def _encode_scene(wanted: _CellScene) -> tuple[SceneDocument, CompressedBody, str]:
+    """Return the scene of a cell, its triangles, and the version of the triangles."""
+    loaded = wanted.loaded
     named = loaded.robot.meshes
     meshes = None if named is None else loaded.files.get(named.file)
     scene = RobotScene.of(loaded.robot, loaded.config.plate, meshes=meshes)
-    address = f"/view/cells/{cell.name}/triangles/{files_hash}/{detail}"
-    document, binary = encode_scene(scene, address, detail)
-    return document, CompressedBody.of(binary)
+    document, binary = encode_scene(scene, "", wanted.detail)
+    version = hashlib.sha256(binary).hexdigest()[:16]
+    address = f"/view/cells/{wanted.cell}/triangles/{version}/{wanted.detail}"
+    named_files = {"geometry": address, "files_hash": wanted.files_hash}
+    return document.model_copy(update=named_files), CompressedBody.of(binary), version
