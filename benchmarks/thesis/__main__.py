@@ -48,13 +48,13 @@ def robot_part(folder: Path, quick: bool) -> Tree:
 
 PARTS: Final[dict[str, Callable[[Path, bool], Tree]]] = {
     "robot": robot_part,
-    "friction": lambda folder, quick: {"friction": friction_results(folder, quick)},
+    "friction": lambda folder, _quick: {"friction": friction_results(folder)},
     "payload": lambda folder, quick: {"payload": payload_results(folder, quick)},
     "sensitivity": lambda folder, _quick: {"sensitivity": sensitivity_results(folder)},
 }
 """Experiments by the names of their parts."""
 
-ALWAYS_FULL: Final = ("sensitivity",)
+ALWAYS_FULL: Final = ("friction", "sensitivity")
 """Parts that `--quick` does not change."""
 
 
