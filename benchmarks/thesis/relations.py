@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
@@ -140,13 +141,13 @@ def _friction(friction: Tree) -> Iterator[Relation]:
         warm < cold,
     )
     empty, loaded = (_mean_friction(friction[name]["axis6"]) for name in ("warm", "loaded"))
-    std = np.hypot(*(_mean_friction_std(friction[name]["axis6"]) for name in ("warm", "loaded")))
+    std = math.hypot(*(_mean_friction_std(friction[name]["axis6"]) for name in ("warm", "loaded")))
     yield Relation(
         "loaded",
         "A payload increases friction by more than two standard deviations: with the medium"
         f" payload, the friction of axis 6 changes by {100.0 * (loaded / empty - 1.0):+.1f} %, with"
         f" a standard deviation of {100.0 * std / empty:.1f} %.",
-        bool(loaded - empty > SIGMAS * std),
+        loaded - empty > SIGMAS * std,
         reason="The friction of `kr15` grows by 0.4 % of the transmitted torque only. This"
         " experiment does not resolve such a small increase.",
     )
