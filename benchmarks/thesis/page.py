@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import re
+import textwrap
 from collections.abc import Iterator, Sequence
+from operator import itemgetter
 from pathlib import Path
 from typing import Final
 
@@ -21,6 +24,8 @@ SCALES: Final = (1.0, 1e3, 1e3, 1e3, *(1.0,) * 6)
 """Factors from SI units to `UNITS`."""
 
 HUNDRED: Final = 100.0
+LINE: Final = 120
+"""Longest line of a paragraph."""
 
 
 def page_text(facts: Tree, results: Tree) -> str:
@@ -42,14 +47,33 @@ def page_text(facts: Tree, results: Tree) -> str:
         **payload_tables(facts, results["payload"], results["sensitivity"]),
         **path_tables(facts, results["path"]),
         friction_table=friction_table(results["friction"]),
+        best_friction=min(
+            results["friction"]["warm"]["axis6"]["rms_nm"].items(), key=itemgetter(1)
+        ),
     )
-    return page
+    return "\n\n".join(wrapped(block) for block in re.split(r"\n{2,}", page.strip())) + "\n"
+
+
+def wrapped(block: str) -> str:
+    """Return a paragraph or a list with short lines; other blocks do not change."""
+    if block.startswith(("#", "|", "!")):
+        return block
+    return "\n".join(
+        textwrap.fill(
+            " ".join(item.split()),
+            LINE,
+            subsequent_indent="  " if item.startswith("- ") else "",
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+        for item in re.split(r"\n(?=- )", block)
+    )
 
 
 def duration_text(results: Tree) -> str:
-    """Return sentences with the duration of the last run, and its short parts."""
+    """Return sentences with the durations of the parts, and the short parts."""
     minutes = ", ".join(f"{name} {each:g}" for name, each in results["minutes"].items())
-    text = f"Duration of the parts of the last run, in minutes: {minutes}."
+    text = f"The parts took, in minutes: {minutes}."
     if results["short"]:
         text += (
             f" These parts were short experiments (`--quick`): {', '.join(results['short'])}. Their"
@@ -60,9 +84,11 @@ def duration_text(results: Tree) -> str:
 
 
 def relation_lines(found: Sequence[Relation], section: str) -> str:
-    """Return the relations of a section as a list."""
+    """Return the relations of a section as a list, with the causes of differences."""
     return "\n".join(
-        f"- {'Holds' if each.holds else '**Does not hold**'}: {each.text}"
+        f"- Holds: {each.text}"
+        if each.holds
+        else f"- **Does not hold**: {each.text} {each.reason}".rstrip()
         for each in found
         if each.section == section
     )
@@ -121,7 +147,7 @@ def robot_tables(facts: Tree, robot: Tree) -> dict[str, str]:
 def friction_table(friction: Tree) -> str:
     """Return the errors of the friction models of axis 6, the best first."""
     errors = friction["warm"]["axis6"]["rms_nm"]
-    return table(("model", "error [N m]"), *sorted(errors.items(), key=lambda item: item[1]))
+    return table(("model", "error [N m]"), *sorted(errors.items(), key=itemgetter(1)))
 
 
 def payload_tables(facts: Tree, payload: Tree, sensitivity: Tree) -> dict[str, str]:
@@ -153,7 +179,7 @@ def payload_tables(facts: Tree, payload: Tree, sensitivity: Tree) -> dict[str, s
         ),
         "difference_table": table(("payload", *names), *_payload_rows(payload, "difference")),
         "model_table": table(("payload", *names), *_payload_rows(payload, "model")),
-        "model_masses": f"{min(masses):.2f} to {max(masses):.2f}",
+        "model_masses": " to ".join(dict.fromkeys(f"{f(masses):.2f}" for f in (min, max))),
         "other_motion_table": table(
             ("payload estimated with", *(f"axis {j}" for j in range(3, 7))),
             *(

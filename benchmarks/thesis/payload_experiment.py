@@ -23,23 +23,17 @@ SPEEDS: Final = {
 }
 """Reach [rad] and speeds [rad/s] of the friction measurement: the axes of figures 3.9 to 3.12."""
 
-LOAD_FRICTION: Final = 0.05
-"""Friction per transmitted torque for figure 3.12; kr15 has 0.004, which is too small to see."""
-
 ACCURATE: Final = ("--mass-limit", "20", "--centre-limit", "60", "--inertia-limit", "400")
 """Limits of the verdict, wide enough for an estimate that the thesis's motion determines poorly."""
 
 
-def cell_at(
-    folder: Path, name: str, temperature_k: float, load_friction: float | None = None
-) -> Workplace:
+def cell_at(folder: Path, name: str, temperature_k: float) -> Workplace:
     """Write a cell like kr15 whose motors start at a temperature; return its workplace.
 
     Args:
         folder: Folder of the cell file.
         name: Name of the file.
         temperature_k: Temperature of all motors at the start [K].
-        load_friction: Friction per transmitted torque; that of kr15 if None.
     """
     loaded = load_cell("kr15")
     assert loaded.plant is not None
@@ -48,8 +42,7 @@ def cell_at(
     for axis in loaded.plant.unmodelled.axes:
         assert axis.thermal is not None
         thermal = axis.thermal.model_copy(update={"initial_k": temperature_k})
-        load = axis.load_friction if load_friction is None else load_friction
-        effects.append(axis.model_copy(update={"thermal": thermal, "load_friction": load}))
+        effects.append(axis.model_copy(update={"thermal": thermal}))
     unmodelled = loaded.plant.unmodelled.model_copy(update={"axes": tuple(effects)})
     plant = loaded.plant.model_copy(update={"unmodelled": unmodelled})
     (folder / f"{name}_plant.yaml").write_text(to_yaml(plant))
@@ -58,7 +51,7 @@ def cell_at(
     return Workplace(folder, str(folder / f"{name}.yaml"), limit_fraction="0.5")
 
 
-def friction_results(folder: Path, quick: bool) -> Tree:
+def friction_results(folder: Path) -> Tree:
     """Return friction curves: cold, warm, and with the medium payload (figures 3.9 to 3.12)."""
     motion = ConstantVelocityMotion.model_validate(
         {
@@ -66,12 +59,7 @@ def friction_results(folder: Path, quick: bool) -> Tree:
             "robot": "kr15",
             "pose": (0.0,) * 6,
             "joints": tuple(
-                {
-                    "joint": name,
-                    "low": -reach,
-                    "high": reach,
-                    "speeds": speeds[:1] + speeds[2::2] if quick else speeds,
-                }
+                {"joint": name, "low": -reach, "high": reach, "speeds": speeds}
                 for name, (reach, speeds) in SPEEDS.items()
             ),
             "longest_run_s": 2.0,
@@ -84,7 +72,7 @@ def friction_results(folder: Path, quick: bool) -> Tree:
         ("warm", WARM_K, ()),
         ("loaded", WARM_K, ("--mounted", "medium")),
     ):
-        work = cell_at(folder, name, start_k, LOAD_FRICTION)
+        work = cell_at(folder, name, start_k)
         work.record("speeds", name, *more)
         document = work("friction", name, codes=(0, 6))
         found[name] = {
@@ -94,11 +82,20 @@ def friction_results(folder: Path, quick: bool) -> Tree:
 
 
 def friction_curve(joint: Tree) -> Tree:
-    """Return a joint's friction curve, and the errors of the fitted models [N m]."""
+    """Return a joint's friction curve, and the errors of the fitted models [N m].
+
+    A model with as many coefficients as speeds fits every curve, so its error is left out.
+    """
+    speeds = joint["curve"]["speed"]
     return {
-        "speed_rad_s": numbers(joint["curve"]["speed"]),
+        "speed_rad_s": numbers(speeds),
         "friction_nm": numbers(joint["curve"]["odd"]),
-        "rms_nm": {fit["name"]: rounded(fit["rms"]) for fit in joint["fits"]},
+        "std_nm": numbers(joint["curve"]["odd_std"]),
+        "rms_nm": {
+            fit["name"]: rounded(fit["rms"])
+            for fit in joint["fits"]
+            if len(fit["parameters"]) < len(speeds)
+        },
     }
 
 
