@@ -75,7 +75,8 @@ def test_diagrams_are_rendered_and_not_shown_as_text(site: Path) -> None:
 
 
 def test_pictures_are_small_and_used() -> None:
-    pictures = {path.name: path for path in (ROOT / "docs" / "pictures").iterdir()}
+    folder = ROOT / "docs" / "pictures"
+    pictures = {path.name: path for path in folder.glob("*.png")}
     pages = "".join(
         page.read_text() for page in (ROOT / "README.md", *(ROOT / "docs").rglob("*.md"))
     )

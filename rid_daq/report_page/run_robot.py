@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from acquisition.runs.folder import RunFolder
 from config.cell.cell import CellConfig
+from config.errors import RidDaqError
 from config.load import load_bundled_or_path, load_robot
 from config.robot.robot import RobotDescription
 from rid_daq.blocks.block import AnyBlock, Heading, Text
@@ -23,8 +24,6 @@ def run_robot_blocks(folder: RunFolder, result: Result) -> Iterator[AnyBlock]:
         folder: The run.
         result: Result of the run.
     """
-    from rid_daq.robot_view.robot_pictures import flange_picture, robot_picture
-
     files = folder.manifest().files
     if ROBOT not in files:
         return
@@ -34,6 +33,20 @@ def run_robot_blocks(folder: RunFolder, result: Result) -> Iterator[AnyBlock]:
     if changed:
         yield Text(text=f"The robot is not drawn, because {', '.join(changed)} was changed.")
         return
+    try:
+        yield from _pictures(folder, names, result)
+    except RidDaqError as error:  # a picture must not prevent the report
+        yield Text(text=f"The robot is not drawn: {error}")
+
+
+def _pictures(folder: RunFolder, names: list[str], result: Result) -> list[AnyBlock]:
+    """Return views of the robot and of its payload.
+
+    Raises:
+        ConfigError: The robot file, its meshes or the cell file is invalid.
+    """
+    from rid_daq.robot_view.robot_pictures import flange_picture, robot_picture
+
     robot = load_robot(str(folder.file(ROBOT)))
     meshes = None
     if robot.meshes is not None and robot.meshes.file in names:
@@ -42,9 +55,8 @@ def run_robot_blocks(folder: RunFolder, result: Result) -> Iterator[AnyBlock]:
     if CELL in names:
         plate = load_bundled_or_path(str(folder.file(CELL)), "cells", CellConfig).plate
     centre = _payload_centre(result)
-    yield robot_picture(robot, plate, _start(result, robot), centre, meshes)
-    if centre is not None:
-        yield flange_picture(robot, centre, meshes)
+    views: list[AnyBlock] = [robot_picture(robot, plate, _start(result, robot), centre, meshes)]
+    return views if centre is None else [*views, flange_picture(robot, centre, meshes)]
 
 
 def _start(result: Result, robot: RobotDescription) -> tuple[float, ...] | None:

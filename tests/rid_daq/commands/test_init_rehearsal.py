@@ -38,4 +38,4 @@ def test_init_raises_a_too_low_torque_limit_and_the_rehearsal_succeeds(
     assert any("gravity needs up to" in note and "'lift'" in note for note in result["notes"])
     assert load_robot(str(folder / "robot.yaml")).joints[0].limits.torque > 15.0
     names = sorted(path.name for path in folder.iterdir())
-    assert names == ["cell.yaml", "plant.yaml", "robot.yaml", "validation.yaml"]
+    assert names == ["cell.yaml", "plant.yaml", "robot.png", "robot.yaml", "validation.yaml"]
