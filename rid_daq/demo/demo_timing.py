@@ -27,9 +27,9 @@ from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from rid_daq.demo.demo_paths import PathRecorder, Precompensation
 from rid_daq.recording.recorded_run import RecordedRun
+from rid_daq.report.driven_timing_entry import DrivenPath, DrivenTiming
 from rid_daq.report.sections.retiming import RetimingSection
 from rid_daq.report.sections.runs import RunSection
-from rid_daq.report.sections.tracking import DrivenPath, DrivenTiming
 from rid_daq.runs.followed_motion import path_error_of_run
 
 MODEL: Final = "model_with_base.json"

@@ -7,8 +7,8 @@ from typing import Final
 
 from rid_daq.blocks.block import AnyBlock, Cells, Heading, Table, Text, table
 from rid_daq.blocks.plot import Axis, Colour, Dash, Line, Numbers, Panel, Plot, Span
+from rid_daq.report.driven_timing_entry import DrivenTiming
 from rid_daq.report.sections.retiming import CHANGES, RetimedJoint, RetimedWay, RetimingSection
-from rid_daq.report.sections.tracking import DrivenTiming
 
 LIMIT_REACH: Final = 1.6
 """Height of the phase plane relative to the largest speed."""

@@ -8,6 +8,7 @@ import numpy as np
 
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
+from rid_daq.report.driven_timing_entry import DrivenTiming
 from rid_daq.report.sections.section import (
     Numbers,
     Section,
@@ -15,7 +16,6 @@ from rid_daq.report.sections.section import (
     round_values,
     thinning_slice,
 )
-from rid_daq.report.sections.tracking import DrivenTiming
 from rid_daq.report.sections.verdict import VerdictCheck
 
 if TYPE_CHECKING:

@@ -1,7 +1,4 @@
-"""Path errors of driven motions: `TrackingSection` before and after compensation.
-
-`DrivenTiming` compares a path before and after it was retimed to its limits.
-"""
+"""Path errors of driven motions: `TrackingSection` before and after compensation."""
 
 from __future__ import annotations
 
@@ -17,7 +14,7 @@ from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
 from rid_daq.blocks.formats import number
 from rid_daq.report.sections.section import Numbers, Section, Texts, joint_units, round_values
-from rid_daq.report.sections.verdict import VerdictCheck, VerdictSection
+from rid_daq.report.sections.verdict import VerdictSection
 from rid_daq.report.tool_error_entries import ToolDeflection, ToolSideSize
 
 if TYPE_CHECKING:
@@ -26,9 +23,6 @@ if TYPE_CHECKING:
 
 DRAWN_POINTS = 500
 DRAWN_SHARE = 0.12
-SHORTER_PERCENT = 20.0
-MEASURED_PERCENT = 102.0
-CLOSE_AS_BEFORE = 3.0
 WHOLE: Final = 0.9
 """Share of a motion above which an instrument has measured it as a whole."""
 ENCODERS_AT_MOTORS: Final = (
@@ -320,94 +314,3 @@ def magnification(extent_m: float, deviation_m: float) -> float:
     wanted = DRAWN_SHARE * extent_m / max(deviation_m, 1e-9)
     power = 10.0 ** math.floor(math.log10(max(wanted, 1.0)))
     return power * max(step for step in (1.0, 2.0, 5.0) if step * power <= max(wanted, 1.0))
-
-
-class DrivenPath(Section):
-    """Measurements of one driven pick-and-place path.
-
-    Attributes:
-        sentence: Description of the run.
-        moving_s: Duration of the motion [s].
-        mean_m: Mean distance of the tool point from its path [m].
-        max_m: Largest distance of the tool point from its path [m].
-        torque_share: Largest measured torque of each joint, divided by its limit.
-        base_peak: Largest measured value of each component of the base wrench [N, N m].
-    """
-
-    sentence: str
-    moving_s: float
-    mean_m: float
-    max_m: float
-    torque_share: Numbers
-    base_peak: Numbers
-
-
-class DrivenTiming(Section):
-    """Comparison of a driven path before and after retiming, both with pre-compensation.
-
-    Attributes:
-        before: Measurements of the original path.
-        after: Measurements of the retimed path.
-        components: Names of the limited components of the base wrench.
-        limit: Limit of each component [N, N m].
-        sentence: Robot and model of the measurement.
-    """
-
-    before: DrivenPath
-    after: DrivenPath
-    components: Texts
-    limit: Numbers
-    sentence: str
-
-    @property
-    def base_share(self) -> float:
-        """Largest measured base wrench on the retimed path, divided by its limit."""
-        peaks = zip(self.after.base_peak, self.limit, strict=True)
-        return max(peak / limit for peak, limit in peaks)
-
-    @property
-    def words(self) -> str:
-        """Improvement by retiming, in a sentence."""
-        before, after = self.before, self.after
-        return (
-            f"Pick and place in {after.moving_s:.4g} s instead of {before.moving_s:.4g} s, with"
-            f" at most {100.0 * max(after.torque_share):.0f} % of the torque limits and"
-            f" {100.0 * self.base_share:.0f} % of the base wrench limits. Mean distance from the"
-            f" path at the motor encoders: {1e3 * before.mean_m:.3f} mm before,"
-            f" {1e3 * after.mean_m:.3f} mm after."
-        )
-
-    @property
-    def checks(self) -> list[VerdictCheck]:
-        """Comparison of the retimed path's measurements with their limits."""
-        before, after = self.before, self.after
-        shorter = 100.0 * (1.0 - after.moving_s / before.moving_s)
-        torque, base = 100.0 * max(after.torque_share), 100.0 * self.base_share
-        mean, largest = after.mean_m / before.mean_m, after.max_m / before.max_m
-        return [
-            VerdictCheck.of("reduction of the path's duration", shorter, "≥", SHORTER_PERCENT, "%"),
-            VerdictCheck.of(
-                "largest measured torque of the retimed path, relative to its limit",
-                torque,
-                "≤",
-                MEASURED_PERCENT,
-                "%",
-            ),
-            VerdictCheck.of(
-                "largest measured base wrench of the retimed path, relative to its limit",
-                base,
-                "≤",
-                100.0,
-                "%",
-            ),
-            VerdictCheck.of(
-                "mean path error, relative to that before", mean, "≤", CLOSE_AS_BEFORE, "times"
-            ),
-            VerdictCheck.of(
-                "largest path error, relative to that before",
-                largest,
-                "≤",
-                CLOSE_AS_BEFORE,
-                "times",
-            ),
-        ]

@@ -114,7 +114,7 @@ def test_the_headline_states_the_change_at_the_motors_and_at_the_tool() -> None:
     motion = motion.model_copy(update={"before": sizes[0], "after": sizes[1]})
     headline = section.model_copy(update={"motions": (motion,)}).verdict.headline
     assert re.findall(r"([\d.]+)-fold", headline) == ["1.03", "12"]
-    half = motion.model_copy(update={"before": motion.before.model_copy(update={"bending": None})})
+    half = motion.model_copy(update={"before": sizes[0].model_copy(update={"bending": None})})
     headline = section.model_copy(update={"motions": (half,)}).verdict.headline
     assert re.findall(r"([\d.]+)-fold", headline) == ["1.03"]
 
