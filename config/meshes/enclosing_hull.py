@@ -68,8 +68,8 @@ def enclosing_hull(points_m: FloatArray, tolerance_m: float, most: int) -> Enclo
 def _thickened(points: FloatArray) -> FloatArray:
     """Return points that span a volume: a flat, straight or single set of points gets corners."""
     centre = points.mean(axis=0)
-    axes = np.linalg.svd(points - centre, full_matrices=False)[2] if len(points) > 2 else np.eye(3)
-    for axis in axes:
+    spread = points - centre
+    for axis in np.linalg.eigh(spread.T @ spread)[1].T:
         if np.ptp(points @ axis) < THINNEST_M:
             step = 0.5 * THINNEST_M * axis
             points = np.concatenate([points - step, points + step])

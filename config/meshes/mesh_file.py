@@ -199,6 +199,10 @@ def _unit_of_dae(file: BinaryIO, path: Path) -> float:
             " again",
             code=CODE,
         ) from None
+    except (LookupError, ValueError) as error:
+        raise ConfigError(
+            f"{path}: its encoding is not supported ({error}): save it in UTF-8", code=CODE
+        ) from None
     if not stated:
         return 1.0
     try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -58,7 +59,7 @@ class PackageFolders:
         renamed = list(self.urdf.absolute().parents)[:RENAMED] if named and not places else []
         tried = list(dict.fromkeys(place / part for place in places or renamed for part in inside))
         for path in tried:
-            if path.is_file():
+            if os.path.isfile(path):
                 return path
         if renamed and named:
             raise ConfigError(
@@ -79,10 +80,10 @@ class PackageFolders:
         for above in self.urdf.absolute().parents:
             if _is_package(above, package):
                 yield above
-            if (above / package).is_dir():
+            if os.path.isdir(above / package):
                 yield above / package
         for folder in self.installed:
-            if (folder / package).is_dir():
+            if os.path.isdir(folder / package):
                 yield folder / package
 
     def _search(self, folder: Path, package: str) -> tuple[Path, ...]:

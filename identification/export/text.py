@@ -83,7 +83,8 @@ def friction_units(joint: Joint) -> tuple[str, str]:
 def comment_text(text: str) -> str:
     """Return a line that does not end a comment of XML, C or Python, without control characters."""
     visible = "".join(c if c.isprintable() else " " for c in text)
-    return visible.replace("*/", "* /").replace("--", "- -").replace('"""', "'''").rstrip("\\")
+    visible = re.sub("-(?=-)", "- ", visible)
+    return visible.replace("*/", "* /").replace('"""', "'''").rstrip("\\")
 
 
 def source_name(name: str) -> str:

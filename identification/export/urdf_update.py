@@ -100,6 +100,11 @@ class UrdfUpdate:
         self.bodies = MovingBodies.of(self._matched, model)
 
     @property
+    def is_updated(self) -> bool:
+        """True if an earlier export updated the file."""
+        return _OWN_COMMENT.search(self._data) is not None
+
+    @property
     def unchanged_links(self) -> tuple[tuple[str, ...], ...]:
         """For each joint, the links with mass that it moves and that keep their values."""
         return tuple(tuple(self.bodies.unchanged_links(j)) for j in range(len(self.bodies.changed)))

@@ -298,6 +298,10 @@ class Model:
                 physically consistent parameters explain the data (RID-MODEL-INCONSISTENT), or
                 links of `urdf` do not fit into the identified bodies (RID-EXPORT-FIXED-LINKS).
         """
+        if urdf is None and tip is not None:
+            raise ConfigError(
+                "tip: has no effect without urdf; leave it out", code="RID-OPTION-NO-EFFECT"
+            )
         if urdf is None:
             return description_urdf(self._export_model(Format.URDF, despite_misfit))
         request = self._request(Format.URDF, despite_misfit).model_copy(update={"tip": tip})

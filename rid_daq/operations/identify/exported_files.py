@@ -64,6 +64,7 @@ def export_file(request: ExportRequest) -> ExportedModel | ExportedRecording:
         RidDaqError: As raised by `export_model` and `export_recording`.
     """
     refuse_output(request.output, request.overwrite, made_file.EXPORT)
+    _refuse_own_input(request)
     found = find_file_or_run(request.runs, request.what)
     if isinstance(found, Path):
         _refuse_without_effect(request, ("unfinished",), "with a model file")
@@ -75,6 +76,18 @@ def export_file(request: ExportRequest) -> ExportedModel | ExportedRecording:
     names = ("as_identified", "despite_misfit", "urdf", "tip")
     _refuse_without_effect(request, names, "with a recording")
     return export_recording(request, found)
+
+
+def _refuse_own_input(request: ExportRequest) -> None:
+    """Refuse an output that would replace the model or the URDF from which it is made."""
+    for source in (Path(request.what), request.urdf):
+        if source is None or not source.is_file() or not request.output.exists():
+            continue
+        if request.output.samefile(source):
+            raise ConfigError(
+                f"{request.output}: the export is made from this file: give another name",
+                code="RID-OUTPUT-FOREIGN",
+            )
 
 
 def _refuse_without_effect(request: ExportRequest, names: tuple[str, ...], because: str) -> None:
@@ -175,9 +188,9 @@ def update_urdf(request: ExportRequest, path: Path, estimate: Estimate) -> Expor
         RecordingError: The file cannot be written.
     """
     chosen, sentence, updated = updated_urdf(request, path, estimate)
-    write_whole(request.output, updated.data)
     section = UpdatedUrdfSection.of(estimate, chosen, updated)
     torques = exported_torques(estimate, chosen, updated.joint_names, has_armatures=False)
+    write_whole(request.output, updated.data)
     return ExportedModel(request, estimate.robot.name, sentence, chosen.test, torques, section)
 
 
@@ -187,11 +200,18 @@ def updated_urdf(
     """Return the written parameters, their origin as a sentence, and the updated file.
 
     Raises:
-        ConfigError: The URDF cannot be read, or does not contain the identified robot.
+        ConfigError: The URDF cannot be read, does not contain the identified robot, or was updated
+            by an earlier export.
         EstimationError: As raised by `exported_parameters`; or links that keep their values do not
             fit into the identified bodies.
     """
     update = UrdfUpdate(_read(path), str(path), ExportModel.from_estimate(estimate), request.tip)
+    if update.is_updated:
+        raise ConfigError(
+            f"{path}: an earlier export updated this file, so its inertias are not those of your"
+            " drawing: give the original file",
+            code="RID-URDF-UPDATED",
+        )
     chosen, sentence = exported_parameters(request, estimate, update.nominal)
     if not request.despite_misfit:
         _require_room(update, estimate, chosen)

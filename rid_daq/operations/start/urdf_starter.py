@@ -39,8 +39,8 @@ def starting_robot(request: InitRequest, path: Path) -> UrdfRobot:
         path: The URDF.
 
     Raises:
-        ConfigError: The URDF cannot be read or describes no robot, or an option is no list of
-            numbers.
+        ConfigError: The URDF cannot be read or describes no robot, an option is no list of numbers,
+            or a folder of packages does not exist.
     """
     defaults = LimitDefaults(
         _positive_numbers("--range", request.position),
@@ -48,6 +48,9 @@ def starting_robot(request: InitRequest, path: Path) -> UrdfRobot:
         _positive_numbers("--acceleration", request.acceleration),
         _positive_numbers("--effort", request.effort),
     )
+    for folder in request.packages:
+        if not folder.is_dir():
+            raise ConfigError(f"--packages {folder}: there is no such folder", code="RID-FILE-READ")
     try:
         data = read_file(path, MAX_BYTES)
     except OSError as error:

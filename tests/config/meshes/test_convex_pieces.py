@@ -114,3 +114,10 @@ def test_a_flat_mesh_becomes_a_thin_hull(points) -> None:
     assert ConvexHull(made.points_m).volume > 0.0
     assert max(distance_m(made, np.array(point)) for point in points) <= made.radius_m + 1e-9
     assert np.ptp(made.points_m, axis=0).min() <= 0.0011
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4])
+def test_few_points_or_points_on_a_line_become_a_thin_hull(count: int) -> None:
+    points = np.outer(np.linspace(0.0, 0.3, count), TURN[0])
+    hull = enclosing_hull(points, 1e-4, 48)
+    assert 0.0 < ConvexHull(hull.points_m).volume < 1e-4

@@ -114,6 +114,7 @@ def test_a_mirrored_mesh_keeps_its_outward_side(tmp_path: Path, scale, low, high
         ("no.dae", "no XML", "no.dae:1"),
         ("unit.dae", dae(*BRICK, asset='<unit meter="0"/>'), "'0'"),
         ("unit.dae", dae(*BRICK, asset='<unit meter="mm"/>'), "'mm'"),
+        ("code.dae", '<?xml version="1.0" encoding="foo"?><COLLADA/>', "foo"),
         ("brick.glb", b"glTF", ".glb"),
     ],
 )

@@ -1,10 +1,14 @@
-"""Notes in an exported file that cannot represent hysteresis states."""
+"""Notes in an exported file: what it cannot represent, as a valid comment."""
 
 from __future__ import annotations
 
+from xml.etree import ElementTree
+
+import pytest
+
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.export.model import ExportModel
-from identification.export.text import header_lines
+from identification.export.text import comment_text, header_lines
 from tests.builders.presliding_arm import iwan, motion, recording, with_presliding
 
 
@@ -15,3 +19,10 @@ def test_omitted_presliding_distance_and_fraction_are_listed() -> None:
     header = " ".join(header_lines(ExportModel.from_estimate(estimate)))
     assert "Left out: presliding (dp_axis2 = 0.01" in header
     assert " rad, sp_axis2 = 0.9" in header or " rad, sp_axis2 = 1)" in header
+
+
+@pytest.mark.parametrize("dashes", range(1, 7))
+def test_a_comment_of_any_number_of_dashes_is_valid_xml(dashes: int) -> None:
+    line = comment_text(f"a{'-' * dashes}b")
+    assert "--" not in line
+    ElementTree.fromstring(f"<robot><!-- {line} --></robot>")

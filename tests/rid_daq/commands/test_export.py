@@ -207,6 +207,9 @@ def test_an_existing_file_is_not_overwritten(model_file: Path, tmp_path: Path) -
     assert run(words) == 2
     assert run([*words, "--overwrite"]) == 0
     assert "inverse_dynamics" in out.read_text()
+    model = model_file.read_bytes()
+    assert run(["export", str(model_file), "--to", "c", "-o", str(model_file), "--overwrite"]) == 2
+    assert model_file.read_bytes() == model
 
 
 def test_a_file_that_is_not_a_model_is_refused(
@@ -242,6 +245,8 @@ def test_a_users_urdf_is_updated(
     assert np.abs(tau - wrong)[:, [0, 2]].max() > 3.0
     assert run(words) == 2, "an existing file"
     assert run([*words, "--overwrite"]) == 0
+    again = ["export", str(model_file), "--to", "urdf", "--urdf", str(out), "-o", "again.urdf"]
+    assert run(again) == 2, "an updated file would drift"
 
 
 def test_the_result_of_an_update_has_numbers(
