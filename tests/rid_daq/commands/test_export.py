@@ -223,7 +223,11 @@ def test_a_file_that_is_not_a_model_is_refused(
 
 
 def test_a_users_urdf_is_updated(
-    estimate: Estimate, model_file: Path, motion: np.ndarray, tmp_path: Path
+    estimate: Estimate,
+    model_file: Path,
+    motion: np.ndarray,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     own, out = tmp_path / "own.urdf", tmp_path / "updated.urdf"
     assert run(["export", str(model_file), "--to", "urdf", "-o", str(own)]) == 0
@@ -247,6 +251,7 @@ def test_a_users_urdf_is_updated(
     assert run([*words, "--overwrite"]) == 0
     again = ["export", str(model_file), "--to", "urdf", "--urdf", str(out), "-o", "again.urdf"]
     assert run(again) == 2, "an updated file would drift"
+    assert "RID-URDF-UPDATED" in capsys.readouterr().err
 
 
 def test_the_result_of_an_update_has_numbers(
