@@ -98,7 +98,7 @@ export class MotionPlayer {
     const least = smallest(clearance);
     const of = (i) => `${(1000 * clearance[i]).toFixed(0)} mm between ${pairs[i]}`;
     const verdict = clearance[least] < margin ? ` This is less than the allowed ${(1000 * margin).toFixed(0)} mm.` : "";
-    this.nearest.textContent = `Clearance now: ${of(row)}. Smallest: ${of(least)}, at ${times[least].toFixed(1)} s.${verdict}`;
+    this.nearest.textContent = `Clearance now: ${of(row)}. Smallest of the poses shown: ${of(least)}, at ${times[least].toFixed(1)} s.${verdict}`;
     this.nearest.classList.toggle("problem", clearance[least] < margin);
   }
 
