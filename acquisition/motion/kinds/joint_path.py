@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import Field
 
 from acquisition.motion.kinds.motion import Motion, Position, Seconds
+from acquisition.motion.kinds.pose_sequence import reachable_poses
 from acquisition.motion.paths.joint_spline import joint_spline
 from acquisition.motion.paths.speed import plan_speed, speed_limits
 from acquisition.motion.samples import MotionSamples, with_rests
@@ -53,7 +54,7 @@ class JointPathMotion(Motion):
         return "tracking", run
 
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
-        poses = self._checked_poses(robot)
+        poses = reachable_poses(self.points, robot)
         numbers = _different_poses(poses)
         if len(numbers) < 2:
             raise ConfigError(
@@ -84,24 +85,6 @@ class JointPathMotion(Motion):
 
         _, path = plan_speed(limits, joints_at, robot, sample_period_s)
         return with_rests(path, self.dwell_s, robot.joint_names, sample_period_s)
-
-    def _checked_poses(self, robot: RobotDescription) -> FloatArray:
-        for number, point in enumerate(self.points, start=1):
-            if len(point) != len(robot.joints):
-                raise ConfigError(
-                    f"point {number} of the path has {len(point)} values, but robot"
-                    f" {robot.name!r} has {len(robot.joints)} joints: give one value per joint",
-                    code="RID-MOTION-JOINTS",
-                )
-            for joint, value in zip(robot.joints, point, strict=True):
-                low, high = joint.limits.position_min, joint.limits.position_max
-                if not low <= value <= high:
-                    raise LimitError(
-                        f"point {number} of the path has joint {joint.name!r} at {value:.4g},"
-                        f" outside its limits {low:g} to {high:g}: move the point",
-                        code="RID-MOTION-LIMIT",
-                    )
-        return np.array(self.points, dtype=float)
 
 
 def _different_poses(poses: FloatArray) -> list[int]:

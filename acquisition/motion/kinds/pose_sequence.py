@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
@@ -50,28 +51,38 @@ class PoseSequenceMotion(Motion):
             ConfigError: A pose has another number of values than the robot has joints.
             LimitError: A pose is outside the limits.
         """
-        for number, point in enumerate(self.points, start=1):
-            if len(point) != len(robot.joints):
-                raise ConfigError(
-                    f"pose {number} has {len(point)} values, but robot {robot.name!r} has"
-                    f" {len(robot.joints)} joints: give one value per joint",
-                    code="RID-MOTION-JOINTS",
-                )
-            for joint, value in zip(robot.joints, point, strict=True):
-                low, high = joint.limits.position_min, joint.limits.position_max
-                if not low <= value <= high:
-                    raise LimitError(
-                        f"pose {number} has joint {joint.name!r} at {value:.4g}, outside its limits"
-                        f" {low:g} to {high:g}: change the pose",
-                        code="RID-MOTION-LIMIT",
-                    )
         return visit_poses(
-            np.array(self.points, dtype=float),
+            reachable_poses(self.points, robot),
             robot,
             sample_period_s,
             speed_fraction=self.speed_fraction,
             dwell_s=self.dwell_s,
         )
+
+
+def reachable_poses(points: Sequence[Sequence[float]], robot: RobotDescription) -> FloatArray:
+    """Return the poses of a motion file, shape (poses, joints).
+
+    Raises:
+        ConfigError: A pose has another number of values than the robot has joints.
+        LimitError: A pose is outside the limits.
+    """
+    for number, point in enumerate(points, start=1):
+        if len(point) != len(robot.joints):
+            raise ConfigError(
+                f"point {number} has {len(point)} values, but robot {robot.name!r} has"
+                f" {len(robot.joints)} joints: give one value per joint",
+                code="RID-MOTION-JOINTS",
+            )
+        for joint, value in zip(robot.joints, point, strict=True):
+            low, high = joint.limits.position_min, joint.limits.position_max
+            if not low <= value <= high:
+                raise LimitError(
+                    f"point {number} has joint {joint.name!r} at {value:.4g}, outside its limits"
+                    f" {low:g} to {high:g}: move the point",
+                    code="RID-MOTION-LIMIT",
+                )
+    return np.array(points, dtype=float)
 
 
 def visit_poses(
