@@ -41,7 +41,7 @@ def test_the_robot_rests_at_each_pose() -> None:
 def test_wrong_poses_are_refused(
     points: tuple[tuple[float, ...], ...], kind: type[RidDaqError], code: str
 ) -> None:
-    with raises_code(kind, code, "pose 1" if kind is ConfigError else "pose 2"):
+    with raises_code(kind, code, "point 1" if kind is ConfigError else "point 2"):
         sequence(points).plan(ROBOT, PERIOD_S)
 
 
