@@ -24,6 +24,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.spatial import ConvexHull
 
+from benchmarks.program_run import ended_programs_s, run_program
 from config.arrays import FloatArray
 from config.formats.urdf import UrdfTree
 from config.formats.urdf_file import read_urdf
@@ -233,19 +234,17 @@ def measure(urdf: Path, folder: Path, packages: Path) -> MeshedArm:
     arm = MeshedArm(urdf.name)
     tip = None
     words = ["init", str(folder), "--urdf", str(urdf), "--packages", str(packages), "--json"]
-    before, began_s = os.times(), time.perf_counter()
-    arm.exit_code, output = _run(words)
-    if arm.exit_code and (choice := re.search(r"--tip[ =](?!LINK)([\w.\-/]+)", output)):
-        before, began_s, tip = os.times(), time.perf_counter(), choice[1]
-        arm.exit_code, output = _run([*words, "--tip", tip])
-    after = os.times()
+    before_s, began_s = ended_programs_s(), time.perf_counter()
+    arm.exit_code, output, errors = run_program(words, LONGEST_S)
+    if arm.exit_code and (choice := re.search(r"--tip[ =](?!LINK)([\w.\-/]+)", output or errors)):
+        before_s, began_s, tip = ended_programs_s(), time.perf_counter(), choice[1]
+        arm.exit_code, output, errors = run_program([*words, "--tip", tip], LONGEST_S)
     arm.wall_s = time.perf_counter() - began_s
-    arm.cpu_s = after.children_user + after.children_system
-    arm.cpu_s -= before.children_user + before.children_system
+    arm.cpu_s = ended_programs_s() - before_s
     try:
         document = json.loads(output)
     except ValueError:
-        arm.problem = (output.strip().splitlines() or ["no output"])[-1]
+        arm.problem = ((output or errors).strip().splitlines() or ["no output"])[-1]
         return arm
     arm.problem = document["obstacle"] or next(
         (note for note in document["notes"] if note.startswith("no bodies")), ""
@@ -343,18 +342,3 @@ def _height_above(bodies: Sequence[object], points: FloatArray) -> float:
         for facets in [ConvexHull(np.array(body.points_m)).equations]
     ]
     return float(np.min(heights, axis=0).max()) if heights else float("inf")
-
-
-def _run(words: Sequence[str]) -> tuple[int, str]:
-    """Run a command; return its exit status and its output, or its error message."""
-    try:
-        done = subprocess.run(
-            [sys.executable, "-m", "rid_daq", *words],
-            capture_output=True,
-            text=True,
-            timeout=LONGEST_S,
-            check=False,
-        )
-    except subprocess.TimeoutExpired:
-        return 124, f"still running after {LONGEST_S:g} s"
-    return done.returncode, done.stdout or done.stderr

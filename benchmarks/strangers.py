@@ -22,7 +22,6 @@ import json
 import os
 import re
 import statistics
-import subprocess
 import sys
 import tempfile
 import time
@@ -31,6 +30,7 @@ from pathlib import Path
 from typing import Final
 
 from benchmarks.meshed_arms import try_meshes
+from benchmarks.program_run import ended_programs_s, run_program
 
 INITIALISED_BAR: Final = 0.95
 VALIDATED_BAR: Final = 0.90
@@ -85,7 +85,7 @@ def drive(name: str, urdf: Path, folder: Path) -> UrdfResult:
         "validation": ["record", cell, str(folder / "validation.yaml"), *runs],
         "identify": ["identify", "motion", *runs],
     }
-    before_s = _children_s()
+    before_s = ended_programs_s()
     for step in STEPS:
         if step == "validate":
             models = sorted((folder / "runs").glob("*/model.json"))
@@ -103,29 +103,14 @@ def drive(name: str, urdf: Path, folder: Path) -> UrdfResult:
             )
             result.stopped_by = f"{step}, exit {code}: {reason}"
             break
-    result.cpu_s = _children_s() - before_s
+    result.cpu_s = ended_programs_s() - before_s
     return result
 
 
-def _children_s() -> float:
-    """Return the processor time of all commands that have ended [s]."""
-    times = os.times()
-    return times.children_user + times.children_system
-
-
 def _run(words: list[str]) -> tuple[int, str]:
-    """Run a command; return its exit status and its output."""
-    try:
-        done = subprocess.run(
-            [sys.executable, "-m", "rid_daq", *words],
-            capture_output=True,
-            text=True,
-            timeout=LONGEST_STEP_S,
-            check=False,
-        )
-    except subprocess.TimeoutExpired:
-        return 124, f"still running after {LONGEST_STEP_S:g} s"
-    return done.returncode, done.stdout + done.stderr
+    """Run a command; return its exit status, and its output with its messages."""
+    code, output, messages = run_program(words, LONGEST_STEP_S)
+    return code, output + messages
 
 
 def urdfs(folder: Path, only: list[str]) -> list[Path]:
