@@ -1,6 +1,5 @@
 // Parts of lit-html for the pages: templates that update only what has changed.
 export { html, nothing, render } from "lit-html";
-export { classMap } from "lit-html/directives/class-map.js";
 export { keyed } from "lit-html/directives/keyed.js";
 export { live } from "lit-html/directives/live.js";
 export { repeat } from "lit-html/directives/repeat.js";

@@ -15,7 +15,6 @@ import numpy as np
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import DataQualityError
 
-PASS_FRACTION: Final = 0.4
 PASS_ERROR: Final = 2e-4
 HALF_WIDTH: Final = 12.6
 KAISER_BETA: Final = 7.86

@@ -8,7 +8,6 @@ import numpy as np
 from pydantic import Strict
 
 from config.arrays import FloatArray
-from config.errors import ConfigError
 from config.meshes.mesh import Mesh
 from config.model import ConfigModel
 from rid_daq.robot_view.link_shapes import ShapeKind
@@ -143,32 +142,6 @@ def encode_scene(scene: RobotScene, geometry: str, detail: Detail) -> tuple[Scen
 def encode_mesh(mesh: Mesh) -> bytes:
     """Return positions as float32, then indices as uint32, little-endian."""
     return mesh.vertices_m.astype(_POSITION).tobytes() + mesh.triangles.astype(_INDEX).tobytes()
-
-
-def decode_mesh(binary: bytes, vertices: int, triangles: int) -> Mesh:
-    """Return the triangles of a binary.
-
-    Raises:
-        ConfigError: The binary has another length, a position is not finite, or an index is too
-            large.
-    """
-    cut = vertices * 3 * _POSITION.itemsize
-    wanted = cut + triangles * 3 * _INDEX.itemsize
-    if len(binary) != wanted:
-        raise ConfigError(
-            f"the geometry of {vertices} vertices and {triangles} triangles has {wanted} bytes;"
-            f" got {len(binary)}",
-            code="RID-API-ARGUMENT",
-        )
-    points = np.frombuffer(binary[:cut], _POSITION).reshape(-1, 3).astype(np.float64)
-    indices = np.frombuffer(binary[cut:], _INDEX).reshape(-1, 3).astype(np.int64)
-    if not np.isfinite(points).all() or (indices.size and indices.max() >= vertices):
-        raise ConfigError(
-            f"the geometry of {vertices} vertices contains a position that is not finite, or an"
-            " index that is too large",
-            code="RID-API-ARGUMENT",
-        )
-    return Mesh(points, indices)
 
 
 def _nested(values: FloatArray) -> Any:
