@@ -12,7 +12,6 @@ import os
 import re
 import statistics
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Sequence
@@ -44,6 +43,8 @@ PACKAGES: Final = (
     "pybullet==3.2.7",
     "airo-models==0.0.12",
 )
+INSTALL: Final = '. ./environment.sh && "$(rid_daq_uv)" pip install -q --no-deps --target "$0" "$@"'
+"""Installation by the project's uv: its environment has no pip. Arguments: folder, packages."""
 ROBOTS: Final = "cmeel.prefix/share/example-robot-data/robots"
 XACRO: Final = "rtbdata/xacro"
 """Folders below the folder into which the packages are installed."""
@@ -219,8 +220,8 @@ def _print(arm: MeshedArm, *, heading: bool) -> None:
 def install(folder: Path) -> None:
     """Install the packages with the robots, without the programs that they need."""
     if not (folder / ROBOTS).is_dir():
-        pip = [sys.executable, "-m", "pip", "install", "-q", "--no-deps", "--target", str(folder)]
-        subprocess.run([*pip, *PACKAGES], check=True)
+        words = ["bash", "-c", INSTALL, str(folder), *PACKAGES]
+        subprocess.run(words, cwd=Path(__file__).parent.parent, check=True)
 
 
 def measure(urdf: Path, folder: Path, packages: Path) -> MeshedArm:
