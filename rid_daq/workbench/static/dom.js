@@ -51,3 +51,17 @@ export function parseNumber(text) {
   const value = Number(words.replace(",", "."));
   return Number.isFinite(value) ? value : NaN;
 }
+
+// Resolves once an element is visible, or nearer to the visible part than `margin` (a share of the window, such as "50%");
+// also if `signal` aborts.
+export function seen(place, margin, signal = null) {
+  return new Promise((resolve) => {
+    const watch = new IntersectionObserver((found) => found.some((each) => each.isIntersecting) && end(), { rootMargin: margin });
+    const end = () => {
+      watch.disconnect();
+      resolve();
+    };
+    watch.observe(place);
+    signal?.addEventListener("abort", end);
+  });
+}

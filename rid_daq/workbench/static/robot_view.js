@@ -1,5 +1,5 @@
 // The 3-D view of a page: picture of the robot, its controls, and the joint table with the same values.
-import { element } from "./dom.js";
+import { element, seen } from "./dom.js";
 import { GHOST, JointRows } from "./joint_rows.js";
 import { newest, request } from "./requests.js";
 import { CELL, now, on } from "./service.js";
@@ -46,15 +46,7 @@ export class RobotView {
     section.append(element("div", { class: "view-parts" }, stage, this.table));
     section.robotView = this;
     this.say("NO LIVE DATA", "old");
-    // resolves once the section is visible, or nearly
-    this.seen = new Promise((resolve) => {
-      const watch = new IntersectionObserver((found) => {
-        if (!found.some((each) => each.isIntersecting)) return;
-        watch.disconnect();
-        resolve();
-      }, { rootMargin: "25%" });
-      watch.observe(section);
-    });
+    this.seen = seen(section, "25%");
     this.seen.then(() => {
       this.load();
       on("cell", () => this.renew());

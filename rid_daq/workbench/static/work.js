@@ -1,6 +1,6 @@
 // Shared parts of the work pages: blocks, figures, findings, choices.
 import { blockParts } from "./blocks.js";
-import { element, find, parseNumber, timeOf } from "./dom.js";
+import { element, find, parseNumber, seen, timeOf } from "./dom.js";
 import { keptChoice } from "./entries.js";
 import { showFigure } from "./figure.js";
 import { html, render } from "./lit.js";
@@ -32,22 +32,6 @@ function plots() {
   return library;
 }
 
-// Resolves once an element is visible, or less than half a window away from the visible part.
-function seen(place, signal) {
-  return new Promise((resolve) => {
-    const watch = new IntersectionObserver((found) => {
-      if (!found.some((each) => each.isIntersecting)) return;
-      watch.disconnect();
-      resolve();
-    }, { rootMargin: "50%" });
-    watch.observe(place);
-    signal.addEventListener("abort", () => {
-      watch.disconnect();
-      resolve();
-    });
-  });
-}
-
 const FIGURE_MS = 120000; // timeout of a figure: a long run on a slow link takes long
 
 // Cancel the loading of a figure.
@@ -75,7 +59,7 @@ export async function figureIn(place, url) {
   place.append(drawn);
   signal.addEventListener("abort", () => drawn.remove());
   try {
-    await seen(place, signal);
+    await seen(place, "50%", signal);
     if (signal.aborted) return;
     place.dataset.figureState = "loading";
     await plots();
