@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from config.arrays import FloatArray, IntArray
 from config.meshes.mesh import Mesh
+
+DIRECTIONS_AT_ONCE: Final = 256
+"""Limits the memory for the farthest points of a mesh: its points times this number."""
 
 
 def join_meshes(parts: Iterable[Mesh]) -> Mesh:
@@ -125,12 +130,18 @@ def coarse_hull_mesh(points: FloatArray, most_points: int) -> Mesh:
         points: Shape (points, 3). They span a volume.
         most_points: At least 6. The hull has fewer than twice as many triangles.
     """
+    from scipy.spatial import ConvexHull  # imported late: it takes 30 MB of memory
+
+    points = points[ConvexHull(points).vertices]
+    if len(points) <= most_points:
+        return hull_mesh(points)
     kept: IntArray = np.unique([*points.argmin(axis=0), *points.argmax(axis=0)])
     k = np.arange(most_points - 6) + 0.5
     height, angle = 1.0 - 2.0 * k / max(1, len(k)), np.pi * (1.0 + 5.0**0.5) * k
     level = np.sqrt(1.0 - height**2)
     directions = np.column_stack([level * np.cos(angle), level * np.sin(angle), height])
-    farthest = (points @ directions.T).argmax(axis=0)
+    blocks = np.array_split(directions, math.ceil(len(directions) / DIRECTIONS_AT_ONCE))
+    farthest = np.concatenate([(points @ block.T).argmax(axis=0) for block in blocks])
     return hull_mesh(points[np.unique([*kept, *farthest])])
 
 
