@@ -247,6 +247,9 @@ def measure(urdf: Path, folder: Path, packages: Path) -> MeshedArm:
     except ValueError:
         arm.problem = ((output or errors).strip().splitlines() or ["no output"])[-1]
         return arm
+    if "error" in document:
+        arm.problem = document["error"]["message"]
+        return arm
     arm.problem = document["obstacle"] or next(
         (note for note in document["notes"] if note.startswith("no bodies")), ""
     )
