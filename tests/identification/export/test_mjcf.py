@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -20,8 +21,6 @@ from tests.identification.export.test_description import (
     replace_fields,
     with_bodies,
 )
-
-mujoco: Any = pytest.importorskip("mujoco", reason="mujoco is not installed")
 
 ROBOTS = [
     (0, "R", None),

@@ -1,7 +1,7 @@
 """Exported files are read by third-party parsers and engines: urdfdom, MuJoCo, libsdformat.
 
-Each one is used if it is installed (`.ci/run` installs the first two): Debian's liburdfdom-tools,
-PyPI's mujoco, Debian's libsdformat-dev with a C++ compiler.
+urdfdom and libsdformat are used if they are installed, as `.ci/run` does: Debian's
+liburdfdom-tools and libsdformat-dev, the latter with a C++ compiler.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ import re
 import shutil
 import subprocess
 from pathlib import Path
-from typing import Any
 
+import mujoco
 import numpy as np
 import pytest
 
@@ -70,7 +70,6 @@ def test_urdfdom_accepts_the_urdf(model: ExportModel, tmp_path: Path) -> None:
 
 
 def test_mujoco_computes_the_same_torques_from_the_urdf(model: ExportModel) -> None:
-    mujoco: Any = pytest.importorskip("mujoco", reason="mujoco is not installed")
     built = mujoco.MjModel.from_xml_string(urdf(model))
     assert [built.joint(j).name for j in range(built.njnt)] == list(model.robot.joint_names)
     built.dof_damping[:] = built.dof_frictionloss[:] = 0.0  # links without friction

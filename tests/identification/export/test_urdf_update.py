@@ -7,8 +7,8 @@ import shutil
 import subprocess
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -149,7 +149,6 @@ def test_urdfdom_reads_the_same_tree(updated: UpdatedUrdf, tmp_path: Path) -> No
 def test_mujoco_computes_the_torques_of_the_true_arm(
     made: IdentifiedUrdf, found: ConsistentEstimate, updated: UpdatedUrdf
 ) -> None:
-    mujoco: Any = pytest.importorskip("mujoco", reason="mujoco is not installed")
     built = mujoco.MjModel.from_xml_string(updated.data.decode())
     data = mujoco.MjData(built)
     names = ("turn", "lift", "slide", "wrist")

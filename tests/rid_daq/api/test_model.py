@@ -5,8 +5,8 @@ from __future__ import annotations
 import re
 import sys
 from pathlib import Path
-from typing import Any
 
+import mujoco
 import numpy as np
 import pinocchio
 import pytest
@@ -77,7 +77,6 @@ def test_pinocchio_gets_the_same_inertias(model: Model, arm: Arm) -> None:
 
 
 def test_mujoco_gets_the_same_mass_matrix(model: Model, arm: Arm) -> None:
-    mujoco: Any = pytest.importorskip("mujoco", reason="mujoco is not installed")
     built, other = model.to_mujoco(), model.to_pinocchio()
     data = mujoco.MjData(built)
     data.qpos[:] = arm.motion(10, 1.0)[1][0]

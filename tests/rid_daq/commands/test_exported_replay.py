@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import mujoco
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -103,7 +104,6 @@ def test_the_updated_urdf_gives_the_validated_torques_in_pinocchio(replay: Repla
 
 
 def test_the_mjcf_gives_the_validated_torques_in_mujoco(replay: Replay) -> None:
-    mujoco: Any = pytest.importorskip("mujoco", reason="mujoco is not installed")
     result = exported(replay, "arm.xml", "--to", "mjcf")
     built = mujoco.MjModel.from_xml_path(str(replay.folder / "arm.xml"))
     data, found = mujoco.MjData(built), []

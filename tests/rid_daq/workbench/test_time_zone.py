@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import pytest
 
 from rid_daq.workbench.visit import _zone
@@ -22,6 +24,12 @@ def test_the_zone_of_the_environment_is_used(
 def test_a_zone_that_browsers_reject_is_replaced(
     monkeypatch: pytest.MonkeyPatch, variable: str
 ) -> None:
-    monkeypatch.setattr("os.path.realpath", lambda _path: "/usr/share/zoneinfo/right/Europe/Berlin")
+    resolve = os.path.realpath  # importing a zone's data resolves other paths
+
+    def resolve_link(path: str, **options: bool) -> str:
+        right = "/usr/share/zoneinfo/right/Europe/Berlin"
+        return right if path == "/etc/localtime" else resolve(path, **options)
+
+    monkeypatch.setattr("os.path.realpath", resolve_link)
     monkeypatch.setenv("TZ", variable)
     assert _zone() == "UTC"
