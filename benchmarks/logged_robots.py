@@ -17,7 +17,7 @@ from config.robot.robot import RobotDescription
 FINE_S: Final = 0.001
 PERIOD_S: Final = 0.008
 ENCODER_RAD: Final = 2.0 * np.pi / 2**19
-SOUND: Final = ("sound", "sound, uneven stamps", "sound, one joint moves")
+SOUND: Final = ("correct stamps", "correct, uneven stamps", "correct stamps, one joint moves")
 WRONG: Final = (
     "stamps jitter by 2.5 ms",
     "stamps jitter, v x 1.03",
@@ -187,7 +187,7 @@ def _rows(case: str, fine: int, random: np.random.Generator) -> tuple[FloatArray
     """Return the time stamps of a logger's rows, and the indices of their samples at 1 kHz."""
     n = int(fine * FINE_S / PERIOD_S) - 2
     true_s = stamps = np.arange(n) * PERIOD_S
-    if case == "sound, uneven stamps":
+    if case == "correct, uneven stamps":
         true_s = stamps = np.round(true_s + random.uniform(0.0, 0.004, n), 3)
     elif case.startswith("stamps jitter"):
         true_s = np.round(true_s + random.uniform(0.0, 0.001, n), 3)

@@ -144,8 +144,8 @@ def main() -> int:
                     "inside two sigma": round(held, 3),
                     "plain spectra": round(float(peer.max() / typical.max()), 1),
                 },
-                "bar": f"every drive within {100 * LARGEST_ERROR:g} %, truth inside two sigma in"
-                f" at least {100 * LEAST_HELD:g} %",
+                "bar": f"errors of K_p and T_i at most {100 * LARGEST_ERROR:g} % for every drive;"
+                f" true values within two sigma for at least {100 * LEAST_HELD:g} % of the drives",
                 "holds": holds,
             }
         )

@@ -217,7 +217,11 @@ Serve = Callable[..., ServedAmplifier]
 
 @pytest.fixture
 def serve_amplifier(tmp_path: Path) -> Iterator[Serve]:
-    """Return a function that serves an amplifier with faults, speed and cell-file changes."""
+    """Return a function that starts a simulated amplifier.
+
+    The function's arguments are the amplifier's faults, the true properties of the plate, the
+    amplifier's baud rate, and values that replace those of the amplifier in the cell file.
+    """
     served: list[ServedAmplifier] = []
 
     def serve(

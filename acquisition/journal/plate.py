@@ -46,7 +46,7 @@ _EVENT: Fields = (
     ("device_s", "f8", 1, "time of the event on the amplifier's clock [s]"),
     ("sequence", "i8", 1, "number of the row before which the event came"),
     ("stream", "u4", 1, "number of the stream, as in the rows"),
-    ("kind", "u2", 1, "code in the profile; 256: connection lost, 257: restored"),
+    ("kind", "u2", 1, "0 to 255: event number of the profile; 256: connection lost, 257: restored"),
     ("detail", "u2", 1, "detail of the event, as the profile defines it"),
 )
 

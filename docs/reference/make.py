@@ -12,8 +12,9 @@ import json
 import os
 import re
 import typing
+from enum import Enum
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
@@ -310,6 +311,15 @@ def _bounds(metadata: list[Any]) -> str:
     return f" ({', '.join(words)})" if words else ""
 
 
+_WORDS: Final = {
+    float: "number",
+    int: "whole number",
+    str: "text",
+    bool: "true or false",
+    type(None): "none",
+}
+
+
 def _kind(annotation: Any) -> tuple[str, list[type[BaseModel]]]:
     """Return a description of a type annotation in words, and the models in the annotation."""
     if inspect.isclass(annotation) and issubclass(annotation, BaseModel):
@@ -324,8 +334,9 @@ def _kind(annotation: Any) -> tuple[str, list[type[BaseModel]]]:
         metadata = [m for a in arguments[1:] for m in getattr(a, "metadata", [a])]
         return word + _bounds(metadata), models
     if not arguments:
-        words = {float: "number", int: "whole number", str: "text", bool: "true or false"}
-        return words.get(annotation, "none"), []
+        if inspect.isclass(annotation) and issubclass(annotation, Enum):
+            return " or ".join(f"`{member.value}`" for member in annotation), []
+        return _WORDS[annotation], []
     parts = [_kind(a) for a in arguments if a is not Ellipsis]
     models = [model for _, found in parts for model in found]
     if origin is dict:

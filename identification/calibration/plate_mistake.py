@@ -26,8 +26,10 @@ class PlateMistake(ConfigModel):
     Attributes:
         kind: Kind of the mistake.
         key: The wrong key of the cell file's `plate`.
-        stated, right: The stated value, and the value that explains the measurement; for
-            sensitivities the factors, for an order the channels' numbers.
+        stated: Value of the cell file; for sensitivities a 1 for each affected channel, for an
+            order the channels' numbers.
+        right: Value that explains the measurement; for sensitivities the factors by which the
+            readings of these channels must be multiplied, for an order the channels' numbers.
         times_better: Largest factor by which the correction reduces the residual of a component of
             the wrench; 1 if only the arm's weight reveals the mistake.
         sentence: The finding in words.

@@ -292,9 +292,12 @@ class _Lines:
         return np.asarray(vector - axis * (vector @ axis))
 
     def gaps(self, other: _Lines) -> tuple[FloatArray, FloatArray]:
-        """Return sines of the angles, and distances of the points to other lines, (n, 3) each.
+        """Compare each line with the line of the same number in `other`.
 
-        The place of an axis along which a joint slides has no effect: its distance is zero.
+        Return two arrays of vectors, (n, 3) each. The lengths of the first are the sines of the
+        angles between the two directions; those of the second are the distances of this line's
+        point from the other line. The place of an axis along which a joint slides has no effect:
+        its distance is zero.
         """
         across = np.cross(self.points - other.points, other.directions)
         across[self.slides] = 0.0

@@ -68,7 +68,8 @@ def write_dynamics(editor: XmlEditor, joint: XmlElement, damping: float, frictio
 
 
 _Values = Mapping[str, tuple[FloatArray, float]]
-"""Wanted numbers of each attribute, and the size to which a difference is relative."""
+"""By attribute: the numbers to write, and a magnitude; smaller differences than `UNCHANGED` times
+this magnitude leave the attribute's text as it is."""
 
 
 def _write(editor: XmlEditor, parent: XmlElement, tag: str, values: _Values) -> None:

@@ -162,7 +162,10 @@ class PayloadSearch:
         return like.model_copy(update={"joints": joints})
 
     def coefficients_of(self, motion: FourierMotion) -> FloatArray:
-        """Return offset, sines and cosines of a motion, (n, 1 + 2 N)."""
+        """Return the Fourier coefficients of each joint of a motion, (n, 1 + 2 N).
+
+        A row has the offset, N sine and N cosine coefficients.
+        """
         n = self.harmonics
         rows = np.zeros((len(motion.joints), 1 + 2 * n))
         for row, joint in zip(rows, motion.joints, strict=True):

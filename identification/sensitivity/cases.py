@@ -109,7 +109,7 @@ def thesis_motion(
 def thesis_cases(axes: int, share: float = SHARE, bias_nm: float = -12.0) -> list[SensitivityCase]:
     """Return the rows of table 5.3 for an arm of `axes` axes.
 
-    Torque constants, links and coupling are wrong by the relative error `share`. For arms without
+    Torque constants and links are wrong by the relative error `share`. For arms without
     six axes, axis 3 is the first that lifts, and groups end with the last axis.
 
     Args:

@@ -207,7 +207,11 @@ def test_a_node_id_of_two_devices_is_refused_before_motion(
 def test_damaged_frames_of_any_kind_end_in_a_typed_error(
     serve: Any, motion: MotionSamples, seed: int, when: dict[str, int], measured: Measured
 ) -> None:
-    """Flip bits and change lengths of all kinds of frames; any other exception fails this test."""
+    """Flip bits and change lengths of all kinds of frames.
+
+    The motion must end with a stop reason or a `RidDaqError`, without power and at rest. Every
+    other exception fails this test.
+    """
     damage = [
         {"kind": "corrupt", "frames": "any", "probability": 0.02, **when},
         {"kind": "wrong_length", "frames": "any", "probability": 0.01, "length": seed, **when},

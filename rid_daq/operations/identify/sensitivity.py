@@ -71,7 +71,7 @@ class SensitivityRequest(Request):
         Field(
             ge=0.001,
             le=90.0,
-            description="Relative error of the assumed values in the table.",
+            description="Relative error of the assumed torque constants and link parameters.",
         ),
         Option(flag="share", unit="%"),
     ] = 10.0

@@ -13,7 +13,7 @@ export class DrawingLabels {
     this.labels = [];
   }
 
-  // Add a label at a place of a group; it is shown while the layer is shown.
+  // Add a label at the position `at` in the frame of a three.js group; hiding the drawing's layer `layer` hides it.
   add(text, group, at, layer) {
     const anchor = new Object3D();
     anchor.position.copy(at);

@@ -17,7 +17,8 @@ const LEASE_S = 15;
 const PATIENCE_MS = 10000;
 const RENEW_MS = 2000;
 const AGAIN_MS = 500;
-// Both channels have a heartbeat; a lost connection is shown within 2 s.
+// Two channels are watched: the WebSocket by its heartbeat, requests by probe requests. While the page is visible, the
+// loss of one is shown within 2 s.
 const WATCH_MS = 100;
 const STOOD_MS = 400; // a longer time between two checks means that this page was suspended
 const STALE_MS = 1850; // time without a message after which a channel counts as lost
@@ -30,7 +31,8 @@ const KEY = `rid-daq lease ${page.cell}`;
 export const CELL = `/cells/${encodeURIComponent(page.cell)}`;
 
 // Send a request to the API: ask("POST", "/cells/ir361/lease", {note}), with the lease key if we hold the cell.
-// A GET waits while AT_ONCE other requests are running; other methods do not wait. `signal` cancels the request.
+// At most AT_ONCE GETs run at the same time; further ones wait. Other methods, and a GET with `urgent`, never wait and
+// are not counted. `signal` cancels the request.
 export function ask(method, path, body = undefined, patienceMs = PATIENCE_MS, key = lease.key, more = {}) {
   const headers = { "x-rid-daq": "page", "content-type": "application/json" };
   if (key) headers["x-rid-daq-lease"] = key;

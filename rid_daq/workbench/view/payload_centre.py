@@ -1,4 +1,4 @@
-"""`payload_centre`: place of a payload's centre of gravity on the drawn robot."""
+"""`payload_centre`: centre of gravity from a payload file, for the drawing of the robot."""
 
 from __future__ import annotations
 

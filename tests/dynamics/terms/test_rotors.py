@@ -101,8 +101,11 @@ class TestAppendixD:
             np.testing.assert_allclose(lumped, 0.0, atol=1e-10)
 
 
-def test_a_motor_on_the_base_acts_on_it_without_its_gear_ratio(ir361, random_motion) -> None:
-    """Rotor 1 spins about -z of the base at mu q.: the base supplies only this momentum."""
+def test_a_motor_on_the_base_acts_on_it_with_its_gear_ratio_once(ir361, random_motion) -> None:
+    """Rotor 1 turns on the base about -z at mu times the speed of joint 1.
+
+    Only the moment I_M mu a about -z acts on the base, not mu^2 a.
+    """
     q, v, a = random_motion(3, 1)
     model = with_rotors(ir361)
     wrench = base_wrench_regressor(model, q, v, a)[:, :, model.parameter_names.index("Im1")]

@@ -103,10 +103,10 @@ def test_half_a_minute_is_enough_for_a_filter_common_to_all_joints() -> None:
 
 
 def shear_thinning_recording(share: float, duration_s: float) -> SmoothedSignals:
-    """Return a recording whose joints' viscous friction has shear thinning above 0.4 rad/s.
+    """Return a recording in which shear thinning from 0.4 rad/s on replaces viscous friction.
 
     Args:
-        share: Viscous friction at low speed, relative to that of the arm.
+        share: Viscous coefficient at low speed, divided by the one of the replaced linear friction.
     """
     driven = drive("three", "sines", 1, FRICTIONS["plain"], duration_s)
     v, viscous = driven.velocity, np.array(ARMS["three"].viscous)

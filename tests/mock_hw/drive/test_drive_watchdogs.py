@@ -1,4 +1,7 @@
-"""Watchdogs of the simulated drive: for every fault the axis comes to rest."""
+"""Watchdogs of the simulated drive: what they detect, and how the axis then comes to rest.
+
+Without a configured watchdog the axis keeps moving.
+"""
 
 from __future__ import annotations
 

@@ -134,7 +134,10 @@ def test_a_deleted_or_truncated_recording_stops_the_motion(
     disturb: Disturb,
     became: str,
 ) -> None:
-    """The motion is periodic, so in lock-step it waits for the process that reads the recording."""
+    """In lock-step, the simulated time waits after each period until the program has judged it.
+
+    So the motion cannot end before the change is noticed.
+    """
     change_during_motion(disturb)
     words = ["record", str(workshop / "cell.yaml"), str(workshop / "motion.yaml")]
     assert run([*words, "--runs", str(tmp_path)]) == 7

@@ -272,7 +272,7 @@ def test_too_many_streams_are_refused_with_retry_after(tmp_path: Path) -> None:
         assert (await made.ask(GET))[0] == 200
         async with unix_connect(str(made.path), uri="ws://x/ws") as here:
             await here.send("from here")
-            assert await here.recv() == "from here", "the other listener has separate places"
+            assert await here.recv() == "from here", "each listener has its own limit of streams"
         made.until.set()
         for reader, writer in viewers:
             assert b"data: last" in await read_to_end(reader), (
