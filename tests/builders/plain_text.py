@@ -202,10 +202,17 @@ def words(path: Path) -> int:
     return sum(len(passage.text.split()) for passage in passages(path))
 
 
+_BUILT: Final = {ROOT / "rid_daq" / "site", ROOT / "rid_daq" / "workbench" / "bundled"}
+
+
 def files(folder: Path) -> list[Path]:
-    """Return the files with texts below a folder, or the file itself."""
+    """Return the files with texts below a folder, or the file itself; none that a build made."""
     found = [folder] if folder.is_file() else sorted(folder.rglob("*"))
-    return [each for each in found if each.suffix in (".py", *_PAGES) and each.is_file()]
+    return [
+        each
+        for each in found
+        if each.suffix in (".py", *_PAGES) and each.is_file() and not _BUILT & set(each.parents)
+    ]
 
 
 def main() -> None:

@@ -1,8 +1,9 @@
 """Draw texts for a panel of readers: `python -m tests.builders.random_texts [COUNT [FOLDER ...]]`.
 
 The seed is the hash of the last commit. Each kind of text is drawn equally often: docstrings of the
-packages and of tests, messages and comments, pages, documents, decision records, data files. The
-place of each text is printed, so that the readers' answers can be compared with the code.
+packages and of tests, messages and comments of the packages, pages, documents, decision records,
+data files. The place of each text is printed, so that the readers' answers can be compared with the
+code.
 """
 
 from __future__ import annotations
@@ -39,6 +40,8 @@ def texts(path: Path) -> Iterator[Passage]:
         words = re.findall(r"[A-Za-z]{2,}", re.sub(r"\$?\{[^}]*\}", "", passage.text))
         if len(words) < _FEWEST_WORDS or re.match(r"\W*<", passage.text):
             continue
+        if path.suffix == ".py" and "tests" in path.parts and not passage.is_docstring:
+            continue  # inputs and expected parts of messages
         if path.suffix != ".js" or not _CODE.search(passage.text):
             yield passage
 
