@@ -2,6 +2,7 @@
 import { element } from "./dom.js";
 
 const STRIP_PX = 40; // height of the strip's drawing
+const FINENESS = 4; // points of the strip for each interval, so that bars of unequal intervals have no gaps
 const WIDE = 3; // clearances up to this multiple of the margin are marked
 const LEAST_MARGIN = 0.01; // for the scale of the strip [m]
 const DEGREES = 180 / Math.PI;
@@ -115,8 +116,8 @@ export class MotionPlayer {
     const colour = (value) => style.getPropertyValue(value < margin ? "--bad" : value < WIDE * margin ? "--wait" : "--good");
     const most = 2 * WIDE * Math.max(margin, LEAST_MARGIN); // larger clearances have the full height
     const height = (value) => (STRIP_PX * Math.min(most, Math.max(0.02 * most, value))) / most;
-    this.strip.width = distances.length;
-    const place = (time) => (this.strip.width * (time - times[0])) / (times.at(-1) - times[0]);
+    this.strip.width = FINENESS * distances.length;
+    const place = (time) => Math.round((this.strip.width * (time - times[0])) / (times.at(-1) - times[0]));
     distances.forEach((value, i) => {
       pen.fillStyle = colour(value);
       pen.fillRect(place(times[i]), STRIP_PX - height(value), place(times[i + 1]) - place(times[i]), height(value));
