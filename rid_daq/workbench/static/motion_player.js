@@ -1,5 +1,5 @@
 // Playback of a planned motion in the 3-D view: play button, time slider, strip of the clearance.
-import { element } from "./dom.js";
+import { element, timeOf } from "./dom.js";
 
 const STRIP_PX = 40; // height of the strip's drawing
 const FINENESS = 4; // points of the strip for each interval, so that bars of unequal intervals have no gaps
@@ -24,7 +24,8 @@ export class MotionPlayer {
     this.strip = element("canvas", { role: "img", height: String(STRIP_PX) });
     this.nearest = element("p", { class: "clearance" });
     this.accuracy = element("p", { class: "problem" });
-    this.controls = element("div", { class: "player", hidden: true }, this.button, this.slider, this.clock, this.strip, this.accuracy);
+    this.start = element("p", { class: "soft" });
+    this.controls = element("div", { class: "player", hidden: true }, this.button, this.slider, this.clock, this.strip, this.start, this.accuracy);
     view.picture.after(this.controls, this.nearest);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.drawStrip());
   }
@@ -34,15 +35,16 @@ export class MotionPlayer {
     this.pause();
     this.motion = motion;
     this.controls.hidden = motion === null;
-    this.accuracy.textContent = this.nearest.textContent = "";
+    this.nearest.textContent = "";
     this.nearest.classList.remove("problem");
     this.view.showPath(motion?.path_m ?? []);
     if (motion === null) return;
-    this.slider.max = String(motion.times_s.at(-1));
+    [this.slider.min, this.slider.max] = [motion.times_s[0], motion.times_s.at(-1)].map(String);
     this.strip.hidden = motion.clearance === null;
     this.accuracy.textContent = motion.is_accurate ? "" : accuracyOf(motion);
+    this.start.textContent = startOf(motion.approach);
     this.drawStrip();
-    this.seek(0);
+    this.seek(motion.times_s[0]);
   }
 
   // Say why there is no motion.
@@ -57,7 +59,7 @@ export class MotionPlayer {
     let before = performance.now();
     this.isPlaying = true;
     this.button.textContent = "Pause";
-    if (this.time >= end) this.time = 0;
+    if (this.time >= end) this.time = this.motion.times_s[0];
     const step = () => {
       if (!this.isPlaying) return;
       const at = performance.now();
@@ -135,6 +137,9 @@ function intervalOf(times, time) {
   const next = times.findIndex((each) => each > time);
   return next < 0 ? times.length - 2 : Math.max(0, next - 1);
 }
+
+const startOf = ({ source, at_s: at, problem }) =>
+  problem ? `The approach is not shown: ${problem}.` : `Times below 0 are the approach, from the pose of ${source}, ${timeOf(at)}.`;
 
 function accuracyOf({ deviation_rad: angle, deviation_m: length }) {
   const parts = [angle > 0 && `${(DEGREES * angle).toFixed(1)}°`, length > 0 && `${(1000 * length).toFixed(1)} mm`];

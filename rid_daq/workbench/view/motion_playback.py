@@ -9,14 +9,17 @@ from typing import Final
 
 import numpy as np
 
-from acquisition.motion.samples import MotionSamples, Phase
+from acquisition.motion.approach import approach
+from acquisition.motion.samples import Phase
 from config.arrays import FloatArray, IntArray
+from config.errors import ConfigError
 from config.load import LoadedCell
 from dynamics.geometry.clearances import Clearances
 from dynamics.geometry.closest_approach import closest_approaches
 from dynamics.geometry.kinematics import Chain, forward
 from rid_daq.operations.cell_files import read_motion_for
 from rid_daq.workbench.view.playback_rows import choose_rows, deviations
+from rid_daq.workbench.view.resting_pose import RestingPose
 
 INTERVALS: Final = 600
 """Largest number of equal intervals in which clearances are shown."""
@@ -73,7 +76,7 @@ class MotionPlayback:
     """Poses of a motion, with straight lines between them; a periodic motion has one period.
 
     Attributes:
-        times_s: Shape (poses,). Times since the motion's begin.
+        times_s: Shape (poses,). Times since the motion's begin; negative in the approach.
         position: Shape (poses, joints). Positions [rad or m].
         path_m: Shape (poses, 3). The tool point in the base frame.
         phases: Parts of the motion: time of the begin and name.
@@ -83,6 +86,8 @@ class MotionPlayback:
         clearance: The clearances; None if the robot file has no bodies, because then no distance is
             known.
         periods: Number of periods of the whole motion; 0 if it is not periodic.
+        start: Pose from which the robot approaches the motion.
+        no_approach: Reason why there is no approach; empty if there is one.
     """
 
     times_s: FloatArray
@@ -93,6 +98,8 @@ class MotionPlayback:
     deviation_m: float
     clearance: MotionClearance | None
     periods: int
+    start: RestingPose
+    no_approach: str
 
     def document(self) -> dict[str, object]:
         """Return the motion for a page."""
@@ -106,11 +113,18 @@ class MotionPlayback:
             "is_accurate": self.deviation_rad <= ANGLE_RAD and self.deviation_m <= LENGTH_M,
             "clearance": None if self.clearance is None else self.clearance.document(),
             "periods": self.periods,
+            "approach": {
+                "source": self.start.source,
+                "at_s": self.start.at_s,
+                "problem": self.no_approach,
+            },
         }
 
 
-def motion_playback(cell: LoadedCell, path: Path, most_poses: int = MOST_POSES) -> MotionPlayback:
-    """Return a motion file for playback.
+def motion_playback(
+    cell: LoadedCell, path: Path, start: RestingPose, most_poses: int = MOST_POSES
+) -> MotionPlayback:
+    """Return a motion file for playback, with the approach from the robot's present pose.
 
     Every sample of the motion is within `ANGLE_RAD` or `LENGTH_M` of the straight lines between the
     poses, and within `PATH_M` of the path, unless this needs more than `most_poses`.
@@ -118,6 +132,7 @@ def motion_playback(cell: LoadedCell, path: Path, most_poses: int = MOST_POSES) 
     Args:
         cell: The cell that will execute the motion.
         path: The file.
+        start: The newest known pose of the robot.
         most_poses: Largest number of poses.
 
     Raises:
@@ -125,49 +140,65 @@ def motion_playback(cell: LoadedCell, path: Path, most_poses: int = MOST_POSES) 
             limit.
     """
     motion = read_motion_for(path, cell)
-    planned = motion.plan(cell.robot, cell.config.cycle_time_s)
+    period_s = cell.config.cycle_time_s
+    planned = motion.plan(cell.robot, period_s)
     samples = planned.whole(1)
-    last = len(samples.position) - 1
+    way, no_approach = _approach(cell, start, samples.position[0])
+    position = np.concatenate([way, samples.position])
+    last = len(position) - 1
+    times_s = (np.arange(last + 1) - len(way)) * period_s
     edges = np.unique(np.linspace(0, last, min(last, INTERVALS) + 1).round().astype(np.intp))
-    clearance = _clearance(cell, samples, edges)
-    kept = edges
-    if clearance is not None:
-        kept = np.union1d(edges, round(clearance.least_at_s / samples.sample_period_s))
+    clearance, nearest = _clearance(cell, position, edges, times_s)
     chain = Chain.from_description(cell.robot)
-    parts = np.array_split(samples.position, math.ceil(len(samples.position) / ROWS_AT_ONCE))
+    parts = np.array_split(position, math.ceil(len(position) / ROWS_AT_ONCE))
     tool = np.concatenate([forward(chain, part) for part in parts])
     permitted = np.where(chain.prismatic, LENGTH_M, ANGLE_RAD)
-    track = np.hstack([samples.position / permitted, tool / PATH_M])
+    track = np.hstack([position / permitted, tool / PATH_M])
+    kept = np.unique([*edges, *nearest, len(way)])
     rows = choose_rows(track, kept, most_poses)
-    deviation = deviations(samples.position, rows)
+    deviation = deviations(position, rows)
+    phase = np.concatenate([np.full(len(way), Phase.APPROACH), samples.phase])
+    begins = np.flatnonzero(np.diff(phase, prepend=-1))
     return MotionPlayback(
-        times_s=rows * samples.sample_period_s,
-        position=samples.position[rows],
+        times_s=times_s[rows],
+        position=position[rows],
         path_m=tool[rows],
-        phases=_phases(samples),
+        phases=tuple((float(times_s[row]), _PHASES[Phase(phase[row])]) for row in begins),
         deviation_rad=float(deviation[~chain.prismatic].max(initial=0.0)),
         deviation_m=float(deviation[chain.prismatic].max(initial=0.0)),
         clearance=clearance,
         periods=planned.periods,
+        start=start,
+        no_approach=no_approach,
     )
 
 
-def _clearance(cell: LoadedCell, samples: MotionSamples, edges: IntArray) -> MotionClearance | None:
+def _approach(cell: LoadedCell, start: RestingPose, end: FloatArray) -> tuple[FloatArray, str]:
+    """Return the rows of an approach without its end, (rows, n), and why there is none."""
+    none = np.zeros((0, len(end)))
+    if start.position is None:
+        return none, "no pose of the robot is known: check the cell"
+    try:
+        way = approach(np.array(start.position), end, cell.robot, cell.config.cycle_time_s)
+    except ConfigError as error:
+        return none, str(error)
+    return way.position[:-1], ""
+
+
+def _clearance(
+    cell: LoadedCell, position: FloatArray, edges: IntArray, times_s: FloatArray
+) -> tuple[MotionClearance | None, tuple[int, ...]]:
+    """Return the clearances, and the sample with the smallest one."""
     clearances = Clearances.of(cell.robot, cell.config.workspace)
     if not cell.robot.bodies or len(clearances) == 0:
-        return None
-    found = closest_approaches(clearances, samples.position, edges)
-    return MotionClearance(
-        times_s=edges * samples.sample_period_s,
+        return None, ()
+    found = closest_approaches(clearances, position, edges)
+    nearest = int(found.row[found.distance_m.argmin()])
+    clearance = MotionClearance(
+        times_s=times_s[edges],
         distance_m=found.distance_m,
         pairs=tuple(clearances.names[pair] for pair in found.pair),
-        least_at_s=float(found.row[found.distance_m.argmin()] * samples.sample_period_s),
+        least_at_s=float(times_s[nearest]),
         margin_m=clearances.margin_m,
     )
-
-
-def _phases(samples: MotionSamples) -> tuple[tuple[float, str], ...]:
-    begins = np.flatnonzero(np.diff(samples.phase, prepend=samples.phase[0] + 1))
-    return tuple(
-        (float(row * samples.sample_period_s), _PHASES[Phase(samples.phase[row])]) for row in begins
-    )
+    return clearance, (nearest,)
