@@ -146,7 +146,7 @@ def motion_playback(
     way, no_approach = _approach(cell, start, samples.position[0])
     position = np.concatenate([way, samples.position])
     last = len(position) - 1
-    times_s = (np.arange(last + 1) - len(way)) * period_s
+    times_s: FloatArray = np.arange(-len(way), len(samples.position), dtype=np.float64) * period_s
     edges = np.unique(np.linspace(0, last, min(last, INTERVALS) + 1).round().astype(np.intp))
     clearance, nearest = _clearance(cell, position, edges, times_s)
     chain = Chain.from_description(cell.robot)
@@ -174,7 +174,7 @@ def motion_playback(
 
 
 def _approach(cell: LoadedCell, start: RestingPose, end: FloatArray) -> tuple[FloatArray, str]:
-    """Return the rows of an approach without its end, (rows, n), and why there is none."""
+    """Return the rows of an approach without its end, (rows, n), and the reason without one."""
     none = np.zeros((0, len(end)))
     if start.position is None:
         return none, "no pose of the robot is known: check the cell"
