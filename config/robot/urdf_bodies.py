@@ -18,6 +18,7 @@ from config.robot.bodies import Body, Capsule, Hull, Point
 from config.robot.urdf_meshes import LARGEST, LinkMeshes, read_link_meshes
 
 CYLINDER_CORNERS: Final = 16
+THINNEST: Final = 1e-5
 LONGEST_NAME: Final = 80
 MOST_PIECES: Final = 4
 MOST_PIECES_OF_BASE: Final = 6
@@ -175,7 +176,11 @@ def _named(link: str, bodies: Sequence[Body]) -> list[Body]:
 
 
 def body_of_primitive(link: int, name: str, part: UrdfPrimitive, place: FloatArray) -> Body:
-    """Return the body of a primitive with a pose (4, 4) in the frame of a link."""
+    """Return the body of a primitive with a pose (4, 4) in the frame of a link.
+
+    A box or cylinder that is thinner than `THINNEST` of its largest size becomes that thick,
+    because a body must have a volume.
+    """
     if part.shape == "sphere":
         centre = _point(place[:3, 3])
         return Capsule(
@@ -186,11 +191,12 @@ def body_of_primitive(link: int, name: str, part: UrdfPrimitive, place: FloatArr
             end_m=centre,
             radius_m=part.size[0],
         )
+    thinnest = THINNEST * max(part.size)
     if part.shape == "box":
-        x, y, z = (0.5 * side for side in part.size)
+        x, y, z = (0.5 * max(side, thinnest) for side in part.size)
         corners = [(sx * x, sy * y, sz * z) for sx in (-1, 1) for sy in (-1, 1) for sz in (-1, 1)]
     else:  # a cylinder: the prism that encloses it
-        radius, length = part.size
+        radius, length = (max(size, thinnest) for size in part.size)
         angles = 2.0 * np.pi * np.arange(CYLINDER_CORNERS) / CYLINDER_CORNERS
         r = radius / np.cos(np.pi / CYLINDER_CORNERS)
         corners = [

@@ -51,7 +51,7 @@ def drawings_of_urdf(
 
     Returns:
         The drawings, base first; empty if no mesh was read. A note names the meshes that were not
-        read.
+        read, also if there are no others.
     """
     drawings, refused = [], []
     for number, names in enumerate(carried):
@@ -74,7 +74,6 @@ def drawings_of_urdf(
                 for part in shown.primitives
             ]
         drawings.append(LinkDrawing(tuple(meshes), tuple(bodies)))
-    if not any(drawing.meshes for drawing in drawings):
-        return (), []
     notes = [f"meshes that are not drawn, because they were not read: {', '.join(refused)}"]
-    return tuple(drawings), notes if refused else []
+    has_meshes = any(drawing.meshes for drawing in drawings)
+    return tuple(drawings) if has_meshes else (), notes if refused else []

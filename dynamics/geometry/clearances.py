@@ -12,42 +12,17 @@ import numpy as np
 
 from config.arrays import FloatArray, IntArray
 from config.errors import ConfigError
-from config.robot.bodies import Body, Box, Capsule, Plane, Workspace
+from config.robot.bodies import Workspace
 from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain, link_transforms, point_jacobian
+from dynamics.geometry.solids import Solid, ball, body_solid, box_solids, plane_solid
 
 POINT_RADIUS_M = 1e-4
 _ROUNDED_M = 1e-9
 
 
 @dataclass(frozen=True)
-class _Solid:
-    """A collision shape (of the library coal), the link that carries it, and its pose on the link.
-
-    A capsule encloses the shape: all points within `radius` of a line segment, whose middle is
-    `centre` and whose ends are `centre` ± `half`. Solids of the workspace have no capsule. `body`
-    is the name of the body in the robot file; empty for solids of the workspace. All points within
-    `margin` of the shape belong to the solid.
-    """
-
-    name: str
-    link: int
-    shape: coal.CollisionGeometry
-    rotation: FloatArray
-    centre: FloatArray
-    half: FloatArray
-    radius: float
-    body: str = ""
-    margin: float = 0.0
-
-    @property
-    def reach(self) -> float:
-        """Radius of the sphere around `centre` that encloses the capsule [m]."""
-        return self.radius + float(np.linalg.norm(self.half))
-
-
-@dataclass(frozen=True)
-class _Touch:
+class Touch:
     """Distances of pairs of solids, nearest points on both, normals from first to second solid."""
 
     distance: FloatArray
@@ -72,7 +47,7 @@ class Clearances:
     """
 
     chain: Chain
-    pairs: tuple[tuple[_Solid, _Solid], ...]
+    pairs: tuple[tuple[Solid, Solid], ...]
     margin_m: float
 
     @classmethod
@@ -80,7 +55,7 @@ class Clearances:
         """Return the pairs to check for a robot's bodies and the solids of a cell's workspace."""
         workspace = workspace or Workspace()
         chain = Chain.from_description(robot)
-        bodies = [_body_solid(body, number) for number, body in enumerate(robot.bodies, start=1)]
+        bodies = [body_solid(body, number) for number, body in enumerate(robot.bodies, start=1)]
         touching = {frozenset(pair) for pair in robot.may_touch}
         pairs = [
             (first, second)
@@ -88,12 +63,12 @@ class Clearances:
             if abs(first.link - second.link) > 1
             and frozenset((first.body, second.body)) not in touching
         ]
-        around = [_plane_solid(plane) for plane in workspace.planes]
+        around = [plane_solid(plane) for plane in workspace.planes]
         for box in workspace.boxes:
-            around += _box_solids(box)
+            around += box_solids(box)
         moving = [body for body in bodies if body.link > 0]
         if around and not moving:
-            moving = [_ball("the tool point", chain.n, chain.tool_m, POINT_RADIUS_M)]
+            moving = [ball("the tool point", chain.n, chain.tool_m, POINT_RADIUS_M)]
         pairs += [(outside, body) for outside in around for body in moving]
         return cls(chain, tuple(pairs), workspace.clearance_m)
 
@@ -111,14 +86,14 @@ class Clearances:
         The distance is negative if the two solids overlap.
         """
         links = link_transforms(self.chain, q)
-        bounds = self._bounds(links)
+        bounds = self.lower_bounds(links)
         nearest = np.full(len(self), np.inf)
         for column in range(len(self)):
             order = np.argsort(bounds[:, column])
             for rows in np.array_split(order, math.ceil(len(order) / 8)):
                 if bounds[rows[0], column] >= nearest[column]:
                     break
-                found = self._measure(links, rows, np.full(len(rows), column)).distance
+                found = self.measure(links, rows, np.full(len(rows), column)).distance
                 nearest[column] = min(nearest[column], float(found.min()))
         return nearest
 
@@ -128,9 +103,7 @@ class Clearances:
         rows, columns = self._near(links)
         return all(
             bool(
-                (
-                    self._measure(links, rows[k:][:8], columns[k:][:8]).distance >= self.margin_m
-                ).all()
+                (self.measure(links, rows[k:][:8], columns[k:][:8]).distance >= self.margin_m).all()
             )
             for k in range(0, len(rows), 8)
         )
@@ -165,7 +138,7 @@ class Clearances:
         gradient = np.zeros_like(q)
         links = link_transforms(self.chain, q)
         rows, columns = self._near(links)
-        touch = self._measure(links, rows, columns)
+        touch = self.measure(links, rows, columns)
         short = self.margin_m - touch.distance
         close = short > 0.0
         rows, columns, short = rows[close], columns[close], short[close]
@@ -176,7 +149,7 @@ class Clearances:
             np.add.at(gradient, rows, sign * short[:, np.newaxis] * along)
         return float(short @ short), gradient
 
-    def _bounds(self, links: FloatArray) -> FloatArray:
+    def lower_bounds(self, links: FloatArray) -> FloatArray:
         """Return a lower bound of the distance in each pair, (samples, pairs) [m]."""
         lines = self._lines(links)
         bounds = np.empty((len(links), len(self)))
@@ -230,15 +203,15 @@ class Clearances:
             if some[ends]:
                 yield column, np.flatnonzero(close[:, *ends])
 
-    def _solids(self) -> dict[int, _Solid]:
+    def _solids(self) -> dict[int, Solid]:
         """Return all solids of the pairs, each once, by the `id` of the object."""
         return {id(solid): solid for pair in self.pairs for solid in pair}
 
     def _lines(self, links: FloatArray) -> dict[int, tuple[FloatArray, FloatArray]]:
         """Return `centre` and `half` of each solid in the base frame, by the `id` of the object."""
-        return {key: _line(solid, links) for key, solid in self._solids().items()}
+        return {key: solid.line(links) for key, solid in self._solids().items()}
 
-    def _measure(self, links: FloatArray, rows: IntArray, columns: IntArray) -> _Touch:
+    def measure(self, links: FloatArray, rows: IntArray, columns: IntArray) -> Touch:
         """Compute, by the library coal, the distance of pair `columns[k]` in sample `rows[k]`."""
         distance, normals = np.empty(len(rows)), np.empty((len(rows), 3))
         points = np.empty((len(rows), 3)), np.empty((len(rows), 3))
@@ -248,9 +221,9 @@ class Clearances:
             result.clear()
             distance[k] = coal.distance(
                 first.shape,
-                _place(first, links[row]),
+                first.place(links[row]),
                 second.shape,
-                _place(second, links[row]),
+                second.place(links[row]),
                 request,
                 result,
             )
@@ -258,13 +231,13 @@ class Clearances:
             points[0][k] = result.getNearestPoint1() + first.margin * normals[k]
             points[1][k] = result.getNearestPoint2() - second.margin * normals[k]
             distance[k] -= first.margin + second.margin
-        return _Touch(distance, points, normals)
+        return Touch(distance, points, normals)
 
 
 def _bound(
-    first: _Solid,
+    first: Solid,
     line: tuple[FloatArray, FloatArray],
-    second: _Solid,
+    second: Solid,
     other: tuple[FloatArray, FloatArray],
 ) -> FloatArray:
     """Return a lower bound of the distance of two solids, (samples,) [m], from their capsules."""
@@ -278,16 +251,6 @@ def _bound(
         beyond = np.maximum(np.abs(centre - first.centre) - size, 0.0)
         return np.asarray(np.linalg.norm(beyond, axis=1) - second.radius)
     return _line_distance(*line, centre, half) - first.radius - second.radius
-
-
-def _line(solid: _Solid, links: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return `centre` and `half` of a solid in the base frame, (samples, 3) each."""
-    if solid.link == 0:
-        shape = (len(links), 3)
-        return np.broadcast_to(solid.centre, shape), np.broadcast_to(solid.half, shape)
-    link = links[:, solid.link - 1]
-    rotation, origin = link[:, :3, :3], link[:, :3, 3]
-    return np.asarray(rotation @ solid.centre + origin), np.asarray(rotation @ solid.half)
 
 
 def _line_distance(
@@ -316,84 +279,3 @@ def _clipped_quotient(numerator: FloatArray, denominator: FloatArray) -> FloatAr
     """Return numerator / denominator, limited to -1..1; 0 if the denominator is almost 0."""
     safe = np.where(denominator > 1e-12, denominator, 1.0)
     return np.clip(np.where(denominator > 1e-12, numerator / safe, 0.0), -1.0, 1.0)
-
-
-def _place(solid: _Solid, links: FloatArray) -> coal.Transform3s:
-    if solid.link == 0:
-        return coal.Transform3s(solid.rotation, solid.centre)
-    rotation, origin = links[solid.link - 1, :3, :3], links[solid.link - 1, :3, 3]
-    return coal.Transform3s(rotation @ solid.rotation, rotation @ solid.centre + origin)
-
-
-def _body_solid(body: Body, number: int) -> _Solid:
-    carrier = f"link {body.link}" if body.link else "the base"
-    name = f"{carrier}'s body {body.name or number}"
-    if isinstance(body, Capsule):
-        start, end = np.array(body.start_m), np.array(body.end_m)
-        centre, half = (start + end) / 2.0, (end - start) / 2.0
-        if not half.any():
-            return _ball(name, body.link, centre, body.radius_m, body.name)
-        shape = coal.Capsule(body.radius_m, 2.0 * float(np.linalg.norm(half)))
-        turn = _z_along(half)
-        return _Solid(name, body.link, shape, turn, centre, half, body.radius_m, body.name)
-    corners = np.array(body.points_m)
-    centre, half, radius = _enclosing_capsule(corners)
-    points = coal.StdVec_Vec3s()
-    for corner in corners:
-        points.append(corner - centre)
-    hull = coal.Convex.convexHull(points, True, "Qt")
-    radius += body.radius_m
-    return _Solid(name, body.link, hull, np.eye(3), centre, half, radius, body.name, body.radius_m)
-
-
-def _enclosing_capsule(points: FloatArray) -> tuple[FloatArray, FloatArray, float]:
-    """Return a capsule that contains points, (points, 3): its centre, half axis (3,) and radius.
-
-    Its axis has the direction in which the points extend farthest.
-    """
-    middle = points.mean(axis=0)
-    axis = np.linalg.svd(points - middle, full_matrices=False)[2][0]
-    along = (points - middle) @ axis
-    across = points - middle - along[:, np.newaxis] * axis
-    centre_across = (across.min(axis=0) + across.max(axis=0)) / 2.0
-    centre_across -= (centre_across @ axis) * axis
-    offset = np.linalg.norm(across - centre_across, axis=1)
-    radius = float(offset.max())
-    cap = np.sqrt(np.maximum(radius**2 - offset**2, 0.0))
-    low, high = float((along + cap).min()), float((along - cap).max())
-    if low > high:
-        low = high = (low + high) / 2.0
-    centre = middle + centre_across + 0.5 * (low + high) * axis
-    return centre, 0.5 * (high - low) * axis, radius
-
-
-def _ball(name: str, link: int, centre: FloatArray, radius: float, body: str = "") -> _Solid:
-    return _Solid(name, link, coal.Sphere(radius), np.eye(3), centre, np.zeros(3), radius, body)
-
-
-def _plane_solid(plane: Plane) -> _Solid:
-    """Return the half-space behind a plane as a solid that the robot must not enter."""
-    return _half_space(plane.name, np.array(plane.normal), plane.offset_m)
-
-
-def _half_space(name: str, normal: FloatArray, offset: float) -> _Solid:
-    shape = coal.Halfspace(normal, offset)
-    return _Solid(name, 0, shape, np.eye(3), np.zeros(3), np.zeros(3), math.inf)
-
-
-def _box_solids(box: Box) -> list[_Solid]:
-    low, high = np.array(box.min_m), np.array(box.max_m)
-    if box.keep == "out":
-        shape, centre = coal.Box(*(high - low)), (low + high) / 2.0
-        return [_Solid(box.name, 0, shape, np.eye(3), centre, np.zeros(3), math.inf)]
-    walls = [_half_space(box.name, axis, low[k]) for k, axis in enumerate(np.eye(3))]
-    return walls + [_half_space(box.name, -axis, -high[k]) for k, axis in enumerate(np.eye(3))]
-
-
-def _z_along(direction: FloatArray) -> FloatArray:
-    """Return a rotation whose third column is the direction of a vector."""
-    z = direction / np.linalg.norm(direction)
-    other = np.eye(3)[int(np.argmin(np.abs(z)))]
-    x = np.cross(other, z)
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(z, x), z])

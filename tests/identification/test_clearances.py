@@ -152,7 +152,7 @@ def test_quick_bounds_never_exceed_the_distances(robot, poses) -> None:
     )
     bodies = (*robot.bodies, lump)
     clearances = Clearances.of(robot.model_copy(update={"bodies": bodies}), workspace)
-    bounds = clearances._bounds(link_transforms(clearances.chain, poses))
+    bounds = clearances.lower_bounds(link_transforms(clearances.chain, poses))
     for q, bound in zip(poses, bounds, strict=True):
         distance = clearances.nearest(q[np.newaxis])
         # for overlapping solids coal gives a depth, and not a distance of axes

@@ -1,10 +1,11 @@
 // Playback of a planned motion in the 3-D view: play button, time slider, strip of the clearance.
-import { element } from "./dom.js";
+import { element, timeOf } from "./dom.js";
 
 const STRIP_PX = 40; // height of the strip's drawing
+const FINENESS = 4; // points of the strip for each interval, so that bars of unequal intervals have no gaps
 const WIDE = 3; // clearances up to this multiple of the margin are marked
 const LEAST_MARGIN = 0.01; // for the scale of the strip [m]
-const PATH_POINTS = 200;
+const DEGREES = 180 / Math.PI;
 
 export class MotionPlayer {
   // Add the controls of the playback below the picture of a view.
@@ -22,7 +23,9 @@ export class MotionPlayer {
     this.clock = element("output", { class: "number" });
     this.strip = element("canvas", { role: "img", height: String(STRIP_PX) });
     this.nearest = element("p", { class: "clearance" });
-    this.controls = element("div", { class: "player", hidden: true }, this.button, this.slider, this.clock, this.strip);
+    this.accuracy = element("p", { class: "problem" });
+    this.start = element("p", { class: "soft" });
+    this.controls = element("div", { class: "player", hidden: true }, this.button, this.slider, this.clock, this.strip, this.start, this.accuracy);
     view.picture.after(this.controls, this.nearest);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.drawStrip());
   }
@@ -34,12 +37,14 @@ export class MotionPlayer {
     this.controls.hidden = motion === null;
     this.nearest.textContent = "";
     this.nearest.classList.remove("problem");
-    this.view.showPath(motion === null ? [] : thinned(motion.position));
+    this.view.showPath(motion?.path_m ?? []);
     if (motion === null) return;
-    this.slider.max = String(motion.times_s.at(-1));
-    this.strip.hidden = motion.clearance_m === null;
+    [this.slider.min, this.slider.max] = [motion.times_s[0], motion.times_s.at(-1)].map(String);
+    this.strip.hidden = motion.clearance === null;
+    this.accuracy.textContent = motion.is_accurate ? "" : accuracyOf(motion);
+    this.start.textContent = startOf(motion.approach);
     this.drawStrip();
-    this.seek(0);
+    this.seek(motion.times_s[0]);
   }
 
   // Say why there is no motion.
@@ -54,7 +59,7 @@ export class MotionPlayer {
     let before = performance.now();
     this.isPlaying = true;
     this.button.textContent = "Pause";
-    if (this.time >= end) this.time = 0;
+    if (this.time >= end) this.time = this.motion.times_s[0];
     const step = () => {
       if (!this.isPlaying) return;
       const at = performance.now();
@@ -77,56 +82,66 @@ export class MotionPlayer {
     const { times_s: times, position, phases, periods } = this.motion;
     const end = times.at(-1);
     this.time = time;
-    const next = Math.max(1, times.findIndex((each) => each >= time));
-    const share = Math.min(1, Math.max(0, (time - times[next - 1]) / (times[next] - times[next - 1])));
-    const pose = position[next].map((value, i) => (1 - share) * position[next - 1][i] + share * value);
-    const row = share < 0.5 ? next - 1 : next;
+    const before = intervalOf(times, time);
+    const share = Math.min(1, Math.max(0, (time - times[before]) / (times[before + 1] - times[before])));
+    const pose = position[before + 1].map((value, i) => (1 - share) * position[before][i] + share * value);
+    const phase = phases.findLast(({ begin_s }) => begin_s <= time) ?? phases[0];
     if (Number(this.slider.value) !== time) this.slider.value = String(time);
     this.clock.textContent = `${time.toFixed(1)} of ${end.toFixed(1)} s${periods > 1 ? `, with 1 of ${periods} periods` : ""}`;
-    this.slider.setAttribute("aria-valuetext", `${time.toFixed(1)} s, ${phases[row]}`);
-    this.view.show({ position: pose, words: `PLANNED MOTION, NO LIVE DATA: ${phases[row]}.`, kind: "planned" });
-    this.describe(row);
+    this.slider.setAttribute("aria-valuetext", `${time.toFixed(1)} s, ${phase.name}`);
+    this.view.show({ position: pose, words: `PLANNED MOTION, NO LIVE DATA: ${phase.name}.`, kind: "planned" });
+    this.describe();
   }
 
-  // Show the clearance in a pose, and the smallest one of the motion.
-  describe(row) {
-    const { clearance_m: clearance, pairs, times_s: times, margin_m: margin } = this.motion;
+  // Show the clearance at the present time, and the smallest one of the motion.
+  describe() {
+    const { clearance } = this.motion;
     if (clearance === null) {
       this.nearest.textContent = "Clearance: unknown, because the robot file has no bodies.";
       return;
     }
-    const least = smallest(clearance);
-    const of = (i) => `${(1000 * clearance[i]).toFixed(0)} mm between ${pairs[i]}`;
-    const verdict = clearance[least] < margin ? ` This is less than the allowed ${(1000 * margin).toFixed(0)} mm.` : "";
-    this.nearest.textContent = `Clearance now: ${of(row)}. Smallest of the poses shown: ${of(least)}, at ${times[least].toFixed(1)} s.${verdict}`;
-    this.nearest.classList.toggle("problem", clearance[least] < margin);
+    const { times_s: times, distance_m: distances, pairs, least_at_s: at, margin_m: margin } = clearance;
+    const least = smallest(distances);
+    const of = (i) => `${(1000 * distances[i]).toFixed(0)} mm between ${pairs[i]}`;
+    const verdict = distances[least] < margin ? ` This is less than the allowed ${(1000 * margin).toFixed(0)} mm.` : "";
+    this.nearest.textContent = `Clearance now: ${of(intervalOf(times, this.time))}. Smallest of the motion: ${of(least)}, at ${at.toFixed(1)} s.${verdict}`;
+    this.nearest.classList.toggle("problem", distances[least] < margin);
   }
 
   // Draw the clearance over the time; the line is the allowed distance.
   drawStrip() {
-    const { clearance_m: clearance, margin_m: margin } = this.motion ?? { clearance_m: null };
-    if (clearance === null || clearance === undefined) return;
+    const clearance = this.motion?.clearance;
     const pen = this.strip.getContext("2d");
-    if (pen === null) return;
+    if (!clearance || pen === null) return;
+    const { times_s: times, distance_m: distances, margin_m: margin } = clearance;
     const style = getComputedStyle(this.strip);
     const colour = (value) => style.getPropertyValue(value < margin ? "--bad" : value < WIDE * margin ? "--wait" : "--good");
     const most = 2 * WIDE * Math.max(margin, LEAST_MARGIN); // larger clearances have the full height
     const height = (value) => (STRIP_PX * Math.min(most, Math.max(0.02 * most, value))) / most;
-    this.strip.width = clearance.length;
-    clearance.forEach((value, i) => {
+    this.strip.width = FINENESS * distances.length;
+    const place = (time) => Math.round((this.strip.width * (time - times[0])) / (times.at(-1) - times[0]));
+    distances.forEach((value, i) => {
       pen.fillStyle = colour(value);
-      pen.fillRect(i, STRIP_PX - height(value), 1, height(value));
+      pen.fillRect(place(times[i]), STRIP_PX - height(value), place(times[i + 1]) - place(times[i]), height(value));
     });
     pen.fillStyle = style.getPropertyValue("--ink");
-    pen.fillRect(0, STRIP_PX - height(margin), clearance.length, 1);
-    const least = smallest(clearance);
-    this.strip.setAttribute("aria-label", `clearance over time: at least ${(1000 * clearance[least]).toFixed(0)} mm`);
+    pen.fillRect(0, STRIP_PX - height(margin), this.strip.width, 1);
+    this.strip.setAttribute("aria-label", `clearance over time: at least ${(1000 * Math.min(...distances)).toFixed(0)} mm`);
   }
 }
 
 const smallest = (values) => values.reduce((best, value, i) => (value < values[best] ? i : best), 0);
 
-function thinned(rows) {
-  const step = Math.max(1, Math.ceil(rows.length / PATH_POINTS));
-  return rows.filter((_, i) => i % step === 0 || i === rows.length - 1);
+// Return the number of the interval between two of the times that contains a time.
+function intervalOf(times, time) {
+  const next = times.findIndex((each) => each > time);
+  return next < 0 ? times.length - 2 : Math.max(0, next - 1);
+}
+
+const startOf = ({ source, at_s: at, problem }) =>
+  problem ? `The approach is not shown: ${problem}.` : `Times below 0 are the approach, from the pose of ${source}, ${timeOf(at)}.`;
+
+function accuracyOf({ deviation_rad: angle, deviation_m: length }) {
+  const parts = [angle > 0 && `${(DEGREES * angle).toFixed(1)}°`, length > 0 && `${(1000 * length).toFixed(1)} mm`];
+  return `The motion is too long to be drawn exactly: joints are up to ${parts.filter(Boolean).join(" or ")} from the poses shown.`;
 }

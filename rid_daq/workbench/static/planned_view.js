@@ -55,6 +55,7 @@ export function showPlans(section, select) {
   view.seen.then(() => {
     select.addEventListener("change", load);
     on("again", load);
+    on("job", (job) => job.ended_s && (job.run || job.kind === "check") && load()); // the approach begins at another pose
     on("cell", ({ files_hash: present }) => {
       if (filesHash === "" || filesHash === present) return;
       close();

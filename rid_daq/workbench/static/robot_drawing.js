@@ -142,30 +142,27 @@ export class RobotDrawing {
     this.labels.add("centre of gravity", ball, new Vector3(0, 0, 0.6 * size), "payload");
   }
 
-  // Show the path of the tool: the positions of the joints, one row for each point.
-  showPath(rows) {
+  // Show the path of the tool: points in the base frame.
+  showPath(places) {
     if (this.removePath()) {
       this.seen = [...this.corners];
       this.box.setFromPoints(this.seen);
       this.camera.frame(this.seen, 0.5 * this.size);
     }
-    if (rows.length === 0) {
+    if (places.length === 0) {
       this.draw();
       return;
     }
-    const points = rows.map((row) => {
-      this.ghost.set(row);
-      return new Vector3().setFromMatrixPosition(this.ghost.tool.matrixWorld);
-    });
-    this.include(points);
+    const points = places.map(vectorOf);
     const line = new Line(new BufferGeometry().setFromPoints(points), new LineBasicMaterial({ color: this.paints.colour("path"), depthTest: false, transparent: true }));
     line.material.name = "path";
     this.paints.known.set("path line", line.material);
     line.renderOrder = 1;
     this.layers.path = [line];
     line.visible = !this.hidden.has("path");
-    this.stage.add(line);
-    this.show(this.position, this.target);
+    this.world.add(line);
+    this.include(points.map((each) => each.clone().applyMatrix4(this.world.matrixWorld)));
+    this.draw();
   }
 
   // Remove the path of the tool; return true if there was one.

@@ -143,10 +143,10 @@ export class RobotView {
     this.refresh();
   }
 
-  // Show the path of the tool: positions of the joints, one row for each point (none: no path).
-  showPath(rows) {
-    this.path = rows;
-    this.drawing?.showPath(rows);
+  // Show the path of the tool: points in the base frame [m] (none: no path).
+  showPath(places) {
+    this.path = places;
+    this.drawing?.showPath(places);
     if (this.drawing) this.addTools();
   }
 

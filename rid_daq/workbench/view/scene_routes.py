@@ -70,12 +70,13 @@ def send_pose(cell: OfCell, service: Service) -> JSONResponse:
 
 @router.get("/motion")
 def send_motion_playback(cell: OfCell, service: Service, file: str) -> JSONResponse:
-    """Return the poses of a motion file for playback, with their clearances."""
+    """Return the poses of a motion file for playback, with approach and clearances."""
     from rid_daq.workbench.view.motion_playback import motion_playback
 
     path = require_inside(file, service.folder)
     loaded = cell.loaded
-    document = motion_playback(loaded, path).document()
+    start = resting_pose(loaded, service.readiness.preflight(cell))
+    document = motion_playback(loaded, path, start).document()
     return JSONResponse({**document, "files_hash": loaded.files_hash})
 
 

@@ -17,7 +17,8 @@ from config.load import LoadedCell, load_cell
 from config.meshes.link_meshes_file import pack_link_meshes
 from config.meshes.mesh import Mesh
 from config.meshes.package_folders import PackageFolders
-from config.robot.urdf_robot import robot_of_urdf
+from config.robot.bodies import Hull
+from config.robot.urdf_robot import UrdfRobot, robot_of_urdf
 from dynamics.geometry.clearances import Clearances
 from rid_daq.app import run
 from rid_daq.blocks.picture import Picture
@@ -99,6 +100,44 @@ def test_primitives_are_drawn_and_missing_meshes_are_named(folder: Path, cell: L
     tree = read_urdf(file.read_bytes(), "drawn.urdf")
     made = robot_of_urdf(tree, packages=PackageFolders(file))
     assert any("not drawn" in note and "absent.stl" in note for note in made.notes)
+
+
+def robot_of(folder: Path, text: str) -> UrdfRobot:
+    """Return the robot of a URDF that is stored beside the mesh."""
+    file = write(folder / "drawn/changed.urdf", text)
+    return robot_of_urdf(read_urdf(file.read_bytes(), file.name), packages=PackageFolders(file))
+
+
+def test_missing_meshes_are_named_if_no_mesh_was_read(folder: Path) -> None:
+    made = robot_of(folder, URDF.replace("brick.stl", "lost.stl"))
+    assert made.drawings == ()
+    assert any("not drawn" in note and "lost.stl" in note for note in made.notes)
+
+
+@pytest.mark.parametrize(
+    ("shape", "sizes"),
+    [
+        ('<box size="0.3 0.2 1e-8"/>', (0.3, 0.2, 0.0)),
+        ('<cylinder radius="0.2" length="1e-8"/>', (0.4, 0.4, 0.0)),
+        ('<cylinder radius="1e-8" length="0.2"/>', (0.2, 0.0, 0.0)),
+    ],
+)
+@pytest.mark.parametrize("purpose", ["visual", "collision"])
+def test_a_thin_primitive_is_drawn_with_its_size(
+    folder: Path, purpose: str, shape: str, sizes: tuple[float, float, float]
+) -> None:
+    ball = '<visual><geometry><sphere radius="0.08"/></geometry></visual>'
+    thin = f"<{purpose}><geometry>{shape}</geometry></{purpose}>"
+    made = robot_of(folder, URDF.replace(ball, thin))
+    found = [body for body in made.robot.bodies if body.link == 2]
+    if purpose == "visual":
+        found = list(made.drawings[2].bodies)
+    (body,) = found
+    assert isinstance(body, Hull)
+    points = np.array(body.points_m) - np.mean(body.points_m, axis=0)
+    axes = np.linalg.svd(points, full_matrices=False)[2]
+    extents = sorted(np.ptp(points @ axes.T, axis=0), reverse=True)
+    np.testing.assert_allclose(extents, sizes, rtol=0.03, atol=1e-5)
 
 
 def test_init_lists_picture_and_meshes(

@@ -9,6 +9,8 @@ from playwright.sync_api import Page, Route, expect
 
 from rid_daq.workbench import static_files
 from tests.builders.bad_link import BadLink
+from tests.builders.identified_run import friction_run
+from tests.rid_daq.service.conftest import ServedProcess
 from tests.rid_daq.workbench.conftest import OpenByLink, OpenPage, go_to
 
 pytestmark = pytest.mark.slow
@@ -50,6 +52,50 @@ def test_secrets_are_not_kept(open_page: OpenPage) -> None:
     go_to(page, "Runs")
     go_to(page, "Settings")
     expect(page.locator("#pairing-code")).to_have_value("")
+
+
+def test_a_list_that_is_read_again_keeps_the_ticks_of_its_runs(
+    open_by_link: OpenByLink, link: BadLink, served_pages: ServedProcess
+) -> None:
+    runs = served_pages.folder / "runs"
+    first = friction_run(runs, "first", 7).run_id
+    page = open_by_link()
+    go_to(page, "Friction")
+    page.locator(f"#runs input[value='{first}']").check()
+    second = friction_run(runs, "second", 8).run_id
+    link.cut()
+    expect(page.locator("#reach")).to_be_visible()
+    link.mend()
+    expect(page.locator(f"#runs input[value='{second}']")).not_to_be_checked()
+    expect(page.locator(f"#runs input[value='{first}']")).to_be_checked()
+    expect(page.locator("#runs label")).to_have_count(2)
+    page.locator(f"#runs input[value='{first}']").uncheck()
+    link.cut()
+    expect(page.locator("#reach")).to_be_visible()
+    link.mend()
+    expect(page.locator("#reach")).to_be_hidden()
+    expect(page.locator("#runs input:checked")).to_have_count(0)
+
+
+def test_a_token_that_cannot_be_revoked_stays_in_the_list(
+    open_page: OpenPage, served_pages: ServedProcess, problems: list[str]
+) -> None:
+    page = open_page()
+    go_to(page, "Settings")
+    open_page()  # another paired browser
+    page.reload()
+    rows = page.locator("#tokens tbody tr")
+    before = rows.count()
+
+    def refuse(route: Route) -> None:
+        route.fulfill(status=409, json={"error": "Refused", "message": "kept by a test"})
+
+    page.route("**/tokens/*", refuse)
+    rows.last.get_by_role("button", name="Revoke").click()
+    page.get_by_role("dialog").get_by_role("button", name="Revoke").click()
+    expect(page.locator("#revoke-problem")).to_contain_text("kept by a test")
+    expect(rows).to_have_count(before)
+    problems.clear()  # the browser reports the refusal
 
 
 def outdated(page: Page) -> None:

@@ -12,6 +12,7 @@ from acquisition.runs.folder import RunFolder
 from rid_daq.operations.payload.payload_identify import KnownQuantity, VerdictLimits
 from rid_daq.operations.payload.payload_session import PayloadSessionRequest
 from rid_daq.operations.payload.session_states import SessionFile
+from tests.builders.certified import certified_session
 from tests.rid_daq.service.conftest import ServedProcess
 from tests.rid_daq.workbench.conftest import OpenPage, give_back, ready, take_cell
 
@@ -128,3 +129,24 @@ def test_a_stopped_session_can_be_resumed_without_a_reload(
     expect(page.locator("#job .verdict.end")).to_contain_text("Payload session: stopped")
     expect(page.locator(".resume")).to_have_count(2)
     expect(page.locator(".resume").first).to_be_enabled()
+
+
+def test_a_new_session_closes_the_earlier_result_and_its_entries(
+    page: Page, served_pages: ServedProcess, long_motion: str
+) -> None:
+    earlier = certified_session(served_pages.folder / "runs", "earlier").folder.run_id
+    (served_pages.folder / "long.yaml").write_text(long_motion)
+    page.goto(page.url.split("?")[0] + f"?run={earlier}")
+    expect(page.locator("#result .verdict").first).to_be_visible()
+    page.locator("#label").fill("next")
+    page.locator("#motion").select_option("long.yaml")
+    page.locator("#begin").click()
+    page.get_by_role("dialog").get_by_role("button", name="is clear: start").click()
+    expect(page.locator("[data-stage=rehearse]")).to_contain_text("now")
+    expect(page.locator("#result-card")).to_be_hidden()
+    assert earlier not in page.url
+    page.locator("#stop").click()
+    expect(page.locator("#job .verdict.end")).to_contain_text("Payload session: stopped")
+    page.reload()
+    expect(page.locator("#result-card")).to_be_hidden()
+    expect(page.locator("#label")).to_have_value("payload")  # the default
