@@ -35,7 +35,7 @@ def write_result(folder: RunFolder, result: Result) -> Path:
         page = render_report(result, before, run_robot_blocks(folder, result))
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}", code=error.refusal) from error
-    folder.write(RESULT, text.encode())
+    folder.write(RESULT, text.encode(), result.facts)
     return folder.write(REPORT, page.encode())
 
 

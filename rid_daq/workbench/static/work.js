@@ -153,7 +153,7 @@ export function offer(select, path, words = path, kind = "") {
 export const runWords = (run) => `${run.label || run.id}, ${timeOf(run.created_utc)}`;
 
 export async function completeRuns() {
-  const runs = await ask("GET", "/runs?limit=200");
+  const runs = await ask("GET", `/runs?limit=200&cell=${encodeURIComponent(document.body.dataset.cell)}`);
   return runs.filter((run) => run.kind !== "payload session" && (run.status === "complete" || run.status === "recovered"));
 }
 
