@@ -280,6 +280,7 @@ class RunSession:
         if data is not None:
             stop = None if outcome.stop is None else outcome.stop.text
             section = RunSection.of(request.role, request.sentence, data.tally, robot, stop)
+            section = section.with_traces(data.parts(), robot)
             if outcome.stop is not None:
                 tail = read_tail(outcome.path, STOP_TAIL_S)
                 curve = StopCurve.of(tail, outcome.stop, self.cell, robot)
