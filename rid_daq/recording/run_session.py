@@ -194,8 +194,8 @@ class RunSession:
                     )
                 )
                 yield run
+                folder.finish(run.status, run.facts)  # the report names the recording's SHA-256
                 write_result(folder, run.result)
-                folder.finish(run.status, run.facts)
 
     @property
     def _facts(self) -> dict[str, JsonValue]:
