@@ -9,15 +9,15 @@ const MARKS = { passed: ["good", "✓"], failed: ["bad", "✗"] };
 // Each group has a `head` and `parts`. Options: `pick` is called when a checkbox changes, `picked` has the ids that are
 // ticked, `opened` the ids of the heads whose parts are shown; `fold` is called with such an id; `cells` shows the cells.
 export function runTable(groups, { pick = null, picked = [], opened = new Set(), fold = null, cells = false } = {}) {
-  const heads = [...(pick ? ["pick"] : []), "run", "kind", "status", "verdict", ...(cells ? ["cell"] : []), "when", "report"];
+  const heads = [...(pick ? ["pick"] : []), "run", "verdict", "status", ...(cells ? ["cell"] : []), "when", "kind", "report"];
   const row = (run, isPart = false, parts = []) => keyed(run.id, html`<tr class="${BAD.includes(run.status) ? "red" : ""} ${isPart ? "member" : ""}">
     ${pick ? html`<td>${tick(run, pick, picked)}</td>` : nothing}
     <td>${name(run)}${parts.length && fold ? folder(run, parts, opened.has(run.id), fold) : nothing}</td>
-    <td>${run.kind || "–"}</td>
-    <td>${run.status}${run.reason ? html`<span class="why">${run.reason}</span>` : nothing}</td>
     <td>${verdict(run)}</td>
+    <td>${run.status}${run.reason ? html`<span class="why">${run.reason}</span>` : nothing}</td>
     ${cells ? html`<td>${run.cell || "–"}</td>` : nothing}
     <td>${run.created_utc ? timeOf(run.created_utc) : run.id}</td>
+    <td>${run.kind || "–"}</td>
     <td>${run.has_report ? report(run) : "–"}</td></tr>`);
   const group = ({ head, parts }) => [row(head, false, parts), opened.has(head.id) ? parts.map((run) => row(run, true)) : nothing];
   return html`<div class="scroll" tabindex="0" role="group" aria-label="runs"><table>

@@ -7,7 +7,8 @@ import { runTable } from "./run_table.js";
 import { isReplaced, newest } from "./requests.js";
 import { ask, lease, mayMove } from "./service.js";
 
-const panel = new JobPanel(find("job"), { ended: (job) => job.kind === "recover" && load() });
+const compared = find("compared");
+const panel = new JobPanel(find("job"), { begun: () => render(nothing, compared), ended, places: { compare: compared } });
 const search = find("search");
 const choices = ["cell", "kind", "status", "verdict"].map(find);
 const kind = find("kind");
@@ -20,6 +21,11 @@ let shown = { groups: null, total: 0, problem: "" };
 let kinds = [keptChoice(kind)].filter(Boolean);
 let picked = [];
 const opened = new Set();
+
+function ended({ kind, state }) {
+  if (kind === "recover") load();
+  if (kind === "compare" && state !== "stopped") find("job").scrollIntoView({ block: "start" });
+}
 
 const runsOf = (groups) => groups.flatMap(({ head, parts }) => [head, ...parts]);
 
