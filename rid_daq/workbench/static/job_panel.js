@@ -55,6 +55,7 @@ export class JobPanel {
   }
 
   refuse(kind, error) {
+    if (error.isShown) return; // at its field
     this.job = null;
     this.refusal = { kind, text: error.message };
     this.draw();
