@@ -20,7 +20,7 @@ ROBOT = load_robot("ir361")
 @pytest.fixture(scope="module")
 def recording() -> Recording:
     """Return a sine of 1 rad at 1 rad/s, behind its set-points by 1 mrad, with a torque peak."""
-    time_s = np.arange(ROWS) * 0.004
+    time_s = np.arange(ROWS, dtype=np.float64) * 0.004
     position = np.sin(time_s)[:, np.newaxis] * np.ones(3)
     torque = np.zeros_like(position)
     torque[PEAK, 1] = -250.0
