@@ -64,6 +64,7 @@ class RunFolder:
         *,
         kind: str = "record",
         software: dict[str, str] | None = None,
+        facts: Mapping[str, JsonValue] | None = None,
         now_ns: int | None = None,
     ) -> RunFolder:
         """Create a new, empty run folder below `root`.
@@ -73,6 +74,7 @@ class RunFolder:
             label: Label of the run for users: 1 to 64 letters, digits, spaces, `_`, `.` and `-`.
             kind: Job that makes the run: record, import, ...
             software: Names and versions of the software that makes the run.
+            facts: Facts for lists of runs that are known before the run ends.
             now_ns: Time since 1970 [ns]; default: the computer's time.
 
         Raises:
@@ -98,6 +100,7 @@ class RunFolder:
                 status=RunStatus.UNFINISHED,
                 created_utc=_format_utc(created_ns),
                 software=software or {},
+                facts=dict(facts or {}),
             )
         )
         return folder
@@ -216,8 +219,14 @@ class RunFolder:
                 found[name] = f"is not the file of run {manifest.run_id} (its SHA-256 differs)"
         return found
 
-    def write(self, name: str, data: bytes) -> Path:
+    def write(self, name: str, data: bytes, facts: Mapping[str, JsonValue] | None = None) -> Path:
         """Write or replace a file, completely or not at all, and enter it in the manifest.
+
+        Args:
+            name: Name of the file.
+            data: Its contents.
+            facts: Facts for lists of runs that follow from the file; they are added to the
+                existing ones, or replace them.
 
         Raises:
             ConfigError: The name is invalid.
@@ -231,7 +240,11 @@ class RunFolder:
         manifest = self._read_own_manifest()
         self._write(path, data)
         entry = FileEntry(sha256=hashlib.sha256(data).hexdigest(), size_bytes=len(data))
-        self._save(manifest.model_copy(update={"files": {**manifest.files, name: entry}}))
+        new = {
+            "files": {**manifest.files, name: entry},
+            "facts": {**manifest.facts, **(facts or {})},
+        }
+        self._save(manifest.model_copy(update=new))
         return path
 
     def finish(

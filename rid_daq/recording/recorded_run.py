@@ -192,6 +192,12 @@ def stop_words(outcome: RecordOutcome) -> str:
     return f"S{text[1:]}" if text.startswith("stopped ") else f"Stopped: {text}"
 
 
+def stop_facts(outcome: RecordOutcome) -> dict[str, JsonValue]:
+    """Return code and reason of a stop as facts for the manifest; empty for a complete motion."""
+    stop = outcome.stop
+    return {} if stop is None else {"stop": stop.code.name, "why": stop.text}
+
+
 def stop_document(outcome: RecordOutcome) -> dict[str, object]:
     """Return the JSON entries on a motion's end: `stop` (None if it was complete), and `notes`."""
     stop = outcome.stop

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import secrets
 import time
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -30,7 +31,7 @@ from config.simulation.faults import NO_SCRIPT, FaultScript
 from rid_daq.live.live_page import LivePage, live_page
 from rid_daq.preflight.axis_test import AxisTestRule, require_axis_test
 from rid_daq.preflight.last_pose import known_pose, store_pose
-from rid_daq.recording.recorded_run import RecordedRun, prefix_errors_with_outcome
+from rid_daq.recording.recorded_run import RecordedRun, prefix_errors_with_outcome, stop_facts
 from rid_daq.report.result import Result
 from rid_daq.report.sections.average import AverageSection
 from rid_daq.report.sections.runs import CellSection, RunSection
@@ -122,6 +123,9 @@ class RunSession:
         page: Live page that also shows the motions; None without one.
         axis_test: Result of the axis test of a real cell; empty for a simulated one.
         service: Heartbeat of the service that started the session; None without a service.
+        operator: Person or program that started the session; empty if unknown.
+        session_id: Id of the session, under which lists of runs show its runs together; empty
+            without one.
     """
 
     loaded: LoadedCell
@@ -132,6 +136,8 @@ class RunSession:
     page: LivePage | None = None
     axis_test: str = ""
     service: ServiceBeat | None = None
+    operator: str = ""
+    session_id: str = ""
 
     def record(self, request: RunRequest) -> RecordedRun:
         """Record a motion, evaluate it and write its report, also if the motion was stopped.
@@ -155,11 +161,11 @@ class RunSession:
             RecordingError: The run folder cannot be read or written; the message includes the
                 motion's outcome.
         """
-        folder = RunFolder.create(self.runs, request.label, software=software_versions())
+        folder = RunFolder.create(
+            self.runs, request.label, software=software_versions(), facts=self._facts
+        )
         with mark_unfinished(folder):
-            facts: dict[str, JsonValue] = {"robot": self.loaded.robot.name}
-            if self.axis_test:
-                facts["axis_test"] = self.axis_test
+            facts: dict[str, JsonValue] = {}
             for name, content in self.loaded.files.items():
                 folder.write(name, content)
             write_cell_origin(folder, self.loaded)
@@ -179,7 +185,7 @@ class RunSession:
             with prefix_errors_with_outcome(outcome, request.epilogue):
                 self._store_pose(folder, outcome)
                 run = self._evaluate(folder, request, outcome)
-                run.facts.update(facts, rows=outcome.rows)
+                run.facts.update(facts, rows=outcome.rows, **stop_facts(outcome))
                 run.result = run.result.with_sections(
                     timing=Timing(
                         elapsed_s=elapsed_s,
@@ -188,8 +194,20 @@ class RunSession:
                     )
                 )
                 yield run
+                folder.finish(run.status, run.facts)  # the report names the recording's SHA-256
                 write_result(folder, run.result)
-                folder.finish(run.status, run.facts)
+
+    @property
+    def _facts(self) -> dict[str, JsonValue]:
+        """Facts of every run of the session."""
+        facts: dict[str, JsonValue] = {
+            "robot": self.loaded.robot.name,
+            "cell": self.cell.name,
+            "session": self.session_id,
+            "operator": self.operator,
+            "axis_test": self.axis_test,
+        }
+        return {name: fact for name, fact in facts.items() if fact}
 
     def _known_pose(self, request: RunRequest) -> KnownPose | None:
         """Return the last known pose of the robot; None for this program's simulated devices."""
@@ -262,6 +280,7 @@ class RunSession:
         if data is not None:
             stop = None if outcome.stop is None else outcome.stop.text
             section = RunSection.of(request.role, request.sentence, data.tally, robot, stop)
+            section = section.with_traces(data.parts(), robot)
             if outcome.stop is not None:
                 tail = read_tail(outcome.path, STOP_TAIL_S)
                 curve = StopCurve.of(tail, outcome.stop, self.cell, robot)
@@ -366,4 +385,15 @@ def open_session(
         live_page(live or Live()) as page,
         hold_reachable_cell(loaded, simulation, faults) as (cell, simulated),
     ):
-        yield RunSession(loaded, cell, runs, context, simulated, page, tested, context.service)
+        yield RunSession(
+            loaded,
+            cell,
+            runs,
+            context,
+            simulated,
+            page,
+            tested,
+            context.service,
+            context.operator,
+            secrets.token_hex(8),
+        )

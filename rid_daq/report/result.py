@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final, Literal
 
-from pydantic import Field
+from pydantic import Field, JsonValue
 
 from rid_daq.report.model_file import BY_MODEL, ModelFile
 from rid_daq.report.sections.average import AverageSection
@@ -146,6 +146,17 @@ class Result(Section):
             cleared |= {"title": title, "verdict": NOTHING_JUDGED}
             cleared |= {"notes": (*(self.notes or ()), note)}
         return self.with_sections(**{**cleared, **sections, "model": model})
+
+    @property
+    def facts(self) -> dict[str, JsonValue]:
+        """Facts for lists of runs: verdict, and the model and the runs that the result uses."""
+        runs = None if self.timing is None else self.timing.run_ids
+        return {
+            "verdict": self.verdict.word,
+            "headline": self.verdict.headline,
+            "used_model": None if self.model is None else self.model.sha256,
+            "used_runs": list(runs or ()),
+        }
 
     def sections(self) -> Iterator[tuple[str, Section]]:
         """Yield name and content of each section that is present, in the order of the page."""

@@ -16,7 +16,7 @@ from rid_daq.blocks.plot import Plot
 from rid_daq.report.certificate import Certificate
 from rid_daq.report.model_file import BY_MODEL
 from rid_daq.report.result import Result
-from rid_daq.report.section_blocks.certificate import certificate_blocks
+from rid_daq.report.section_blocks.certificate import certificate_evidence, certified_values
 from rid_daq.report.section_blocks.sections import BLOCKS_BY_SECTION
 from rid_daq.report.section_blocks.verdict import check_tables
 from rid_daq.report_page.drawings.page_colours import colours
@@ -25,7 +25,10 @@ from rid_daq.terminal.console import make_printable
 
 
 def render_report(
-    result: Result, before: Result | None = None, robot: Iterable[AnyBlock] = ()
+    result: Result,
+    before: Result | None = None,
+    robot: Iterable[AnyBlock] = (),
+    head: Iterable[AnyBlock] = (),
 ) -> str:
     """Return the report of a result as HTML.
 
@@ -36,6 +39,7 @@ def render_report(
         before: The result in the run's file; None without a file. Sections of `result` that are
             equal in `before` were read from that file.
         robot: Blocks that show the robot; they follow the sections.
+        head: Blocks that identify the run; they precede the sections.
 
     Raises:
         RecordingError: A section contains numbers that cannot be shown.
@@ -53,7 +57,8 @@ def render_report(
         parts.append(_part("robot", robot, figures))
         return page.render(
             result=result,
-            parts=[checks, *parts],
+            signed_parts=[_part("head", head, figures), checks],
+            parts=parts,
             figures=figures,
             simulated=simulated,
             name="Name",
@@ -67,16 +72,17 @@ def render_certificate(certificate: Certificate) -> str:
     result = Result.new("rid-daq payload certificate", robot).with_sections(
         verdict=certificate.verdict, software=certificate.folder.software, cell=certificate.cell
     )
-    parts = [
+    values = [
         _part("verdict", check_tables(certificate.verdict), None),
-        _part("certificate", certificate_blocks(certificate), None),
+        _part("certificate", certified_values(certificate), None),
     ]
     return (
         _environment()
         .get_template("page.html")
         .render(
             result=result,
-            parts=parts,
+            signed_parts=values,
+            parts=[_part("evidence", certificate_evidence(certificate), None)],
             figures=LiveFigures(),
             simulated=certificate.simulated,
             name=certificate.by or "Name",

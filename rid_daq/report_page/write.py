@@ -24,6 +24,7 @@ def write_result(folder: RunFolder, result: Result) -> Path:
     """
     # Imported late, because these imports take half a second.
     from rid_daq.report_page.render import render_report
+    from rid_daq.report_page.run_head import run_head_blocks
     from rid_daq.report_page.run_robot import run_robot_blocks
 
     path = folder.file(RESULT)
@@ -32,10 +33,12 @@ def write_result(folder: RunFolder, result: Result) -> Path:
     document = result.model_dump(mode="json", by_alias=True)
     text = json.dumps(document, ensure_ascii=False, indent=1, allow_nan=False) + "\n"
     try:
-        page = render_report(result, before, run_robot_blocks(folder, result))
+        page = render_report(
+            result, before, run_robot_blocks(folder, result), run_head_blocks(folder, result)
+        )
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}", code=error.refusal) from error
-    folder.write(RESULT, text.encode())
+    folder.write(RESULT, text.encode(), result.facts)
     return folder.write(REPORT, page.encode())
 
 

@@ -352,6 +352,7 @@ def result_of(data: RunData, notes: Sequence[str] = ()) -> Result:
 def _first_result(data: RunData) -> Result:
     manifest, report = data.folder.manifest(), data.import_report
     section = RunSection.of("recording", "As recorded.", data.tally, data.robot)
+    section = section.with_traces(data.parts(), data.robot)
     if report is not None:
         section = section.with_import(report)
     return Result.new(f"Run {manifest.label}", data.robot.name).with_sections(

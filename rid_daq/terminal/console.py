@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import getpass
 import json
 import re
 import shlex
@@ -136,6 +137,14 @@ class Console:
     def service(self) -> ServiceBeat | None:
         """Heartbeat of the service that started the operation; None without a service."""
         return None
+
+    @property
+    def operator(self) -> str:
+        """Name of this process's user; empty if the system knows no name."""
+        try:
+            return getpass.getuser()
+        except (KeyError, OSError):  # no entry for this user id
+            return ""
 
     @property
     def columns(self) -> int | None:

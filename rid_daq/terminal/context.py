@@ -49,6 +49,11 @@ class Context(Display, Protocol):
         ...
 
     @property
+    def operator(self) -> str:
+        """Name of the person or program that started the operation; empty if unknown."""
+        ...
+
+    @property
     def as_json(self) -> bool:
         """True if programs read the output, and not people."""
         ...

@@ -51,6 +51,7 @@ async def friction_page(visit: Visitor) -> HTMLResponse:
 async def payload_page(visit: Visitor) -> HTMLResponse:
     """Show the guided payload session."""
     from identification.choices import LoadFormat
+    from identification.payload.rating import HeaviestPayload
 
     plant = visit.cell.loaded.plant
     return visit.page(
@@ -58,6 +59,7 @@ async def payload_page(visit: Visitor) -> HTMLResponse:
         files=await cell_files(visit),
         payloads=() if plant is None else tuple(plant.payloads),
         formats=tuple(LoadFormat),
+        heaviest=HeaviestPayload.of(visit.cell.loaded.robot),
     )
 
 

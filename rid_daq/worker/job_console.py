@@ -77,10 +77,12 @@ class JobConsole(Console):
     Attributes:
         events: Event file of the job.
         orders: Source of answers and held keys.
+        owner: Person or program that started the job.
     """
 
     events: EventFile
     orders: Orders
+    owner: str = ""
 
     @property
     def is_terminal(self) -> bool:
@@ -91,6 +93,11 @@ class JobConsole(Console):
     def service(self) -> ServiceBeat | None:
         """Heartbeat of the service that has started this worker."""
         return self.orders.service
+
+    @property
+    def operator(self) -> str:
+        """Person or program that started the job."""
+        return self.owner
 
     def say(self, text: str = "") -> None:
         """Write a message."""

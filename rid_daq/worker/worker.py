@@ -126,7 +126,7 @@ def work(
     accept_owner(order.service)
     with EventFile(order.events) as events:
         orders = Orders(source, service=service)
-        console = JobConsole(events=events, orders=orders)
+        console = JobConsole(events=events, orders=orders, owner=order.owner)
 
         def job() -> None:
             operation = order.kind.operation  # signals must not interrupt this import

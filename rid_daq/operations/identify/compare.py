@@ -1,4 +1,4 @@
-"""`compare`: compare two estimates of the same robot."""
+"""`compare`: compare two runs or models of the same robot."""
 
 from __future__ import annotations
 
@@ -8,29 +8,42 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Field
 
-from rid_daq.blocks.block import AnyBlock, Cells, Interval, Table, Text, note_blocks, table
+from config.errors import ConfigError
+from rid_daq.blocks.block import (
+    AnyBlock,
+    Cells,
+    Heading,
+    Interval,
+    Table,
+    Text,
+    note_blocks,
+    table,
+)
 from rid_daq.blocks.block import Verdict as VerdictBlock
 from rid_daq.blocks.formats import number
 from rid_daq.operations.operation import Context, Operation
 from rid_daq.requests.option import DEFAULT_RUNS, CarriedPayload, Option, RunsFolder, Unfinished
 from rid_daq.requests.request import Request
+from rid_daq.terminal.choices import MODEL
 
 if TYPE_CHECKING:
     from rid_daq.operations.identify.compared_models import ComparedModels, RunPrediction
+    from rid_daq.operations.identify.compared_runs import RunPair
     from rid_daq.report.sections.verdict import VerdictSection
 
 
 class CompareRequest(Request):
-    """Compare two estimates of the same robot: parameters with intervals, and predicted torques.
+    """Compare two runs or models of the same robot: parameters with intervals, predicted torques.
 
     Differences are given in standard deviations. The exit code is 1 if a difference is larger than
     noise explains: the robot, its load or its surroundings have changed, or a model lacks an
-    effect.
+    effect. Of two runs, their conditions, verdicts and residuals are compared too. If neither run
+    has a model, only these are compared, and nothing is judged.
     """
 
     first: Annotated[
         str,
-        Field(description="Run with an identified model, or a model file."),
+        Field(description="Run, or a model file."),
         Option(positional=True, metavar="FIRST", file="input"),
     ]
     second: Annotated[
@@ -50,26 +63,34 @@ class CompareRequest(Request):
 
 @dataclass(frozen=True)
 class CompareResult:
-    """Differences of two estimates.
+    """Differences of two runs or models; at least one attribute is not None.
 
     Attributes:
-        compared: The differences, and the torque errors of both models.
+        compared: Differences of the models, and their torque errors; None if neither run has a
+            model.
+        runs: Both runs side by side; None if a model file is compared.
     """
 
-    compared: ComparedModels
+    compared: ComparedModels | None
+    runs: RunPair | None = None
 
     @property
     def exit_code(self) -> int:
         """Exit code 1 if the estimates differ by more than noise explains."""
         from rid_daq.terminal.exit_codes import ExitCode
 
-        return ExitCode.DONE if self.compared.difference.agree else ExitCode.VERDICT_FAILED
+        compared = self.compared
+        agree = compared is None or compared.difference.agree
+        return ExitCode.DONE if agree else ExitCode.VERDICT_FAILED
 
     @property
     def verdict(self) -> VerdictSection:
         """Verdict on the largest difference and its limit."""
         from rid_daq.report.sections.verdict import VerdictCheck, VerdictSection
 
+        if self.compared is None:
+            sentence = "Neither run has a model, so their parameters are not compared."
+            return VerdictSection.of([], "Runs side by side, not judged", sentence)
         difference = self.compared.difference
         worst = difference.worst
         line = VerdictCheck.of(
@@ -98,67 +119,86 @@ class CompareResult:
 
     def document(self) -> dict[str, object]:
         """Return the differences and torque errors as numbers."""
-        compared, difference = self.compared, self.compared.difference
-        return {
-            "first": compared.names[0],
-            "second": compared.names[1],
-            "verdict": self.verdict,
-            "parameters": [
-                {
-                    "name": name,
-                    "unit": difference.units[i],
-                    "first": float(difference.first[i]),
-                    "first_std": float(difference.first_sigma[i]),
-                    "second": float(difference.second[i]),
-                    "second_std": float(difference.second_sigma[i]),
-                    "sigmas": float(difference.sigmas[i]),
-                }
-                for i, name in enumerate(difference.names)
-            ],
-            "only_first": list(difference.only_first),
-            "only_second": list(difference.only_second),
-            "shared_runs": list(difference.shared_runs),
-            "predictions": [_prediction_document(each) for each in compared.predictions],
-            "notes": compared.notes,
-        }
+        found: dict[str, object] = {"verdict": self.verdict}
+        if self.compared is not None:
+            found |= _models_document(self.compared)
+        if self.runs is not None:
+            found |= {"first": self.runs.first.name, "second": self.runs.second.name}
+            found |= {"runs": self.runs.document()}
+        return found
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield notes, parameters side by side, torque errors on each run, and the verdict."""
-        compared, verdict = self.compared, self.verdict
-        yield from note_blocks(compared.notes)
-        yield self._parameter_table()
-        difference, (first, second) = compared.difference, compared.names
-        for names, side in ((difference.only_first, first), (difference.only_second, second)):
-            if names:
-                yield Text(text=f"Only in {side}: {', '.join(names)}")
-        for prediction in compared.predictions:
-            yield Text(text=f"Torque errors on run {prediction.data.folder.manifest().label!r}:")
-            yield _error_table(prediction, compared.names)
+        """Yield the verdict, both runs side by side, parameters, and torque errors on each run."""
+        verdict = self.verdict
+        if self.compared is not None:
+            yield from note_blocks(self.compared.notes)
+        if self.runs is not None:
+            yield from self.runs.blocks()
+        if self.compared is not None:
+            if self.runs is not None:
+                yield Heading(text="Parameters of the models")
+            yield from _model_blocks(self.compared)
         yield Text(text=verdict.sentence)
-        yield VerdictBlock(passed=difference.agree, text=verdict.headline)
+        yield VerdictBlock(passed=verdict.passed, text=verdict.headline)
 
-    def _parameter_table(self) -> Table:
-        difference, (first, second) = self.compared.difference, self.compared.names
-        return table(
-            range(len(difference.names)),
-            Cells("parameter", lambda i: difference.names[i]),
-            Cells(
-                f"{first} ± 2σ",
-                lambda i: Interval.of(float(difference.first[i]), float(difference.first_sigma[i])),
-            ),
-            Cells(
-                f"{second} ± 2σ",
-                lambda i: Interval.of(
-                    float(difference.second[i]), float(difference.second_sigma[i])
-                ),
-            ),
-            Cells("unit", lambda i: difference.units[i]),
-            Cells(
-                "difference [σ]",
-                lambda i: f"{round(float(difference.sigmas[i]), 1) + 0.0:+.1f}",
-            ),
-            failed=lambda i: bool(abs(difference.sigmas[i]) > difference.limit_sigmas),
-        )
+
+def _models_document(compared: ComparedModels) -> dict[str, object]:
+    difference = compared.difference
+    return {
+        "first": compared.names[0],
+        "second": compared.names[1],
+        "parameters": [
+            {
+                "name": name,
+                "unit": difference.units[i],
+                "first": float(difference.first[i]),
+                "first_std": float(difference.first_sigma[i]),
+                "second": float(difference.second[i]),
+                "second_std": float(difference.second_sigma[i]),
+                "sigmas": float(difference.sigmas[i]),
+            }
+            for i, name in enumerate(difference.names)
+        ],
+        "only_first": list(difference.only_first),
+        "only_second": list(difference.only_second),
+        "shared_runs": list(difference.shared_runs),
+        "predictions": [_prediction_document(each) for each in compared.predictions],
+        "notes": compared.notes,
+    }
+
+
+def _model_blocks(compared: ComparedModels) -> Iterator[AnyBlock]:
+    """Yield parameters side by side, and torque errors on each run."""
+    difference, (first, second) = compared.difference, compared.names
+    yield _parameter_table(compared)
+    for names, side in ((difference.only_first, first), (difference.only_second, second)):
+        if names:
+            yield Text(text=f"Only in {side}: {', '.join(names)}")
+    for prediction in compared.predictions:
+        yield Text(text=f"Torque errors on run {prediction.data.folder.manifest().label!r}:")
+        yield _error_table(prediction, compared.names)
+
+
+def _parameter_table(compared: ComparedModels) -> Table:
+    difference, (first, second) = compared.difference, compared.names
+    return table(
+        range(len(difference.names)),
+        Cells("parameter", lambda i: difference.names[i]),
+        Cells(
+            f"{first} ± 2σ",
+            lambda i: Interval.of(float(difference.first[i]), float(difference.first_sigma[i])),
+        ),
+        Cells(
+            f"{second} ± 2σ",
+            lambda i: Interval.of(float(difference.second[i]), float(difference.second_sigma[i])),
+        ),
+        Cells("unit", lambda i: difference.units[i]),
+        Cells(
+            "difference [σ]",
+            lambda i: f"{round(float(difference.sigmas[i]), 1) + 0.0:+.1f}",
+        ),
+        failed=lambda i: bool(abs(difference.sigmas[i]) > difference.limit_sigmas),
+    )
 
 
 def _error_table(prediction: RunPrediction, names: tuple[str, str]) -> Table:
@@ -201,15 +241,27 @@ def _prediction_document(prediction: RunPrediction) -> dict[str, object]:
 
 
 def run(request: CompareRequest, _context: Context) -> CompareResult:
-    """Compare two estimates."""
-    from rid_daq.operations.identify.compared_models import compare_models
+    """Compare two runs or models."""
+    from rid_daq.operations.identify.compared_models import compare_models, named_runs
+    from rid_daq.operations.identify.compared_runs import RunPair
 
-    return CompareResult(compare_models(request))
+    folders = named_runs(request)
+    if folders is None:
+        return CompareResult(compare_models(request))
+    has_model = any(folder.file(MODEL).exists() for folder in folders)
+    if not has_model and (request.on is not None or request.payload is not None):
+        raise ConfigError(
+            "--on and --payload need models, but neither run has one: identify both runs first, or"
+            " leave the option out",
+            code="RID-OPTION-NO-EFFECT",
+        )
+    compared = compare_models(request) if has_model else None
+    return CompareResult(compared, RunPair.of(*folders))
 
 
 OPERATION: Final = Operation(
     name="compare",
-    label="Compare two estimates",
+    label="Compare two runs or models",
     request=CompareRequest,
     run=run,
     examples=("compare monday friday", "compare model.json latest --on validation --json"),

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from acquisition.runs.catalogue import find_file_or_run, find_run
+from acquisition.runs.folder import RunFolder
 from config.arrays import FloatArray
 from config.errors import ConfigError
 from identification.estimation.estimate import Estimate
@@ -75,6 +76,20 @@ def compare_models(request: CompareRequest) -> ComparedModels:
         )
     predictions = [_predict_run(first_estimate, second_estimate, data) for data in predicted_runs]
     return ComparedModels((first, second), difference, predictions, notes)
+
+
+def named_runs(request: CompareRequest) -> tuple[RunFolder, RunFolder] | None:
+    """Return the two runs of a request; None if it names a model file.
+
+    Raises:
+        ConfigError, RecordingError: A name is neither a file nor a run.
+    """
+    first, second = (
+        find_file_or_run(request.runs, each) for each in (request.first, request.second)
+    )
+    if isinstance(first, Path) or isinstance(second, Path):
+        return None
+    return first, second
 
 
 def _load_side(request: CompareRequest, what: str) -> tuple[str, Estimate, RunData | None]:

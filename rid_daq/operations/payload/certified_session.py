@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
 from acquisition.runs.catalogue import find_run, find_run_below
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
-from config.cell.cell import CellConfig
 from config.errors import ConfigError, DataQualityError, RecordingError
 from config.formats.whole_file import write_whole
-from config.load import load_bundled_or_path
-from drivers.settings.write_log import DRIVE_WRITES, read_write_log
+from drivers.settings.write_log import DRIVE_WRITES
 from identification.payload.file import PayloadDocument, read_payload
 from identification.payload.verdict import PayloadResult
 from rid_daq.operations.payload.payload_certificate import PayloadCertificateRequest
@@ -27,10 +24,11 @@ from rid_daq.report.sections.runs import CellSection
 from rid_daq.report_page.printed_page import print_pdf
 from rid_daq.report_page.render import render_certificate
 from rid_daq.runs import made_file
+from rid_daq.runs.devices import cell_of_run, drives_with_serials
 from rid_daq.runs.flange import FACT
 from rid_daq.runs.origins import cell_argument
 from rid_daq.runs.output_file import refuse_output
-from rid_daq.runs.run_data import CELL, READ, SESSION, register_output, require_own
+from rid_daq.runs.run_data import READ, SESSION, register_output, require_own
 from rid_daq.session.versions import program_version
 from rid_daq.terminal.choices import CERTIFICATE, PAYLOAD
 from rid_daq.terminal.job_events import SessionState
@@ -98,7 +96,7 @@ def certificate_of(folder: RunFolder, by: str | None) -> Certificate:
         _require_ended(each)
         require_own(each)
     files = tuple(file for each in all_folders for file in _listed_files(each))
-    cells = [cell for each in all_folders if (cell := _cell_of_run(each)) is not None]
+    cells = [cell for each in all_folders if (cell := cell_of_run(each)) is not None]
     made = {} if result.timing is None else result.timing.made or {}
     return Certificate(
         folder=folder.manifest(),
@@ -111,7 +109,10 @@ def certificate_of(folder: RunFolder, by: str | None) -> Certificate:
         cell=CellSection.of(cells[0]) if cells else None,
         simulated=any(cell.simulated for cell in cells)
         or any(FACT in each.manifest().facts for each in all_folders),
-        devices=_devices_with_serials(payload.estimate.robot.name, cells, folders),
+        devices=(
+            (f"robot {payload.estimate.robot.name}", None),
+            *drives_with_serials(cells, folders),
+        ),
         runs=tuple((step, each.manifest()) for (step, _), each in zip(steps, folders, strict=True)),
         files=files,
         identified_with=document.software,
@@ -204,29 +205,3 @@ def _listed_files(folder: RunFolder) -> list[tuple[str, str, str]]:
             )
         found.append((folder.run_id, name, entry.sha256))
     return found
-
-
-def _cell_of_run(folder: RunFolder) -> CellConfig | None:
-    path = folder.file(CELL)
-    return load_bundled_or_path(str(path), "cells", CellConfig) if path.exists() else None
-
-
-def _devices_with_serials(
-    robot: str, cells: Sequence[CellConfig], folders: Sequence[RunFolder]
-) -> tuple[tuple[str, str | None], ...]:
-    """Return robot and drives, with the serial numbers that the runs have recorded."""
-    serials: dict[int, list[str]] = {}
-    for folder in folders:
-        if DRIVE_WRITES not in folder.manifest().files:
-            continue
-        for drive in read_write_log(folder.file(DRIVE_WRITES)):
-            serial = drive.identity.serial
-            known = serials.setdefault(drive.node_id, [])
-            if serial is not None and str(serial) not in known:
-                known.append(str(serial))
-    axes = {axis.node_id: axis.joint for cell in cells for axis in cell.axes}
-    drives = (
-        (f"drive of {joint} (node {node})", ", ".join(serials.get(node, ())) or None)
-        for node, joint in axes.items()
-    )
-    return ((f"robot {robot}", None), *drives)

@@ -87,7 +87,7 @@ def run_payload_session(
             if each.name == "m":
                 refuse_heavier(loaded.robot, each.value)
     if file is None:
-        file, motion = _begin_session(request, loaded)
+        file, motion = _begin_session(request, loaded, context.operator)
     else:
         motion = _load_motion(file, loaded)
         file.request = request.choices
@@ -109,6 +109,7 @@ def run_payload_session(
                 live=request.live,
             ) as session,
         ):
+            session = replace(session, session_id=file.folder.run_id)
             guide = PayloadGuide(request, session, file, motion, payload_request, context)
             failed = guide.perform_steps()
         if failed is not None:
@@ -134,8 +135,7 @@ def run_payload_session(
         empty=file.empty_flange,
     )
     enter(file, SessionState.DONE, context)
-    word = "passed" if found.verdict.passed else "failed"
-    file.folder.finish(RunStatus.COMPLETE, {"robot": loaded.robot.name, "verdict": word})
+    file.folder.finish(RunStatus.COMPLETE)
     return replace(found, session=file)
 
 
@@ -153,7 +153,7 @@ def _refuse_until_mass(request: PayloadSessionRequest, payload_request: PayloadR
 
 
 def _begin_session(
-    request: PayloadSessionRequest, loaded: LoadedCell
+    request: PayloadSessionRequest, loaded: LoadedCell, operator: str
 ) -> tuple[SessionFile, FourierMotion]:
     """Return the file and the motion of a new session."""
     if request.motion is not None:
@@ -163,8 +163,13 @@ def _begin_session(
         period_s = round(PERIOD_S / cycle_s) * cycle_s
         search = PayloadSearch(loaded.robot, period_s, cycle_s, workspace=loaded.config.workspace)
         motion = design_payload_motion(search, seed=request.seed, periods=request.periods)
+    facts: dict[str, JsonValue] = {"robot": loaded.robot.name, "cell": loaded.config.name}
     folder = RunFolder.create(
-        request.runs, request.label, kind="payload session", software=software_versions()
+        request.runs,
+        request.label,
+        kind="payload session",
+        software=software_versions(),
+        facts=facts | ({"operator": operator} if operator else {}),
     )
     for name, content in loaded.files.items():
         folder.write(name, content)

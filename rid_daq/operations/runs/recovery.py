@@ -22,7 +22,7 @@ from rid_daq.session.versions import software_versions
 LARGEST_FILE_BYTES = 1_000_000_000
 _JOURNAL = ".mcap"
 _RESULTS = (".json", ".html")
-_FACTS = ("robot", "simulated_flange", "why")
+_FACTS = ("robot", "cell", "session", "operator", "simulated_flange", "stop", "why")
 """Facts of the old manifest that are kept; all other facts follow from rows that may be lost."""
 
 

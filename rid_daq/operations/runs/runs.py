@@ -14,6 +14,9 @@ from rid_daq.operations.operation import Context, Operation
 from rid_daq.requests.option import DEFAULT_RUNS, RunsFolder
 from rid_daq.requests.request import Request
 
+_NOT_SHOWN: Final = ("verdict", "headline", "session", "stop", "used_model", "used_runs")
+"""Facts that the column `facts` leaves out."""
+
 
 class RunsRequest(Request):
     """List the runs, oldest first; with --verify, check that no file was changed.
@@ -41,6 +44,13 @@ class ListedRun:
     facts: Mapping[str, object]
     problems: list[str] | None
     strays: list[str] | None
+
+    @property
+    def other_facts(self) -> Iterator[str]:
+        """Name and value of each fact that no other column shows and that people can read."""
+        for name, value in self.facts.items():
+            if name not in _NOT_SHOWN and value not in (None, []):
+                yield f"{name} {value}"
 
     def document(self) -> dict[str, object]:
         """Return the fields; without `problems` and `strays` if the files were not compared."""
@@ -116,12 +126,9 @@ class RunsResult:
             Cells("created (UTC)", lambda run: run.created_utc[:16].replace("T", " ")),
             Cells("kind", lambda run: run.kind),
             Cells("status", lambda run: run.status),
+            Cells("verdict", lambda run: str(run.facts.get("verdict", ""))),
             Cells("label", lambda run: run.label),
-            Cells(
-                "facts",
-                lambda run: ", ".join(f"{name} {value}" for name, value in run.facts.items()),
-                is_optional=True,
-            ),
+            Cells("facts", lambda run: ", ".join(run.other_facts), is_optional=True),
             failed=lambda run: run.status != "complete" or bool(run.problems),
         )
 

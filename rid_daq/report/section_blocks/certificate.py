@@ -1,4 +1,4 @@
-"""`certificate_blocks`: the contents of a payload's certificate as blocks."""
+"""Contents of a payload's certificate as blocks: the values that are signed, and the evidence."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ _FRAME: Final = (
 )
 
 
-def certificate_blocks(certificate: Certificate) -> Iterator[AnyBlock]:
-    """Yield identity, values, limits, fit, load data, origin and files."""
+def certified_values(certificate: Certificate) -> Iterator[AnyBlock]:
+    """Yield identity and values, which the person on the certificate signs."""
     if certificate.simulated:
         yield Text(text="The cell is simulated: no hardware moved.")
     yield _facts(_identity(certificate))
@@ -44,6 +44,10 @@ def certificate_blocks(certificate: Certificate) -> Iterator[AnyBlock]:
         " determine the value.",
         is_note=True,
     )
+
+
+def certificate_evidence(certificate: Certificate) -> Iterator[AnyBlock]:
+    """Yield the payload's drawings, fit, load data, origin and files."""
     if sum(certificate.payload.estimate.is_determined[1:4]) > 1:
         yield centre_plot(CentreOfGravity.of(certificate.payload.estimate))
     if all(certificate.payload.estimate.is_determined[1:4]):

@@ -1,4 +1,4 @@
-"""`curves_blocks`: torque over time, and residuals over frequency."""
+"""Curves of a report: torque over time, residuals over frequency, and traces of a recording."""
 
 from __future__ import annotations
 
@@ -7,7 +7,13 @@ from typing import Final
 
 from rid_daq.blocks.block import AnyBlock, Heading, Text
 from rid_daq.blocks.plot import Axis, Colour, Gapped, Line, Panel, Plot
-from rid_daq.report.sections.curves import CurvesSection, SpectrumCurves, TorqueCurve, TorqueCurves
+from rid_daq.report.sections.curves import (
+    CurvesSection,
+    SpectrumCurves,
+    TorqueCurve,
+    TorqueCurves,
+    Traces,
+)
 
 WIDE_PX: Final = 4.5
 THIN_PX: Final = 1.2
@@ -110,6 +116,52 @@ def spectrum_plot(spectrum: SpectrumCurves) -> Plot:
         for axis in spectrum.axes
     ]
     return Plot(name="residual_spectrum", panels=tuple(panels), columns=3)
+
+
+def traces_plot(traces: Traces) -> Plot:
+    """Return position, speed, torque and following error over time, one line per joint.
+
+    Set-points are dotted. Joints with different units have separate panels.
+    """
+    panels: list[Panel] = []
+    for unit, torque_unit in dict.fromkeys((axis.unit, axis.torque_unit) for axis in traces.axes):
+        quantities = (
+            ("position", unit, ("position", "set_point")),
+            ("speed", f"{unit}/s", ("speed",)),
+            ("torque" if unit == "rad" else "force", torque_unit, ("torque",)),
+            ("following error", unit, ("following_error",)),
+        )
+        for label, in_unit, names in quantities:
+            lines = tuple(
+                Line(
+                    axis.joint if name != "set_point" else f"{axis.joint}, set-point",
+                    traces.time_s,
+                    getattr(axis, name),
+                    j,
+                    dash="dotted" if name == "set_point" else None,
+                    width=THIN_PX,
+                    is_named=label == "position",
+                )
+                for name in names
+                for j, axis in enumerate(traces.axes)
+                if axis.unit == unit and getattr(axis, name) is not None
+            )
+            if lines:
+                panels.append(
+                    Panel(
+                        x=Axis("time", "s"),
+                        y=Axis(label, in_unit),
+                        lines=lines,
+                        height_px=260 if not panels else 190,
+                        zooms_with_previous=bool(panels),
+                    )
+                )
+    caption = "Rows without a valid answer are left out."
+    if traces.rows_per_step > 1:
+        caption += (
+            f" Each step of {traces.rows_per_step} rows is drawn by its lowest and highest value."
+        )
+    return Plot(name="traces", panels=tuple(panels), caption=caption)
 
 
 def _positive(values: tuple[float, ...]) -> Gapped:

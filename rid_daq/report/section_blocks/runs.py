@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from rid_daq.blocks.block import AnyBlock, Cells, Heading, Table, Text, Verdict, table
 from rid_daq.blocks.plot import Axis, Colour, Dash, Line, Numbers, Panel, Plot
+from rid_daq.report.section_blocks.curves import traces_plot
 from rid_daq.report.sections.runs import BadRows, RunSection
 from rid_daq.report.sections.stop import StopCurve
 
@@ -23,6 +24,8 @@ def runs_blocks(section: Sequence[RunSection]) -> Iterator[AnyBlock]:
             yield stop_plot(run.stop_curve)
         if run.axes:
             yield _extremes(run)
+        if run.traces is not None:
+            yield traces_plot(run.traces)
         for finding in run.findings or ():
             yield Verdict(passed=False, text=f"{finding}.")
         if run.left_out:

@@ -1,12 +1,15 @@
-"""`CurvesSection`: torque over time, and residuals over frequency with the noise floor."""
+"""Curves of a report: torque over time, residuals over frequency, and traces of a recording."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, Annotated, Final
 
 import numpy as np
 from pydantic import Strict
 
+from acquisition.recording.recording import Recording, concatenate_recordings
+from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
 from rid_daq.report.sections.section import (
     Numbers,
@@ -21,6 +24,10 @@ if TYPE_CHECKING:
     from identification.estimation.estimate import Estimate
     from identification.validation.period_comparison import PeriodComparison
     from identification.validation.torque_prediction import Validation
+
+
+TRACE_STEPS: Final = 400
+"""Largest number of steps of a trace; a step has the lowest and the highest value of its rows."""
 
 
 class TorqueCurve(Section):
@@ -209,3 +216,119 @@ class CurvesSection(Section):
             torque=TorqueCurves.of_period(estimate, comparison, periods),
             spectrum=SpectrumCurves.of(estimate.robot, comparison, periods),
         )
+
+
+class AxisTraces(Section):
+    """Recorded quantities of an axis.
+
+    Attributes:
+        joint: Name of the joint.
+        unit: Unit of the joint's position.
+        torque_unit: Unit of the joint's torque.
+        position: Measured position, in `unit`.
+        speed: Speed of the measured position, in `unit` per second.
+        torque: Measured torque, in `torque_unit`.
+        set_point: Commanded position, in `unit`; left out if the recording has no set-points.
+        following_error: Set-point minus position, in `unit`; left out without set-points.
+    """
+
+    joint: str
+    unit: str
+    torque_unit: str
+    position: Numbers
+    speed: Numbers
+    torque: Numbers
+    set_point: Numbers | None = None
+    following_error: Numbers | None = None
+
+
+class Traces(Section):
+    """Recorded quantities over time, thinned without loss of peaks.
+
+    Attributes:
+        rows_per_step: Number of recorded rows in a step.
+        time_s: Times from the first point [s]. A step of several rows has two points: its
+            lowest and its highest value in the order of their rows, at its beginning and its
+            middle.
+        axes: Traces of each axis.
+    """
+
+    rows_per_step: int
+    time_s: Numbers
+    axes: tuple[AxisTraces, ...]
+
+    @classmethod
+    def of(cls, parts: Iterable[Recording], valid_rows: int, robot: RobotDescription) -> Traces:
+        """Return the traces of a recording; rows without a valid answer are left out.
+
+        Args:
+            parts: Consecutive parts of the recording, of which one is in memory at a time.
+            valid_rows: Number of valid rows of all parts, at least two. The first one is left out,
+                because its speed is unknown.
+            robot: Robot with the units of its joints.
+        """
+        count = -(-(valid_rows - 1) // TRACE_STEPS)
+        time_s, steps = [], []
+        for times, values in _steps(parts, count):
+            time_s.append(times)
+            steps.append(values)
+        times, table = np.concatenate(time_s), np.concatenate(steps)
+        has_set_points = table.shape[1] == len(_WITH_SET_POINTS)
+        names = _WITH_SET_POINTS if has_set_points else _MEASURED
+        axes = []
+        for j, joint in enumerate(robot.joints):
+            unit, torque_unit = joint_units(joint)
+            columns = {name: round_values(table[:, i, j]) for i, name in enumerate(names)}
+            axes.append(AxisTraces(joint=joint.name, unit=unit, torque_unit=torque_unit, **columns))
+        return cls(rows_per_step=count, time_s=round_values(times - times[0], 7), axes=tuple(axes))
+
+
+_MEASURED: Final = ("position", "speed", "torque")
+_WITH_SET_POINTS: Final = (*_MEASURED, "set_point", "following_error")
+
+
+def _steps(parts: Iterable[Recording], count: int) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield times and extreme values, (points, quantities, joints), of steps of `count` rows."""
+    left_s, left = np.empty(0), None
+    before: Recording | None = None
+    for part in parts:
+        valid = part.part(part.valid)
+        if not len(valid):
+            continue
+        if before is not None:
+            valid = concatenate_recordings([before, valid])
+        before = valid.part(slice(-1, None))
+        values = _quantities(valid)
+        left_s = np.concatenate([left_s, valid.time_s[1:]])
+        left = values if left is None else np.concatenate([left, values])
+        whole = len(left) // count * count
+        if whole:
+            yield _extremes(left_s[:whole], left[:whole], count)
+        left_s, left = left_s[whole:], left[whole:]
+    if left is not None and len(left):
+        yield _extremes(left_s, left, len(left))
+
+
+def _quantities(valid: Recording) -> FloatArray:
+    """Return the quantities of all rows but the first, shape (rows, quantities, joints).
+
+    Args:
+        valid: A recording of valid rows only.
+    """
+    speed = np.diff(valid.position, axis=0) / np.diff(valid.time_s)[:, np.newaxis]
+    found = [valid.position[1:], speed, valid.torque_nm[1:]]
+    if valid.target_position is not None:
+        target = valid.target_position[1:]
+        found += [target, target - valid.position[1:]]
+    return np.stack(found, axis=1)
+
+
+def _extremes(time_s: FloatArray, values: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
+    """Return the lowest and the highest value of each step, in the order of their rows."""
+    if count == 1:
+        return time_s, values
+    steps = values.reshape(-1, count, *values.shape[1:])
+    rows = np.sort(np.stack([steps.argmin(axis=1), steps.argmax(axis=1)], axis=1), axis=1)
+    both = np.take_along_axis(steps, rows, axis=1)
+    times = time_s.reshape(-1, count)[:, [0, count // 2]]
+    return times.ravel(), both.reshape(-1, *values.shape[1:])

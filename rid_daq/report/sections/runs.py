@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from config.cell.cell import CellConfig
 from config.robot.robot import RobotDescription
+from rid_daq.report.sections.curves import Traces
 from rid_daq.report.sections.section import Numbers, Section, joint_units
 from rid_daq.report.sections.stop import StopCurve
 
@@ -13,6 +15,7 @@ if TYPE_CHECKING:
     from acquisition.clock.report import ClockReport
     from acquisition.imports.report import ImportReport
     from acquisition.processing.recording_tally import RecordingTally
+    from acquisition.recording.recording import Recording
 
 
 class CellSection(Section):
@@ -168,6 +171,8 @@ class RunSection(Section):
         clock: Check of the time stamps; left out if it was not made.
         stop_curve: Curve of the joint for which the motion was stopped; left out if no joint was
             the reason.
+        traces: Recorded quantities over time; left out if fewer than two rows are valid, and in
+            results that are based on several runs.
     """
 
     role: str
@@ -182,6 +187,7 @@ class RunSection(Section):
     findings: tuple[str, ...] | None = None
     clock: ClockSection | None = None
     stop_curve: StopCurve | None = None
+    traces: Traces | None = None
 
     @classmethod
     def of(
@@ -213,6 +219,18 @@ class RunSection(Section):
             axes=_extremes(tally, robot),
             bad_rows=(),
         )
+
+    def with_traces(self, parts: Iterable[Recording], robot: RobotDescription) -> RunSection:
+        """Return the section with the traces of its recording, if two rows or more are valid.
+
+        Args:
+            parts: Consecutive parts of the recording.
+            robot: Robot with the units of its joints.
+        """
+        valid = self.rows - self.invalid_rows
+        if valid < 2:
+            return self
+        return self.model_copy(update={"traces": Traces.of(parts, valid, robot)})
 
     def with_import(self, report: ImportReport) -> RunSection:
         """Return the section with the findings of an import report."""

@@ -66,6 +66,13 @@ class VerdictSection(Section):
         passed = all(line.passed for line in checks) if checks else None
         return cls(passed=passed, headline=headline, sentence=sentence, checks=tuple(checks))
 
+    @property
+    def word(self) -> Literal["passed", "failed", "not judged"]:
+        """The verdict in a word, for lists."""
+        if self.passed is None:
+            return "not judged"
+        return "passed" if self.passed else "failed"
+
     @classmethod
     def failed(cls, headline: str, sentence: str) -> VerdictSection:
         """Return a failed verdict without checks, for example after a motion was stopped."""

@@ -17,6 +17,7 @@ from acquisition.runs.run_id import RUN_ID
 from config.errors import RecordingError
 from rid_daq.service.folder_files import CHANGING_S, motion_kind
 from rid_daq.service.records import Record
+from rid_daq.terminal.choices import MODEL
 
 REPORT: Final = "report.html"
 MOTION: Final = "motion.yaml"
@@ -26,7 +27,21 @@ _Stamp = tuple[int, int]
 
 
 class RunEntry(Record):
-    """Summary of a run: its manifest, the kind of its motion, and the problem if it is damaged."""
+    """Summary of a run.
+
+    Attributes:
+        id, label, kind, status, created_utc: As in the manifest; `status` can also be "damaged".
+        robot, cell: Names of robot and cell; empty if they are unknown.
+        motion: Kind of the motion.
+        verdict: Verdict of the result in a word; empty without a result.
+        headline: The verdict in a line.
+        reason: Reason for which the run was stopped; empty for a run that was not stopped.
+        session: Id of the session in which the run was recorded; empty outside a session.
+        model: SHA-256 of the run's model; empty without one.
+        used_model, used_runs: SHA-256 of the model, and ids of the runs, that the result uses.
+        problem: Reason why the manifest cannot be read.
+        files: Names of the files in the manifest.
+    """
 
     id: str
     label: str
@@ -34,6 +49,14 @@ class RunEntry(Record):
     status: str
     created_utc: str
     robot: str = ""
+    cell: str = ""
+    verdict: str = ""
+    headline: str = ""
+    reason: str = ""
+    session: str = ""
+    model: str = ""
+    used_model: str = ""
+    used_runs: tuple[str, ...] = ()
     motion: str = ""
     has_report: bool = False
     problem: str = ""
@@ -106,14 +129,27 @@ def read_entry(folder: RunFolder) -> RunEntry | None:
 
 def entry_of(folder: RunFolder, manifest: Manifest) -> RunEntry:
     """Return the summary of a run with a readable manifest."""
-    robot = manifest.facts.get("robot")
+
+    def fact(name: str) -> str:
+        found = manifest.facts.get(name)
+        return found if isinstance(found, str) else ""
+
+    model, used = manifest.files.get(MODEL), manifest.facts.get("used_runs")
     return RunEntry(
         id=manifest.run_id,
         label=manifest.label,
         kind=sys.intern(manifest.kind),
         status=sys.intern(manifest.status),
         created_utc=manifest.created_utc,
-        robot=sys.intern(robot) if isinstance(robot, str) else "",
+        robot=sys.intern(fact("robot")),
+        cell=sys.intern(fact("cell")),
+        verdict=sys.intern(fact("verdict")),
+        headline=fact("headline"),
+        reason=fact("why"),
+        session=sys.intern(fact("session")),
+        model="" if model is None else model.sha256,
+        used_model=fact("used_model"),
+        used_runs=tuple(map(str, used)) if isinstance(used, list) else (),
         motion=motion_kind(folder.file(MOTION)) if MOTION in manifest.files else "",
         has_report=folder.file(REPORT).exists(),
         files=tuple(map(sys.intern, sorted(manifest.files))),

@@ -5,12 +5,14 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import itertools
+from collections.abc import Iterator
 from http import HTTPStatus
 from pathlib import Path
 from typing import Annotated, Final
 
-from fastapi import APIRouter, Query, Request
+from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import FileResponse, Response
+from pydantic import Field
 
 from acquisition.runs.catalogue import find_run_below
 from acquisition.runs.folder import RunFolder
@@ -19,6 +21,7 @@ from acquisition.runs.run_id import RUN_ID
 from config.errors import ConfigError, RecordingError, system_errors
 from config.formats.whole_file import write_new
 from rid_daq.service.api.context import Operator, Service, Who
+from rid_daq.service.api.run_groups import RunGroup, group_runs
 from rid_daq.service.api.run_index import REPORT, RunEntry, entry_of, run_index
 from rid_daq.service.folder_files import KINDS, visible_files
 from rid_daq.service.records import Record
@@ -55,25 +58,84 @@ class FolderFile(Record):
     changed_s: float
 
 
+class RunFilter(Record):
+    """Conditions on listed runs.
+
+    Attributes:
+        search: Part of the id, label, or name of robot or cell.
+        status, kind, verdict: Words of the run's summary; empty for all runs.
+        cell: Name of a cell; empty for all runs. Runs without a cell, such as imported ones, are
+            included if they have the cell's robot, or if their robot is unknown too.
+    """
+
+    search: Annotated[str, Field(max_length=100)] = ""
+    status: str = ""
+    kind: str = ""
+    verdict: str = ""
+    cell: str = ""
+
+    def select(self, service: CellService) -> Iterator[RunEntry]:
+        """Yield the runs of a service that fulfil the conditions, newest first."""
+        words = self.search.lower()
+        served = service.cells.get(self.cell)
+        robot = None if served is None else served.loaded.robot.name
+        for run in run_index(service.runs).newest_first():
+            if (
+                words in f"{run.id} {run.label} {run.robot} {run.cell}".lower()
+                and self.status in ("", run.status)
+                and self.kind in ("", run.kind)
+                and self.verdict in ("", run.verdict)
+                and (self.cell in ("", run.cell) or (not run.cell and run.robot in ("", robot)))
+            ):
+                yield run
+
+
+class RunPage(Record):
+    """A part of the list of run groups.
+
+    Attributes:
+        groups: The groups, newest first.
+        total: Number of groups in the complete list.
+        kinds: Kinds of all runs of the cell.
+    """
+
+    groups: tuple[RunGroup, ...]
+    total: int
+    kinds: tuple[str, ...]
+
+
 @router.get("/runs")
 def list_all_runs(
     service: Service,
     who: Who,
-    search: Annotated[str, Query(max_length=100)] = "",
-    status: str | None = None,
-    kind: str | None = None,
+    wanted: Annotated[RunFilter, Depends()],
     limit: Annotated[int, Query(ge=1, le=1000)] = 200,
 ) -> list[RunEntry]:
-    """Return the runs, newest first; `search` is a part of the id, label or robot's name."""
-    words = search.lower()
-    wanted = (
-        run
-        for run in run_index(service.runs).newest_first()
-        if words in f"{run.id} {run.label} {run.robot}".lower()
-        and status in (None, run.status)
-        and kind in (None, run.kind)
+    """Return the runs, newest first."""
+    return list(itertools.islice(wanted.select(service), limit))
+
+
+@router.get("/run-groups")
+def list_run_groups(
+    service: Service,
+    who: Who,
+    wanted: Annotated[RunFilter, Depends()],
+    offset: Annotated[int, Query(ge=0)] = 0,
+    limit: Annotated[int, Query(ge=1, le=500)] = 100,
+) -> RunPage:
+    """Return runs that belong together as groups; a group is listed if one of its runs fits."""
+    of_cell = list(RunFilter(cell=wanted.cell).select(service))
+    fitting = {run.id for run in wanted.select(service)}
+    groups = [
+        group
+        for group in group_runs(of_cell)
+        if not fitting.isdisjoint((group.head.id, *(part.id for part in group.parts)))
+    ]
+    return RunPage(
+        groups=tuple(groups[offset : offset + limit]),
+        total=len(groups),
+        kinds=tuple(sorted({run.kind for run in of_cell} - {""})),
     )
-    return list(itertools.islice(wanted, limit))
 
 
 @router.get("/runs/{run}")

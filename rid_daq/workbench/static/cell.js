@@ -7,7 +7,7 @@ import { followPose } from "./live_pose.js";
 import { loadPreflight } from "./preflight.js";
 import { RobotView } from "./robot_view.js";
 import { runTable } from "./run_table.js";
-import { ask, on, preflightAge, reach } from "./service.js";
+import { ask, on, page, preflightAge, reach } from "./service.js";
 
 const view = new RobotView(find("view"), { preview: true });
 followPose(view);
@@ -63,8 +63,8 @@ async function refresh() {
 
 async function loadRuns() {
   try {
-    const runs = await ask("GET", "/runs?limit=5");
-    render(runs.length ? runTable(runs) : html`<p class="soft">No runs yet.</p>`, find("last-runs"));
+    const { groups } = await ask("GET", `/run-groups?limit=5&cell=${encodeURIComponent(page.cell)}`);
+    render(groups.length ? runTable(groups) : html`<p class="soft">No runs yet.</p>`, find("last-runs"));
   } catch (error) {
     render(html`<p class="problem">${error.message}</p>`, find("last-runs"));
   }

@@ -63,5 +63,5 @@ export function confirmClear(what, { held = false } = {}) {
   );
   const label = element("label", { for: "on-lost" }, "If the connection to this page is lost:");
   const content = [element("p", {}, words), list, ...(held ? [] : [label, lost])];
-  return dialog(`Is the cell clear? ${what}`, content, `${name} is clear: start`, { danger: true, read: () => lost.value });
+  return dialog(`Is the cell clear? ${what}`, content, `${name} is clear: start`, { read: () => lost.value });
 }

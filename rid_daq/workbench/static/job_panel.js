@@ -25,10 +25,11 @@ const emptyView = () => ({
 });
 
 // Options are functions: `next(job, document)` returns links for the end of a job; `begun(job)` and `ended(job, document)`
-// are called when a job is shown and when it has ended; `heard(event, job)` is called for every event.
+// are called when a job is shown and when it has ended; `heard(event, job)` is called for every event. `places` has the
+// element of a kind of job in which the blocks of its result are shown instead of in the log.
 export class JobPanel {
-  constructor(section, { next = () => [], begun = () => {}, ended = () => {}, heard = () => {} } = {}) {
-    Object.assign(this, { section, next, begun, ended, heard, job: null, refusal: null, view: emptyView() });
+  constructor(section, { next = () => [], begun = () => {}, ended = () => {}, heard = () => {}, places = {} } = {}) {
+    Object.assign(this, { section, next, begun, ended, heard, places, job: null, refusal: null, view: emptyView() });
     on("event", (job, event, number) => job === this.job?.id && this.receive(event, number));
     on("job", (job) => job.id === this.job?.id && this.change(job));
     on("again", () => this.job && this.refresh());
@@ -54,6 +55,7 @@ export class JobPanel {
   }
 
   refuse(kind, error) {
+    if (error.isShown) return; // at its field
     this.job = null;
     this.refusal = { kind, text: error.message };
     this.draw();
@@ -187,7 +189,10 @@ export class JobPanel {
   takeResult({ document, blocks }) {
     Object.assign(this.view, { document, blocks });
     this.view.verdicts.push(...blocks.filter(({ kind }) => kind === "verdict").map(verdictOf));
-    this.view.log.add(blockParts(blocks.filter(({ kind }) => kind !== "verdict")));
+    const shown = blocks.filter(({ kind }) => kind !== "verdict");
+    const place = this.places[this.job.kind];
+    if (place) render(blockParts(shown, null, Infinity), place);
+    else this.view.log.add(blockParts(shown));
   }
 
   say(tag, text, kind = null) {

@@ -1,5 +1,6 @@
 // Form of an operation: its content becomes a request, which the service checks.
 import { element, find, parseNumber } from "./dom.js";
+import { refuseField } from "./fields.js";
 import { JobPanel } from "./job_panel.js";
 import { html, render } from "./lit.js";
 import { completeRuns, ofRun, press, runWords, showBlocks, wanted } from "./work.js";
@@ -27,13 +28,22 @@ function request() {
   const asks = {};
   for (const input of form.elements) {
     if (!input.name) continue;
-    const value = valueOf(input);
+    const value = checkedValue(input);
     if (value === null) continue;
     const [last, ...path] = input.name.split(".").reverse();
     const place = path.reverse().reduce((inner, part) => (inner[part] ??= {}), asks);
     place[last] = value;
   }
   return asks;
+}
+
+// Return the value of a field; an error is shown at the field.
+function checkedValue(input) {
+  try {
+    return valueOf(input);
+  } catch (error) {
+    throw refuseField(input, error.message);
+  }
 }
 
 // Return the value of a field, null if it is unchanged.

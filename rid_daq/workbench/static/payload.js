@@ -1,7 +1,8 @@
 // Page Payload: the guided session, its warm-up, its result, load data for the controller.
 import { blockParts } from "./blocks.js";
-import { find, timeOf } from "./dom.js";
+import { find, parseNumber, timeOf } from "./dom.js";
 import { forgetEntries } from "./entries.js";
+import { doubtField } from "./fields.js";
 import { JobPanel } from "./job_panel.js";
 import { html, render } from "./lit.js";
 import { followPose } from "./live_pose.js";
@@ -114,8 +115,18 @@ function request() {
   };
   asks.payload = find("payload")?.value || null;
   asks.model = find("model").value || null;
+  if (find("practise")?.checked) asks.practise = true;
   return asks;
 }
+
+// A mass that the robot can hardly carry is doubted at once; the service refuses it.
+function doubtMass() {
+  const { mostKg, mostWords } = find("mass").dataset;
+  const tooHeavy = mostKg && parseNumber(find("mass").value) > Number(mostKg);
+  doubtField(find("mass"), tooHeavy ? `This is heavier than ${mostWords}, ${Number(mostKg)} kg: correct the mass.` : "");
+}
+find("mass").addEventListener("input", doubtMass);
+doubtMass();
 
 press("begin", panel, "payload_session", () => {
   const asks = resumed ? saidAnew() : { ...request(), motion: find("motion").value || null };

@@ -1,20 +1,47 @@
-// Table of runs; with `pick`, each row has a checkbox.
-import { table } from "./blocks.js";
+// Table of groups of runs; the parts of a group are shown below its first row when it is opened.
 import { timeOf } from "./dom.js";
-import { html } from "./lit.js";
+import { html, keyed, nothing } from "./lit.js";
 import { CELL } from "./service.js";
 
 const BAD = ["damaged", "unfinished"];
+const MARKS = { passed: ["good", "✓"], failed: ["bad", "✗"] };
 
-export function runTable(runs, pick = null, picked = []) {
-  const tick = ({ id, status }) => html`<label class="tick"><span class="hidden">pick ${id}</span>
-    <input type="checkbox" value=${id} @change=${pick} .checked=${picked.includes(id)} ?disabled=${status === "damaged"}></label>`;
-  const name = ({ id, label, status }) => (status === "damaged" ? id : html`<a href="${CELL}/runs/${encodeURIComponent(id)}">${label || id}</a>`);
-  const report = ({ id }) => html`<a href="/api/v1/runs/${encodeURIComponent(id)}/report" target="_blank" rel="noopener">Report</a>`;
-  const rows = runs.map((run) => [
-    ...(pick ? [tick(run)] : []), name(run), run.kind || "–", run.status, run.robot || "–",
-    run.created_utc ? timeOf(run.created_utc) : run.id, run.has_report ? report(run) : "–",
-  ]);
-  const heads = [...(pick ? ["pick"] : []), "run", "kind", "status", "robot", "when", "report"];
-  return table(heads, rows, runs.map((run) => BAD.includes(run.status)), "runs");
+// Each group has a `head` and `parts`. Options: `pick` is called when a checkbox changes, `picked` has the ids that are
+// ticked, `opened` the ids of the heads whose parts are shown; `fold` is called with such an id; `cells` shows the cells.
+export function runTable(groups, { pick = null, picked = [], opened = new Set(), fold = null, cells = false } = {}) {
+  const heads = [...(pick ? ["pick"] : []), "run", "verdict", "status", ...(cells ? ["cell"] : []), "when", "kind", "report"];
+  const row = (run, isPart = false, parts = []) => keyed(run.id, html`<tr class="${BAD.includes(run.status) ? "red" : ""} ${isPart ? "member" : ""}">
+    ${pick ? html`<td>${tick(run, pick, picked)}</td>` : nothing}
+    <td>${name(run)}${parts.length && fold ? folder(run, parts, opened.has(run.id), fold) : nothing}</td>
+    <td>${verdict(run)}</td>
+    <td>${run.status}${run.reason ? html`<span class="why">${run.reason}</span>` : nothing}</td>
+    ${cells ? html`<td>${run.cell || "–"}</td>` : nothing}
+    <td>${run.created_utc ? timeOf(run.created_utc) : run.id}</td>
+    <td>${run.kind || "–"}</td>
+    <td>${run.has_report ? report(run) : "–"}</td></tr>`);
+  const group = ({ head, parts }) => [row(head, false, parts), opened.has(head.id) ? parts.map((run) => row(run, true)) : nothing];
+  return html`<div class="scroll" tabindex="0" role="group" aria-label="runs"><table>
+    <thead><tr>${heads.map((text) => html`<th scope="col">${text}</th>`)}</tr></thead><tbody>${groups.map(group)}</tbody></table></div>`;
+}
+
+const link = ({ id }) => `${CELL}/runs/${encodeURIComponent(id)}`;
+const name = (run) => (run.status === "damaged" ? run.id : html`<a href=${link(run)}>${run.label || run.id}</a>`);
+const report = ({ id }) => html`<a href="/api/v1/runs/${encodeURIComponent(id)}/report" target="_blank" rel="noopener">Report</a>`;
+
+const tick = ({ id, label, status }, pick, picked) => html`<label class="tick"><span class="hidden">pick ${label} ${id}</span>
+  <input type="checkbox" value=${id} @change=${pick} .checked=${picked.includes(id)} ?disabled=${status === "damaged"}></label>`;
+
+const folder = (run, parts, open, fold) => html`<button type="button" class="fold" aria-expanded=${open} @click=${() => fold(run.id)}>
+  ${open ? "▾" : "▸"} ${parts.length} ${parts.length === 1 ? "run" : "runs"} with it${counts(parts)}</button>`;
+
+// Return the numbers of passed and failed runs as words, for a group whose runs are not shown.
+function counts(parts) {
+  const words = Object.keys(MARKS).map((word) => [parts.filter((run) => run.verdict === word).length, word]);
+  return words.filter(([count]) => count).map(([count, word]) => `, ${count} ${word}`).join("");
+}
+
+function verdict({ verdict: word, headline }) {
+  if (!word) return "–";
+  const [kind, mark] = MARKS[word] ?? ["", "–"];
+  return html`<b class="word ${kind}">${mark} ${word}</b><span class="why">${headline}</span>`;
 }

@@ -7,28 +7,40 @@ import { runTable } from "./run_table.js";
 import { isReplaced, newest } from "./requests.js";
 import { ask, lease, mayMove } from "./service.js";
 
-const panel = new JobPanel(find("job"), { ended: (job) => job.kind === "recover" && load() });
-const [search, kind, status] = ["search", "kind", "status"].map(find);
+const compared = find("compared");
+const panel = new JobPanel(find("job"), { begun: () => render(nothing, compared), ended, places: { compare: compared } });
+const search = find("search");
+const choices = ["cell", "kind", "status", "verdict"].map(find);
+const kind = find("kind");
 const WAIT_MS = 250;
 const LIST_MS = 30000;
+const PAGE = 100;
 let waiting = null;
 const replacing = newest();
-let shown = { runs: null, problem: "" };
+let shown = { groups: null, total: 0, problem: "" };
 let kinds = [keptChoice(kind)].filter(Boolean);
 let picked = [];
+const opened = new Set();
 
-async function load() {
-  const wanted = new URLSearchParams({ search: search.value.trim(), limit: "500" });
-  if (kind.value) wanted.set("kind", kind.value);
-  if (status.value) wanted.set("status", status.value);
+function ended({ kind, state }) {
+  if (kind === "recover") load();
+  if (kind === "compare" && state !== "stopped") find("job").scrollIntoView({ block: "start" });
+}
+
+const runsOf = (groups) => groups.flatMap(({ head, parts }) => [head, ...parts]);
+
+// Load the first page of the list, or the page that follows `groups`.
+async function load(groups = []) {
+  const wanted = new URLSearchParams({ search: search.value.trim(), offset: groups.length, limit: PAGE });
+  for (const choice of choices) if (choice.value) wanted.set(choice.id, choice.value);
   try {
-    const runs = await ask("GET", `/runs?${wanted}`, undefined, LIST_MS, lease.key, { signal: replacing() });
-    shown = { runs, problem: "" };
-    picked = picked.filter((id) => runs.some((run) => run.id === id));
-    kinds = [...new Set([...kinds, ...runs.map((run) => run.kind)])].filter(Boolean);
+    const page = await ask("GET", `/run-groups?${wanted}`, undefined, LIST_MS, lease.key, { signal: replacing() });
+    shown = { groups: [...groups, ...page.groups], total: page.total, problem: "" };
+    picked = picked.filter((id) => runsOf(shown.groups).some((run) => run.id === id));
+    kinds = [...new Set([...kinds, ...page.kinds])];
   } catch (error) {
     if (isReplaced(error)) return;
-    shown = { runs: null, problem: error.message };
+    shown = { groups: null, total: 0, problem: error.message };
   }
   draw();
 }
@@ -37,15 +49,25 @@ const drawKinds = () => render(kinds.map((name) => html`<option>${name}</option>
 
 function draw() {
   drawKinds();
-  render(shown.problem ? html`<p class="problem">${shown.problem}</p>` : listOf(shown.runs), find("runs"));
+  render(shown.problem ? html`<p class="problem">${shown.problem}</p>` : listOf(shown.groups), find("runs"));
   find("compare").disabled = picked.length !== 2 || !mayMove;
   find("compare").classList.toggle("main", picked.length === 2);
-  find("picked").textContent = picked.length === 2 ? `${picked[0]} with ${picked[1]}` : "Pick two identified runs.";
+  find("picked").textContent = picked.length === 2 ? `${labelOf(picked[0])} with ${labelOf(picked[1])}` : "Pick two runs of the same robot.";
 }
 
-const listOf = (runs) => [
-  runs.length ? runTable(runs, pick, picked) : html`<p class="soft">No run matches this filter.</p>`,
-  runs.filter((run) => run.problem || run.status === "unfinished").map(recovery),
+function labelOf(id) {
+  const run = runsOf(shown.groups).find((each) => each.id === id);
+  return run?.label ? `${run.label} (${id})` : id;
+}
+
+const listOf = (groups) => [
+  groups.length
+    ? runTable(groups, { pick, picked, opened, fold, cells: !find("cell").value })
+    : html`<p class="soft">No run matches this filter.</p>`,
+  groups.length < shown.total
+    ? html`<p><button type="button" id="more" @click=${() => load(groups)}>Show more</button> ${groups.length} of ${shown.total} are shown.</p>`
+    : nothing,
+  runsOf(groups).filter((run) => run.problem || run.status === "unfinished").map(recovery),
 ];
 
 // Recover a run that was not closed: the parts with valid checksums are written again.
@@ -59,11 +81,16 @@ function pick({ target: { checked, value } }) {
   draw();
 }
 
+function fold(id) {
+  if (!opened.delete(id)) opened.add(id);
+  draw();
+}
+
 search.addEventListener("input", () => {
   clearTimeout(waiting);
   waiting = setTimeout(load, WAIT_MS);
 });
-for (const choice of [kind, status]) choice.addEventListener("change", load);
+for (const choice of choices) choice.addEventListener("change", () => load());
 find("filter").addEventListener("submit", (event) => {
   event.preventDefault();
   load();

@@ -2,6 +2,7 @@
 import { blockParts } from "./blocks.js";
 import { element, find, parseNumber, seen, timeOf } from "./dom.js";
 import { keptChoice } from "./entries.js";
+import { refuseField } from "./fields.js";
 import { showFigure } from "./figure.js";
 import { html, render } from "./lit.js";
 import { request } from "./requests.js";
@@ -153,7 +154,7 @@ export function offer(select, path, words = path, kind = "") {
 export const runWords = (run) => `${run.label || run.id}, ${timeOf(run.created_utc)}`;
 
 export async function completeRuns() {
-  const runs = await ask("GET", "/runs?limit=200");
+  const runs = await ask("GET", `/runs?limit=200&cell=${encodeURIComponent(document.body.dataset.cell)}`);
   return runs.filter((run) => run.kind !== "payload session" && (run.status === "complete" || run.status === "recovered"));
 }
 
@@ -163,7 +164,7 @@ export function numberOf(id, { least = -Infinity, whole = false } = {}) {
   const value = parseNumber(input.value);
   const label = input.labels[0].firstChild.textContent.trim();
   if (Number.isNaN(value) || value < least || (whole && !Number.isInteger(value)))
-    throw new Error(`${label}: ${input.value.trim() ? `"${input.value.trim()}" is not valid; ` : ""}give a ${whole ? "whole " : ""}number${least > -Infinity ? ` of at least ${least}` : ""}, such as 9.6.`);
+    throw refuseField(input, `${label}: ${input.value.trim() ? `"${input.value.trim()}" is not valid; ` : ""}give a ${whole ? "whole " : ""}number${least > -Infinity ? ` of at least ${least}` : ""}, such as 9.6.`);
   return value;
 }
 

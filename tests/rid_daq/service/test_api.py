@@ -77,6 +77,7 @@ READ = [
     "/api/v1/cells/ir361/files",
     "/api/v1/jobs",
     "/api/v1/runs",
+    "/api/v1/run-groups",
     "/api/v1/files",
     "/api/v1/requests",
     "/api/v1/whoami",
@@ -192,6 +193,33 @@ def test_a_stop_needs_no_lease_and_no_role(api: Api) -> None:
 
 def test_a_stop_from_another_computer_needs_a_token(api: Api) -> None:
     assert api.ask(None, "POST", "/api/v1/cells/ir361/stop").status_code == 401
+
+
+@pytest.mark.parametrize(
+    ("query", "labels"),
+    [
+        ("", ["foreign", "imported", "stopped", "first"]),
+        ("cell=ir361", ["imported", "stopped", "first"]),
+        ("cell=ir361&limit=1&offset=1", ["stopped"]),
+        ("verdict=failed", ["stopped"]),
+        ("status=stopped&search=ST", ["stopped"]),
+        ("search=kr15", ["foreign"]),
+    ],
+)
+def test_runs_are_filtered_by_the_service(api: Api, query: str, labels: list[str]) -> None:
+    root, ir361 = api.service.runs, {"robot": "ir361", "cell": "ir361"}
+    RunFolder.create(root, "first", facts=ir361)
+    stopped = RunFolder.create(root, "stopped", facts=ir361)
+    stopped.finish(RunStatus.STOPPED, {"verdict": "failed"})
+    RunFolder.create(root, "imported", facts={"robot": "ir361"})
+    RunFolder.create(root, "foreign", facts={"robot": "kr15", "cell": "kr15"})
+    page = api.ask(Role.VIEWER, "GET", f"/api/v1/run-groups?{query}").json()
+    assert [group["head"]["label"] for group in page["groups"]] == labels
+    if "limit" not in query:
+        runs = api.ask(Role.VIEWER, "GET", f"/api/v1/runs?{query}").json()
+        assert [run["label"] for run in runs] == labels
+        assert page["total"] == len(labels)
+    assert api.ask(Role.VIEWER, "GET", f"/api/v1/runs?search={'x' * 101}").status_code == 422
 
 
 @pytest.mark.parametrize(

@@ -18,6 +18,11 @@ READ = """async (texts) => {
   return texts.map(parseNumber).map((value) => (Number.isNaN(value) ? null : value));
 }"""
 
+COLOURS = """() => Object.fromEntries([...document.querySelectorAll("button")].map((each) => [
+  each.id || each.textContent.trim(),
+  getComputedStyle(each).backgroundColor.match(/[0-9]+/g).slice(0, 3).map(Number),
+]))"""
+
 
 def test_a_decimal_comma_is_read_and_ambiguous_numbers_are_refused(
     open_page: OpenPage,
@@ -49,7 +54,7 @@ def test_a_mass_with_a_decimal_comma_is_requested_correctly(
     give_back(page)
 
 
-def test_a_mass_that_is_not_a_number_is_refused_with_its_field(
+def test_a_mass_that_is_not_a_number_is_refused_at_its_field(
     open_page: OpenPage, served_pages: ServedProcess
 ) -> None:
     page = open_page()
@@ -58,7 +63,59 @@ def test_a_mass_that_is_not_a_number_is_refused_with_its_field(
     ready(page, served_pages)
     _type_mass(page, "1,234")
     page.locator("#begin").click()
-    expect(page.locator("#job")).to_contain_text("Known mass [kg]")
+    mass, problem = page.locator("#mass"), page.locator("#mass-problem")
+    expect(problem).to_contain_text('"1,234"')
+    expect(mass).to_be_focused()
+    expect(mass).to_have_attribute("aria-invalid", "true")
+    expect(page.get_by_role("dialog")).to_have_count(0)
+    mass.fill("1.234")
+    expect(problem).to_be_empty()
+    expect(mass).not_to_have_attribute("aria-invalid", "true")
+    give_back(page)
+
+
+def test_a_mass_beyond_the_robots_rating_is_doubted_before_anything_starts(
+    open_page: OpenPage,
+) -> None:
+    page = open_page()
+    page.get_by_role("link", name="Payload", exact=True).click()
+    # the served robot states no rating
+    page.locator("#mass").evaluate(
+        "each => Object.assign(each.dataset, { mostKg: '12.5', mostWords: 'the rated payload' })"
+    )
+    doubt = page.locator("#mass-doubt")
+    _type_mass(page, "12,6")
+    expect(doubt).to_contain_text("the rated payload, 12.5 kg")
+    page.locator("#mass").fill("12,5")
+    expect(doubt).to_be_hidden()
+
+
+def test_attaching_the_payload_can_be_practised_on_the_simulated_cell(
+    open_page: OpenPage, served_pages: ServedProcess, problems: list[str]
+) -> None:
+    page = open_page()
+    take_cell(page)
+    page.get_by_role("link", name="Payload", exact=True).click()
+    ready(page, served_pages)
+    page.get_by_label("Practise").check()
+    assert _sent_request(page)["practise"] is True
+    problems.clear()  # the console reports the refused request
+    give_back(page)
+
+
+def test_only_stop_is_red(open_page: OpenPage, served_pages: ServedProcess) -> None:
+    page = open_page()
+    take_cell(page)
+    page.get_by_role("link", name="Payload", exact=True).click()
+    ready(page, served_pages)
+    page.locator("#begin").click()
+    start = page.get_by_role("dialog").get_by_role("button", name="is clear: start")
+    expect(start).to_be_visible()
+    colours = page.evaluate(COLOURS)
+    assert colours.pop("stop") != ""
+    for name, (red, green, blue) in colours.items():
+        assert not (red > 150 and green < 100 and blue < 100), name
+    page.keyboard.press("Escape")
     give_back(page)
 
 

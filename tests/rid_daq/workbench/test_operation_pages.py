@@ -49,7 +49,7 @@ def test_a_form_sends_its_values_as_json(
     problems.clear()  # the console reports the refused request
     page.locator("[name=margin]").fill("0,05 kg")
     page.locator("#begin").click()
-    expect(page.locator("#job [role=alert]")).to_contain_text('margin: "0,05 kg"')
+    expect(page.locator("#margin-problem")).to_contain_text('margin: "0,05 kg"')
 
 
 @pytest.mark.slow

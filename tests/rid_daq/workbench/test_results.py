@@ -49,7 +49,7 @@ def identified(served_pages: ServedProcess) -> None:
 
 
 @pytest.mark.usefixtures("identified")
-def test_two_identified_runs_are_compared(open_page: OpenPage) -> None:
+def test_two_identified_runs_are_compared(open_page: OpenPage, screenshots: Path) -> None:
     page = open_page(width=820)
     page.get_by_role("link", name="Runs", exact=True).click()
     for label in ("monday", "dry"):
@@ -57,8 +57,10 @@ def test_two_identified_runs_are_compared(open_page: OpenPage) -> None:
         page.locator("#runs tr", has_text=label).get_by_role("checkbox").check()
     page.locator("#compare").click()
     expect(page.locator("#job .verdict.end")).to_contain_text("Compare: failed")
-    expect(page.locator("#job .said tr.red")).to_contain_text("fc_axis2")
-    expect(page.locator("#job .said")).to_contain_text("differ")
+    expect(page.locator("#compared tr.red")).to_contain_text("fc_axis2")
+    expect(page.locator("#compared")).to_contain_text("Conditions and verdicts")
+    expect(page.locator("#job .said")).to_be_empty()
+    pictured(page, screenshots, "runs-compared")
 
 
 def test_a_run_left_by_a_crash_is_recovered(

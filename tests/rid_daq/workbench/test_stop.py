@@ -58,12 +58,12 @@ def test_hanging_searches_do_not_delay_stop(
     page = open_by_link()
     go_to(page, "Runs")
     expect(page.locator("#runs")).not_to_be_empty()
-    link.stall("^/api/v1/runs|^/api/v1/stop-line$|^/api/v1/ws$")  # STOP can only use requests
+    link.stall("^/api/v1/run|^/api/v1/stop-line$|^/api/v1/ws$")  # STOP can only use requests
     with moving(served_pages, program_lease) as motion:
         for letter in "ninewords":
             page.locator("#search").press(letter)
             page.wait_for_timeout(300)
-        searches = [path for path in link.paths if path.startswith("/api/v1/runs?search=n")]
+        searches = [path for path in link.paths if path.startswith("/api/v1/run-groups?search=n")]
         assert len(searches) > 3
         motion.require_stopped(press(page))
         expect(page.locator("#stop-words")).to_have_text(STOPPED)
