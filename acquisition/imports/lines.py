@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Final
 
 from config.errors import ConfigError, system_errors
 from config.formats.bounded_file import open_file
@@ -13,6 +15,8 @@ from config.formats.bounded_file import open_file
 LARGEST_FILE_BYTES = 500_000_000
 SEPARATORS = {",": ",", ";": ";", "tab": "\t", "space": None}
 """Values of `delimiter` in an import map, and the arguments of `str.split` for them."""
+DECIMAL_COMMA: Final = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
+"""A number with a decimal comma."""
 
 
 def split_cells(line: str, separator: str | None) -> list[str]:

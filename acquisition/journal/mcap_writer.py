@@ -6,7 +6,6 @@ Messages are CDR (little endian) of one fixed size per channel; see decision 000
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import os
 from io import FileIO
 from pathlib import Path
@@ -111,6 +110,8 @@ class JournalFile:
             raise RecordingError(
                 f"{path}: cannot create: {error.strerror}", code="RID-FILE-WRITE"
             ) from error
+        import fcntl  # only recorders need it
+
         with contextlib.suppress(OSError):  # the file system may have no locks
             fcntl.flock(self._file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
         try:

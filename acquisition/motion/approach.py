@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-
 from acquisition.motion.limits import verify_limits
-from acquisition.motion.ramps import rest_to_rest, rest_to_rest_duration
+from acquisition.motion.ramps import move_duration, rest_to_rest
 from acquisition.motion.samples import MotionSamples, Phase, join, phases_of, standstill
 from config.arrays import FloatArray, read_only
 from config.errors import ConfigError
@@ -36,13 +34,7 @@ def approach(
     n = len(robot.joints)
     start = read_only("pose to start from", from_position, float, (n,), ConfigError)
     end = read_only("pose to go to", to_position, float, (n,), ConfigError)
-    velocity_limit = np.array([joint.limits.velocity for joint in robot.joints])
-    acceleration_limit = np.array([joint.limits.acceleration for joint in robot.joints])
-    duration_s = rest_to_rest_duration(
-        end - start,
-        APPROACH_SPEED_FRACTION * velocity_limit,
-        APPROACH_SPEED_FRACTION * acceleration_limit,
-    )
+    duration_s = move_duration(end - start, robot, APPROACH_SPEED_FRACTION)
     rows = max(1, math.ceil(duration_s / sample_period_s))
     path = join([rest_to_rest(start, end, rows, sample_period_s), standstill(end, 1)])
     samples = MotionSamples(

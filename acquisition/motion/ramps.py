@@ -15,6 +15,8 @@ import numpy as np
 from acquisition.motion.fourier import FourierTrajectory
 from acquisition.motion.samples import JointTrajectory
 from config.arrays import FloatArray
+from config.robot.robot import RobotDescription
+from config.robot.wrist_coupling import WristCoupling
 
 QUINTIC_PEAK_VELOCITY = 15.0 / 8.0
 QUINTIC_PEAK_ACCELERATION = 10.0 / math.sqrt(3.0)
@@ -74,6 +76,25 @@ def rest_to_rest_duration(
     by_velocity = QUINTIC_PEAK_VELOCITY * distance / velocity_limit
     by_acceleration = np.sqrt(QUINTIC_PEAK_ACCELERATION * distance / acceleration_limit)
     return float(np.maximum(by_velocity, by_acceleration).max())
+
+
+def move_duration(travel: FloatArray, robot: RobotDescription, fraction: float) -> float:
+    """Return the shortest time [s] of a quintic move within a fraction of a robot's limits.
+
+    Args:
+        travel: Shape (joints,). Distance of each joint [rad or m].
+        robot: Limits of the joints, and speed limits of coupled motors.
+        fraction: Fraction of the velocity and acceleration limits.
+    """
+    velocity = fraction * np.array([joint.limits.velocity for joint in robot.joints])
+    acceleration = fraction * np.array([joint.limits.acceleration for joint in robot.joints])
+    duration_s = rest_to_rest_duration(travel, velocity, acceleration)
+    coupling = WristCoupling.of_robot(robot)
+    if coupling is None:
+        return duration_s
+    unlimited = np.full(len(velocity), math.inf)
+    of_motors_s = rest_to_rest_duration(coupling.to_motors(travel), velocity, unlimited)
+    return max(duration_s, of_motors_s)
 
 
 def rest_to_rest(

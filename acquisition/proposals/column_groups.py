@@ -9,7 +9,7 @@ from typing import Final
 
 QUANTITIES: Final[Mapping[str, frozenset[str]]] = {
     "velocity": frozenset(
-        {"qd", "dq", "vel", "velocity", "velocities", "speed", "qdot", "dtheta", "omega"}
+        {"qd", "dq", "vel", "velo", "velocity", "velocities", "speed", "qdot", "dtheta", "omega"}
     ),
     "torque": frozenset(
         {"tau", "torque", "torques", "effort", "efforts", "moment", "trq", "trk", "force"}

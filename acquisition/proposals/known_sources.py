@@ -14,7 +14,8 @@ class KnownSource:
     Attributes:
         title: Name of the program.
         columns: Names of columns by which the recording is recognised.
-        time: Column of the time stamps.
+        time: Column of the time stamps. If several columns have this name, as in exports with
+            one time for each channel, all must be equal.
         time_unit: Unit of the time stamps.
         units: Keys of `units` in the import map.
         notes: What a person must know about the recorded quantities, one sentence each.
@@ -74,6 +75,18 @@ KNOWN_SOURCES: Final = (
         notes=(
             "the efforts of ROS joint states may be torques or motor currents, and may or may not"
             " contain gravity: ask the robot driver's documentation",
+        ),
+    ),
+    KnownSource(
+        "TwinCAT Scope View, CSV export",
+        ("Name",),
+        "Name",
+        "ms",
+        notes=(
+            "the names do not state units. The objects 6077h and 6078h of a drive are per mille of"
+            " its rated torque and rated current: then give units.torque permille and"
+            " rated_torque_nm, or units.current permille and rated_current_a",
+            "record all channels with one sample time",
         ),
     ),
     KnownSource("rid-daq export", ("time_s", "phase", "sample_index"), "time_s", "s"),

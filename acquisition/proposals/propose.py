@@ -150,7 +150,7 @@ def _time(
         if _TIME_NAME.fullmatch(re.split(r"[./]", name.strip())[-1])
     ]
     if source is not None:
-        candidates = [table.names.index(source.time)]
+        candidates = [_common_time(path, table, source)]
     for number in candidates:
         name = table.names[number]
         column: str | int = name if table.by_name and table.names.count(name) == 1 else number
@@ -177,6 +177,23 @@ def _time(
         " Write a map with `time`, or with rate_hz (`rid-daq docs someone-elses-recording`)",
         code="RID-IMPORT-PROPOSAL",
     )
+
+
+def _common_time(path: Path, table: SourceTable, source: KnownSource) -> int:
+    """Return the first column of time stamps of a known program.
+
+    Raises:
+        ConfigError: The columns of time stamps differ, so that a row has values of several times.
+    """
+    first, *others = (n for n, name in enumerate(table.names) if name == source.time)
+    for other in others:
+        if any(row[first] != row[other] for row in table.cells):
+            raise ConfigError(
+                f"{path}: columns {first} and {other}, both time stamps ({source.time}), differ:"
+                " export all channels with one sample time, or with one time for all channels",
+                code="RID-IMPORT-PROPOSAL",
+            )
+    return first
 
 
 def _joints(

@@ -9,7 +9,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Final
 
-from acquisition.imports.lines import SEPARATORS, read_lines, split_cells
+from acquisition.imports.lines import DECIMAL_COMMA, SEPARATORS, read_lines, split_cells
 from acquisition.imports.time_column import match_iso
 from acquisition.sources.array_tables import has_named_arrays, read_named_arrays
 from config.errors import ConfigError
@@ -18,7 +18,6 @@ _LINES: Final = 400
 _FEWEST_COLUMNS: Final = 3
 _FEWEST_ROWS: Final = 5
 _NUMBER: Final = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?|nan", re.IGNORECASE)
-_DECIMAL_COMMA: Final = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
 
 
 @dataclass(frozen=True)
@@ -80,7 +79,7 @@ def _look_at_text(path: Path) -> SourceTable:
     before = lines[first][0] - 1
     keys: dict[str, object] = {"delimiter": delimiter, "header_rows": before}
     cells = tuple(tuple(row) for row in rows[first:] if len(row) == width)
-    if any(_DECIMAL_COMMA.fullmatch(cell) for row in cells for cell in row):
+    if any(DECIMAL_COMMA.fullmatch(cell) for row in cells for cell in row):
         keys["decimal"] = ","
     if any(not cell for row in cells for cell in row):
         keys["empty_cells"] = "interpolate"

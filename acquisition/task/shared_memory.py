@@ -6,7 +6,6 @@ stop` reaches a motion even if the program is too busy to answer.
 
 from __future__ import annotations
 
-import fcntl
 import mmap
 import os
 import weakref
@@ -47,6 +46,8 @@ class SharedMemory:
         Raises:
             OSError: There is not enough memory.
         """
+        import fcntl  # only motions need it
+
         descriptor = os.memfd_create(label, os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
         try:
             os.posix_fallocate(descriptor, 0, size)
@@ -101,6 +102,8 @@ class SharedMemory:
 
 
 def _has_fixed_size(descriptor: int) -> bool:
+    import fcntl
+
     try:
         return bool(fcntl.fcntl(descriptor, fcntl.F_GET_SEALS) & fcntl.F_SEAL_SHRINK)
     except OSError:  # not a memory file

@@ -13,14 +13,13 @@ from typing import Final
 
 import numpy as np
 
-from acquisition.imports.lines import SEPARATORS, read_lines, split_cells
+from acquisition.imports.lines import DECIMAL_COMMA, SEPARATORS, read_lines, split_cells
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import ConfigError
 from config.formats.number import parse_number
 
 HEADER: Final = "RID-TRACKER-COLUMNS"
 ROW: Final = "RID-TRACKER-ROW"
-_DECIMAL_COMMA: Final = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +140,7 @@ def read_named_columns(path: Path) -> NamedColumns:
     if not table:
         raise ConfigError(f"{path}: has no row below the column names", code=ROW)
     commas = separator != "," and any(
-        _DECIMAL_COMMA.fullmatch(cell) for _, cells in table for cell in cells
+        DECIMAL_COMMA.fullmatch(cell) for _, cells in table for cell in cells
     )
     return NamedColumns(
         path,

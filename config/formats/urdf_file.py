@@ -7,6 +7,8 @@ inertia) is omitted and noted in the `oddities` of its link.
 
 from __future__ import annotations
 
+import re
+import shlex
 from collections import Counter
 from collections.abc import Callable
 from typing import Final, TypeVar
@@ -45,6 +47,8 @@ LARGEST_ANGLE_RAD: Final = 2.0 * np.pi + 0.01
 RIGHT_ANGLE_RAD: Final = 1e-5
 UNIT_LENGTH: Final = 1e-2
 
+_FIND: Final = re.compile(rb"\$\(find(?:-pkg-share)?\s+([^\s)]+)\s*\)")
+
 T = TypeVar("T")
 
 
@@ -68,12 +72,7 @@ def read_urdf(data: bytes, file: str, *, literal_angles: bool = False) -> UrdfTr
             code="RID-FILE-TYPE",
         )
     if _has_xacro(root):
-        raise ConfigError(
-            f"{file}: this is a xacro file; expand it first (pip install xacrodoc; xacrodoc FILE -o"
-            " robot.urdf), then give robot.urdf. xacrodoc searches the packages of $(find …) in the"
-            " folders of its option -d",
-            code="RID-URDF-XACRO",
-        )
+        raise ConfigError(_xacro_remedy(data, file), code="RID-URDF-XACRO")
     reader = _Reader(literal_angles)
     gears = transmissions_of(root)
     links = [reader.link(element) for element in root.all("link")]
@@ -105,6 +104,21 @@ def _has_xacro(element: XmlElement) -> bool:
     """Return whether xacro elements remain unexpanded, except in visuals and Gazebo elements."""
     return element.tag.startswith("xacro:") or any(
         _has_xacro(part) for part in element.children if part.tag not in ("visual", "gazebo")
+    )
+
+
+def _xacro_remedy(data: bytes, file: str) -> str:
+    """Return the error text for a xacro file, with the commands that expand it."""
+    packages = dict.fromkeys(name.decode(errors="replace") for name in _FIND.findall(data))
+    where = (
+        f" FOLDER contains the packages {', '.join(packages)}, in itself or in folders below."
+        if packages
+        else " If a package of $(find …) is not found, add -d FOLDER with its folder."
+    )
+    words = f"xacrodoc {shlex.quote(file)} -o robot.urdf{' -d FOLDER' if packages else ''}"
+    return (
+        f"{file}: this is a xacro file. Expand it with `pip install xacrodoc` and `{words}`, and"
+        f" give robot.urdf.{where}"
     )
 
 

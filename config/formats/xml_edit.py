@@ -11,7 +11,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
-from config.errors import ConfigError
 from config.formats.xml_tree import START_TAG, XmlElement
 
 STEP: Final = "  "
@@ -23,23 +22,13 @@ class XmlEditor:
     """Collector of changes to a file.
 
     Attributes:
-        data: The file's bytes.
+        data: The file's bytes; `utf8_xml` leaves them unchanged.
         root: The root element that `parse_xml` found in them.
-
-    Raises:
-        ConfigError: The file's encoding does not contain ASCII (UTF-16).
     """
 
     data: bytes
     root: XmlElement
     _changes: list[tuple[int, int, bytes]] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        if b"\0" in self.data:
-            raise ConfigError(
-                f"{self.root.file}: the file is encoded in UTF-16; save it in UTF-8",
-                code="RID-FILE-TYPE",
-            )
 
     def set_attributes(self, element: XmlElement, values: Mapping[str, str]) -> None:
         """Replace attributes' values, and add the attributes that the element does not have.

@@ -13,6 +13,7 @@ from xml.parsers import expat
 
 from config.errors import ConfigError
 from config.formats.number import NUMBER_CODE, number_hint, parse_number
+from config.formats.xml_encoding import utf8_xml
 
 MAX_BYTES: Final = 20_000_000
 MAX_DEPTH: Final = 60
@@ -26,7 +27,7 @@ class XmlElement:
 
     Attributes:
         file: Name of the file in messages.
-        start: Position of the element's first byte in the file.
+        start: Position of the element's first byte in the file, after `utf8_xml`.
         end: Position after the element's last byte.
     """
 
@@ -131,7 +132,7 @@ def parse_xml(data: bytes, name: str) -> XmlElement:
     """Parse one XML document and return its root.
 
     Args:
-        data: The file's bytes, in the encoding that they declare.
+        data: The file's bytes, in any encoding that `utf8_xml` converts.
         name: Name of the file in messages.
 
     Raises:
@@ -141,6 +142,7 @@ def parse_xml(data: bytes, name: str) -> XmlElement:
         raise ConfigError(
             f"{name}: {len(data)} bytes; at most {MAX_BYTES} are allowed", code="RID-FILE-SIZE"
         )
+    data = utf8_xml(data, name)
     parser = expat.ParserCreate()
     parser.buffer_text = True
     waiting: list[_Open] = [_Open("", {}, 0, 0)]

@@ -10,6 +10,7 @@ for them (decision 0073).
 from __future__ import annotations
 
 import os
+from array import array
 from itertools import pairwise
 from pathlib import Path
 from typing import BinaryIO, Final
@@ -28,11 +29,17 @@ from config.meshes.mesh import Mesh
 
 CODE: Final = "RID-URDF-MESH"
 FORMATS: Final = (".stl", ".dae", ".obj")
-MOST_BYTES: Final = 300_000_000
-MOST_TRIANGLES: Final = 3_000_000
+MOST_BYTES: Final = {".stl": 300_000_000, ".obj": 300_000_000, ".dae": 60_000_000}
+"""Largest size of a file. Reading needs up to 24 times the size of a DAE file as memory."""
+MOST_TRIANGLES: Final = 1_000_000
+"""Largest number of triangles, and of vertices of an OBJ file; each needs about 1 kB of memory."""
 SAME_BOUNDS: Final = 1e-5
 _CHUNK: Final = 1 << 16
 _POINTER: Final = b"version https://git-lfs"
+_END_OF_FACET: Final = b"endfacet"
+_STL_START: Final = 84
+_STL_TRIANGLE: Final = 50
+"""Bytes of a binary STL file: before the first triangle, and of each triangle."""
 
 
 def read_mesh(path: Path) -> Mesh:
@@ -47,7 +54,7 @@ def read_mesh(path: Path) -> Mesh:
         parts cannot be read, the mesh is the convex hull of all its vertices (`Mesh.is_hull`).
 
     Raises:
-        ConfigError: The file does not exist, is damaged, or contains no triangle.
+        ConfigError: The file does not exist, is damaged, is too large, or contains no triangle.
     """
     if path.suffix.lower() not in FORMATS:
         raise ConfigError(
@@ -55,36 +62,63 @@ def read_mesh(path: Path) -> Mesh:
             " to STL",
             code=CODE,
         )
+    kind = path.suffix.lower()
     unit_m = 1.0
     try:
-        with open_file(path, MOST_BYTES) as file:
-            start = file.read(len(_POINTER))
-            if path.suffix.lower() == ".dae":
+        with open_file(path, MOST_BYTES[kind]) as file:
+            start = file.read(_STL_START)
+            if kind == ".stl":
+                _refuse_long(path, _count_stl(file, start))
+            elif kind == ".dae":
                 file.seek(0)
                 unit_m = _unit_of_dae(file, path)
     except OSError as error:
-        raise ConfigError(f"{path}: cannot be read: {error.strerror}", code=CODE) from None
-    if start == _POINTER:
+        raise ConfigError(
+            f"{path}: cannot be read: {error.strerror}; simplify the mesh if it is too large",
+            code=CODE,
+        ) from None
+    if start.startswith(_POINTER):
         raise ConfigError(
             f"{path}: contains only a pointer of Git LFS; fetch the mesh with `git lfs pull`",
             code=CODE,
         )
-    vertices, triangles = _read_obj(path) if path.suffix.lower() == ".obj" else _load(path)
-    if len(triangles) > MOST_TRIANGLES:
-        raise ConfigError(
-            f"{path}: {len(triangles)} triangles; at most {MOST_TRIANGLES} are read: simplify the"
-            " mesh",
-            code=CODE,
-        )
+    vertices, triangles = _read_obj(path) if kind == ".obj" else _load(path)
+    _refuse_long(path, len(triangles))
     if not np.isfinite(vertices).all():
         raise ConfigError(f"{path}: a vertex is not finite; export the mesh again", code=CODE)
     if len(np.unique(triangles)) == len(vertices):
         return Mesh(vertices * unit_m, triangles)
     # coal numbers the vertices of a node's second and further meshes from 0: these triangles are
     # wrong. It never returns vertices without triangles, so that missing numbers reveal the error.
-    if path.suffix.lower() == ".dae" and (repaired := _read_dae(path, vertices)) is not None:
+    if kind == ".dae" and (repaired := _read_dae(path, vertices)) is not None:
         return Mesh(repaired.vertices_m * unit_m, repaired.triangles)
     return _hull_of(vertices * unit_m, path)
+
+
+def _refuse_long(path: Path, triangles: int) -> None:
+    if triangles > MOST_TRIANGLES:
+        raise ConfigError(
+            f"{path}: has {triangles} triangles or more; at most {MOST_TRIANGLES} are read:"
+            " simplify the mesh",
+            code=CODE,
+        )
+
+
+def _count_stl(file: BinaryIO, start: bytes) -> int:
+    """Return the number of triangles of an STL file whose first bytes were read, without them.
+
+    A text file begins with `solid`; so do some binary files, whose size fits their stated count.
+    """
+    most = max(0, os.fstat(file.fileno()).st_size - _STL_START) // _STL_TRIANGLE
+    stated = int.from_bytes(start[-4:], "little")
+    if stated == most or not start.lstrip().startswith(b"solid"):
+        return min(stated, most)
+    count, rest = start.count(_END_OF_FACET), start[1 - len(_END_OF_FACET) :]
+    while chunk := file.read(_CHUNK):
+        text = rest + chunk
+        count += text.count(_END_OF_FACET)
+        rest = text[1 - len(_END_OF_FACET) :]
+    return count
 
 
 def _load(path: Path) -> tuple[FloatArray, IntArray]:
@@ -97,9 +131,11 @@ def _load(path: Path) -> tuple[FloatArray, IntArray]:
         found = coal.MeshLoader().load(os.fspath(path))
     except (ValueError, RuntimeError):
         raise _incomplete(path) from None
-    corners = [(t[0], t[1], t[2]) for t in map(found.tri_indices, range(found.num_tris))]
+    count = found.num_tris
+    numbers = (triangle[k] for triangle in map(found.tri_indices, range(count)) for k in range(3))
+    corners = np.fromiter(numbers, dtype=np.int64, count=3 * count)
     vertices = np.array(found.vertices(), dtype=float).reshape(-1, 3)
-    return vertices, np.array(corners, dtype=np.int64).reshape(-1, 3)
+    return vertices, corners.reshape(-1, 3)
 
 
 def _read_dae(path: Path, vertices: FloatArray) -> Mesh | None:
@@ -108,7 +144,7 @@ def _read_dae(path: Path, vertices: FloatArray) -> Mesh | None:
     The bounds of `vertices`, which coal read, must be those of the mesh.
     """
     try:
-        corners = triangles_of_dae(read_file(path, MOST_BYTES), str(path)).reshape(-1, 3)
+        corners = triangles_of_dae(read_file(path, MOST_BYTES[".dae"]), str(path)).reshape(-1, 3)
     except (ConfigError, ValueError, LookupError, StopIteration, OSError):
         return None
     bounds = [np.array([each.min(axis=0), each.max(axis=0)]) for each in (corners, vertices)]
@@ -121,26 +157,31 @@ def _read_obj(path: Path) -> tuple[FloatArray, IntArray]:
     """Return the vertices that faces use, and triangles of an OBJ file; faces become fans.
 
     Raises:
-        ConfigError: A vertex or face cannot be read, or there is no face.
+        ConfigError: A vertex or face cannot be read, there are too many, or there is no face.
     """
-    vertices: list[list[float]] = []
-    triangles: list[tuple[int, int, int]] = []
+    vertices, triangles = array("d"), array("q")
     try:
-        for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
-            kind, *words = line.split() or [""]
-            if kind == "v":
-                vertices.append([float(word) for word in words[:3]])
-            elif kind == "f":
-                stated = [int(word.partition("/")[0]) for word in words]
-                numbers = [k - 1 if k > 0 else len(vertices) + k for k in stated]
-                if len(numbers) < 3 or not all(0 <= k < len(vertices) for k in numbers):
+        with path.open(encoding="utf-8", errors="replace") as lines:
+            for line in lines:
+                kind, *words = line.split() or [""]
+                count = len(vertices) // 3
+                if kind == "v" and len(words) >= 3:
+                    vertices.extend(float(word) for word in words[:3])
+                elif kind == "v":
                     raise _incomplete(path)
-                triangles += [(numbers[0], *pair) for pair in pairwise(numbers[1:])]
-        found = np.array(vertices, dtype=float).reshape(-1, 3)
+                elif kind == "f":
+                    stated = [int(word.partition("/")[0]) for word in words]
+                    numbers = [k - 1 if k > 0 else count + k for k in stated]
+                    if len(numbers) < 3 or not all(0 <= k < count for k in numbers):
+                        raise _incomplete(path)
+                    for pair in pairwise(numbers[1:]):
+                        triangles.extend((numbers[0], *pair))
+                _refuse_long(path, max(len(vertices), len(triangles)) // 3)
     except ValueError:
         raise _incomplete(path) from None
     if not triangles:
         raise _incomplete(path)
+    found = np.array(vertices).reshape(-1, 3)
     used, renumbered = np.unique(np.array(triangles), return_inverse=True)
     return found[used], renumbered.reshape(-1, 3)
 

@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import errno
 import mmap
-import resource
 from typing import Final
 
 from config.errors import RidDaqError, ShortageError, with_notes
@@ -111,6 +110,10 @@ def _with_causes(error: BaseException) -> list[BaseException]:
 
 def _memory_was_full() -> bool:
     """Return whether this process was at its memory limit, which can cause any error."""
+    try:
+        import resource
+    except ImportError:  # not on Windows
+        return False
     limit = resource.getrlimit(resource.RLIMIT_AS)[0]
     if limit == resource.RLIM_INFINITY:
         return False

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from config.errors import ConfigError
 from config.formats.urdf import MOVING, UrdfJoint, UrdfTree
 from config.quantities import MOST_JOINTS
+from config.robot.urdf_mimic import CODE, MergedMimic, merged_mimics
 
 SHORTEST_ARM: Final = 3
 _FINGER: Final = re.compile(r"grip|finger|knuckle|jaw", re.IGNORECASE)
@@ -37,6 +38,7 @@ class UrdfArm:
         joints: The driven joints between them, at least one.
         gripper: The link at which the arm ends because a gripper begins there.
         side_branches: The last links of shorter chains that were ignored.
+        merged: Mimic joints that are part of a driven joint.
     """
 
     base: str
@@ -44,6 +46,7 @@ class UrdfArm:
     joints: tuple[UrdfJoint, ...]
     gripper: str | None = None
     side_branches: tuple[str, ...] = ()
+    merged: tuple[MergedMimic, ...] = ()
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -59,6 +62,7 @@ class UrdfArm:
                 f"the arm to {self.tip!r} was chosen; {', '.join(self.side_branches)} count as"
                 " fixed; --tip chooses another arm"
             )
+        notes += [each.note for each in self.merged]
         return tuple(notes)
 
 
@@ -72,8 +76,8 @@ def arm_between(tree: UrdfTree, base: str | None, tip: str | None) -> UrdfArm:
 
     Raises:
         SeveralArmsError: There are several arms, and `tip` is None.
-        ConfigError: A link does not exist, no joint moves, a joint of the arm mimics another, or
-            the arm has too many joints.
+        ConfigError: A link does not exist, no joint moves, a joint of the arm mimics another and
+            cannot be part of the model (`merged_mimics`), or the arm has too many joints.
     """
     for link in (base, tip):
         if link is not None and link not in tree.links:
@@ -89,7 +93,7 @@ def arm_between(tree: UrdfTree, base: str | None, tip: str | None) -> UrdfArm:
                 f"{tree.file}: no joint moves between {base!r} and {tip!r}; give other links",
                 code="RID-URDF-ARM",
             )
-        return _refuse_unsupported(tree, UrdfArm(base, tip, joints))
+        return _supported(tree, UrdfArm(base, tip, joints))
     arms = arms_of(tree, base)
     if not arms:
         roots = base or ", ".join(tree.roots)
@@ -101,7 +105,7 @@ def arm_between(tree: UrdfTree, base: str | None, tip: str | None) -> UrdfArm:
     if len(serious) > 1:
         raise SeveralArmsError(tree.file, serious)
     aside = tuple(arm.tip for arm in arms[1:])
-    return _refuse_unsupported(
+    return _supported(
         tree, UrdfArm(longest.base, longest.tip, longest.joints, longest.gripper, aside)
     )
 
@@ -147,6 +151,7 @@ def held_positions(tree: UrdfTree, arm: UrdfArm) -> dict[str, float]:
             to a link of the arm.
     """
     driven = {joint.name for joint in arm.joints}
+    merged = {each.joint.name for each in arm.merged}
     named = {joint.name: joint for joint in tree.joints}
     in_base = set(tree.placements(arm.base))
 
@@ -161,6 +166,7 @@ def held_positions(tree: UrdfTree, arm: UrdfArm) -> dict[str, float]:
         while leader.mimic is not None:
             leader = named[leader.mimic.joint]
         follows = joint.mimic is not None and leader.name in driven and joint.child in in_base
+        follows = follows and joint.name not in merged
         if follows and (mass_kg := _mass_behind(tree, joint.child)) > 0.0:
             problems.append(
                 f"{joint.where}: joint {joint.name!r} mimics {leader.name!r}, a joint of the arm,"
@@ -169,7 +175,7 @@ def held_positions(tree: UrdfTree, arm: UrdfArm) -> dict[str, float]:
                 " <inertial> of its links, whose mass is then ignored"
             )
     if problems:
-        raise ConfigError("\n".join(problems), code="RID-URDF-MIMIC")
+        raise ConfigError("\n".join(problems), code=CODE)
     return {
         joint.name: position(joint)
         for joint in tree.joints
@@ -223,11 +229,12 @@ def _is_serious(arm: UrdfArm, longest: UrdfArm) -> bool:
     return own >= min(SHORTEST_ARM, others) and 2 * own >= others
 
 
-def _refuse_unsupported(tree: UrdfTree, arm: UrdfArm) -> UrdfArm:
-    """Return the arm if no joint before its last one mimics another, and it is not too long.
+def _supported(tree: UrdfTree, arm: UrdfArm) -> UrdfArm:
+    """Return the arm with the mimic joints that are part of its driven joints.
 
     Raises:
-        ConfigError: A joint mimics another, or there are too many joints.
+        ConfigError: Another joint before the last one is a mimic joint, or there are too many
+            joints.
     """
     if len(arm.joints) > MOST_JOINTS:
         raise ConfigError(
@@ -238,16 +245,4 @@ def _refuse_unsupported(tree: UrdfTree, arm: UrdfArm) -> UrdfArm:
         )
     path = tree.path(arm.base, arm.tip)
     last = path.index(arm.joints[-1])
-    lines = [
-        f"{joint.where}: joint {joint.name!r} mimics {joint.mimic.joint!r} in the middle of the"
-        " arm: a motor that turns two joints of the chain cannot be identified. Give --tip"
-        f" {joint.parent} for the arm before it. If the joint has its own motor, remove <mimic>; if"
-        " this motor turns it through a parallelogram, also set `coupling` in the robot file, with"
-        f" {joint.mimic.multiplier:g} for {joint.mimic.joint!r} and 1 for {joint.name!r} in the row"
-        f" of {joint.name!r}"
-        for joint in path[:last]
-        if joint.mimic is not None
-    ]
-    if lines:
-        raise ConfigError("\n".join(lines), code="RID-URDF-MIMIC")
-    return arm
+    return replace(arm, merged=merged_mimics(tree, path[: last + 1], arm.joints))

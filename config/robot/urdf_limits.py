@@ -13,6 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.formats.urdf import UrdfJoint
 from config.plausible import Plausible
@@ -24,6 +25,7 @@ from config.robot.robot import (
     JointTorque,
     JointVelocity,
 )
+from config.robot.urdf_mimic import box_inside
 
 ACCELERATION_PER_VELOCITY: Final = 5.0
 WEIGHT_MARGIN: Final = 2.0
@@ -39,6 +41,7 @@ _MM: Final = 1e-3
 _LARGEST_DEGREES: Final = 1000.0
 NO_LIMIT: Final = 1e6
 """From this value on, a limit means "no limit", as infinity does."""
+NEGLIGIBLE: Final = 1e-5
 LIMIT_CODE: Final = "RID-URDF-LIMIT"
 
 
@@ -132,6 +135,34 @@ def limits_of_urdf(
     if problems:
         raise ConfigError("\n".join(problems), code=LIMIT_CODE)
     return found
+
+
+def limits_within(found: Sequence[FoundLimits], joints_by_urdf: FloatArray) -> list[FoundLimits]:
+    """Return limits of coupled joints that keep the URDF's limits in every pose.
+
+    Args:
+        found: The limits of the URDF's driven joints.
+        joints_by_urdf: Shape (n, n). The joints' positions by those of the URDF's driven joints.
+    """
+    low, high = (
+        np.array([getattr(each.limits, f"position_{end}") for each in found])
+        for end in ("min", "max")
+    )
+    lowest, highest = box_inside(joints_by_urdf, low, high)
+    within = []
+    for number, each in enumerate(found):
+        start, stop = float(f"{lowest[number]:.6g}"), float(f"{highest[number]:.6g}")
+        if abs(start - low[number]) + abs(stop - high[number]) < NEGLIGIBLE:
+            within.append(each)
+            continue
+        how = (
+            f"coupled: the URDF's {low[number]:g} to {high[number]:g} applies to the motor; in this"
+            " range all coupled joints keep the URDF's limits together"
+        )
+        limits = each.limits.model_copy(update={"position_min": start, "position_max": stop})
+        replaced = (*each.replaced, ReplacedValue("position", f"{start:g} to {stop:g}", how))
+        within.append(FoundLimits(limits, replaced))
+    return within
 
 
 class _LimitReader:

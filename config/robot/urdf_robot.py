@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,8 +23,14 @@ from config.robot.robot import Joint, RobotDescription
 from config.robot.urdf_bodies import bodies_of_urdf, without_rounding_errors
 from config.robot.urdf_chain import UrdfArm, arm_between, held_positions
 from config.robot.urdf_drawings import LinkDrawing, drawings_of_urdf
-from config.robot.urdf_limits import LimitDefaults, ReplacedValue, limits_of_urdf
+from config.robot.urdf_limits import (
+    LimitDefaults,
+    ReplacedValue,
+    limits_of_urdf,
+    limits_within,
+)
 from config.robot.urdf_links import links_of_urdf
+from config.robot.urdf_mimic import coupling_of, release_joints
 from config.robot.urdf_motors import UrdfMotor, motors_of_urdf
 
 
@@ -53,6 +59,7 @@ def robot_of_urdf(
     tip: str | None = None,
     defaults: LimitDefaults | None = None,
     packages: PackageFolders | None = None,
+    parallelograms: Sequence[str] = (),
 ) -> UrdfRobot:
     """Return the serial robot between two links of a URDF.
 
@@ -68,13 +75,21 @@ def robot_of_urdf(
         defaults: Limits to use if the URDF states none; if not given, they follow from the robot's
             size.
         packages: Places of the mesh files; if not given, meshes are not read.
+        parallelograms: Mimic joints that their own motors turn through a parallelogram.
 
     Raises:
         SeveralArmsError: There are several arms and no `tip`.
         ConfigError: A link or the chain does not exist, or a value is one that no robot has.
     """
+    tree, released = release_joints(tree, parallelograms)
     arm = arm_between(tree, base, tip)
+    coupling = coupling_of([joint.name for joint in arm.joints], arm.merged, released)
     notes = list(arm.notes)
+    notes += [
+        f"joint {name!r} has its own motor, whose motion adds to {mimic.multiplier:g} times that of"
+        f" {mimic.joint!r} (`coupling`); its <mimic> is ignored"
+        for name, mimic in released.items()
+    ]
     places = tree.placements(arm.base, held_positions(tree, arm))
     end = places[arm.tip]
     origins_m = np.array([places[joint.child][:3, 3] for joint in arm.joints])
@@ -99,6 +114,8 @@ def robot_of_urdf(
         np.array([link.mass_kg for link in links.cad]),
     )
     found = limits_of_urdf(arm.joints, sizes, defaults or LimitDefaults())
+    if coupling is not None:
+        found = limits_within(found, coupling[1])
     ratios, motors, replaced = motors_of_urdf(tree, arm, [one.limits for one in found])
     for values_here, one in zip(replaced, found, strict=True):
         values_here += one.replaced
@@ -123,6 +140,7 @@ def robot_of_urdf(
                 )
                 for joint, name, one, ratio in zip(arm.joints, names, found, ratios, strict=True)
             ),
+            coupling=None if coupling is None else tuple(map(tuple, coupling[0].tolist())),
             cad=links.cad,
             bodies=solids.bodies,
         )
@@ -152,19 +170,23 @@ def carried_links(tree: UrdfTree, arm: UrdfArm, notes: list[str]) -> list[list[s
 
     Args:
         tree: The URDF.
-        arm: The arm; the other moving joints are held (`held_positions`).
+        arm: The arm; the other moving joints are held (`held_positions`). Links between a driven
+            joint and a mimic joint that is part of it are left out.
         notes: One note for each group of held joints is appended.
     """
     number = {joint.child: i + 1 for i, joint in enumerate(arm.joints)}
     carried: list[list[str]] = [[] for _ in range(len(arm.joints) + 1)]
     stand = held_positions(tree, arm)
+    merged = {each.joint.name for each in arm.merged}
+    between = {link for each in arm.merged for link in each.between}
     held: dict[tuple[int, float], list[str]] = {}
     waiting = [(arm.base, 0)]
     while waiting:
         link, body = waiting.pop()
-        carried[body].append(link)
+        if link not in between:
+            carried[body].append(link)
         for joint in tree.joints_below.get(link, ()):
-            if joint.kind != "fixed" and joint.child not in number:
+            if joint.kind != "fixed" and joint.child not in number and joint.name not in merged:
                 follows = f" (mimics {joint.mimic.joint!r})" if joint.mimic is not None else ""
                 key = body, stand.get(joint.name, 0.0)
                 held.setdefault(key, []).append(f"{joint.name!r}{follows}")

@@ -17,6 +17,7 @@ from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.formats.urdf_file import read_urdf
 from config.formats.xml_edit import XmlEditor
+from config.formats.xml_encoding import utf8_xml
 from config.formats.xml_tree import parse_xml
 from dynamics.terms.friction import Friction
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
@@ -95,8 +96,9 @@ class UrdfUpdate:
             tip: A link behind the arm's last joint, if the URDF has several equal arms.
         """
         self.file = file
-        self._data = data
-        self._literal, self._matched = read_arm(data, file, model, tip)
+        self._data = utf8_xml(data, file)
+        self._is_converted = self._data != data
+        self._literal, self._matched = read_arm(self._data, file, model, tip)
         self.bodies = MovingBodies.of(self._matched, model)
 
     @property
@@ -161,6 +163,8 @@ class UrdfUpdate:
 
     def _notes(self, model: ExportModel) -> Iterator[str]:
         matched, bodies = self._matched, self.bodies
+        if self._is_converted:
+            yield "the file was not encoded in UTF-8; the updated file is"
         yield from matched.notes(model)
         yield (
             "the torques of the arm do not depend on the base's inertia: unchanged are"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -209,6 +210,51 @@ def validate_torques(
         limits_percent=limits_percent,
         channel=estimate.channel,
         remembering=tuple(names[own.joint] for own in presliding_of_model(estimate.model)),
+    )
+
+
+def pool_validations(
+    validations: Sequence[Validation], limits_percent: tuple[float, ...] | None
+) -> Validation:
+    """Return the errors of several recordings together, each sample with the same weight.
+
+    Nothing is filtered or differentiated across the recordings. Their samples follow each other,
+    with the times of each recording.
+
+    Args:
+        validations: Predictions of one model, at least one.
+        limits_percent: Largest relative error of each joint on all recordings together.
+
+    Returns:
+        The noise is the RMS of the recordings' noise on the counted samples; it is unknown if that
+        of one recording is.
+    """
+    first = validations[0]
+    rows = {
+        name: np.concatenate([getattr(each, name) for each in validations])
+        for name in (
+            *("time_s", "measured_nm", "predicted_nm", "position", "velocity", "acceleration"),
+            *("moving", "known"),
+        )
+    }
+    error = rows["measured_nm"] - rows["predicted_nm"]
+    known, counted = rows["known"], rows["known"] & rows["moving"]
+    noise: FloatArray | None = None
+    levels = [each.noise_nm for each in validations if each.noise_nm is not None]
+    if len(levels) == len(validations):
+        of_rows = [
+            np.broadcast_to(level, each.counted.shape)
+            for level, each in zip(levels, validations, strict=True)
+        ]
+        noise = _rms(np.concatenate(of_rows), counted)
+    return replace(
+        first,
+        **rows,
+        rms_nm=_rms(error, counted),
+        relative_percent=100.0 * _rms(error, counted) / _rms(rows["measured_nm"], counted),
+        all_samples_percent=100.0 * _rms(error, known) / _rms(rows["measured_nm"], known),
+        noise_nm=noise,
+        limits_percent=limits_percent,
     )
 
 

@@ -13,7 +13,7 @@ from rid_daq.api.robot import Robot
 from rid_daq.api.validation import Validation
 from rid_daq.operations.identify.identified_runs import identify_robot
 from rid_daq.operations.identify.identify import IdentifyRequest
-from rid_daq.operations.identify.model_validation import validate_recording
+from rid_daq.operations.identify.torque_verdict import validate_recording, validate_together
 from rid_daq.operations.identify.validate import ValidateRequest
 from rid_daq.operations.stated_payload import state_payload
 
@@ -75,7 +75,7 @@ def identify(
 
 def validate(
     model: Model,
-    recording: Recording,
+    recording: Recording | Sequence[Recording],
     *,
     limits_percent: float | Sequence[float] | None = None,
     options: Mapping[str, object] | None = None,
@@ -84,7 +84,8 @@ def validate(
 
     Args:
         model: The model.
-        recording: A recording of the same robot that was not used for the identification.
+        recording: A recording of the same robot that was not used for the identification. Several
+            recordings are judged together; `Validation.runs` has the errors of each.
         limits_percent: Largest RMS error relative to the RMS torque, one value or one per joint
             [%]; by default 30, combined with the noise (root of the sum of squares).
         options: Further fields of the request `validate`, such as {"band_hz": 15.0}.
@@ -92,13 +93,16 @@ def validate(
     Raises:
         ConfigError: The recording is of another robot (RID-ROBOT-OTHER), or a limit is invalid.
         DataQualityError: The model was identified from this recording (RID-VALIDATE-SAME-RUN), or
-            the robot moves for less than 5 s.
+            the robot moves for less than 5 s, in all recordings together.
 
     A model that contains a payload is refused (RID-PAYLOAD-UNSTATED): see `Model.with_payload`.
     """
+    runs = [recording.run] if isinstance(recording, Recording) else [r.run for r in recording]
+    if not runs:
+        raise ConfigError("give at least one recording", code="RID-API-ARGUMENT")
     asked: dict[str, object] = {
         "model": Path("the model"),
-        "run": recording.run.folder.run_id,
+        "run": runs[0].folder.run_id,
         **(options or {}),
     }
     if limits_percent is not None:
@@ -106,8 +110,10 @@ def validate(
         asked["limits"] = ",".join(f"{each:.12g}" for each in limits)
     request = ValidateRequest.of(asked, shown="validate")
     estimate = state_payload(model.estimate, request.model, request.payload, request.runs).estimate
-    judged = validate_recording(request, estimate, recording.run)
-    return Validation(judged, recording.run.robot)
+    if len(runs) == 1:
+        return Validation(validate_recording(request, estimate, runs[0]), runs[0].robot)
+    of_runs, judged = validate_together(request, estimate, runs)
+    return Validation(judged, runs[0].robot, of_runs)
 
 
 def _with_friction(how: object, terms: Sequence[str]) -> dict[str, object]:

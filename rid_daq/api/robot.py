@@ -47,6 +47,7 @@ class Robot:
         base: str | None = None,
         tip: str | None = None,
         packages: Sequence[str | Path] = (),
+        parallelograms: Sequence[str] = (),
     ) -> Self:
         """Return the robot of a URDF, as `rid-daq init --urdf` makes it.
 
@@ -57,6 +58,8 @@ class Robot:
             base: The fixed link; by default the URDF's root.
             tip: The link at the tool point; by default the last moving link.
             packages: Folders with the ROS packages that contain the meshes.
+            parallelograms: Joints with `<mimic>` that their own motors turn through a
+                parallelogram.
 
         Raises:
             ConfigError: The file is not the URDF of a serial robot, or it has several arms and
@@ -69,6 +72,7 @@ class Robot:
                 "base": base,
                 "tip": tip,
                 "packages": tuple(map(Path, packages)),
+                "parallelograms": tuple(parallelograms),
             },
             shown="from_urdf",
         )

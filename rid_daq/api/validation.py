@@ -9,10 +9,11 @@ from config.arrays import BoolArray, FloatArray
 from config.robot.robot import RobotDescription
 from rid_daq.api.console import text_of
 from rid_daq.blocks.block import AnyBlock, Verdict
-from rid_daq.operations.identify.model_validation import TorqueVerdict
+from rid_daq.operations.identify.torque_verdict import TorqueVerdict
 from rid_daq.report.section_blocks.curves import torque_plot
-from rid_daq.report.section_blocks.validation import validation_blocks
+from rid_daq.report.section_blocks.validation import run_errors_table, validation_blocks
 from rid_daq.report.sections.curves import TorqueCurves
+from rid_daq.report.sections.validation import RunErrors
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,10 +26,12 @@ class Validation:
     Attributes:
         judged: Result of the operation `validate`.
         robot: The robot.
+        runs: Errors of each recording, if several were judged together.
     """
 
     judged: TorqueVerdict
     robot: RobotDescription
+    runs: tuple[RunErrors, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -73,7 +76,10 @@ class Validation:
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield the errors, their likely causes, the torques over time, and the verdict."""
         yield from validation_blocks(self.judged.section)
-        yield torque_plot(TorqueCurves.of(self.judged.validation, self.robot))
+        if self.runs:
+            yield run_errors_table(self.runs)
+        else:
+            yield torque_plot(TorqueCurves.of(self.judged.validation, self.robot))
         yield Verdict(passed=self.judged.verdict.passed, text=self.judged.verdict.headline)
 
     def __str__(self) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from acquisition.motion.kinds.motion import Motion, Position, Speed, refuse_longer
-from acquisition.motion.ramps import QUINTIC_PEAK_VELOCITY, rest_to_rest, rest_to_rest_duration
+from acquisition.motion.ramps import QUINTIC_PEAK_VELOCITY, move_duration, rest_to_rest
 from acquisition.motion.samples import (
     JointTrajectory,
     MotionSamples,
@@ -246,7 +246,5 @@ def _move_between(
     start: FloatArray, end: FloatArray, robot: RobotDescription, sample_period_s: float
 ) -> JointTrajectory:
     """Return a slow move between two poses."""
-    velocity = MOVE_FRACTION * np.array([joint.limits.velocity for joint in robot.joints])
-    acceleration = MOVE_FRACTION * np.array([joint.limits.acceleration for joint in robot.joints])
-    seconds = rest_to_rest_duration(end - start, velocity, acceleration)
+    seconds = move_duration(end - start, robot, MOVE_FRACTION)
     return rest_to_rest(start, end, max(1, math.ceil(seconds / sample_period_s)), sample_period_s)

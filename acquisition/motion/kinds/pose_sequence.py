@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field
 
 from acquisition.motion.kinds.motion import Motion, Position, refuse_longer
-from acquisition.motion.ramps import rest_to_rest, rest_to_rest_duration
+from acquisition.motion.ramps import move_duration, rest_to_rest
 from acquisition.motion.samples import MotionSamples, Phase, join, phases_of, standstill
 from config.arrays import FloatArray
 from config.errors import ConfigError, LimitError
@@ -95,8 +95,8 @@ def visit_poses(
 ) -> MotionSamples:
     """Return quintic moves from pose to pose, with a rest at each pose.
 
-    A move takes the time that its slowest joint needs at `speed_fraction` of its limits, rounded up
-    to whole samples.
+    A move takes the time that its slowest joint or motor needs at `speed_fraction` of its limits,
+    rounded up to whole samples.
 
     Args:
         poses: Shape (poses, joints). Poses within the limits [rad or m].
@@ -108,10 +108,8 @@ def visit_poses(
     Raises:
         ConfigError: The motion takes too long.
     """
-    velocity = speed_fraction * np.array([j.limits.velocity for j in robot.joints])
-    acceleration = speed_fraction * np.array([j.limits.acceleration for j in robot.joints])
     moves_s = [
-        rest_to_rest_duration(end - start, velocity, acceleration)
+        move_duration(end - start, robot, speed_fraction)
         for start, end in itertools.pairwise(poses)
     ]
     what = f"{len(poses)} points at {speed_fraction:g} times the joints' speed limits"

@@ -19,6 +19,7 @@ from acquisition.motion.limits import violations
 from acquisition.motion.samples import JointTrajectory
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
+from config.robot.wrist_coupling import WristCoupling
 from dynamics.geometry.inverse_kinematics import PathSlopes
 
 SHARE_OF_BENDS: Final = 0.7
@@ -62,7 +63,10 @@ class SpeedLimits:
 
 
 def joint_speed(slope: FloatArray, robot: RobotDescription, fraction: float = 1.0) -> FloatArray:
-    """Return the speeds along a path at which each joint reaches its velocity limit, (m, n)."""
+    """Return the speeds along a path at which joints or their motors reach their limits, (m, n)."""
+    coupling = WristCoupling.of_robot(robot)
+    if coupling is not None:
+        slope = np.maximum(np.abs(slope), np.abs(coupling.to_motors(slope)))
     limit = fraction * MARGIN * np.array([joint.limits.velocity for joint in robot.joints])
     return np.asarray(limit / np.maximum(np.abs(slope), TINY))
 

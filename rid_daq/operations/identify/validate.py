@@ -11,7 +11,7 @@ from pydantic import Field, ValidationInfo, model_validator
 
 from config.errors import ConfigError
 from identification.choices import STANDSTILL_RAD_S, BandHz, BaseMassKg, StandstillRadS
-from rid_daq.blocks.block import AnyBlock, Next, Text, Verdict, note_blocks
+from rid_daq.blocks.block import AnyBlock, Heading, Next, Text, Verdict, note_blocks
 from rid_daq.operations.operation import Context, Operation
 from rid_daq.requests.option import DEFAULT_RUNS, CarriedPayload, Option, RunsFolder, Unfinished
 from rid_daq.requests.request import Request, refuse_unused
@@ -43,6 +43,14 @@ class ValidateRequest(Request):
         ),
         Option(positional=True, metavar="RUN"),
     ]
+    further: Annotated[
+        tuple[str, ...],
+        Field(
+            description="Further runs that are judged together with the first: the limits apply to"
+            " the errors of all runs. Each run can then be short."
+        ),
+        Option(positional=True, metavar="RUN..."),
+    ] = ()
     payload: CarriedPayload = None
     runs: RunsFolder = DEFAULT_RUNS
     limits: Annotated[
@@ -131,6 +139,7 @@ class ValidateResult:
         found = self.validated
         parts = {
             "validation": found.validation,
+            "runs": found.runs,
             "reaction": found.reaction,
             "base_load": found.base_load,
             "verdict": found.verdict,
@@ -143,7 +152,7 @@ class ValidateResult:
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield notes, errors, reactions, the verdict, the report's path and the next command."""
         from rid_daq.report.section_blocks.plate import base_load_blocks, reaction_blocks
-        from rid_daq.report.section_blocks.validation import validation_blocks
+        from rid_daq.report.section_blocks.validation import run_errors_table, validation_blocks
 
         found, verdict = self.validated, self.validated.verdict
         yield from note_blocks(found.notes or ())
@@ -151,6 +160,9 @@ class ValidateResult:
             yield Text(text=found.not_compared)
         if found.validation is not None:
             yield from validation_blocks(found.validation)
+        if found.runs is not None:
+            yield Heading(text="Each run alone")
+            yield run_errors_table(found.runs)
         if found.reaction is not None:
             yield from reaction_blocks(found.reaction)
         if found.base_load is not None:
@@ -160,7 +172,7 @@ class ValidateResult:
             yield Text(text=f"Report: {found.report}")
         if verdict.passed is False:
             yield Next(words=("docs", "find-a-mistake"))
-        elif found.report is not None:
+        elif found.validation is not None:
             words = ("export", str(self.request.model), "--to", "FORMAT", "-o", "FILE")
             yield Next(words=words)
 
@@ -180,6 +192,7 @@ OPERATION: Final = Operation(
     run=run,
     examples=(
         "validate model.json validation",
+        "validate model.json short-1 short-2 short-3",
         "validate model.json gripper --payload payload.json",
         "validate model.json fast.yaml --base-limits --cell ir361 --mass 120",
     ),

@@ -68,6 +68,14 @@ class InitRequest(Request):
         Field(description="Folder with the ROS packages that contain the meshes of the URDF."),
         Option(group=FROM_URDF, metavar="DIR", needs="urdf"),
     ] = ()
+    parallelograms: Annotated[
+        tuple[str, ...],
+        Field(
+            description="Joint with <mimic> that its own motor turns through a parallelogram: the"
+            " motor's motion adds to that of the mimicked joint."
+        ),
+        Option(group=FROM_URDF, flag="parallelogram", metavar="JOINT", needs="urdf"),
+    ] = ()
     position: Annotated[
         str | None,
         Field(

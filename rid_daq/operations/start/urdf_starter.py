@@ -65,6 +65,7 @@ def starting_robot(request: InitRequest, path: Path) -> UrdfRobot:
             tip=request.tip,
             defaults=defaults,
             packages=PackageFolders(path, request.packages, installed_packages()),
+            parallelograms=request.parallelograms,
         )
     except SeveralArmsError as error:
         raise ConfigError(

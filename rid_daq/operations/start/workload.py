@@ -39,7 +39,7 @@ class Workload:
     """Largest loads of a robot's joints in random poses, from its CAD data.
 
     Attributes:
-        inertia: Shape (n,). Largest inertia of the links about each joint [kg m² or kg].
+        inertia: Shape (n,). Largest inertia of the links at each motor, link side [kg m² or kg].
         gravity_nm: Shape (n,). Largest torque at rest [N m or N].
     """
 
@@ -61,6 +61,9 @@ class Workload:
         q = np.random.default_rng(0).uniform(low, high, (POSES, len(limits)))
         rest = np.zeros_like(q)
         mass = mass_matrix(model, q, values)
+        if model.coupling is not None:
+            joints_by_motors = model.coupling.joints_by_motors
+            mass = joints_by_motors.T @ mass @ joints_by_motors
         return cls(
             inertia=np.asarray(np.diagonal(mass, axis1=1, axis2=2).max(axis=0)),
             gravity_nm=np.asarray(np.abs(torque(model, q, rest, rest, values)).max(axis=0)),
@@ -166,7 +169,8 @@ def _torque_reserve(robot: RobotDescription, load: Workload) -> FloatArray:
     q, v, a = motion.position, motion.velocity, motion.acceleration
     rest = np.zeros_like(q)
     gravity = torque(model, q, rest, rest, values)
-    moving = torque(model, q, v, a, values) - gravity + load.rotors(robot) * a
+    of_motors = a if model.coupling is None else model.coupling.to_motors(a)
+    moving = torque(model, q, v, a, values) - gravity + load.rotors(robot) * of_motors
     left = TORQUE_SHARE * _torque_limits(robot) - np.sign(moving) * gravity
     return np.asarray((left / np.maximum(np.abs(moving), 1e-12)).min(axis=0))
 

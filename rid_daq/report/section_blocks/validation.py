@@ -11,7 +11,7 @@ from typing import Final
 from rid_daq.blocks.block import AnyBlock, Cells, Heading, Table, Text, table
 from rid_daq.blocks.plot import Axis, Colour, Line, Marker, Panel, Plot
 from rid_daq.report.section_blocks.verdict import doubt_texts, yes_or_no
-from rid_daq.report.sections.validation import AxisError, TruthCase, ValidationSection
+from rid_daq.report.sections.validation import AxisError, RunErrors, TruthCase, ValidationSection
 
 INSIDE: Final = 2.0
 LEAST_REACH: Final = 4.0
@@ -25,6 +25,20 @@ def validation_blocks(section: ValidationSection) -> Iterator[AnyBlock]:
     yield from doubt_texts(section.axes)
     for finding in section.diagnosis or ():
         yield Text(text=finding)
+
+
+def run_errors_table(runs: Sequence[RunErrors]) -> Table:
+    """Return the errors of several runs, one line for each run and axis."""
+    return table(
+        [(run.run, axis) for run in runs for axis in run.axes],
+        Cells("run", lambda line: line[0]),
+        Cells("axis", lambda line: line[1].joint),
+        Cells("unit", lambda line: line[1].unit),
+        Cells("RMS torque", lambda line: line[1].rms_torque),
+        Cells("RMS error", lambda line: line[1].rms_error),
+        Cells("relative error", lambda line: line[1].relative_error_percent, "%", 3),
+        Cells("samples", lambda line: line[1].samples),
+    )
 
 
 def _errors(section: ValidationSection) -> Table:

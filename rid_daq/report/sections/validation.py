@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -155,6 +156,26 @@ def _axis(
         grade=fit.grade if limits else None,
         reason=fit.reason if limits else None,
     )
+
+
+class RunErrors(Section):
+    """Torque errors of one of several runs that are judged together.
+
+    Attributes:
+        run: Label of the run.
+        axes: Errors of each axis, without limits.
+    """
+
+    run: str
+    axes: tuple[AxisError, ...]
+
+    @classmethod
+    def of(cls, run: str, validation: Validation, robot: RobotDescription) -> RunErrors:
+        """Return the errors of a run."""
+        alone = replace(validation, limits_percent=None)
+        return cls(
+            run=run, axes=tuple(_axis(alone, robot, i, None) for i in range(len(robot.joints)))
+        )
 
 
 class TruthCase(Section):

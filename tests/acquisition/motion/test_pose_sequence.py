@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from acquisition.motion.approach import approach
 from acquisition.motion.kinds.pose_sequence import PoseSequenceMotion
 from config.errors import ConfigError, LimitError, RidDaqError
 from config.load import load_robot
@@ -29,6 +30,20 @@ def test_the_robot_rests_at_each_pose() -> None:
         assert (here & still).sum() >= 2.0 / PERIOD_S
     speed = np.abs(samples.velocity) / [joint.limits.velocity for joint in ROBOT.joints]
     assert 0.2 < speed.max() <= 0.3
+
+
+def test_moves_keep_the_speed_limits_of_coupled_motors() -> None:
+    coupling = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -4.0, 1.0))
+    robot = ROBOT.model_copy(update={"coupling": coupling})
+    limits = [joint.limits.velocity for joint in ROBOT.joints]
+    start, end = np.array(POSES[1]), np.array(POSES[2])
+    for samples in (
+        sequence().plan(robot, PERIOD_S).whole(),
+        approach(start, end, robot, PERIOD_S),
+    ):
+        motors = samples.velocity @ np.linalg.inv(coupling).T
+        speed = np.abs(motors) / limits
+        assert 0.28 < speed.max() <= 0.3
 
 
 @pytest.mark.parametrize(

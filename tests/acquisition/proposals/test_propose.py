@@ -77,6 +77,38 @@ def test_columns_and_units_are_found(
     np.testing.assert_allclose(ratios, 1.0, atol=0.01)
 
 
+def scope_export(path: Path, delay_ms: float = 0.0) -> Path:
+    """Write a file as TwinCAT Scope View exports it, with one time column for each channel."""
+    channels = {
+        **{f"Axis {i + 1}.ActPos": np.degrees(Q[:, i]) for i in range(3)},
+        **{f"Axis {i + 1}.ActVelo": np.degrees(QD[:, i]) for i in range(3)},
+        **{f"Axis {i + 1}.ActTorque": TAU[:, i] for i in range(3)},
+    }
+    head = ["Name\tScope", "File\tC:\\scope.csv", "Starttime of export\t132959733843760000", "", ""]
+    for key, value in (
+        ("Name", None), ("SymbolComment", ""), ("Data-Type", "REAL64"), ("SampleTime[ms]", "10"),
+        ("IndexGroup", "16448"), ("NetID", "192.168.1.20.1.1"), ("Unit", "(None)"),
+    ):  # fmt: skip
+        head.append("\t".join(f"{key}\t{name if value is None else value}" for name in channels))
+    times = [1e3 * T + (delay_ms if n == 4 else 0.0) for n in range(len(channels))]
+    columns = [each for pair in zip(times, channels.values(), strict=True) for each in pair]
+    rows = ["\t".join(f"{value:.12g}" for value in row) for row in np.column_stack(columns)]
+    text = "\n".join([*head, "", *rows, "EOF", ""])
+    path.write_text(text.replace(".", ",") if delay_ms == 0.0 else text, encoding="utf-8")
+    return path
+
+
+def test_an_export_of_twincat_scope_view_is_recognised(tmp_path: Path) -> None:
+    path = scope_export(tmp_path / "scope.csv")
+    proposal = propose_map(path, ROBOT)
+    assert proposal.keys["units"]["position"] == "deg"
+    assert proposal.keys["time"] == {"column": 0, "unit": "ms"}
+    assert any("permille" in doubt for doubt in proposal.doubts)
+    np.testing.assert_allclose(read(path, proposal), np.hstack([Q, TAU]), atol=3e-5)
+    with raises_code(ConfigError, "RID-IMPORT-PROPOSAL", "columns 0 and 8"):
+        propose_map(scope_export(tmp_path / "late.csv", 0.5), ROBOT)
+
+
 def test_targets_and_commands_are_not_measurements(tmp_path: Path) -> None:
     names = ["t", *numbers("target_q_{n}"), *numbers("actual_q_{n}"), *numbers("tau_cmd_{n}"),
              *numbers("tau_{n}")]  # fmt: skip

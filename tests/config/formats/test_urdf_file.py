@@ -194,6 +194,36 @@ def test_every_declared_encoding_and_comments_are_read(encoding: str) -> None:
     assert robot.joints[1].limits.position_max == 1.2
 
 
+@pytest.mark.parametrize(
+    ("encoding", "declared"),
+    [
+        ("utf-16", "utf-8"),  # Windows PowerShell redirects output in UTF-16
+        ("utf-16-le", None),
+        ("utf-16-be", "utf-16"),
+        ("utf-8", "utf-16"),
+        ("utf-8-sig", None),
+        ("utf-32", None),
+        ("shift_jis", "Shift_JIS"),
+    ],
+)
+def test_the_first_bytes_correct_a_wrong_or_missing_encoding(
+    encoding: str, declared: str | None
+) -> None:
+    text = ARM.replace(
+        'version="1.0"', f'version="1.0" encoding="{declared}"' if declared else 'version="1.0"'
+    ).replace('<link name="base"/>', '<link name="base"/><!-- ロボット -->')
+    assert read_urdf(text.encode(encoding), "r.urdf").links.keys() >= {"base"}
+
+
+def test_bytes_that_are_no_text_in_their_encoding_are_refused() -> None:
+    for data in (
+        ARM.encode("utf-16")[:-1],
+        ARM.replace('"1.0"', '"1.0" encoding="none-1"').encode(),
+    ):
+        with raises_code(ConfigError, "RID-FILE-TYPE", "r.urdf"):
+            read_urdf(data, "r.urdf")
+
+
 def test_more_than_16_joints_are_refused_before_any_processing() -> None:
     links = "".join(f'<link name="l{n}"/>' for n in range(18))
     joints = "".join(

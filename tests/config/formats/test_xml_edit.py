@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from config.errors import ConfigError
 from config.formats.xml_edit import XmlEditor
 from config.formats.xml_tree import parse_xml
-from tests.builders.raised_codes import raises_code
 
 
 def editor_of(data: bytes) -> XmlEditor:
@@ -67,8 +65,3 @@ def test_a_last_child_without_end_tag_ends_before_its_parent() -> None:
     ]
     editor.insert_last(b, ["<e/>"])
     assert parse_xml(editor.result(), "again").children[0].children[1].tag == "e"
-
-
-def test_utf_16_is_refused() -> None:
-    with raises_code(ConfigError, "RID-FILE-TYPE", "arm.xml"):
-        editor_of("<a/>".encode("utf-16"))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from config.errors import ConfigError
+from config.meshes import mesh_file
 from config.meshes.mesh_file import read_mesh
 from tests.builders.mesh_files import INSTANCE, ascii_stl, binary_stl, box, dae, joined, obj, write
 from tests.builders.raised_codes import raises_code
@@ -123,6 +124,34 @@ def test_a_damaged_mesh_is_refused(tmp_path: Path, name: str, content, number: s
         write(tmp_path / name, content)
     with raises_code(ConfigError, "RID-URDF-MESH", number):
         read_mesh(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("binary.stl", binary_stl(*BRICK)),
+        ("solid.stl", binary_stl(*BRICK, head=b"solid brick")),
+        ("text.stl", ascii_stl(*BRICK)),
+        ("brick.obj", obj(*BRICK)),
+    ],
+)
+def test_a_mesh_with_too_many_triangles_is_refused_before_they_are_loaded(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, content
+) -> None:
+    path = write(tmp_path / name, content)
+    monkeypatch.setattr(mesh_file, "MOST_TRIANGLES", 11)
+    monkeypatch.setattr(mesh_file, "_load", None)
+    with raises_code(ConfigError, "RID-URDF-MESH", "12 triangles", "at most 11"):
+        read_mesh(path)
+
+
+def test_a_file_beyond_the_largest_size_is_refused_unread(tmp_path: Path) -> None:
+    for name, size in mesh_file.MOST_BYTES.items():
+        path = tmp_path / f"large{name}"
+        with path.open("wb") as file:
+            file.truncate(size + 1)
+        with raises_code(ConfigError, "RID-URDF-MESH", "MB", "simplify"):
+            read_mesh(path)
 
 
 def test_an_obj_of_several_materials_keeps_the_triangles_of_each(tmp_path: Path) -> None:

@@ -19,7 +19,8 @@ def arm(*joints: str, tip: str | None = None, base: str | None = None) -> UrdfAr
         mimic = '<mimic joint="ab"/>' if kind == "mimic" else ""
         parts.append(
             f'<joint name="{parent}{child}" type="{kind if kind and not mimic else "revolute"}">'
-            f'<parent link="{parent}"/><child link="{child}"/>{mimic}</joint>'
+            f'<parent link="{parent}"/><child link="{child}"/>'
+            f'<origin xyz="0 0.1 0"/>{mimic}</joint>'
         )
     named = "".join(f'<link name="{link}"/>' for link in links)
     data = f'<robot name="r">{named}{"".join(parts)}</robot>'.encode()
@@ -83,7 +84,7 @@ def test_an_arm_that_ends_at_a_mimic_joint_is_refused() -> None:
 
 
 def test_a_mimic_joint_within_the_arm_is_refused_with_a_remedy() -> None:
-    with raises_code(ConfigError, "RID-URDF-MIMIC", "'cd'", "'ab'", "--tip", "`coupling`"):
+    with raises_code(ConfigError, "RID-URDF-MIMIC", "'cd'", "'ab'", "--tip", "--parallelogram cd"):
         arm("a>b", "b>c", "c>d:mimic", "d>e", tip="e")
 
 

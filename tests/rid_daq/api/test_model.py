@@ -135,6 +135,31 @@ def test_a_validation_passes_on_another_motion_only(
         validate(model, train)
 
 
+def test_short_recordings_are_judged_together_without_a_filter_across_them(
+    model: Model, arm: Arm
+) -> None:
+    short = [arm.recording(seed, seconds) for seed, seconds in ((2, 4.0), (3, 2.5))]
+    for one in short:
+        with raises_code(DataQualityError, "RID-RUN-STILL"):
+            validate(model, one)
+    together = validate(model, short)
+    assert together.passed
+    assert [each.run for each in together.runs] == ["run 2", "run 3"]
+    for j in range(3):
+        axes = [each.axes[j] for each in together.runs]
+        squares = [axis.samples * axis.rms_error**2 for axis in axes]
+        pooled = np.sqrt(sum(squares) / sum(axis.samples for axis in axes))
+        assert together.rms_error_nm[j] == pytest.approx(pooled, rel=1e-9)
+    alone = [validate(model, arm.recording(seed, 8.0)) for seed in (2, 3)]
+    both = validate(model, [arm.recording(seed, 8.0) for seed in (2, 3)])
+    for name in ("predicted_nm", "measured_nm", "counted", "time_s"):
+        parts = np.concatenate([getattr(each, name) for each in alone])
+        np.testing.assert_array_equal(getattr(both, name), parts)
+    assert "run 3" in str(both)
+    with raises_code(ConfigError, "RID-API-ARGUMENT"):
+        validate(model, [])
+
+
 def test_a_wrong_torque_sign_is_reported_as_a_problem(arm: Arm) -> None:
     time_s, q, v, a = arm.motion(5, 20.0)
     wrong = arm.torque_nm(q, v, a) * np.array([1.0, -1.0, 1.0])

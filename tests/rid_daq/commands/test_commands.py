@@ -164,7 +164,7 @@ def test_validation_on_the_identification_run_gives_no_verdict(
     assert "RID-VALIDATE-SAME-RUN" in capsys.readouterr().err
 
 
-def test_validation_on_a_too_short_run_gives_no_verdict(
+def test_a_too_short_run_gives_a_verdict_only_together_with_others(
     workshop: Path, runs: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     whole, folder = find_run(workshop / "runs", "validation"), RunFolder.create(tmp_path, "short")
@@ -181,6 +181,12 @@ def test_validation_on_a_too_short_run_gives_no_verdict(
     assert re.search(
         r"no verdict: the robot moves for [1-4]\.\d s, but a verdict needs 5 s", output
     )
+    assert run([*words[:3], "validation", *words[3:], *runs, "--json"]) == 0
+    result = document(capsys)
+    assert [each["run"] for each in result["runs"]] == ["short", "validation"]
+    for j, axis in enumerate(result["validation"]["axes"]):
+        assert axis["samples"] == sum(each["axes"][j]["samples"] for each in result["runs"])
+    assert "report" not in result
 
 
 def test_report_is_rewritten_from_the_results_only(

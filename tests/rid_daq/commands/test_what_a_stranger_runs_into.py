@@ -113,7 +113,7 @@ HELD: dict[str, tuple[str, ...]] = {
     ),
     "a validation that proves nothing": (
         COMMANDS + "test_validation_on_the_identification_run_gives_no_verdict",
-        COMMANDS + "test_validation_on_a_too_short_run_gives_no_verdict",
+        COMMANDS + "test_a_too_short_run_gives_a_verdict_only_together_with_others",
     ),
     "an early end": (
         "tests/rid_daq/commands/test_payload_interrupted.py"
