@@ -290,7 +290,7 @@ class PointSource:
         joint = self._feedforward.robot.joints[int(counts[path.REASON_JOINT])]
         why, point = int(counts[path.REASON]), int(counts[path.REASON_POINT])
         found, allowed = float(pace[path.FOUND]), float(pace[path.ALLOWED])
-        base = "rad" if joint.type == "revolute" else "m"
+        base = joint.unit
         where = f"point {point}, joint {joint.name}"
         limits: dict[str, Any] = {"joint": joint.name, "value": found, "limit": allowed}
         if why == path.NOT_FINITE:

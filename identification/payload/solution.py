@@ -340,7 +340,7 @@ class _System:
         upper = triangular_factor(np.hstack([matrix, self.side[:, np.newaxis]]))
         if len(upper) < width:
             raise EstimationError(
-                "there are fewer equations than unknowns: record for longer",
+                f"the recordings give {len(upper)} equations for {width} unknowns: record longer",
                 code="RID-RECORDING-SHORT",
             )
         return np.asarray(

@@ -219,7 +219,7 @@ def _check_positions(position: FloatArray, robot: RobotDescription) -> None:
         off = (position[:, j] < low) | (position[:, j] > high)
         if off.any():
             row = int(np.argmax(off))
-            at, unit = float(position[row, j]), "rad" if joint.type == "revolute" else "m"
+            at, unit = float(position[row, j]), joint.unit
             likely = Plausible(0.0, max(abs(low), abs(high)), unit).likely_unit(abs(at))
             raise LimitError(
                 f"row {row + 1} of the table has joint {joint.name!r} at {at:.4g} {unit},"
