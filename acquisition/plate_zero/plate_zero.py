@@ -247,8 +247,9 @@ def _vertical_axis(robot: RobotDescription) -> FloatArray:
     if first.type != "revolute" or not np.any(gravity) or off > VERTICAL_RAD:
         raise ConfigError(
             f"{first.name} does not turn about the vertical, so the plate's offset cannot be"
-            " separated from gravity: this robot's plate cannot be zeroed in this way",
-            code="RID-PLATE-ZERO-POSE",
+            " separated from gravity: correct gravity_m_s2 or this joint in the robot file, or"
+            " enter `plate.zero` in the cell file by hand",
+            code="RID-PLATE-ZERO-AXIS",
         )
     return axis
 

@@ -69,7 +69,9 @@ class PointSource:
         n = len(feedforward.robot.joints)
         if ring.joints != n:
             raise ConfigError(
-                f"points of {ring.joints} joints for a robot with {n}", code="RID-MOTION-JOINTS"
+                f"the points have {ring.joints} values, but the robot has {n} joints: send one"
+                " value per joint",
+                code="RID-MOTION-JOINTS",
             )
         self._feedforward = feedforward
         self._ring = ring

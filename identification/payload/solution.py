@@ -311,8 +311,8 @@ class _System:
         if not size.any():
             raise EstimationError(
                 "no run carried the payload, so it cannot be estimated: name the runs that"
-                " carried it",
-                code="RID-PAYLOAD-NOT-LOADED",
+                " carried it (--loaded)",
+                code="RID-PAYLOAD-RUNS",
             )
         size = np.where(size > 0.0, size, size.max())
         basis = np.linalg.qr(self.matrix[:, self.kept])[0]

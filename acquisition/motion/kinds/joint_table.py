@@ -185,7 +185,8 @@ def _curve(
     fewest = FEWEST_ROWS if velocity is None else 2
     if len(time_s) < fewest:
         raise ConfigError(
-            f"the table has {len(time_s)} different rows, but at least {fewest} are needed",
+            f"the table has {len(time_s)} different rows, but at least {fewest} are needed: add"
+            " rows",
             code="RID-TABLE-INVALID",
         )
     if velocity is None:
