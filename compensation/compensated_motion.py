@@ -120,6 +120,6 @@ def refuse_torque(
             where += f", {place},"
         raise LimitError(
             f"{where} the motion needs {torque[row, j]:.4g} {unit} in joint {joint.name!r} by the"
-            f" model; its limit is {joint.limits.torque:g}: drive it more slowly",
+            f" model; its limit is {joint.limits.torque:g} {unit}: drive it more slowly",
             code="RID-MOTION-LIMIT",
         )

@@ -82,7 +82,7 @@ class SimulatedCell:
         if self._snapshots is None:
             raise TransportError(
                 "this simulated cell is not running: enter its context with 'with' first",
-                code="RID-MOCK-NOT-SERVED",
+                code="RID-API-ARGUMENT",
             )
         return self._snapshots.read()
 

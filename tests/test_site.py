@@ -110,5 +110,5 @@ def test_an_installation_without_the_site_is_an_error_that_says_where_to_read(
 ) -> None:
     monkeypatch.setattr(docs, "SITE", tmp_path)
     assert run(["docs"]) == 2
-    assert "[RID-DOCS-PAGE]" in capsys.readouterr().err
+    assert "[RID-DOCS-MISSING]" in capsys.readouterr().err
     assert "docs" in COMMANDS

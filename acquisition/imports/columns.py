@@ -163,8 +163,8 @@ def _described_joint(
     if robot.joint_names != import_map.joint_names:
         raise ConfigError(
             f"map {import_map.name!r} has joints {', '.join(import_map.joint_names)}, robot"
-            f" {robot.name!r} has {', '.join(robot.joint_names)}: use the same names, base to"
-            " flange",
+            f" {robot.name!r} has {', '.join(robot.joint_names)}: use the same names, from base"
+            " to flange",
             code="RID-IMPORT-JOINTS",
         )
     return robot.joints[robot.joint_names.index(joint.joint)]

@@ -135,9 +135,9 @@ def _velocity_ratios(
             continue
         if float(np.sqrt(np.square((a - b) / time_s).mean())) > 0.5 * max(moved, recorded):
             raise DataQualityError(
-                f"the position of {joint.joint} (column {joint.position}) changes at {moved:.3g}"
-                f" per second RMS, but its velocity column {joint.velocity} is {recorded:.3g} per"
-                " second RMS: the two contradict each"
+                f"the position of {joint.joint} (column {joint.position}) changes at a speed of"
+                f" {moved:.3g}, but its velocity (column {joint.velocity}) is {recorded:.3g}"
+                " (RMS, both in rad/s, or in m/s for a prismatic joint): the two contradict each"
                 f" other{_obvious_contradiction(moved, recorded)}. Correct the columns or units"
                 " in the map",
                 code="RID-IMPORT-UNITS",
@@ -249,9 +249,10 @@ def _limit_findings(
         span = limits.position_max - limits.position_min
         beyond = max(limits.position_min - low, high - limits.position_max)
         speed = float(speeds[number])
-        range_text = f"{joint.name} moves from {low:.4g} to {high:.4g}"
+        range_text = f"{joint.name} moves from {low:.4g} to {high:.4g} {joint.unit}"
         limit_text = (
             f"the robot file's limits are {limits.position_min:g} to {limits.position_max:g}"
+            f" {joint.unit}"
         )
         if beyond > BEYOND_LIMIT * span:
             raise DataQualityError(
@@ -263,15 +264,15 @@ def _limit_findings(
             yield f"{range_text}, but {limit_text}: check its zero_offset and unit, or the limits"
         if speed > 2.0 * limits.velocity:
             raise DataQualityError(
-                f"{joint.name} moves at {speed:.4g} per second, but the robot file's limit is"
-                f" {limits.velocity:g}: the unit of its position (degrees?) or of the time"
-                " stamps, or the limit, is wrong; correct the map or the robot file",
+                f"{joint.name} moves at {speed:.4g} {joint.unit}/s, but the robot file's limit is"
+                f" {limits.velocity:g} {joint.unit}/s: the unit of its position (degrees?) or of"
+                " the time stamps, or the limit, is wrong; correct the map or the robot file",
                 code="RID-IMPORT-UNITS",
             )
         if speed > 1.1 * limits.velocity:
             yield (
-                f"{joint.name} moves at {speed:.4g} per second, but the robot file's limit is"
-                f" {limits.velocity:g}: check units, clock and limit"
+                f"{joint.name} moves at {speed:.4g} {joint.unit}/s, but the robot file's limit is"
+                f" {limits.velocity:g} {joint.unit}/s: check units, clock and limit"
             )
 
 

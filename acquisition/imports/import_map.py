@@ -367,21 +367,22 @@ def load_import_map(reference: str) -> tuple[ImportMap, RobotDescription]:
         if states.names and len(states.names) != len(named):
             raise ConfigError(
                 f"{tree.where(('joint_states', 'names'))}: {len(states.names)} names, but robot"
-                f" {robot.name} has {len(named)} joints: give one name per joint, base to flange",
+                f" {robot.name} has {len(named)} joints: give one name per joint, from base to"
+                " flange, as in the messages",
                 code="RID-IMPORT-JOINTS",
             )
         for number, joint in enumerate(states.joints):
             if joint.joint not in named:
                 where = tree.where(("joint_states", "joints", number, "joint"))
                 raise ConfigError(
-                    f"{where}: robot {robot.name} has no joint {joint.joint!r}; it has"
+                    f"{where}: robot {robot.name} has no joint {joint.joint!r}: use one of"
                     f" {', '.join(named)}",
                     code="RID-IMPORT-JOINTS",
                 )
     if named != robot.joint_names:
         raise ConfigError(
             f"{tree.where(('joints',))}: joints are {', '.join(named)}, but robot {robot.name}"
-            f" has {', '.join(robot.joint_names)}: use the same names, base to flange",
+            f" has {', '.join(robot.joint_names)}: use the same names, from base to flange",
             code="RID-IMPORT-JOINTS",
         )
     return import_map, robot

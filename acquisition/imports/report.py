@@ -115,7 +115,13 @@ class ImportReport:
         try:
             return TypeAdapter(cls).validate_json(written)
         except ValidationError as error:
-            raise RecordingError(f"{name}: {error}", code="RID-RECORDING-FOREIGN") from error
+            first = error.errors()[0]
+            place = ".".join(map(str, first["loc"])) or "the whole document"
+            raise RecordingError(
+                f"{name}: {place}: {first['msg']}: the file is not an import report of this"
+                " version; import the file again",
+                code="RID-RECORDING-FOREIGN",
+            ) from error
 
     def lines(self) -> tuple[str, ...]:
         """Return the report as text, one finding per line."""

@@ -177,7 +177,9 @@ def _strict_parser(decimal: str) -> Callable[[str], float]:
         if decimal == ",":
             if "." in text:
                 raise ConfigError(
-                    "a decimal point in a number with a decimal comma", code="RID-FILE-NUMBER"
+                    f"{text!r} has a decimal point, but `decimal` of the map is a comma: correct"
+                    " `decimal`, or the number",
+                    code="RID-FILE-NUMBER",
                 )
             text = text.replace(",", ".")
         return parse_number(text)
@@ -207,7 +209,8 @@ def _append_columns(
         )
     if len(stamps) < 2:
         raise ConfigError(
-            f"{path}: contains fewer than 2 readable rows: wrong file or map",
+            f"{path}: contains {len(stamps)} readable rows, but at least 2 are needed: check that"
+            " file and map belong together",
             code="RID-IMPORT-ROWS",
         )
     near = rows_near(stamps, first.time_s)

@@ -31,12 +31,17 @@ class HeaderModel(ConfigModel):
         """
         text = pairs.get("header", "")
         if pairs.get("crc32") != str(zlib.crc32(text.encode())):
-            raise RecordingError("journal header: missing or damaged", code="RID-RECORDING-DAMAGED")
+            raise RecordingError(
+                "the header of the recording is missing or damaged", code="RID-RECORDING-DAMAGED"
+            )
         try:
             return cls.model_validate_json(text)
         except ValidationError as error:
+            first = error.errors()[0]
+            place = ".".join(map(str, first["loc"]))
             raise RecordingError(
-                f"journal header: {error}", code="RID-RECORDING-DAMAGED"
+                f"the header of the recording: {place}: {first['msg']}",
+                code="RID-RECORDING-DAMAGED",
             ) from error
 
 

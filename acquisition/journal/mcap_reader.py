@@ -219,7 +219,8 @@ class JournalReader:
                     channel, sequence, time_ns, _ = MESSAGE_HEAD.unpack_from(records, start)
                     if sequence < self._next:
                         raise RecordingError(
-                            f"row {sequence} follows row {self._next - 1}",
+                            f"row {sequence} comes after row {self._next - 1}: rows are"
+                            " repeated or out of order",
                             code="RID-RECORDING-DAMAGED",
                         )
                     if sequence > self._next:

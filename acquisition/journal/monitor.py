@@ -120,7 +120,7 @@ def read_monitor(path: Path) -> MonitorStream:
     header = first_header(MonitorHeader, raw.headers)
     if header is None or not raw.payloads:
         raise RecordingError(
-            f"{path}: contains no readable round of a drive monitor", code="RID-RECORDING-EMPTY"
+            f"{path}: contains no readable values of the drive monitor", code="RID-RECORDING-EMPTY"
         )
     dtype = packed_dtype(FIELDS, len(header.joint_names))
     size = len(CDR_LITTLE_ENDIAN) + dtype.itemsize

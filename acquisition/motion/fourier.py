@@ -37,7 +37,7 @@ def samples_of_period(period_s: float, sample_period_s: float) -> int:
     if samples < 4:
         raise ConfigError(
             f"period_s {period_s:g} has {samples} cycles of {sample_period_s * 1e3:g} ms, but at"
-            " least 4 are needed: choose a longer period",
+            f" least 4 are needed: choose {4.0 * sample_period_s:g} s or more",
             code="RID-MOTION-PERIOD",
         )
     return samples

@@ -51,12 +51,12 @@ def violations(
                     key = (quantity, column, side)
                     if by <= 1e-9 * abs(limit[column]) or by <= worst.get(key, (0.0, ""))[0]:
                         continue
-                    unit = ("rad" if joint.type == "revolute" else "m") + per
+                    unit = joint.unit + per
                     time_s = (first + row / oversampling) * sample_period_s
                     worst[key] = (
                         by,
                         f"{quantity} of joint {joint.name!r} reaches {values[row, column]:.6g}"
-                        f" {unit} at {time_s:.4g} s, but its limit is {limit[column]:.6g}",
+                        f" {unit} at {time_s:.4g} s, but its limit is {limit[column]:.6g} {unit}",
                     )
     return [words for _, words in worst.values()]
 
@@ -196,8 +196,9 @@ def refuse_pose(robot: RobotDescription, position: Sequence[float]) -> None:
         low, high = joint.limits.position_min, joint.limits.position_max
         if not low <= value <= high:
             raise PreflightError(
-                f"joint {joint.name} is at {value:.4f}, outside its limits {low:g} to {high:g}:"
-                " move the robot inside the limits by hand, or correct the robot file",
+                f"joint {joint.name} is at {value:.4f} {joint.unit}, outside its limits {low:g} to"
+                f" {high:g} {joint.unit}: move the robot inside the limits by hand, or correct the"
+                " robot file",
                 code="RID-POSE-OUTSIDE",
             )
 

@@ -145,7 +145,10 @@ def _rows_of_csv(path: Path, data: bytes) -> TrajectoryRows:
     ]
     if not joints or not rows:
         missing = "no joint column" if not joints else "no row below the column names"
-        raise ConfigError(f"{path}: has {missing}: it contains no motion", code="RID-TABLE-INVALID")
+        raise ConfigError(
+            f"{path}: has {missing}, so it contains no motion: add a column per joint, and rows",
+            code="RID-TABLE-INVALID",
+        )
     return TrajectoryRows(
         tuple(header[column] for column in joints),
         tuple(row[times[0]] for row in rows),
@@ -184,7 +187,8 @@ def _columns(rows: Sequence[Sequence[float]], columns: Sequence[int]) -> Rows:
 def _parse_row(path: Path, number: int, line: list[str], columns: int) -> list[float]:
     if len(line) != columns:
         raise ConfigError(
-            f"{path}:{number}: has {len(line)} columns, but the first line has {columns}",
+            f"{path}:{number}: has {len(line)} columns, but the first line has {columns}: correct"
+            " the line",
             code="RID-TABLE-INVALID",
         )
     values = []

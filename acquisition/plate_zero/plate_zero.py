@@ -116,8 +116,8 @@ def plan_turn(robot: RobotDescription, reference: FloatArray | None = None) -> Z
         low, high = joint.limits.position_min, joint.limits.position_max
         if not low <= value <= high:
             raise ConfigError(
-                f"the reference pose has {joint.name} at {value:g}, outside its limits {low:g} to"
-                f" {high:g}: choose another pose",
+                f"the reference pose has {joint.name} at {value:g} {joint.unit}, outside its limits"
+                f" {low:g} to {high:g} {joint.unit}: choose another pose (--pose)",
                 code="RID-POSE-OUTSIDE",
             )
     axis = _vertical_axis(robot)
@@ -247,8 +247,9 @@ def _vertical_axis(robot: RobotDescription) -> FloatArray:
     if first.type != "revolute" or not np.any(gravity) or off > VERTICAL_RAD:
         raise ConfigError(
             f"{first.name} does not turn about the vertical, so the plate's offset cannot be"
-            " separated from gravity: this robot's plate cannot be zeroed in this way",
-            code="RID-PLATE-ZERO-POSE",
+            " separated from gravity: correct gravity_m_s2 or this joint in the robot file, or"
+            " enter `plate.zero` in the cell file by hand",
+            code="RID-PLATE-ZERO-AXIS",
         )
     return axis
 
@@ -296,8 +297,8 @@ def _blocks(
         kept = [block for block in kept if len(block) and 2 * len(block) > len(kept[0])]
         if len(kept) < FEWEST_BLOCKS:
             raise DataQualityError(
-                f"reading {number + 1} of {READINGS} takes less than {FEWEST_BLOCKS * BLOCK_S:g}"
-                " s: read longer",
+                f"reading {number + 1} of {READINGS} of the force plate has less than"
+                f" {FEWEST_BLOCKS * BLOCK_S:g} s of valid rows: read longer (--read)",
                 code="RID-RECORDING-SHORT",
             )
         times += [time_s[block].mean() for block in kept]

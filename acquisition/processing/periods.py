@@ -95,7 +95,8 @@ class PeriodAverage:
         freeze(self, DataQualityError, bins, "position_bin_variance", "torque_bin_variance")
         if self.periods_kept < 2:
             raise DataQualityError(
-                f"{self.periods_kept} periods have no noise variance: at least 2 are needed",
+                f"the variance of the noise cannot be estimated from {self.periods_kept} periods:"
+                " at least 2 are needed",
                 code="RID-RECORDING-PERIODS",
             )
 

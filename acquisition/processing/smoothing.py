@@ -104,8 +104,8 @@ def low_pass(values: FloatArray, sample_period_s: float, cutoff_hz: float) -> Fl
         step = sample_period_s
         every = f"{step:.4g} s" if step >= 1.0 else f"{1e3 * step:.4g} ms"
         raise ConfigError(
-            f"a cut-off of {cutoff_hz:g} Hz does not fit samples every {every}: choose one"
-            f" between 0 and {0.45 / step:.4g} Hz",
+            f"a cut-off frequency of {cutoff_hz:g} Hz does not fit samples every {every}: choose"
+            f" one between 0 and {0.45 / step:.4g} Hz",
             code="RID-RECORDING-CUTOFF",
         )
     from dynamics.kernels.low_pass import filter_both_ways  # loads the compiler
@@ -164,7 +164,9 @@ def smooth_nonperiodic(
     time_s = recording.time_s[recording.valid]
     if len(time_s) < 2:
         raise DataQualityError(
-            f"{len(time_s)} valid rows are too few for smoothing", code="RID-RECORDING-SHORT"
+            f"the recording has {len(time_s)} valid rows, but smoothing needs at least 2: record"
+            " longer",
+            code="RID-RECORDING-SHORT",
         )
     position = recording.position[recording.valid]
     torque = recording.torque_nm[recording.valid]
@@ -205,7 +207,8 @@ def smooth_nonperiodic(
     if not segments:
         raise DataQualityError(
             f"no part of the recording is longer than {6.0 / cutoff_hz:.3g} s without a gap of"
-            f" {GAP_STEPS * step_s * 1e3:.3g} ms: use a higher cut-off or a better recording",
+            f" {GAP_STEPS * step_s * 1e3:.3g} ms: use a higher cut-off frequency, or a recording"
+            " with fewer gaps",
             code="RID-RECORDING-CUTOFF",
         )
     joined = _join(segments)
@@ -264,17 +267,24 @@ def resample_periods(recording: Recording, period_s: float) -> Recording:
         period_s: True period [s]; it is not estimated from the recording.
 
     Raises:
-        DataQualityError: The recording has fewer than two whole periods.
+        DataQualityError: The recording has fewer than two whole periods, or a period fewer than
+            four rows.
     """
     from scipy import interpolate
 
     time_s = recording.time_s[recording.valid]
     step_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.inf
     periods = int((time_s[-1] - time_s[0] + step_s) / period_s) if len(time_s) > 1 else 0
-    if periods < 2 or period_s < 4.0 * step_s:
+    if periods < 2:
         raise DataQualityError(
             f"the recording has {periods} whole periods of {period_s:g} s, but averaging needs"
             " at least 2: correct period_s and rows in the map, or leave period_s out",
+            code="RID-IMPORT-RANGE",
+        )
+    if period_s < 4.0 * step_s:
+        raise DataQualityError(
+            f"a period of {period_s:g} s has {period_s / step_s:.3g} rows of the recording, but"
+            " averaging needs at least 4: correct period_s in the map, or leave it out",
             code="RID-IMPORT-RANGE",
         )
     samples_per_period = round(period_s / step_s)

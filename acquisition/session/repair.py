@@ -113,7 +113,8 @@ def repair_journal(
     again = read_raw_journal(target)
     if (again.payloads, again.sequences) != (raw.payloads, raw.sequences):
         raise RecordingError(
-            f"{target}: the file differs from what was written: check the disk",
+            f"{target}: the file reads back other values than were written: check the disk, then"
+            " recover the run again",
             code="RID-RECORDING-LOST",
         )
     return _summarise(raw, was, written)

@@ -125,7 +125,7 @@ def divide_filter(
 def _check_harmonics(harmonics: int, samples: int) -> None:
     if not 0 <= 2 * harmonics < samples:
         raise ConfigError(
-            f"harmonic {harmonics} does not fit a period of {samples} samples: at most"
-            f" {(samples - 1) // 2}",
+            f"harmonic {harmonics} does not fit a period of {samples} samples: use at most"
+            f" {(samples - 1) // 2} harmonics",
             code="RID-MOTION-BAND",
         )

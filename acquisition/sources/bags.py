@@ -126,7 +126,8 @@ def convert_bag_to_table(
     is_recorded = np.array([bool(np.isfinite(values[:, i]).any()) for i in range(len(_QUANTITIES))])
     if not is_recorded[2]:
         raise DataQualityError(
-            f"{path}: the messages contain no efforts: record a topic with torques or currents",
+            f"{path}: the messages contain no efforts: record a topic whose efforts are torques or"
+            " currents",
             code="RID-BAG-TOPIC",
         )
     for number, name in enumerate(names):

@@ -156,7 +156,7 @@ class _Excesses:
             limit = (high if value > high[column] else low)[column]
             if beyond[row, column] <= 1e-9 * abs(limit):
                 continue
-            unit = ("rad" if joint.type == "revolute" else "m") + per
+            unit = joint.unit + per
             number = row if at is None else int(at[row])
             self.words.append(
                 f"{quantity} of joint {joint.name!r} reaches {value:.6g} {unit} at"

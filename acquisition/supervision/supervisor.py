@@ -52,6 +52,7 @@ class Supervisor:
         self._rules = rules
         self._positions = positions
         self._names = robot.joint_names
+        self._units = tuple(joint.unit for joint in robot.joints)
         self._joints = range(len(limits))
         period_s = cell.cycle_time_s
         self._step = [PLAUSIBLE_FACTOR * each.velocity * period_s for each in limits]
@@ -271,8 +272,8 @@ class Supervisor:
         step, limit = self._positions.jump[i], self._positions.jump_limit[i]
         return StopReason(
             StopCode.IMPLAUSIBLE_POSITION,
-            f"joint {self._names[i]}: its position jumps by {step:.4g} rad, at most {limit:.4g} are"
-            " possible. Check the encoder and its cable",
+            f"joint {self._names[i]}: its position jumps by {step:.4g} {self._units[i]}, but at"
+            f" most {limit:.4g} {self._units[i]} are possible. Check the encoder and its cable",
             joint=self._names[i],
             value=step,
             limit=limit,
@@ -283,13 +284,16 @@ class Supervisor:
     ) -> StopReason | None:
         if not self._low[i] <= position <= self._high[i]:
             limit = self._low[i] if position < self._low[i] else self._high[i]
-            return self._limit(i, StopCode.POSITION_LIMIT, "position", position, limit, "rad")
+            unit = self._units[i]
+            return self._limit(i, StopCode.POSITION_LIMIT, "position", position, limit, unit)
         limit = self._velocity_limit[i]
         if not -limit <= velocity <= limit:
-            return self._limit(i, StopCode.VELOCITY_LIMIT, "velocity", velocity, limit, "rad/s")
+            unit = f"{self._units[i]}/s"
+            return self._limit(i, StopCode.VELOCITY_LIMIT, "velocity", velocity, limit, unit)
         limit = self._torque_limit[i]
         if not -limit <= torque_nm <= limit:
-            return self._limit(i, StopCode.TORQUE_LIMIT, "torque", torque_nm, limit, "N m")
+            unit = "N m" if self._units[i] == "rad" else "N"
+            return self._limit(i, StopCode.TORQUE_LIMIT, "torque", torque_nm, limit, unit)
         return None
 
     def _limit(
@@ -307,18 +311,20 @@ class Supervisor:
     def _following_error(self, i: int, error: float, allowed: float) -> StopReason:
         return StopReason(
             StopCode.FOLLOWING_ERROR,
-            f"joint {self._names[i]}: it is {abs(error):.4g} rad off its set-point, {allowed:.4g}"
-            " are allowed at this speed. Check direction, gear ratio, brake and the velocity loop",
+            f"joint {self._names[i]}: it is {abs(error):.4g} {self._units[i]} off its set-point,"
+            f" but at most {allowed:.4g} {self._units[i]} are allowed at this speed. Check"
+            " direction, gear ratio, brake and the velocity loop",
             joint=self._names[i],
             value=error,
             limit=allowed,
         )
 
     def _set_point(self, i: int, what: str, value: float, limit: float) -> StopReason:
+        unit = self._units[i] if what.startswith("position") else f"{self._units[i]}/s"
         return StopReason(
             StopCode.SET_POINT,
-            f"joint {self._names[i]}: the set-point's {what} {value:.4g}, at most {limit:.4g} is"
-            " allowed; it was not sent. Check the motion",
+            f"joint {self._names[i]}: the set-point's {what} {value:.4g} {unit}, but at most"
+            f" {limit:.4g} {unit} is allowed; it was not sent. Check the motion",
             joint=self._names[i],
             value=value,
             limit=limit,

@@ -12,7 +12,7 @@ from acquisition.task.shared_memory import SharedMemory
 SERVICE_LIMIT_S: Final = 3.0
 """Largest age of the service's heartbeat before its motion stops [s]."""
 
-CLIENT_LOST_TEXT: Final = "stopped because the motion's client is out of reach"
+CLIENT_LOST_TEXT: Final = "stopped because the motion's client has lost the lease of the cell"
 
 
 class _Words(ctypes.Structure):

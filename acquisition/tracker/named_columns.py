@@ -138,7 +138,9 @@ def read_named_columns(path: Path) -> NamedColumns:
                 code=ROW,
             )
     if not table:
-        raise ConfigError(f"{path}: has no row below the column names", code=ROW)
+        raise ConfigError(
+            f"{path}: has no row below the column names: add the measured points", code=ROW
+        )
     commas = separator != "," and any(
         DECIMAL_COMMA.fullmatch(cell) for _, cells in table for cell in cells
     )

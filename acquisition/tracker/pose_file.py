@@ -153,7 +153,7 @@ def _joint_positions(columns: NamedColumns, joint: Joint) -> FloatArray:
     low, high = joint.limits.position_min, joint.limits.position_max
     wrong = np.flatnonzero((position < low - SLACK) | (position > high + SLACK))
     if wrong.size:
-        unit = "rad" if joint.type == "revolute" else "m"
+        unit = joint.unit
         raise ConfigError(
             f"{columns.path}:{columns.rows[wrong[0]]}: {name} is {position[wrong[0]]:.6g} {unit},"
             f" outside the joint's limits {low:g} to {high:g} {unit}: correct the row, or the unit"

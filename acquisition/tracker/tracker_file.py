@@ -61,7 +61,9 @@ def read_tracked_point(path: Path) -> TrackedPoint:
     valid = read_valid(columns)
     if valid.sum() < FEWEST_ROWS:
         raise ConfigError(
-            f"{path}: has {valid.sum()} valid rows: at least {FEWEST_ROWS} are needed", code=ROW
+            f"{path}: has {valid.sum()} valid rows, but at least {FEWEST_ROWS} are needed: record"
+            " the whole motion",
+            code=ROW,
         )
     columns = columns.keep(valid)
     name, _ = columns.choose({"time_s": 1.0}, "the time")

@@ -60,8 +60,8 @@ def refuse_coupled_wrist(robot: RobotDescription, what: str) -> None:
     """
     if robot.coupling is not None:
         raise ConfigError(
-            f"robot {robot.name}: {what} works joint by joint, and this robot's wrist is coupled:"
-            f" use `rid-daq compensate` without {what}",
+            f"robot {robot.name}: {what} works joint by joint, but this robot's wrist is coupled:"
+            f" record with a feedforward of `rid-daq compensate`, without {what}",
             code="RID-ROBOT-COUPLED-WRIST",
         )
 

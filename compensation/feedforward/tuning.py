@@ -100,8 +100,8 @@ def tune(
     highest = min(math.floor(BAND_HZ * count * step_s), (count - 1) // 2)
     if highest < FEWEST_LINES:
         raise DataQualityError(
-            f"the reference run has {highest} harmonics up to {BAND_HZ:g} Hz, {FEWEST_LINES} are"
-            " needed: record a longer period",
+            f"the period of the reference run has {highest} harmonics up to {BAND_HZ:g} Hz, but"
+            f" {FEWEST_LINES} are needed: record a motion with a longer period",
             code="RID-MOTION-PERIOD",
         )
     ahead = samples.velocity if samples.feedforward is None else samples.feedforward
@@ -129,8 +129,8 @@ def tune(
         worst = int(np.argmax(np.abs(found[0] - 1.0) * used))
         raise DataQualityError(
             f"the reference run needs {found[0, worst]:.3g} times the model torque of"
-            f" {loops[worst].joint_name}: model or velocity loops belong to another robot or"
-            " payload; measure them again",
+            f" {loops[worst].joint_name}: the model or the velocity loops belong to another"
+            " robot or payload; measure the loops and identify the model again",
             code="RID-LOOP-OTHER",
         )
     significant = used & (np.abs(found - [[1.0], [0.0]]) > SIGMAS * std)

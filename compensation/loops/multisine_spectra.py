@@ -71,7 +71,8 @@ def multisine_spectra(
     step_s, commands = recording.sample_period_s, recording.velocity_command
     if commands is None or step_s is None:
         raise DataQualityError(
-            "the recording has no velocity commands: use a recording made by rid-daq",
+            "the recording has no velocity commands, or no uniform time stamps: use a run that"
+            " rid-daq has recorded",
             code="RID-RUN-FOREIGN",
         )
     if recording.joint_names != robot.joint_names:

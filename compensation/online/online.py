@@ -100,8 +100,10 @@ class OnlineFeedforward:
                 code="RID-ROBOT-OTHER",
             )
         if not (tuning.scale > 0.0).all():
+            worst = int(np.argmin(tuning.scale))
             raise ConfigError(
-                "the tuning scales a joint's torque by 0 or less: tune again",
+                f"the tuning multiplies the model torque of {robot.joints[worst].name} by"
+                f" {tuning.scale[worst]:.3g}, which is not positive: measure the loops again",
                 code="RID-LOOP-OTHER",
             )
         step_s = cell.cycle_time_s

@@ -69,7 +69,9 @@ class PointSource:
         n = len(feedforward.robot.joints)
         if ring.joints != n:
             raise ConfigError(
-                f"points of {ring.joints} joints for a robot with {n}", code="RID-MOTION-JOINTS"
+                f"the points have {ring.joints} values, but the robot has {n} joints: send one"
+                " value per joint",
+                code="RID-MOTION-JOINTS",
             )
         self._feedforward = feedforward
         self._ring = ring
@@ -290,7 +292,7 @@ class PointSource:
         joint = self._feedforward.robot.joints[int(counts[path.REASON_JOINT])]
         why, point = int(counts[path.REASON]), int(counts[path.REASON_POINT])
         found, allowed = float(pace[path.FOUND]), float(pace[path.ALLOWED])
-        base = "rad" if joint.type == "revolute" else "m"
+        base = joint.unit
         where = f"point {point}, joint {joint.name}"
         limits: dict[str, Any] = {"joint": joint.name, "value": found, "limit": allowed}
         if why == path.NOT_FINITE:

@@ -97,11 +97,11 @@ def limit_curve(rows: PathRows, bounds: FloatArray) -> FloatArray:
 def _refuse_ends(x: FloatArray, ends: tuple[float, float], closed: bool) -> None:
     if closed:
         return
-    for name, wanted, found in (("begin", ends[0], x[0]), ("end", ends[1], x[-1])):
+    for name, wanted, found in (("start", ends[0], x[0]), ("end", ends[1], x[-1])):
         if found < (1.0 - 1e-6) * wanted**2:
             raise LimitError(
-                f"the path cannot have a speed of {wanted:.4g} at its {name}: the limits allow"
-                f" {np.sqrt(found):.4g}",
+                f"the path cannot have a speed of {wanted:.4g} at its {name}: the limits allow at"
+                f" most {np.sqrt(found):.4g} there",
                 code="RID-TIMING-NOT-FEASIBLE",
             )
 

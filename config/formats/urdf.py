@@ -195,7 +195,8 @@ class UrdfTree:
             joint = self.joint_above.get(link)
             if joint is None:
                 raise ConfigError(
-                    f"{self.file}: link {tip!r} is not below {base!r}; name other links",
+                    f"{self.file}: link {tip!r} is not below {base!r}; give another --base or"
+                    " --tip",
                     code="RID-URDF-LINK",
                 )
             joints.append(joint)

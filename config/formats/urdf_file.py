@@ -237,7 +237,7 @@ class _Reader:
         if mass_kg < 0.0:
             raise ConfigError(
                 f"{mass.where}: mass is {mass_kg:g} kg; it cannot be negative",
-                code="RID-URDF-NEGATIVE",
+                code="RID-URDF-VALUE",
             )
         matrix = np.zeros((3, 3))
         if inertia is not None:

@@ -136,7 +136,7 @@ def number_not_negative(element: XmlElement, name: str) -> float | None:
     if value is not None and value < 0.0:
         raise ConfigError(
             f"{element.where}: {name} of <{element.tag}> is {value:g}; it cannot be negative",
-            code="RID-URDF-NEGATIVE",
+            code="RID-URDF-VALUE",
         )
     return value
 

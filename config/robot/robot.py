@@ -165,6 +165,11 @@ class Joint(ConfigModel):
     ) = None
     efficiency: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
 
+    @property
+    def unit(self) -> str:
+        """Unit of the joint's position."""
+        return "rad" if self.type == "revolute" else "m"
+
     @model_validator(mode="after")
     def _checks(self) -> Joint:
         if self.gear_ratio == 0.0:

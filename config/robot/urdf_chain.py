@@ -90,7 +90,8 @@ def arm_between(tree: UrdfTree, base: str | None, tip: str | None) -> UrdfArm:
         joints = tuple(joint for joint in tree.path(base, tip) if joint.is_driven)
         if not joints:
             raise ConfigError(
-                f"{tree.file}: no joint moves between {base!r} and {tip!r}; give other links",
+                f"{tree.file}: no joint moves between {base!r} and {tip!r}; give another --base or"
+                " --tip",
                 code="RID-URDF-ARM",
             )
         return _supported(tree, UrdfArm(base, tip, joints))
@@ -98,7 +99,7 @@ def arm_between(tree: UrdfTree, base: str | None, tip: str | None) -> UrdfArm:
     if not arms:
         roots = base or ", ".join(tree.roots)
         raise ConfigError(
-            f"{tree.file}: no joint moves below {roots}; give another base", code="RID-URDF-ARM"
+            f"{tree.file}: no joint moves below {roots}; give another --base", code="RID-URDF-ARM"
         )
     longest = arms[0]
     serious = [longest, *(arm for arm in arms[1:] if _is_serious(arm, longest))]

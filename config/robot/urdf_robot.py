@@ -149,7 +149,7 @@ def robot_of_urdf(
             f"{tree.file}: cannot be converted to a robot: {key_name(each['loc'])}: {each['msg']}"
             for each in error.errors()
         ]
-        raise ConfigError("\n".join(lines), code="RID-URDF-LIMIT") from error
+        raise ConfigError("\n".join(lines), code="RID-URDF-VALUE") from error
     _refuse_implausible(tree, robot)
     comments: dict[Path, str] = {("cad", i): text for i, text in links.comments.items()}
     comments |= {

@@ -48,25 +48,68 @@ def errors() -> str:
 
 def _messages() -> dict[str, tuple[str, ...]]:
     """Return the messages that the packages construct, by error code, the longest first."""
+    paths = [path for package in PACKAGES for path in sorted((ROOT / package).rglob("*.py"))]
+    modules = {_name(path): ast.parse(path.read_text("utf-8")) for path in paths}
+    own = {name: _own_constants(module) for name, module in modules.items()}
     found: defaultdict[str, set[str]] = defaultdict(set)
-    for package in PACKAGES:
-        for path in sorted((ROOT / package).rglob("*.py")):
-            for node in ast.walk(ast.parse(path.read_text("utf-8"))):
-                if isinstance(node, ast.Call):
-                    for code in _codes(node):
-                        found[code] |= {_text(each) for each in node.args}
+    for name, module in modules.items():
+        constants = own[name] | _imported_constants(module, own)
+        for node in ast.walk(module):
+            if isinstance(node, ast.Call):
+                for code in _codes(node, constants):
+                    found[code] |= {_text(each) for each in node.args}
     return {
         code: tuple(sorted((each for each in texts if _is_informative(each)), key=_order))
         for code, texts in found.items()
     }
 
 
-def _codes(call: ast.Call) -> list[str]:
-    """Return the error codes that are literals in the argument `code` of a call."""
-    values = [keyword.value for keyword in call.keywords if keyword.arg == "code"]
-    constants = [each for value in values for each in ast.walk(value)]
-    texts = [each.value for each in constants if isinstance(each, ast.Constant)]
-    return [each for each in texts if isinstance(each, str) and each.startswith("RID-")]
+def _name(path: Path) -> str:
+    """Return the name by which a file of a package is imported."""
+    return ".".join(path.relative_to(ROOT).with_suffix("").parts)
+
+
+def _own_constants(module: ast.Module) -> dict[str, str]:
+    """Return the constants of a module that are error codes."""
+    found = {}
+    for node in module.body:
+        if isinstance(node, (ast.Assign, ast.AnnAssign)) and _is_code(node.value):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            found |= {ast.unparse(each): ast.literal_eval(node.value) for each in targets}
+    return found
+
+
+def _imported_constants(module: ast.Module, own: dict[str, dict[str, str]]) -> dict[str, str]:
+    """Return the constants with error codes that a module imports from another one."""
+    return {
+        each.asname or each.name: own[node.module][each.name]
+        for node in ast.walk(module)
+        if isinstance(node, ast.ImportFrom) and node.module in own
+        for each in node.names
+        if each.name in own[node.module]
+    }
+
+
+def _is_code(node: ast.AST | None) -> bool:
+    """Return True if an expression is a literal error code."""
+    return (
+        isinstance(node, ast.Constant)
+        and isinstance(node.value, str)
+        and node.value.startswith("RID-")
+        and " " not in node.value
+    )
+
+
+def _codes(call: ast.Call, constants: dict[str, str]) -> list[str]:
+    """Return the error codes among the arguments of a call, as literals or constants."""
+    given = [word.value for word in call.keywords if word.arg == "code"]
+    found = []
+    for node in (*call.args, *(each for value in given for each in ast.walk(value))):
+        if _is_code(node):
+            found.append(ast.literal_eval(node))
+        elif isinstance(node, ast.Name) and node.id in constants:
+            found.append(constants[node.id])
+    return found
 
 
 def _text(node: ast.expr) -> str:

@@ -156,7 +156,8 @@ def split(objects: tuple[MappedObject, ...], data: bytes) -> list[bytes]:
     needed = sum(item.bits for item in objects) // 8
     if len(data) < needed:
         raise ProtocolError(
-            f"a PDO has {len(data)} bytes, but {needed} are mapped",
+            f"a PDO has {len(data)} bytes, but its mapped objects need {needed}: check the PDO"
+            " mapping of the drive",
             code="RID-DRIVE-DATA-SIZE",
         )
     parts, start = [], 0

@@ -57,7 +57,7 @@ def decode(
     """
     if len(words) != read.count:
         raise ProtocolError(
-            f"{len(words)} registers were answered, but {read.count} were requested",
+            f"the drive answered with {len(words)} registers, but {read.count} were requested",
             code="RID-MODBUS-GARBAGE",
         )
     values: dict[Quantity, float] = {}

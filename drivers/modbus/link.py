@@ -145,8 +145,8 @@ class ModbusLink:
         if response.function_code != _FUNCTION[read.table] or len(response.registers) != read.count:
             self._forget_late_answer()
             raise ProtocolError(
-                f"{self.name}, unit {unit}: {len(response.registers)} registers of function"
-                f" {response.function_code} were answered, but {read.count} of function"
+                f"{self.name}, unit {unit}: the answer has {len(response.registers)} registers of"
+                f" function {response.function_code}, but {read.count} of function"
                 f" {_FUNCTION[read.table]} were requested",
                 code="RID-MODBUS-GARBAGE",
             )

@@ -43,7 +43,10 @@ class Spring:
         """
         spring = robot.spring
         if spring is None:
-            raise ConfigError(f"robot {robot.name!r} has no spring", code="RID-ROBOT-VALUE")
+            raise ConfigError(
+                f"robot {robot.name!r} has no spring: add `spring` to the robot file",
+                code="RID-ROBOT-VALUE",
+            )
         joint = robot.joint_names.index(spring.joint)
         if robot.joints[joint].type == "prismatic":
             raise ConfigError(

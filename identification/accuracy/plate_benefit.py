@@ -95,8 +95,8 @@ def improvement(fitted: FittedPeriods) -> Improvement:
     """
     if fitted.options.kind != "combined":
         raise EstimationError(
-            "the improvement by the plate can be computed only for the combined model: identify"
-            " the combined model",
+            "the improvement by the force plate can be computed only for the combined model:"
+            " identify with --model combined",
             code="RID-MODEL-NOT-COMBINED",
         )
     n = len(fitted.robot.joints)

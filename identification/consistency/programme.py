@@ -157,6 +157,7 @@ class ConsistencyProgramme:
                 return np.asarray(self.units @ (start + directions @ x))
         raise EstimationError(
             f"no physically consistent parameters were found (Clarabel: {', '.join(statuses)}):"
-            " check the estimate for implausible values or standard deviations",
+            " identify the model again, and check it for implausible values and standard"
+            " deviations",
             code="RID-MODEL-UNSOUND",
         )

@@ -71,7 +71,8 @@ def estimate_link_by_link(
         worst = np.argsort(-np.linalg.norm(unseen, axis=1))[:3]
         names = ", ".join(estimate.base.names[k] for k in worst)
         raise EstimationError(
-            f"if each joint is solved separately, the motion does not distinguish {names}",
+            f"if each joint is solved separately, the motion does not distinguish {names}: record"
+            " a motion that moves more axes, or use another cross-check",
             code="RID-MOTION-UNINFORMATIVE",
         )
 

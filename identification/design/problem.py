@@ -80,15 +80,16 @@ class ExcitationProblem:
         n, b = len(self.robot.joints), len(self.base)
         if self.harmonics < 1 or not 0.0 < self.limit_fraction <= 1.0 or self.period_s <= 0.0:
             raise ConfigError(
-                f"excitation design: harmonics is {self.harmonics}, but must be at least 1;"
-                f" limit_fraction is {self.limit_fraction:g}, but must be above 0 and at most 1;"
-                f" period_s is {self.period_s:g}, but must be positive",
-                code="RID-DESIGN-OPTIONS",
+                f"excitation design: harmonics is {self.harmonics} (at least 1 is needed),"
+                f" limit_fraction is {self.limit_fraction:g} (more than 0, at most 1), period_s is"
+                f" {self.period_s:g} (more than 0): correct the value outside of its range",
+                code="RID-OPTION-RANGE",
             )
         if np.shape(self.expected_noise_nm) != (n,) or np.min(self.expected_noise_nm) <= 0.0:
             raise ConfigError(
-                "excitation design: expected_noise_nm needs one positive value for each joint",
-                code="RID-DESIGN-OPTIONS",
+                f"excitation design: expected_noise_nm needs {n} positive values, one for each"
+                " joint",
+                code="RID-OPTION-RANGE",
             )
         if self.given is not None and self.given.shape != (b, b):
             raise ConfigError(

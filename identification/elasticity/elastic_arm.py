@@ -74,8 +74,9 @@ class ElasticArm:
         if robot.coupling is not None:
             raise EstimationError(
                 f"robot {robot.name!r} has a coupled wrist, in which a motor turns several joints:"
-                " the stiffness of its gears cannot be identified",
-                code="RID-MODEL-KIND",
+                " the stiffness of its gears cannot be identified. Leave `rid-daq stiffness` and"
+                " --deflection out",
+                code="RID-STIFFNESS-COUPLED-WRIST",
             )
         model = RobotModel.from_description(robot, rotors=False, friction=False)
         links = replace(model, transmission=Transmission())

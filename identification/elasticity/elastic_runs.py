@@ -147,8 +147,8 @@ def multisine_bins(
     step_s = recording.sample_period_s
     if step_s is None:
         raise DataQualityError(
-            f"run {run_id}: the times of the rows are not uniform; record the multisine with"
-            " rid-daq",
+            f"run {run_id}: the time stamps are not uniform: record the multisine with"
+            " `rid-daq record`",
             code="RID-RUN-FOREIGN",
         )
     rows = round(motion.period_s / step_s)

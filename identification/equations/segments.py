@@ -149,7 +149,11 @@ def _on_bins(
     position, torque_nm = period
     rows, step_s = len(position), source.sample_period_s
     if step_s is None:
-        raise DataQualityError("the recording has no sample period", code="RID-RECORDING-CLOCK")
+        raise DataQualityError(
+            "the recording's time stamps are not uniform, so its harmonics cannot be computed:"
+            " record with a constant sample period",
+            code="RID-RECORDING-CLOCK",
+        )
     period_s = rows * step_s
     harmonics = harmonics_below(band_hz, period_s, step_s, source.torque_filter)
     q, v, a = differentiate_on_bins(position, step_s, harmonics)

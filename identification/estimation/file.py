@@ -255,7 +255,7 @@ def _to_estimate(document: EstimateDocument) -> Estimate:
     if unknown or document.standard_parameters != expected:
         raise EstimationError(
             f"the parameters {', '.join(unknown or names)} are not those of the robot description"
-            " in the file",
+            " in the file: was the file edited?",
             code="RID-MODEL-UNSOUND",
         )
     base = BaseParameters(

@@ -136,8 +136,8 @@ def fit_smoothed(
     )
     if terms.kind != "internal":
         raise EstimationError(
-            f"the {terms.kind} model is estimated from periodic runs only: record a periodic"
-            " motion, or identify the internal model",
+            f"the {terms.kind} model is identified from periodic runs only: record a periodic"
+            " motion, or use --model internal",
             code="RID-MODEL-KIND",
         )
     problem = SmoothedProblem(

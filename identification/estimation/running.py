@@ -69,7 +69,8 @@ class RunningEstimate:
         if model.transmission.losses:
             raise EstimationError(
                 "a running estimate needs a model that is linear in its parameters, but the"
-                " gears of this model have losses: identify after the measurement",
+                " gears of this model have losses: leave --until and --until-mass out, and identify"
+                " after the measurement",
                 code="RID-MODEL-LOAD-FRICTION",
             )
         return cls(model, base_parameters(model), standstill_rad_s, {})

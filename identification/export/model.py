@@ -105,7 +105,7 @@ class ExportModel:
         if np.any(bodies[::PARAMETERS_PER_LINK] == 0.0):
             raise EstimationError(
                 "the identified parameters do not contain the links' masses: export the"
-                " physically consistent parameters",
+                " physically consistent parameters (without --as-identified)",
                 code="RID-EXPORT-LINKS",
             )
         return tuple(LinkBody.of(body) for body in bodies.reshape(-1, PARAMETERS_PER_LINK))

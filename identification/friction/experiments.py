@@ -348,7 +348,8 @@ def _average_in_bins(
         found.append((middle, mean, np.sqrt(spread * float(weight @ weight))))
     if not found:
         raise DataQualityError(
-            f"joint {joint!r} reaches no speed twice: use a motion with more harmonics",
+            f"joint {joint!r} passes through each speed only once: record a motion with"
+            " more harmonics",
             code="RID-FRICTION-RUNS",
         )
     table = np.array(found)

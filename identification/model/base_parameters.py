@@ -169,7 +169,9 @@ def independent_columns(
     seen = size > 1e-12 * size.max(initial=0.0)
     if not seen.any():
         raise EstimationError(
-            "the regressor is zero: no parameter has any effect", code="RID-MOTION-UNINFORMATIVE"
+            "no parameter of the model has an effect in this motion: record a motion that moves"
+            " the joints",
+            code="RID-MOTION-UNINFORMATIVE",
         )
     order = [j for j in sorted(range(len(names)), key=lambda j: _priority(names[j])) if seen[j]]
     triangle = triangular_factor(stacked[:, order] / size[order])
@@ -231,7 +233,8 @@ def _check_rank(triangle: FloatArray, rank: int, tolerance: float) -> None:
         raise EstimationError(
             f"the number of base parameters is ambiguous at the tolerance {tolerance:g}: {rank}"
             f" columns are independent one by one, but {pivoted} by pivoted QR. Nearly parallel"
-            " axes cause this: choose a tolerance clearly above or below the small pivots"
+            " axes cause this: correct the axes in the robot file, or pass a `tolerance` clearly"
+            " above or below the small pivots"
             f" {', '.join(f'{d:.1e}' for d in diagonal[min(rank, pivoted) - 1 :][:4])}",
             code="RID-MODEL-RANK",
         )

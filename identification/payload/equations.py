@@ -66,8 +66,8 @@ class PayloadModel:
         options = replace(options or ModelOptions(), payload=True)
         if options.kind != "internal":
             raise EstimationError(
-                "a payload is identified only from the joints' torques: use the internal model"
-                f" instead of the {options.kind} model",
+                f"the {options.kind} model cannot contain a payload, which is identified from the"
+                " joints' torques: use --model internal",
                 code="RID-MODEL-KIND",
             )
         model = options.build(robot)

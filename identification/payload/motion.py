@@ -79,10 +79,10 @@ class PayloadSearch:
         shares = (self.position_share, self.speed_share)
         if self.harmonics < 2 or not all(0.0 < share <= 1.0 for share in shares):
             raise ConfigError(
-                f"payload motion: harmonics is {self.harmonics}, but must be at least 2; the"
-                f" fractions of the limits are {shares[0]:g} and {shares[1]:g}, but must be above"
-                " 0 and at most 1",
-                code="RID-DESIGN-OPTIONS",
+                f"payload motion: harmonics is {self.harmonics} (at least 2 are needed), the"
+                f" fractions of the limits are {shares[0]:g} and {shares[1]:g} (more than 0, at"
+                " most 1): correct the value outside of its range",
+                code="RID-OPTION-RANGE",
             )
 
     @cached_property

@@ -149,8 +149,8 @@ def equations_of(
     """Return the equations of a procedure; arguments and errors as in `identify_payload`."""
     if not any(runs.loaded):
         raise EstimationError(
-            "no run carried the payload: name the runs that carried it",
-            code="RID-PAYLOAD-NOT-LOADED",
+            "no run carried the payload: name the runs that carried it (--loaded)",
+            code="RID-PAYLOAD-RUNS",
         )
     match how.procedure:
         case "together" | "difference":

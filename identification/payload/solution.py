@@ -311,8 +311,8 @@ class _System:
         if not size.any():
             raise EstimationError(
                 "no run carried the payload, so it cannot be estimated: name the runs that"
-                " carried it",
-                code="RID-PAYLOAD-NOT-LOADED",
+                " carried it (--loaded)",
+                code="RID-PAYLOAD-RUNS",
             )
         size = np.where(size > 0.0, size, size.max())
         basis = np.linalg.qr(self.matrix[:, self.kept])[0]
@@ -340,7 +340,7 @@ class _System:
         upper = triangular_factor(np.hstack([matrix, self.side[:, np.newaxis]]))
         if len(upper) < width:
             raise EstimationError(
-                "there are fewer equations than unknowns: record for longer",
+                f"the recordings give {len(upper)} equations for {width} unknowns: record longer",
                 code="RID-RECORDING-SHORT",
             )
         return np.asarray(

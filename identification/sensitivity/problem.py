@@ -101,11 +101,16 @@ class SensitivityProblem:
         noise = self.noise_nm if len(self.noise_nm) else np.ones(n)
         noise = read_only("noise_nm", noise, float, (n,), EstimationError)
         object.__setattr__(self, "noise_nm", noise)
-        if self.motion.q.shape[1] != n or not (noise > 0.0).all():
+        if self.motion.q.shape[1] != n:
             raise EstimationError(
-                f"the motion and the noise must have {n} axes, as the robot, and the noise must"
-                " be positive",
+                f"the motion has {self.motion.q.shape[1]} axes, but robot {self.robot.name!r} has"
+                f" {n}: give a motion of this robot",
                 code="RID-ROBOT-OTHER",
+            )
+        if not (noise > 0.0).all():
+            raise EstimationError(
+                f"the noise of an axis is {noise.min():g} N m or N, but must be positive",
+                code="RID-OPTION-RANGE",
             )
 
     @cached_property
@@ -208,7 +213,8 @@ class MotionEstimator:
         singular = np.linalg.svd(scaled, compute_uv=False)
         if not np.isfinite(singular).all() or singular[-1] < RANK * singular[0]:
             raise EstimationError(
-                "this motion does not determine all ten parameters of a payload: move more axes",
+                "this motion does not determine all ten parameters of a payload: use a motion that"
+                " moves more axes",
                 code="RID-MOTION-UNINFORMATIVE",
             )
         offset = np.zeros_like(motion.q)

@@ -56,7 +56,7 @@ def identify(
     """
     recordings = [recordings] if isinstance(recordings, Recording) else list(recordings)
     if not recordings:
-        raise ConfigError("identify needs a recording", code="RID-REQUEST-INVALID")
+        raise ConfigError("identify needs a recording: give at least one", code="RID-API-ARGUMENT")
     if robot is not None:
         recordings = [each.with_robot(robot) for each in recordings]
     asked: dict[str, object] = {

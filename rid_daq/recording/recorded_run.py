@@ -30,7 +30,7 @@ _WHAT_TO_DO = {
     StopCode.INTERRUPTED: _AGAIN,
     StopCode.STOP_COMMAND: _AGAIN,
     StopCode.STOP_BUTTON: _AGAIN,
-    StopCode.CLIENT_LOST: "Bring the client back into reach, then start again.",
+    StopCode.CLIENT_LOST: "Connect the page or program again and take the cell, then start again.",
     StopCode.SERVICE_LOST: "Find out why the service did not respond, then check the cell and"
     " start again.",
     StopCode.RECORDER: "Check the disk (free space, speed), and other programs that use the run"

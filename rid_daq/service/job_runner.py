@@ -215,8 +215,10 @@ class JobRunner:
     def _watch_lease(self, running: RunningJob) -> None:
         job = running.job
         if not running.stopping and self._lease_end_s(job) == -inf:
-            running.stop(f"{job.owner} is out of reach", StopCode.CLIENT_LOST)
-            self._audit.note(job.owner, "was out of reach", job.cell, f"job {job.id} stopped")
+            running.stop(f"{job.owner} has lost the lease of the cell", StopCode.CLIENT_LOST)
+            self._audit.note(
+                job.owner, "lost the lease of the cell", job.cell, f"job {job.id} stopped"
+            )
 
     def _lease_end_s(self, job: Job) -> float:
         """Return the time at which a job stops unless its lease is renewed [s, safety clock]."""

@@ -76,15 +76,15 @@ class Pairing:
             address: IP address of the device. Each address has its own limit of waiting devices.
 
         Raises:
-            LockedError: Too many devices of this address wait (`RID-PAIR-ADDRESS-FULL`), or too
-                many in all (`RID-PAIR-FULL`).
+            LockedError: Too many devices of this address, or too many in all, wait
+                (`RID-PAIR-FULL`).
         """
         self._forget_old()
         if Counter(each.address for each in self._waiting)[address] >= MOST_OF_ADDRESS:
             raise LockedError(
                 f"{MOST_OF_ADDRESS} devices with this address already wait for confirmation: try"
                 " again in 5 minutes",
-                code="RID-PAIR-ADDRESS-FULL",
+                code="RID-PAIR-FULL",
             )
         if len(self._waiting) >= MOST_WAITING:
             raise LockedError(

@@ -144,7 +144,9 @@ def send_warm_up(job: OfJob, service: Service, view: RequestedView) -> Response:
     events = EventTail(service.job_runner.events(job.id)).read_new()
     warmed = [event for event in events if isinstance(event, WarmUpEvent)]
     if not warmed:
-        raise UnknownError(f"job {job.id} has no warm-up yet", code="RID-JOB-UNKNOWN")
+        raise UnknownError(
+            f"job {job.id} has measured no warm-up yet: ask again later", code="RID-JOB-UNKNOWN"
+        )
     power = [period for event in warmed for period in event.power_w]
     return view.answer([warm_up_plot(warmed[0].joints, power, warmed[0].settled_percent)])
 
@@ -182,7 +184,8 @@ def _numbered(items: Sequence[Item], number: int, what: str) -> Item:
     """Return the item with a number; raise UnknownError if there is none."""
     if number >= len(items):
         raise UnknownError(
-            f"there is no {what} number {number} in these blocks", code="RID-RUN-FILE"
+            f"there is no {what} number {number} here: the page has {len(items)}, counted from 0",
+            code="RID-RUN-FILE",
         )
     return items[number]
 

@@ -104,7 +104,10 @@ def require_current(version: str, name: str) -> None:
         UnknownError: The page requests another version.
     """
     if version != static_version():
-        raise UnknownError(f"{name} has changed: reload the page", code="RID-PAGE-OUTDATED")
+        raise UnknownError(
+            f"{name} has changed since the page was loaded: reload the page",
+            code="RID-PAGE-OUTDATED",
+        )
 
 
 @router.get("/static/{version}/{name}")

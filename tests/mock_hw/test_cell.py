@@ -278,5 +278,5 @@ def test_a_cell_that_is_already_served_is_refused(loaded: LoadedCell, short_path
 
 
 def test_a_cell_that_is_not_running_has_no_axes(loaded: LoadedCell) -> None:
-    with raises_code(TransportError, "RID-MOCK-NOT-SERVED"):
+    with raises_code(TransportError, "RID-API-ARGUMENT"):
         simulate(loaded).axes()

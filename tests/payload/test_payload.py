@@ -342,7 +342,7 @@ def test_a_payload_in_the_unloaded_run_is_refused(
         identify_payload(robot, swapped, PayloadOptions("difference", OPTIONS))
     with raises_code(EstimationError, "RID-PAYLOAD-NOT-UNLOADED"):
         identify_payload(robot, runs((loaded, True)), PayloadOptions("together", OPTIONS))
-    with raises_code(EstimationError, "RID-PAYLOAD-NOT-LOADED"):
+    with raises_code(EstimationError, "RID-PAYLOAD-RUNS", "--loaded"):
         identify_payload(robot, runs((loaded, False)), PayloadOptions("together", OPTIONS))
     with raises_code(EstimationError, "RID-OPTION-NEEDS", "model"):
         identify_payload(robot, runs((loaded, True)), PayloadOptions("model", OPTIONS))

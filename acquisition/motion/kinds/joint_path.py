@@ -109,9 +109,8 @@ def _check_curve_limits(
         if off.max() > 0.0:
             after = int(np.searchsorted(knots, grid[off.argmax()]))
             raise LimitError(
-                f"the curve between points {numbers[after - 1] + 1} and {numbers[after] + 1} of"
-                f" the path has joint"
-                f" {joint.name!r} at {position[off.argmax(), j]:.4g}, outside its limits {low:g} to"
-                f" {high:g}: move the points",
+                f"between points {numbers[after - 1] + 1} and {numbers[after] + 1} of the path,"
+                f" joint {joint.name!r} would reach {position[off.argmax(), j]:.4g} {joint.unit},"
+                f" outside its limits {low:g} to {high:g} {joint.unit}: move the points",
                 code="RID-MOTION-LIMIT",
             )

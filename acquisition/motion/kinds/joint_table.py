@@ -185,7 +185,8 @@ def _curve(
     fewest = FEWEST_ROWS if velocity is None else 2
     if len(time_s) < fewest:
         raise ConfigError(
-            f"the table has {len(time_s)} different rows, but at least {fewest} are needed",
+            f"the table has {len(time_s)} different rows, but at least {fewest} are needed: add"
+            " rows",
             code="RID-TABLE-INVALID",
         )
     if velocity is None:
@@ -219,7 +220,7 @@ def _check_positions(position: FloatArray, robot: RobotDescription) -> None:
         off = (position[:, j] < low) | (position[:, j] > high)
         if off.any():
             row = int(np.argmax(off))
-            at, unit = float(position[row, j]), "rad" if joint.type == "revolute" else "m"
+            at, unit = float(position[row, j]), joint.unit
             likely = Plausible(0.0, max(abs(low), abs(high)), unit).likely_unit(abs(at))
             raise LimitError(
                 f"row {row + 1} of the table has joint {joint.name!r} at {at:.4g} {unit},"

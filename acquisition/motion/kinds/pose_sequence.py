@@ -78,8 +78,8 @@ def reachable_poses(points: Sequence[Sequence[float]], robot: RobotDescription) 
             low, high = joint.limits.position_min, joint.limits.position_max
             if not low <= value <= high:
                 raise LimitError(
-                    f"point {number} has joint {joint.name!r} at {value:.4g}, outside its limits"
-                    f" {low:g} to {high:g}: move the point",
+                    f"point {number} has joint {joint.name!r} at {value:.4g} {joint.unit}, outside"
+                    f" its limits {low:g} to {high:g} {joint.unit}: move the point",
                     code="RID-MOTION-LIMIT",
                 )
     return np.array(points, dtype=float)

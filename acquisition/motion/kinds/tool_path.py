@@ -246,8 +246,9 @@ def _check_positions(way: _SectionPath, robot: RobotDescription) -> None:
             row = int(np.argmax(off > 0.0))
             raise ConfigError(
                 f"{way.section.where(float(way.grid[row]))}, requires joint {joint.name!r} to"
-                f" exceed its limits {low:g} to {high:g}: it would reach"
-                f" {position[off.argmax(), j]:.4g}. Move the path, or start from another pose",
+                f" exceed its limits {low:g} to {high:g} {joint.unit}: it would reach"
+                f" {position[off.argmax(), j]:.4g} {joint.unit}. Move the path, or start from"
+                " another pose",
                 code="RID-PATH-REACH",
             )
 

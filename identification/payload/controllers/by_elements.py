@@ -108,7 +108,7 @@ def _ur_elements(body: PayloadBody) -> FloatArray:
     if np.max(np.abs(elements)) > LARGEST_UR_KG_M2:
         raise EstimationError(
             f"an inertia of {np.max(np.abs(elements)):.4g} kg m^2 exceeds the controller's"
-            f" largest value ({LARGEST_UR_KG_M2:g} kg m^2)",
+            f" largest value ({LARGEST_UR_KG_M2:g} kg m^2): check the payload",
             code="RID-LOAD-DATA-RANGE",
         )
     return elements

@@ -219,7 +219,7 @@ class AxisTester:
         line = self._check(pose, goal)
         if abs(line.goal[number] - pose[number]) < LEAST_SHARE * size:
             raise PreflightError(
-                f"{joint.name}: {line.obstacle} prevents a motion of {size:.3g} rad or m: move"
+                f"{joint.name}: {line.obstacle} prevents a motion of {size:.3g} {joint.unit}: move"
                 " the robot to a free pose with `rid-daq jog`",
                 code="RID-POSE-OUTSIDE",
             )

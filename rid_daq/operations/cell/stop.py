@@ -116,7 +116,8 @@ def run(request: StopRequest, context: Context) -> StopOutcome:
 
     if request.cell is not None and request.every:
         raise ConfigError(
-            f"stop {request.cell} --all: give a cell or --all, not both", code="RID-STOP-ALL"
+            f"stop {request.cell} --all: give a cell or --all, not both",
+            code="RID-OPTION-EXCLUSIVE",
         )
     name = None if request.cell is None else _cell_name(request.cell)
     sessions = running_sessions(name)

@@ -70,7 +70,7 @@ class Excitation(Request):
         Literal["optimal", "two-harmonic"],
         Field(
             description="Search method. optimal: gradients from many random starts;"
-            " two-harmonic: fast heuristic (3.22)."
+            " two-harmonic: fast heuristic of Verdonck's thesis (equation 3.22)."
         ),
         Option(group=SEARCH),
     ] = "optimal"

@@ -86,7 +86,7 @@ def _refuse_own_input(request: ExportRequest) -> None:
         if request.output.samefile(source):
             raise ConfigError(
                 f"{request.output}: the export is made from this file: give another name",
-                code="RID-OUTPUT-FOREIGN",
+                code="RID-OPTION-EXCLUSIVE",
             )
 
 

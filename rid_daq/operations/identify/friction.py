@@ -24,7 +24,7 @@ class FrictionRequest(Request):
     RUN is a recording of a motion at constant speeds, or of a path that is driven forward and
     backward; `rid-daq design --kind constant-velocity` or `--kind reversed` writes the motion.
     Several runs of one robot are evaluated together. With --against, the friction of other runs is
-    shown beside, for example of a cold robot beside a warm one. The exit code is 6 if no model fits
+    shown for comparison, such as that of a cold robot. The exit code is 6 if no model fits
     the friction of a joint.
     """
 
@@ -32,8 +32,8 @@ class FrictionRequest(Request):
     against: Annotated[
         tuple[str, ...],
         Field(
-            description="Run of the same robot whose friction is shown beside, such as a run with"
-            " a cold robot or with a payload."
+            description="Run of the same robot whose friction is shown for comparison, such as one"
+            " with a cold robot or with a payload."
         ),
         Option(metavar="RUN"),
     ] = ()

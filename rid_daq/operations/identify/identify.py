@@ -117,7 +117,10 @@ class IdentifyRequest(Request):
     ] = ()
     load_mass_kg: Annotated[
         tuple[LoadMassKg, LoadMassSigmaKg] | None,
-        Field(description="Weighed mass of that payload, used to estimate drive gains."),
+        Field(
+            description="Weighed mass of the payload of --loaded, from which drive gains are"
+            " estimated."
+        ),
         Option(
             group=LOAD,
             flag="load-mass",

@@ -72,7 +72,7 @@ class ModelTerms(Request):
         Option(group=EQUATIONS, metavar="TERM,...", separator=","),
     ] = None
     payload: Annotated[
-        bool, Field(description="Include the payload of the robot file."), Option(hidden=True)
+        bool, Field(description="Include an unknown payload on the last link."), Option(hidden=True)
     ] = False
     nonlinear: Annotated[
         tuple[Coefficient, ...] | None,

@@ -80,7 +80,7 @@ def validate_run(request: ValidateRequest) -> ValidatedModel:
     if not request.model.exists() and Path(request.run).is_file():
         turned = as_command("validate", request.run, request.model)
         raise ConfigError(
-            f"{request.run} is a file, not a run: give the model first: {turned}",
+            f"{request.run} is a file, not a run: give the model first, then the run: {turned}",
             code="RID-RUN-IS-FILE",
         )
     estimate = _stated_model(request, read_estimate(request.model))

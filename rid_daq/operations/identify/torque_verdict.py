@@ -81,7 +81,7 @@ def validate_recording(
         raise ConfigError(
             "--limits has no effect with an external model, because it contains no friction;"
             " leave it out",
-            code="RID-OPTION-NEEDS",
+            code="RID-OPTION-NO-EFFECT",
         )
     recovered_from = data.folder.manifest().facts.get("recovered_from")
     if data.folder.run_id in estimate.run_ids or recovered_from in estimate.run_ids:

@@ -185,7 +185,8 @@ def _load_motion(file: SessionFile, loaded: LoadedCell) -> FourierMotion:
     session = file.folder.run_id
     if file.cell != loaded.config.name:
         raise ConfigError(
-            f"--resume {session}: this session is of cell {file.cell}, not of this cell",
+            f"--resume {session}: this session is of cell {file.cell}, not of"
+            f" {loaded.config.name}: give cell {file.cell}",
             code="RID-SESSION-OTHER-CELL",
         )
     require_own(file.folder)

@@ -100,9 +100,8 @@ def read_back_payload(request: PayloadReadBackRequest) -> PayloadReadBackResult:
 def _source_name(request: PayloadReadBackRequest) -> str:
     """Return the name of the source of the load data: the file, or the text."""
     if (request.file is None) == (not request.text.strip()):
-        raise ConfigError(
-            "give the load data either as a file or as text", code="RID-OPTION-EXCLUSIVE"
-        )
+        code = "RID-OPTION-NEEDS" if request.file is None else "RID-OPTION-EXCLUSIVE"
+        raise ConfigError("give the load data either as a file or as text", code=code)
     if len(request.text.encode()) > LARGEST_TEXT:
         raise ConfigError(
             f"the load data are longer than {LARGEST_TEXT} bytes", code="RID-FILE-SIZE"

@@ -104,7 +104,10 @@ class VerdictLimits(Request):
     ] = PayloadLimits.centre_mm
     inertia_percent: Annotated[
         Share,
-        Field(description="2σ of the inertia, relative to the largest moment about the flange."),
+        Field(
+            description="Largest 2σ of the inertia, relative to the largest moment about the"
+            " flange."
+        ),
         Option(group=LIMITS, flag="inertia-limit", unit="%"),
     ] = PayloadLimits.inertia_percent
     inertia_kg_m2: Annotated[

@@ -111,7 +111,9 @@ class SessionFile(BaseModel):
         """
         if not folder.file(SESSION).exists():
             raise ConfigError(
-                f"{folder.path} is not the folder of a payload session", code="RID-SESSION-STATE"
+                f"{folder.path} is not the folder of a payload session: name the run of one with"
+                " --resume",
+                code="RID-SESSION-STATE",
             )
         text = folder.read(SESSION)
         try:

@@ -119,7 +119,7 @@ def find_page(site: Path, topic: str | None) -> Path:
         raise ConfigError(
             "this installation contains no documentation: read the folder docs of the"
             " repository, or build the site with docs/site/build.py",
-            code="RID-DOCS-PAGE",
+            code="RID-DOCS-MISSING",
         )
     if topic is None:
         return start

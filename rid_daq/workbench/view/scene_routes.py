@@ -57,7 +57,8 @@ def send_triangles(request: Request, cell: OfCell, version: str, detail: Detail)
     _, body, present = _encode_scene(_CellScene(cell.name, loaded.files_hash, detail, loaded))
     if version != present:
         raise UnknownError(
-            f"the files of cell {cell.name} have changed: reload the page", code="RID-PAGE-OUTDATED"
+            f"the files of cell {cell.name} have changed since the page was loaded: reload it",
+            code="RID-PAGE-OUTDATED",
         )
     return body.answer(request, "application/octet-stream", KEPT)
 

@@ -121,7 +121,7 @@ class TestStuck:
     def test_a_stuck_position_is_refused_if_its_velocity_changes(self, tmp_path: Path) -> None:
         table = sound_table()
         table[:, 1] = 0.3
-        names = ("position of a", "at 0 per", "is 2.23", "stuck")
+        names = ("position of a", "speed of 0,", "is 2.23", "stuck")
         with raises_code(DataQualityError, "RID-IMPORT-UNITS", *names):
             report_of(tmp_path, table)
 
@@ -143,7 +143,7 @@ class TestPositions:
     def test_small_positions_in_degrees_are_refused_by_their_speed(self, tmp_path: Path) -> None:
         table = sound_table()
         table[:, 1:3] *= 0.03 * 180.0 / math.pi
-        names = ("5.372 per second", "limit is 1:", "(degrees?)")
+        names = ("5.372 rad/s", "limit is 1 rad/s:", "(degrees?)")
         with raises_code(DataQualityError, "RID-IMPORT-UNITS", *names):
             report_of(tmp_path, table, without_velocities(), slow_robot())
 
@@ -170,7 +170,7 @@ class TestPositions:
         table = sound_table()
         table[:, 1] += 2.1
         (found,) = report_of(tmp_path, table).findings
-        assert "a moves from 1.1 to 3.1, but the robot file's limits are -3 to 3" in found
+        assert "from 1.1 to 3.1 rad, but the robot file's limits are -3 to 3 rad" in found
 
 
 class TestTorques:

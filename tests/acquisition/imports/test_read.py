@@ -300,7 +300,7 @@ class TestUnusableFiles:
     def test_a_file_with_velocities_of_another_joint_is_refused(self, write: Write) -> None:
         joints = [joint.model_dump(exclude_none=True) for joint in two_joint_map().joints]
         joints[0]["velocity"], joints[1]["velocity"] = 4, 3
-        names = ("a (column 1)", "velocity column 4", "2.23", "1.1")
+        names = ("a (column 1)", "velocity (column 4)", "2.23", "1.1")
         with raises_code(DataQualityError, "RID-IMPORT-UNITS", *names):
             import_csv(write(as_lines(sound_table())), two_joint_map(joints=joints))
 

@@ -281,7 +281,7 @@ def test_a_missing_or_empty_table_is_refused(tmp_path: Path) -> None:
         (
             (POINTS[0], (0.0, 0.95, 0.0), (1.0, 0.95, 0.0), POINTS[0]),
             "RID-MOTION-LIMIT",
-            ("curve between", "points 2 and 3", "'axis2'", "-1.4 to 1"),
+            ("points 2 and 3", "'axis2'", "-1.4 to 1"),
         ),
     ],
 )

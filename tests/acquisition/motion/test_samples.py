@@ -110,7 +110,7 @@ class TestFourierPlan:
         verify_limits(samples, ROBOT)
 
     def test_a_period_beyond_a_limit_is_refused_with_joint_value_and_limit(self) -> None:
-        names = ("position of joint", "'axis2'", "1.59753 rad", "is 1;")
+        names = ("position of joint", "'axis2'", "1.59753 rad", "is 1 rad;")
         with raises_code(ConfigError, "RID-MOTION-LIMIT", *names):
             fourier(amplitude=2.0).plan(ROBOT, T)
 
@@ -227,8 +227,8 @@ class TestVerifyLimits:
     def test_every_row_of_a_long_motion_is_checked(self) -> None:
         rows = self.at_rest(25_000)
         rows["velocity"][[10_000, 24_998], [2, 2]] = [3.1, -3.3]
-        upper = ("velocity of joint", "'axis3'", "3.1 rad/s", "80 s", "is 3;")
-        lower = ("-3.3 rad/s", "200 s", "is -3")
+        upper = ("velocity of joint", "'axis3'", "3.1 rad/s", "80 s", "is 3 rad/s;")
+        lower = ("-3.3 rad/s", "200 s", "is -3 rad/s")
         with raises_code(ConfigError, "RID-MOTION-LIMIT", *upper, *lower):
             verify_limits(MotionSamples(ROBOT.joint_names, T, **rows), ROBOT)
 

@@ -130,10 +130,10 @@ def test_a_pose_beyond_its_limits_is_refused() -> None:
 
 def test_an_axis_that_is_not_vertical_is_refused() -> None:
     tilted = ROBOT.model_copy(update={"gravity_m_s2": (0.0, 9.81, 0.0)})
-    with raises_code(ConfigError, "RID-PLATE-ZERO-POSE"):
+    with raises_code(ConfigError, "RID-PLATE-ZERO-AXIS"):
         plan_turn(tilted)
     weightless = ROBOT.model_copy(update={"gravity_m_s2": (0.0, 0.0, 0.0)})
-    with raises_code(ConfigError, "RID-PLATE-ZERO-POSE"):
+    with raises_code(ConfigError, "RID-PLATE-ZERO-AXIS"):
         plan_turn(weightless)
 
 

@@ -61,7 +61,7 @@ def test_after_an_undisturbed_motion_the_next_one_can_start(outcome: Outcome) ->
         (StopCode.INTERRUPTED, "the operator"),
         (StopCode.STOP_COMMAND, "`rid-daq stop`"),
         (StopCode.STOP_BUTTON, "the page's stop button"),
-        (StopCode.CLIENT_LOST, "the motion's client is out of reach"),
+        (StopCode.CLIENT_LOST, "the motion's client has lost the lease of the cell"),
     ],
 )
 def test_a_stop_request_after_the_end_of_the_motion_stops_the_sequence(

@@ -103,9 +103,9 @@ def test_nan_is_refused_as_any_limit(key: str) -> None:
     ("old", "new", "code"),
     [
         ('rpy="1.5708 0 0"', 'rpy="90 0 0"', "RID-URDF-ANGLE"),
-        ('mass value="3"', 'mass value="-3"', "RID-URDF-NEGATIVE"),
-        ('friction="2.5"', 'friction="-2.5"', "RID-URDF-NEGATIVE"),
-        ('damping="1.5"', 'damping="-1.5"', "RID-URDF-NEGATIVE"),
+        ('mass value="3"', 'mass value="-3"', "RID-URDF-VALUE"),
+        ('friction="2.5"', 'friction="-2.5"', "RID-URDF-VALUE"),
+        ('damping="1.5"', 'damping="-1.5"', "RID-URDF-VALUE"),
         ("<mechanicalReduction>50", "<mechanicalReduction>50:1", "RID-FILE-NUMBER"),
         ("<mechanicalReduction>50", "<mechanicalReduction>N/A", "RID-FILE-NUMBER"),
         ("<mechanicalReduction>50", "<mechanicalReduction>1e5", "RID-URDF-GEAR"),

@@ -137,9 +137,9 @@ def test_a_robot_without_a_free_pose_is_refused_with_the_colliding_pair(problem)
 @pytest.mark.parametrize(
     ("change", "code", "details"),
     [
-        ({"harmonics": 0}, "RID-DESIGN-OPTIONS", ("harmonics is 0",)),
-        ({"limit_fraction": 1.5}, "RID-DESIGN-OPTIONS", ("limit_fraction is 1.5",)),
-        ({"expected_noise_nm": np.zeros(6)}, "RID-DESIGN-OPTIONS", ("expected_noise_nm",)),
+        ({"harmonics": 0}, "RID-OPTION-RANGE", ("harmonics is 0",)),
+        ({"limit_fraction": 1.5}, "RID-OPTION-RANGE", ("limit_fraction is 1.5",)),
+        ({"expected_noise_nm": np.zeros(6)}, "RID-OPTION-RANGE", ("expected_noise_nm",)),
         ({"given": np.eye(3)}, "RID-ROBOT-OTHER", ("(3, 3)", "58")),
         ({"parameters": np.zeros(3)}, "RID-API-ARGUMENT", ("(3,)", "84 parameters")),
     ],

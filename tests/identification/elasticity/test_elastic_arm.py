@@ -156,7 +156,7 @@ def test_small_motions_agree_with_pinocchio(
 
 
 def test_a_coupled_wrist_is_refused() -> None:
-    with raises_code(EstimationError, "RID-MODEL-KIND", "kr15"):
+    with raises_code(EstimationError, "RID-STIFFNESS-COUPLED-WRIST", "kr15"):
         ElasticArm.of(load_robot("kr15"))
 
 

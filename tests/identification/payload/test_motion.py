@@ -105,5 +105,5 @@ def test_a_workspace_without_room_is_refused() -> None:
             draws=20,
             steps=5,
         )
-    with raises_code(ConfigError, "RID-DESIGN-OPTIONS"):
+    with raises_code(ConfigError, "RID-OPTION-RANGE"):
         PayloadSearch(load_cell("kr15").robot, PERIOD_S, CYCLE_S, harmonics=1)

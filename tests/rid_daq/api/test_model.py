@@ -183,7 +183,7 @@ def test_options_of_the_request_are_checked(train: Recording) -> None:
         identify(train, options={"speed": 3})
     with raises_code(ConfigError, "RID-OPTION-EXCLUSIVE"):
         identify(train, choose=True, friction=["coulomb"])
-    with raises_code(ConfigError, "RID-REQUEST-INVALID"):
+    with raises_code(ConfigError, "RID-API-ARGUMENT"):
         identify([])
 
 

@@ -98,7 +98,7 @@ def test_all_sessions_are_stopped_with_all(start_session: Held) -> None:
     both = start_session("left"), start_session("right")
     refused = run_stop("left", "--all")
     assert refused.returncode == 2
-    assert "RID-STOP-ALL" in refused.stderr
+    assert "RID-OPTION-EXCLUSIVE" in refused.stderr
     assert run_stop("--all").returncode == 0
     assert [each.wait(PATIENCE_S) for each in both] == [143, 143]
 

@@ -261,7 +261,7 @@ def test_pairing_requests_are_limited_for_each_address(tokens: TokenStore) -> No
         pairing.begin("10.0.0.66")
     with pytest.raises(LockedError) as refused:
         pairing.begin("10.0.0.66")
-    assert refused.value.refusal == "RID-PAIR-ADDRESS-FULL"
+    assert refused.value.refusal == "RID-PAIR-FULL"
     code, _ = pairing.begin("10.0.0.7")
     assert pairing.confirm(code, "tablet", Role.VIEWER).name == "tablet"
 

@@ -137,7 +137,7 @@ def test_a_motion_whose_lease_was_returned_is_stopped(
     service.leases.give_back("ir361", lease.key)
     asyncio.run(service.job_runner.poll())
     assert control.program.stop_code == StopCode.CLIENT_LOST
-    assert begun.stopping == "anna is out of reach"
+    assert begun.stopping == "anna has lost the lease of the cell"
     control.program.declare_task_gone()
 
 

@@ -108,7 +108,7 @@ def test_a_motion_without_its_client_ends_by_the_declared_policy(
             if policy == "stop":
                 assert over.document is not None
                 assert over.document["stop"]["code"] == "CLIENT_LOST"
-                assert "out of reach" in over.job.reason
+                assert "lost the lease" in over.job.reason
 
 
 @pytest.mark.fault(51)

@@ -96,7 +96,7 @@ def test_a_motion_of_a_disconnected_tablet_follows_its_policy_and_is_shown_later
     expect(page.locator("#reach")).to_be_hidden()
     expect(page.locator("#job .verdict.end")).to_contain_text(end)
     if policy == "stop":
-        expect(page.locator("#job .verdict.end")).to_contain_text("is out of reach")
+        expect(page.locator("#job .verdict.end")).to_contain_text("has lost the lease")
     words = page.locator("#lease-words")
     expect(words).to_have_text("You no longer hold this cell. No one holds this cell.")
     expect(page.locator("#lease-take")).to_be_visible()
@@ -122,7 +122,7 @@ def test_a_motion_of_a_suspended_tab_is_stopped(
         assert over.document is not None
         assert over.document["stop"]["code"] == "CLIENT_LOST"
         assert client.cell(CELL).lease is None
-    expect(page.locator("#job .verdict.end")).to_contain_text("is out of reach")
+    expect(page.locator("#job .verdict.end")).to_contain_text("has lost the lease")
     words = page.locator("#lease-words")
     expect(words).to_have_text("You no longer hold this cell. No one holds this cell.")
     problems.clear()  # the browser reports requests with the expired lease
@@ -172,7 +172,7 @@ def test_a_background_page_keeps_its_lease_and_closing_it_stops_the_motion(
         client.ask("PUT", f"/cells/{CELL}/lease", {"seconds": 2.0}, key)
         over = client.follow(client.job(job.id)).job
         assert over.state.value == "stopped"
-        assert re.search(r"Chrome on Linux, number \d+ is out of reach", over.reason)
+        assert re.search(r"Chrome on Linux, number \d+ has lost the lease", over.reason)
 
 
 def test_a_reloaded_page_shows_its_running_job(
