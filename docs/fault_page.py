@@ -41,7 +41,7 @@ ROWS: dict[int, Row] = {
     3: Row(
         "1 % or more of all answers are lost",
         "the motion continues, and bad periods are left out and named; exit code 6 if more than 2 %"
-        " of a drive's answers are lost or 5 periods are bad",
+        " of a drive's answers are lost or more than 5 periods are bad",
         "count exact",
     ),
     4: Row("an answer arrives twice", "the second copy is ignored", "0 additional rows"),

@@ -52,8 +52,8 @@ class LineCheck:
 
     Args:
         cell, robot: Limits, bodies and surroundings.
-        speed_share: Fraction of each joint's velocity limit at which a line is driven; at most
-            `FASTEST_SHARE`.
+        speed_share: Largest fraction of each joint's velocity limit at which a line is driven, at
+            most `FASTEST_SHARE`. The tool's speed is also limited, to `REDUCED_SPEED_M_S`.
 
     Raises:
         ConfigError: `speed_share` is not above 0, is larger than permitted, or is not a number.

@@ -24,7 +24,8 @@ class DiskReserve:
         size_bytes: Size of the reserve; 0 for none.
 
     Raises:
-        RecordingError: The disk has less free space than `size_bytes`.
+        RecordingError: The disk has less free space than `size_bytes`. If the file system cannot
+            reserve space, there is no error and no reserve.
     """
 
     def __init__(self, folder: Path, size_bytes: int) -> None:

@@ -1,9 +1,9 @@
 """`RunFolder`: one folder with all files of a run, complete and portable.
 
-`manifest.json` lists each file of the run with the SHA-256 that it had when the run was made. Files
-are written completely or not at all. The id is generated and the label is only text: neither can
-name a place outside the folder. Files that other programs put into the folder are strays: the
-program does not use or change them.
+`manifest.json` lists each file of the run with the SHA-256 that it had when the run was made.
+Except recordings, which grow during the motion, files are written completely or not at all. The id
+is generated and the label is only text: neither can name a place outside the folder. Files that
+other programs put into the folder are strays: the program does not use or change them.
 """
 
 from __future__ import annotations

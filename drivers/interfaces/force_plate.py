@@ -42,8 +42,8 @@ class PlateRead:
     Attributes:
         rows: Rows of the type `drivers.amplifier.frames.PLATE_ROW`, in the order sent.
         events: Events of the type `drivers.amplifier.frames.PLATE_EVENT`, in the order sent.
-        arrival_s: Arrival time of each row on the cell's clock [s], shape (rows,); rows that were
-            received together have the same time.
+        arrival_s: Arrival time of each row on the cell's clock [s], shape (rows,); rows of a real
+            line that were received together have the same time.
         event_arrival_s: Arrival time of each event on the computer's monotonic clock [s], shape
             (events,).
         read_s: Time at which the last bytes were received, on the computer's monotonic clock [s].

@@ -1,6 +1,8 @@
-"""`CanServoAxes`: all CiA 402 drives of a robot on one CAN bus, in cyclic synchronous velocity.
+"""`CanServoAxes`: all CiA 402 drives of a robot on one CAN bus, commanded by velocity.
 
-It implements the interface in `drivers.interfaces.servo_axes`.
+It implements the interface in `drivers.interfaces.servo_axes`. The drives are in cyclic synchronous
+velocity unless their profile names another mode; a drive in a position mode receives positions
+computed from the velocities.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """`DriveSetup`: writes the settings of one drive before motion and reads them back.
 
-A drive that does not monitor this computer (1016h, 6007h) is refused unless the cell file names it
-in allow_drive_without_watchdog.
+A drive must monitor this computer: by 1016h and 6007h, or by life guarding. If an object that
+defines its reaction is missing, the watchdog test shows the reaction. A drive that does not monitor
+this computer is refused unless the cell file names it in allow_drive_without_watchdog.
 """
 
 from __future__ import annotations

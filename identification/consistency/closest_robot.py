@@ -4,8 +4,9 @@ Torques determine base parameters, which are sums over several links. Because of
 no real robot with the estimated sums. A robot is physically consistent under three conditions:
 - The pseudo-inertia of every link is positive definite (Wensing, Kim and Slotine 2018, "Linear
   matrix inequalities for physically consistent inertial parameter identification").
-- No rotor has a negative inertia.
-- Friction never drives a joint: its coefficients are not negative.
+- No rotor has a negative inertia, and no spring a negative stiffness.
+- Friction never drives a joint: its coefficients are not negative, and friction with a curved
+  dependence on speed brakes at every tested speed. A constant offset of friction is free.
 
 The result is the consistent robot whose base parameters are closest to the estimate. The distance
 is measured in the estimate's own standard deviations.

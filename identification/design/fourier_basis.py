@@ -1,4 +1,4 @@
-"""`fourier_basis`: offset, sines and cosines of a periodic motion, and their derivatives."""
+"""`fourier_basis`: constant, sines and cosines over a period, with their derivatives."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ from config.arrays import FloatArray
 
 
 def fourier_basis(period_s: float, harmonics: int, points_per_harmonic: int) -> FloatArray:
-    """Return offset, sines and cosines over one period, with their derivatives (2.30).
+    """Return the values of a constant 1, of sines and of cosines over one period (2.30).
+
+    A periodic motion of a joint is this basis times its coefficients: offset, sine amplitudes,
+    cosine amplitudes.
 
     Args:
         period_s: The period [s].
@@ -18,8 +21,8 @@ def fourier_basis(period_s: float, harmonics: int, points_per_harmonic: int) -> 
         points_per_harmonic: Number of points per period of the highest harmonic.
 
     Returns:
-        Shape (3, points_per_harmonic N, 2 N + 1). Basis of q, of its rate [1/s] and of the second
-        derivative [1/s^2].
+        Shape (3, points_per_harmonic N, 2 N + 1). The basis, its first derivative [1/s] and its
+        second derivative [1/s^2]. Columns: the constant, N sines, N cosines.
     """
     points = points_per_harmonic * harmonics
     omega = 2.0 * math.pi / period_s * np.arange(1, harmonics + 1)

@@ -153,7 +153,7 @@ class ExcitationProblem:
 
     @property
     def size(self) -> int:
-        """Number of variables: offset, sines and cosines of every joint."""
+        """Number of variables: offset, sine and cosine amplitudes of every joint."""
         return len(self.robot.joints) * (2 * self.harmonics + 1)
 
     @cached_property

@@ -1,5 +1,5 @@
 """Export of models for other programs: robot descriptions, tables, functions.
 
-Models that are not physically consistent are refused if the format needs them. Start with
+Robot descriptions need physically consistent links: other models are refused. Start with
 `description.py`.
 """

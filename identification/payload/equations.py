@@ -32,8 +32,8 @@ Procedure = Literal["together", "difference", "model", "apart"]
 
 - `together`: estimate robot and payload from runs with and without the payload.
 - `difference`: subtract the torques of the same motion with and without the payload.
-- `model`: use only runs with the payload, and subtract the torques of a robot model that was
-  identified before.
+- `model`: use only runs with the payload; a robot model that was identified before is the prior of
+  the robot's parameters.
 - `apart`: identify the robot with the payload as part of its last link, and subtract the robot
   without payload.
 """

@@ -126,9 +126,10 @@ class PayloadSearch:
         ).T  # fmt: skip
 
     def within_limits(self, coefficients: FloatArray) -> FloatArray:
-        """Return offset, sines and cosines, (n, 1 + 2 N), scaled down to satisfy the limits.
+        """Return Fourier coefficients of the joints, scaled down to satisfy the limits.
 
         The sum of a joint's amplitudes stays below each limit, so that no phase can violate one.
+        Coefficients are (n, 1 + 2 N) for n joints: offset, N sine and N cosine amplitudes.
         """
         n = self.harmonics
         middle, half, fastest, hardest = self._ranges

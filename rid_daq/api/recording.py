@@ -213,8 +213,9 @@ def read_recording(
 ) -> Recording:
     """Read a recording: CSV, MAT, NPZ, HDF5 or Parquet files, a ROS bag, or a run folder.
 
-    As in `rid-daq import`, damaged rows are left out, wrong time stamps are corrected, and units
-    and signs are tested; `Recording.notes` lists the findings. The source is not changed.
+    Files are checked as by `rid-daq import`: damaged rows are left out, wrong time stamps are
+    corrected, and units and signs are tested; `Recording.notes` lists the findings. A run folder is
+    read as it was recorded or imported. The source is not changed.
 
     Args:
         source: A file, or a run folder.
