@@ -51,7 +51,7 @@ def drawings_of_urdf(
 
     Returns:
         The drawings, base first; empty if no mesh was read. A note names the meshes that were not
-        read, also if there are no others.
+        read, even if no mesh was read.
     """
     drawings, refused = [], []
     for number, names in enumerate(carried):

@@ -18,7 +18,7 @@ from dynamics.geometry.clearances import Clearances
 from dynamics.geometry.closest_approach import closest_approaches
 from dynamics.geometry.kinematics import Chain, forward
 from rid_daq.operations.cell_files import read_motion_for
-from rid_daq.workbench.view.playback_rows import choose_rows, deviations
+from rid_daq.workbench.view.playback_rows import choose_rows, largest_deviations
 from rid_daq.workbench.view.resting_pose import RestingPose
 
 INTERVALS: Final = 600
@@ -156,7 +156,7 @@ def motion_playback(
     track = np.hstack([position / permitted, tool / PATH_M])
     kept = np.unique([*edges, *nearest, len(way)])
     rows = choose_rows(track, kept, most_poses)
-    deviation = deviations(position, rows)
+    deviation = largest_deviations(position, rows)
     phase = np.concatenate([np.full(len(way), Phase.APPROACH), samples.phase])
     begins = np.flatnonzero(np.diff(phase, prepend=-1))
     return MotionPlayback(

@@ -34,7 +34,7 @@ def choose_rows(track: FloatArray, first_rows: IntArray, most_rows: int) -> IntA
     return np.array(sorted(rows))
 
 
-def deviations(values: FloatArray, rows: IntArray) -> FloatArray:
+def largest_deviations(values: FloatArray, rows: IntArray) -> FloatArray:
     """Return the largest distance of each column from straight lines between rows, (columns,).
 
     Args:
