@@ -17,8 +17,7 @@ from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.formats.urdf_file import read_urdf
 from config.formats.xml_edit import XmlEditor
-from config.formats.xml_encoding import utf8_xml
-from config.formats.xml_tree import parse_xml
+from config.formats.xml_tree import parse_xml, utf8_xml
 from dynamics.terms.friction import Friction
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.consistency.closest_robot import NominalLinks

@@ -16,7 +16,7 @@ from identification.estimation.estimate import Estimate
 from identification.estimation.file import read_estimate
 from rid_daq.operations.cell_files import read_estimate_for, read_motion_for
 from rid_daq.operations.identify.torque_verdict import (
-    base_limits,
+    required_plate_limits,
     validate_recording,
     validate_together,
     verdict_of_checks,
@@ -142,7 +142,7 @@ def predict_motion(request: ValidateRequest) -> ValidatedModel:
             code="RID-OPTION-NEEDS",
         )
     cell = load_cell(request.cell)
-    limits = base_limits(cell.config, f"cell {cell.config.name}")
+    limits = required_plate_limits(cell.config, f"cell {cell.config.name}")
     estimate = _stated_model(request, read_estimate_for(request.model, cell.robot))
     asked = read_motion_for(motion, cell)
     samples = asked.plan(cell.robot, cell.config.cycle_time_s).whole()

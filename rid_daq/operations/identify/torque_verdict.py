@@ -119,7 +119,7 @@ def validate_recording(
         except DataQualityError as error:
             not_compared = f"The reaction on the base is not compared: {error}"
     if request.base:
-        limits = base_limits(data.cell, "the run's cell file")
+        limits = required_plate_limits(data.cell, "the run's cell file")
         motion = (validation.position, validation.velocity, validation.acceleration)
         load = BaseLoadSection.of(
             base_load(estimate, validation.time_s, *motion, limits, mass_kg=request.mass_kg)
@@ -173,7 +173,7 @@ def validate_together(
     return each_run, TorqueVerdict(whole, section, verdict, None, None, "")
 
 
-def base_limits(cell: CellConfig | None, where: str) -> PlateLimits:
+def required_plate_limits(cell: CellConfig | None, where: str) -> PlateLimits:
     """Return the limits of the reaction on the base from a cell file.
 
     Args:

@@ -98,7 +98,7 @@ def test_the_motor_of_the_mimicked_joint_carries_the_mimic_joints_torque(
     robot = result.robot
     assert robot.joint_names == ("j1", "j2", "j3", "j4")
     assert robot.coupling is not None
-    assert robot.coupling[2] == (0.0, pytest.approx(sign * multiplier), 1.0, 0.0)
+    assert robot.coupling[2] == pytest.approx((0.0, sign * multiplier, 1.0, 0.0))
     assert any("'rod' mimics 'j2'" in note for note in result.notes)
     motors = random_motion(5)
     rod = multiplier * motors[:, :, 1]
