@@ -12,6 +12,7 @@ from tests.builders.measured_lines import write_lines  # first, so that every li
 
 # isort: split
 import atexit
+import gc
 import importlib.util
 import select
 import shutil
@@ -69,6 +70,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    gc.set_threshold(
+        50_000, 20, 20
+    )  # by default, a worker's million objects are searched too often
     end_by_signals()
     if not hasattr(config, "workerinput"):
         forget_stale_kernels(Path(__file__).parents[1])
@@ -97,9 +101,9 @@ def signals() -> Iterator[None]:
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Run the longest tests first, so that the workers end at about the same time."""
-    items.sort(
-        key=lambda item: [place not in (item.path, *item.path.parents) for place in LONG_TESTS]
-    )
+    paths = {item.path for item in items}
+    order = {path: [not path.is_relative_to(place) for place in LONG_TESTS] for path in paths}
+    items.sort(key=lambda item: order[item.path])
     for item in items:
         rows = [row for mark in item.iter_markers("fault") for row in mark.args]
         item.user_properties += [("fault", row) for row in rows]
