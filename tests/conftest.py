@@ -32,6 +32,7 @@ from config.simulation.faults import AmplifierFault, FaultScript
 from config.simulation.plant import SimulatedPlate
 from mock_hw.amplifier.port import AmplifierPort, PlateSettings
 from tests.builders.compiled_kernels import forget_stale_kernels
+from tests.builders.report_drawings import leave_out_drawings, without_drawings
 
 STEP_S = 0.02
 for folder in ("XDG_RUNTIME_DIR", "XDG_STATE_HOME"):
@@ -262,6 +263,25 @@ def serve_amplifier(tmp_path: Path) -> Iterator[Serve]:
     yield serve
     for amplifier in served:
         amplifier.close()
+
+
+@pytest.fixture(scope="module")
+def plain_reports() -> Iterator[pytest.MonkeyPatch]:
+    """Leave out the plots and pictures of the reports that a test file writes.
+
+    A file that uses this fixture is not about drawings; a test that reads them uses
+    `drawn_reports` too. Each kind of result is drawn in `tests/rid_daq/report`.
+    """
+    with without_drawings() as patch:
+        yield patch
+
+
+@pytest.fixture
+def drawn_reports(plain_reports: pytest.MonkeyPatch) -> Iterator[None]:
+    """Draw the reports that a test writes, in a file that uses `plain_reports`."""
+    plain_reports.undo()
+    yield
+    leave_out_drawings(plain_reports)
 
 
 @pytest.fixture(scope="module")

@@ -77,6 +77,7 @@ def test_average_reports_the_periods_used_and_the_noise(
     assert noise == pytest.approx([1.2, 1.5, 0.5], rel=0.15)
 
 
+@pytest.mark.usefixtures("drawn_reports")
 def test_identify_writes_a_model_with_intervals(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -36,6 +36,7 @@ def workshop(real_robot: Path, tmp_path_factory: pytest.TempPathFactory) -> Path
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("drawn_reports")
 def test_a_model_selected_on_training_runs_predicts_another_motion(
     workshop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
