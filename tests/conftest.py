@@ -68,6 +68,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="rewrite the rows of docs/faults.md that belong to the tests that run",
     )
+    parser.addoption(
+        "--only",
+        action="append",
+        default=[],
+        metavar="PATH",
+        help="collect all tests, so that their files are compiled, but run only those in this path",
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -100,8 +107,12 @@ def signals() -> Iterator[None]:
     end_by_signals()
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Run the longest tests first, so that the workers end at about the same time."""
+    if places := [Path(place).resolve() for place in config.getoption("--only")]:
+        paths = {item.path for item in items if any(map(item.path.is_relative_to, places))}
+        config.hook.pytest_deselected(items=[item for item in items if item.path not in paths])
+        items[:] = [item for item in items if item.path in paths]
     paths = {item.path for item in items}
     order = {path: [not path.is_relative_to(place) for place in LONG_TESTS] for path in paths}
     items.sort(key=lambda item: order[item.path])
