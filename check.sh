@@ -19,13 +19,16 @@ mypy=$!
 if [ $# = 0 ]; then
     lines=$(mktemp -d)
     trap 'rm -rf "$lines"' EXIT
-    # One process compiles the tests and the kernels first: three processes would each compile all of them.
+    # One process compiles the kernels first, because three would each compile all of them; it also parses the sources
+    # once for all tests of their structure. If the tests are not compiled, it collects, and so compiles, all of them.
+    first=(tests/dynamics tests/compensation/online tests/mock_hw/plant tests/mock_hw/amplifier
+        tests/config/test_error_codes.py tests/guards tests/test_*.py)
     if [ -z "$(find tests -name '*.pyc' -print -quit)" ]; then
-        collected=$(step $bin/python -m pytest --collect-only -qq) || { echo "$collected"; exit 1; }
+        tests "${first[@]/#/--only=}"
+    else
+        tests "${first[@]}"
     fi
-    kernels=(tests/dynamics tests/compensation/online tests/mock_hw/plant tests/mock_hw/amplifier)
-    tests "${kernels[@]}"
-    set -- --durations 20 "${kernels[@]/#/--ignore=}"
+    set -- --durations 20 "${first[@]/#/--ignore=}"
 fi
 tests -n 3 --dist loadfile --no-loadscope-reorder "$@"
 wait $pyright

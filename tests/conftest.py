@@ -12,6 +12,7 @@ from tests.builders.measured_lines import write_lines  # first, so that every li
 
 # isort: split
 import atexit
+import gc
 import importlib.util
 import select
 import shutil
@@ -31,6 +32,7 @@ from config.simulation.faults import AmplifierFault, FaultScript
 from config.simulation.plant import SimulatedPlate
 from mock_hw.amplifier.port import AmplifierPort, PlateSettings
 from tests.builders.compiled_kernels import forget_stale_kernels
+from tests.builders.report_drawings import leave_out_drawings, without_drawings
 
 STEP_S = 0.02
 for folder in ("XDG_RUNTIME_DIR", "XDG_STATE_HOME"):
@@ -66,9 +68,19 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         help="rewrite the rows of docs/faults.md that belong to the tests that run",
     )
+    parser.addoption(
+        "--only",
+        action="append",
+        default=[],
+        metavar="PATH",
+        help="collect all tests, so that their files are compiled, but run only those in this path",
+    )
 
 
 def pytest_configure(config: pytest.Config) -> None:
+    gc.set_threshold(
+        50_000, 20, 20
+    )  # by default, a worker's million objects are searched too often
     end_by_signals()
     if not hasattr(config, "workerinput"):
         forget_stale_kernels(Path(__file__).parents[1])
@@ -95,11 +107,15 @@ def signals() -> Iterator[None]:
     end_by_signals()
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Run the longest tests first, so that the workers end at about the same time."""
-    items.sort(
-        key=lambda item: [place not in (item.path, *item.path.parents) for place in LONG_TESTS]
-    )
+    if places := [Path(place).resolve() for place in config.getoption("--only")]:
+        paths = {item.path for item in items if any(map(item.path.is_relative_to, places))}
+        config.hook.pytest_deselected(items=[item for item in items if item.path not in paths])
+        items[:] = [item for item in items if item.path in paths]
+    paths = {item.path for item in items}
+    order = {path: [not path.is_relative_to(place) for place in LONG_TESTS] for path in paths}
+    items.sort(key=lambda item: order[item.path])
     for item in items:
         rows = [row for mark in item.iter_markers("fault") for row in mark.args]
         item.user_properties += [("fault", row) for row in rows]
@@ -262,6 +278,25 @@ def serve_amplifier(tmp_path: Path) -> Iterator[Serve]:
     yield serve
     for amplifier in served:
         amplifier.close()
+
+
+@pytest.fixture(scope="module")
+def plain_reports() -> Iterator[pytest.MonkeyPatch]:
+    """Leave out the plots and pictures of the reports that a test file writes.
+
+    A file that uses this fixture is not about drawings; a test that reads them uses
+    `drawn_reports` too. Each kind of result is drawn in `tests/rid_daq/report`.
+    """
+    with without_drawings() as patch:
+        yield patch
+
+
+@pytest.fixture
+def drawn_reports(plain_reports: pytest.MonkeyPatch) -> Iterator[None]:
+    """Draw the reports that a test writes, in a file that uses `plain_reports`."""
+    plain_reports.undo()
+    yield
+    leave_out_drawings(plain_reports)
 
 
 @pytest.fixture(scope="module")

@@ -15,8 +15,8 @@ import pytest
 
 from config.errors import ConfigError
 from rid_daq.workbench import static_files
+from tests.builders.code_lines import PACKAGES
 from tests.builders.raised_codes import raises_code
-from tests.test_packages import PACKAGES
 
 ROOT = Path(__file__).resolve().parent.parent
 JAVASCRIPT = ROOT / "javascript"

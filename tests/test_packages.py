@@ -5,26 +5,17 @@ from __future__ import annotations
 import ast
 import importlib
 import importlib.metadata
+import json
 import re
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
-from functools import cache
 from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).resolve().parent.parent
-PACKAGES = (
-    "acquisition",
-    "compensation",
-    "config",
-    "drivers",
-    "dynamics",
-    "identification",
-    "mock_hw",
-    "rid_daq",
-)
+from tests.builders.code_lines import PACKAGES, ROOT
+from tests.builders.syntax_trees import source_files, text_of, tree_of
 
 
 @pytest.fixture(scope="module")
@@ -46,9 +37,8 @@ def test_no_other_distribution_contains_a_package_of_our_name(
 def test_a_file_has_at_most_400_lines() -> None:
     long = {
         str(path.relative_to(ROOT)): lines
-        for package in (*PACKAGES, "tests", "benchmarks")
-        for path in (ROOT / package).rglob("*.py")
-        if (lines := len(path.read_text().splitlines())) > 400
+        for path in source_files(*PACKAGES, "tests", "benchmarks")
+        if (lines := len(text_of(path).splitlines())) > 400
     }
     assert long == {}
 
@@ -75,41 +65,50 @@ def test_an_init_file_contains_one_docstring_and_only_the_api_more() -> None:
             assert text.count('"""') == 2, path
 
 
-@pytest.mark.parametrize(
-    "module",
-    ["acquisition.task.process", "acquisition.session.cycle_recorder", "mock_hw.drives_process"],
-)
-def test_a_process_of_a_cell_imports_no_unused_library(module: str) -> None:
-    heavy = ("pandas", "asammdf", "scipy.sparse", "scipy.optimize", "matplotlib", "click")
-    assert loaded_by(module, heavy) == "set()"
+SCIPY_PARTS = ("scipy.optimize", "scipy.interpolate", "scipy.integrate", "scipy.spatial")
+OF_A_PROCESS = ("pandas", "asammdf", "scipy.sparse", "scipy.optimize", "matplotlib", "click")
+OF_A_COMMAND = ("scipy.stats", "scipy.signal", "uvicorn", "starlette")
+UNUSED = {
+    "rid_daq.runs.run_data": ("numba", "llvmlite", "scipy", "matplotlib", "bokeh"),
+    "acquisition.session.cycle_recorder": OF_A_PROCESS,
+    "acquisition.task.process": OF_A_PROCESS,
+    "acquisition.session.record": ("scipy",),
+    "rid_daq.preflight.preflight": ("scipy",),
+    "mock_hw.drives_process": OF_A_PROCESS,
+    "mock_hw.cell": ("pinocchio",),
+    "rid_daq.operations.experiment.record": OF_A_COMMAND,
+    "rid_daq.operations.identify.identify": OF_A_COMMAND,
+    "rid_daq.operations.identify.identified_runs": (
+        *(*SCIPY_PARTS, "scipy.signal", "matplotlib", "bokeh"),
+    ),
+    "rid_daq.api": ("scipy.signal", "scipy.stats", "matplotlib", "bokeh"),
+}
+"""Libraries that a module, and the modules before it, must not import: they cost time and memory.
+
+One process imports the modules in this order; begin with the modules that need the least.
+"""
 
 
-@pytest.mark.parametrize("name", ["identify.identify", "experiment.record"])
-def test_a_command_imports_no_slow_unused_library(name: str) -> None:
-    heavy = ("scipy.stats", "scipy.signal", "uvicorn", "starlette")
-    assert loaded_by(f"rid_daq.operations.{name}", heavy) == "set()"
+@pytest.fixture(scope="module")
+def imported() -> dict[str, list[str]]:
+    """Libraries of `UNUSED` that are imported after each of its modules."""
+    program = (
+        "import importlib, json, sys\n"
+        "found = {}\n"
+        "for module, libraries in json.loads(sys.argv[1]).items():\n"
+        "    importlib.import_module(module)\n"
+        "    found[module] = [each for each in libraries if each in sys.modules]\n"
+        "print(json.dumps(found))\n"
+    )
+    words = [sys.executable, "-c", program, json.dumps(UNUSED)]
+    shown = subprocess.run(words, capture_output=True, text=True, cwd=ROOT, check=True)
+    found: dict[str, list[str]] = json.loads(shown.stdout)
+    return found
 
 
-@pytest.mark.parametrize(
-    ("module", "heavy"),
-    [
-        ("rid_daq.runs.run_data", ("numba", "llvmlite", "scipy", "matplotlib", "bokeh")),
-        (
-            "rid_daq.operations.identify.identified_runs",
-            (
-                *("scipy.optimize", "scipy.interpolate", "scipy.integrate", "scipy.spatial"),
-                *("scipy.signal", "matplotlib", "bokeh"),
-            ),
-        ),
-        ("mock_hw.cell", ("pinocchio",)),
-        ("acquisition.session.record", ("scipy",)),
-        ("rid_daq.preflight.preflight", ("scipy",)),
-        ("rid_daq.api", ("scipy.signal", "scipy.stats", "matplotlib", "bokeh")),
-    ],
-)
-def test_a_room_imports_no_unused_library(module: str, heavy: tuple[str, ...]) -> None:
-    """Libraries need most of the memory of averaging and identification."""
-    assert loaded_by(module, heavy) == "set()"
+@pytest.mark.parametrize("module", UNUSED)
+def test_a_module_imports_no_unused_library(module: str, imported: dict[str, list[str]]) -> None:
+    assert imported[module] == []
 
 
 def test_a_report_without_a_figure_imports_no_plot_library() -> None:
@@ -128,22 +127,13 @@ def test_a_report_without_a_figure_imports_no_plot_library() -> None:
     assert shown.stdout.strip() == "True set()"
 
 
-def loaded_by(module: str, heavy: tuple[str, ...]) -> str:
-    """Return the given modules that are imported together with a module, as the text of a set."""
-    program = f"import sys, {module}; print({{*{heavy}}} & set(sys.modules))"
-    shown = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, cwd=ROOT, check=True
-    )
-    return shown.stdout.strip()
-
-
 def test_only_test_files_contain_marks() -> None:
     """`.ci/run` finds marks only in `test_*.py`; a test with a mark elsewhere would not run."""
     marks = ("mark" + ".slow", "mark" + ".alone")
     found = [
         str(path.relative_to(ROOT))
-        for path in (ROOT / "tests").rglob("*.py")
-        if not path.name.startswith("test_") and any(mark in path.read_text() for mark in marks)
+        for path in source_files("tests")
+        if not path.name.startswith("test_") and any(mark in text_of(path) for mark in marks)
     ]
     assert found == []
 
@@ -151,32 +141,24 @@ def test_only_test_files_contain_marks() -> None:
 WIDEST = 8
 
 
-@cache
-def tree_of(path: Path) -> ast.Module:
-    return ast.parse(path.read_text())
-
-
-def functions_of(path: Path) -> Iterator[tuple[str, int, bool]]:
-    """Yield name, number of parameters and True if compiled, for every function of a file."""
+def wide_functions(path: Path) -> Iterator[str]:
+    """Yield the functions of a file with too many parameters, except compiled kernels."""
     for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             given = node.args
             names = [each.arg for each in (*given.posonlyargs, *given.args, *given.kwonlyargs)]
             width = len([name for name in names if name not in ("self", "cls")])
             width += (given.vararg is not None) + (given.kwarg is not None)
-            marks = " ".join(map(ast.unparse, node.decorator_list))
-            yield node.name, width, "kernel" in marks or "njit" in marks
+            if width > WIDEST:
+                marks = " ".join(map(ast.unparse, node.decorator_list))
+                if "kernel" not in marks and "njit" not in marks:
+                    yield node.name
 
 
 def test_a_function_has_at_most_eight_parameters() -> None:
     """Compiled kernels are excluded: they have one parameter per array."""
-    wide = set()
-    for package in PACKAGES:
-        for path in (ROOT / package).rglob("*.py"):
-            place = str(path.relative_to(ROOT))
-            for name, width, compiled in functions_of(path):
-                if width > WIDEST and not compiled:
-                    wide.add(f"{place}: {name}")
+    files = source_files(*PACKAGES)
+    wide = {f"{path.relative_to(ROOT)}: {name}" for path in files for name in wide_functions(path)}
     assert wide == set()
 
 
@@ -184,8 +166,8 @@ def test_the_program_has_few_untyped_dictionaries() -> None:
     """Data with a known structure have a class; dictionaries only hold data that are passed on."""
     found = {
         str(path.relative_to(ROOT)): count
-        for path in (ROOT / "rid_daq").rglob("*.py")
-        if (count := path.read_text().count("dict[str, Any]"))
+        for path in source_files("rid_daq")
+        if (count := text_of(path).count("dict[str, Any]"))
     }
     assert sum(found.values()) <= 15, found
 
@@ -201,9 +183,8 @@ def test_the_kind_of_a_motion_is_hardly_ever_queried() -> None:
     }
     queries = {
         f"{path.relative_to(ROOT)}: {ast.unparse(node)}"
-        for package in PACKAGES
-        for path in (ROOT / package).rglob("*.py")
-        if kinds not in path.parents
+        for path in source_files(*PACKAGES)
+        if kinds not in path.parents and re.search("isinstance|issubclass", text_of(path))
         for node in ast.walk(tree_of(path))
         if isinstance(node, ast.Call) and ast.unparse(node.func) in ("isinstance", "issubclass")
         if names & set(re.findall(r"\w+", ast.unparse(node.args[1])))

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.test_packages import PACKAGES
+from tests.builders.code_lines import PACKAGES
 
 ROOT = Path(__file__).resolve().parent.parent
 UV = shutil.which("uv") or str(ROOT / ".uv" / "bin" / "uv")  # like ./environment.sh

@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-from tests.builders.sentence_assertions import ROOT, sentence_assertions
+from tests.builders.code_lines import ROOT
+from tests.builders.sentence_assertions import sentence_assertions
 
 TESTS: Final = ROOT / "tests"
 AT_MOST: Final = 71

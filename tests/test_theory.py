@@ -6,14 +6,13 @@ import ast
 import re
 from collections.abc import Iterator
 from functools import cache
-from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+from tests.builders.code_lines import PACKAGES as PROGRAM
+from tests.builders.code_lines import ROOT
+from tests.builders.syntax_trees import source_files, tree_of
+
 PAGE = (ROOT / "docs/theory.md").read_text()
-PACKAGES = (
-    "acquisition", "compensation", "config", "drivers", "dynamics", "identification", "mock_hw",
-    "rid_daq", "benchmarks",
-)  # fmt: skip
+PACKAGES = (*PROGRAM, "benchmarks")
 SECTION = re.compile(r"theory: (?:sections? )?((?:\d+(?:\.\d+)?(?:, | and )?)+)")
 EQUATIONS = re.compile(r"\(((?:[2-6]|[A-D])\.\d+(?:(?:-|, )(?:[2-6]|[A-D])\.\d+)*)\)")
 PAPER = re.compile(r"([A-Z][a-zé]+)(?:, [A-Z][a-z]+)*(?: and [A-Z]?[a-z]+)?,? \(?((?:19|20)\d\d)\b")
@@ -24,13 +23,12 @@ PAPER = re.compile(r"([A-Z][a-zé]+)(?:, [A-Z][a-z]+)*(?: and [A-Z]?[a-z]+)?,? \
 def docstrings() -> list[tuple[str, str]]:
     """Return the place of every docstring of the packages, and its text on one line."""
     found = []
-    for package in PACKAGES:
-        for path in sorted((ROOT / package).rglob("*.py")):
-            for node in ast.walk(ast.parse(path.read_text())):
-                match node:
-                    case ast.Expr(ast.Constant(str(text))):
-                        place = f"{path.relative_to(ROOT)}:{node.lineno}"
-                        found.append((place, " ".join(text.split())))
+    for path in source_files(*PACKAGES):
+        for node in ast.walk(tree_of(path)):
+            match node:
+                case ast.Expr(ast.Constant(str(text))):
+                    place = f"{path.relative_to(ROOT)}:{node.lineno}"
+                    found.append((place, " ".join(text.split())))
     return found
 
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import ast
 from collections import defaultdict
-from pathlib import Path
 from typing import Final
 
-from tests.builders.code_lines import PACKAGES
+from tests.builders.code_lines import PACKAGES, ROOT
+from tests.builders.syntax_trees import source_files, tree_of
 
-ROOT: Final = Path(__file__).parents[1]
 SHARED: Final = {"main", "run", "EstimationOptions", "ModelOptions"}
 """Names that may occur twice: entry points, functions of operations, requests and their results."""
 API: Final = ROOT / "rid_daq" / "api"
@@ -18,13 +17,10 @@ API: Final = ROOT / "rid_daq" / "api"
 
 def test_no_two_classes_or_public_functions_have_one_name() -> None:
     places = defaultdict(list)
-    for package in PACKAGES:
-        for path in sorted((ROOT / package).rglob("*.py")):
-            if path.is_relative_to(API):
-                continue
-            for node in ast.parse(path.read_text()).body:
-                if isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-                    places[node.name].append(str(path.relative_to(ROOT)))
+    for path in source_files(*PACKAGES):
+        for node in () if path.is_relative_to(API) else tree_of(path).body:
+            if isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+                places[node.name].append(str(path.relative_to(ROOT)))
     twice = {
         name: files
         for name, files in places.items()

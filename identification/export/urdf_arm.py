@@ -26,6 +26,8 @@ ANGLE_RAD: Final = 1e-3
 DISTANCE_M: Final = 1e-3
 NEARLY_PARALLEL: Final = 0.2
 EXACT: Final = 1e-12
+MOST_EVALUATIONS: Final = 60
+"""Maximum number of evaluations of a fit; the fit of equal axes needs fewer than ten."""
 WORTH_A_NOTE: Final = 1e-6
 
 
@@ -339,7 +341,10 @@ def _fit(target: _Lines, source: _Lines, gravity: tuple[FloatArray, FloatArray])
 
     if np.abs(residuals(np.zeros(6))).max() < EXACT:
         return motion
-    found = least_squares(residuals, np.zeros(6), xtol=1e-12, ftol=1e-12, gtol=1e-12)
+    # The axes of another arm may have no best fit: the translation grows without end.
+    found = least_squares(
+        residuals, np.zeros(6), xtol=1e-12, ftol=1e-12, gtol=1e-12, max_nfev=MOST_EVALUATIONS
+    )
     return np.asarray(_step(found.x) @ motion)
 
 

@@ -4,29 +4,31 @@ from __future__ import annotations
 
 import ast
 import re
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Final
 
 from tests.builders.code_lines import PACKAGES, ROOT
+from tests.builders.syntax_trees import source_files, text_of, tree_of
 
 CODE: Final = re.compile(r"RID(-[A-Z0-9]+){2,}")
 
 
+def modules(package: str) -> Iterator[tuple[Path, ast.Module]]:
+    """Yield the syntax tree of every file of a package."""
+    for path in source_files(package):
+        yield path.relative_to(ROOT), tree_of(path)
+
+
 @cache
-def modules(package: str) -> tuple[tuple[Path, ast.Module], ...]:
-    """Return the syntax tree of every file of a package."""
-    return tuple(
-        (path.relative_to(ROOT), ast.parse(path.read_text()))
-        for path in sorted((ROOT / package).rglob("*.py"))
-    )
-
-
-def codes_in(module: ast.Module) -> set[str]:
-    """Return the error codes that a file contains as literals."""
+def codes_in_use() -> set[str]:
+    """Return the error codes that the packages contain as literals."""
     return {
         node.value
-        for node in ast.walk(module)
+        for path in source_files(*PACKAGES)
+        if "RID-" in text_of(path)
+        for node in ast.walk(tree_of(path))
         if isinstance(node, ast.Constant)
         and isinstance(node.value, str)
         and CODE.fullmatch(node.value)
@@ -90,4 +92,8 @@ def _has_code(call: ast.Call) -> bool:
 
 
 def _name(node: ast.expr) -> str:
-    return ast.unparse(node).rpartition(".")[2]
+    """Return the last name of a dotted name; empty for other expressions."""
+    match node:
+        case ast.Attribute(attr=name) | ast.Name(id=name):
+            return name
+    return ""

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Final, NamedTuple
 
 from tests.builders.code_lines import ROOT
+from tests.builders.syntax_trees import text_of, tree_of
 
 LONGEST_SENTENCE: Final = 45
 """Maximum number of words of a sentence; aim at about 25."""
@@ -141,7 +142,7 @@ def _of_python(path: Path) -> Iterator[Passage]:
         text = _text(node)
         if node.lineno not in docstrings and len(text.split()) > 2:
             yield Passage(node.lineno, text)
-    source = io.StringIO(path.read_text(encoding="utf-8"))
+    source = io.StringIO(text_of(path))
     for token in tokenize.generate_tokens(source.readline):
         if token.type == tokenize.COMMENT:
             yield Passage(token.start[0], token.string[1:])
@@ -150,7 +151,7 @@ def _of_python(path: Path) -> Iterator[Passage]:
 @lru_cache(maxsize=1)
 def _nodes(path: Path) -> tuple[ast.AST, ...]:
     """Return the nodes of a Python file's syntax tree; the last file is remembered."""
-    return tuple(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    return tuple(ast.walk(tree_of(path)))
 
 
 def _text(node: ast.Constant | ast.JoinedStr) -> str:

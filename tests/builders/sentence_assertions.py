@@ -17,7 +17,9 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
 
-ROOT: Final = Path(__file__).resolve().parents[2]
+from tests.builders.code_lines import ROOT
+from tests.builders.syntax_trees import tree_of
+
 ERROR_TEXTS: Final = ("str(", "message", "err", "refus", "caught", ".output")
 Texts = dict[str, tuple[str, ...]]
 _DETAILS_FROM: Final = {"raises_code": 2, "raises_invalid": 1}
@@ -26,7 +28,7 @@ _DETAILS_FROM: Final = {"raises_code": 2, "raises_invalid": 1}
 def sentence_assertions(tests: Path) -> Iterator[tuple[Path, int]]:
     """Yield file and line of each assertion on a sentence below a folder."""
     for path in sorted(tests.rglob("*.py")):
-        tree = ast.parse(path.read_text())
+        tree = tree_of(path)
         for line in sorted(_lines(tree, _held_texts(tree))):
             yield path, line
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import tomllib
 from collections import Counter
-from functools import cache
 from pathlib import Path
 
 import pytest
@@ -14,11 +13,12 @@ from config.error_codes import declared_codes
 from tests.builders.code_lines import PACKAGES, ROOT
 from tests.builders.error_codes_in_use import (
     CODE,
-    codes_in,
+    codes_in_use,
     error_classes,
     errors_without_code,
     modules,
 )
+from tests.builders.syntax_trees import source_files, text_of
 
 WITHOUT_CODE = {
     "config": 0,
@@ -42,27 +42,22 @@ def _declaring_files() -> list[Path]:
     return sorted((ROOT / "config" / "bundled" / "error_codes").glob("*.toml"))
 
 
-@cache
-def _codes_in_use() -> set[str]:
-    return {code for p in PACKAGES for _, module in modules(p) for code in codes_in(module)}
-
-
 def test_every_code_in_use_is_declared_and_every_declared_code_is_in_use() -> None:
-    used, declared = _codes_in_use(), {code.name for code in declared_codes()}
+    used, declared = codes_in_use(), {code.name for code in declared_codes()}
     assert used - declared == set()
     assert declared - used == set()
 
 
 def test_every_code_in_use_is_named_in_a_test() -> None:
-    tests = (path.read_text("utf-8") for path in (ROOT / "tests").rglob("*.py"))
-    named = {found.group() for text in tests for found in CODE.finditer(text)}
-    assert _codes_in_use() - named == set()
+    texts = map(text_of, source_files("tests"))
+    named = {found.group() for text in texts for found in CODE.finditer(text)}
+    assert codes_in_use() - named == set()
 
 
 def test_every_code_in_use_has_its_entry_on_the_page() -> None:
     page = (ROOT / "docs" / "reference" / "errors.md").read_text("utf-8")
     entries = [line.removeprefix("### ") for line in page.splitlines() if line[:5] == "### R"]
-    assert sorted(entries) == sorted(_codes_in_use())
+    assert sorted(entries) == sorted(codes_in_use())
 
 
 def test_no_code_is_declared_twice() -> None:

@@ -14,6 +14,8 @@ from typing import Final
 import yaml
 from pydantic import BaseModel, ConfigDict
 
+from tests.builders.syntax_trees import tree_of
+
 ROOT: Final = Path(__file__).resolve().parents[2]
 FOLDER: Final = Path(__file__).parent
 
@@ -72,7 +74,7 @@ def guards() -> list[Guard]:
 
 def functions_of(path: Path) -> set[str]:
     """Return the test functions of a file, `test_a` or `TestA::test_b`."""
-    return set(_functions(ast.parse(path.read_text(encoding="utf-8")), ""))
+    return set(_functions(tree_of(path), ""))
 
 
 def _functions(node: ast.Module | ast.ClassDef, prefix: str) -> Iterator[str]:

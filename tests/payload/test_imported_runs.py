@@ -19,6 +19,8 @@ from rid_daq.app import run
 from rid_daq.operations.identify.run_estimation import EstimationJob, estimate_runs
 from rid_daq.runs.run_data import RunData
 
+pytestmark = pytest.mark.usefixtures("plain_reports")
+
 IMPORTED = ("empty", "first", "second", "third", "left on", "heavy left on")
 
 

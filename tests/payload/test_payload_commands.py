@@ -7,6 +7,7 @@ import json
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -25,6 +26,8 @@ from rid_daq.operations.identify.run_estimation import EstimationJob, estimate_r
 from rid_daq.runs.run_data import RunData
 from tests.builders.console_blocks import assert_shown
 from tests.builders.known_model import known_estimate
+
+pytestmark = pytest.mark.usefixtures("plain_reports")
 
 FILES = {
     "unloaded": ("ur-20_01_31-unload.csv", "300-2623"),
@@ -46,10 +49,25 @@ def workshop(real_robot: Path, tmp_path_factory: pytest.TempPathFactory) -> Path
     return place
 
 
+@pytest.fixture(scope="module")
+def robot_model(workshop: Path) -> Callable[[str], Path]:
+    """Return a function that identifies the robot from a run, once, and returns the model file."""
+
+    @cache
+    def identified(label: str) -> Path:
+        model = workshop / f"{label}.json"
+        words = ["identify", label, "-o", str(model), "--band", "9.4"]
+        assert run([*words, "--runs", str(workshop / "runs")]) == 0
+        return model
+
+    return identified
+
+
 def identify(place: Path, *words: str) -> list[str]:
     return ["payload", "identify", "--band", "9.4", "--runs", str(place / "runs"), *words]
 
 
+@pytest.mark.usefixtures("drawn_reports")
 def test_a_real_payload_is_identified_within_two_percent_and_its_interval(
     workshop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -69,6 +87,8 @@ def test_a_real_payload_is_identified_within_two_percent_and_its_interval(
     # The run folder and its report also contain the payload.
     report = Path(document["report"]).read_text(encoding="utf-8")
     assert "Torque" in report or "torque of the payload" in report
+    assert report.count("<svg") > 0
+    assert 'alt="ur10e, flange' in report
     assert (Path(document["report"]).parent / "payload.json").exists()
 
 
@@ -84,16 +104,17 @@ def test_a_real_payload_is_identified_within_two_percent_and_its_interval(
     ],
 )
 def test_every_procedure_identifies_a_real_payload_within_its_interval(
-    workshop: Path, procedure: str, trained: str | None, capsys: pytest.CaptureFixture[str]
+    workshop: Path,
+    robot_model: Callable[[str], Path],
+    procedure: str,
+    trained: str | None,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     words = identify(workshop, "--loaded", "loaded", "--procedure", procedure, "--json")
     if trained is None:
         words += ["--unloaded", "unloaded"]
     else:
-        model = workshop / f"{trained}.json"
-        base = ["--band", "9.4", "--runs", str(workshop / "runs"), "--overwrite"]
-        assert run(["identify", trained, "-o", str(model), *base]) == 0
-        words += ["--model", str(model)]
+        words += ["--model", str(robot_model(trained))]
     capsys.readouterr()
     assert run([*words, "-o", str(workshop / "procedure.json"), "--overwrite"]) == 0
     section = json.loads(capsys.readouterr().out)["payload"]

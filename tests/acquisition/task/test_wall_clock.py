@@ -29,8 +29,9 @@ from acquisition.task.stop_orders import StopOrders
 from config.cell.cell import CellConfig
 from config.process.termination import TERMINATION
 from config.robot.robot import RobotDescription
+from tests.builders.code_lines import ROOT
+from tests.builders.syntax_trees import source_files, tree_of
 
-ROOT = Path(__file__).resolve().parents[3]
 FLOORS = ("acquisition", "compensation", "config", "drivers", "dynamics", "identification")
 LABELS_ONLY = {"acquisition/runs/folder.py"}
 TO_READ_STAMPS = {"drivers/ports/socketcan_port.py"}
@@ -121,9 +122,9 @@ def test_no_computation_driver_or_task_reads_the_wall_clock(
     measured: Callable[[str], None],
 ) -> None:
     readers = set()
-    files = [path for floor in FLOORS for path in sorted((ROOT / floor).rglob("*.py"))]
+    files = source_files(*FLOORS)
     for path in files:
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        for node in ast.walk(tree_of(path)):
             if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
                 if (node.value.id, node.attr) in WALL_CLOCK:
                     readers.add(str(path.relative_to(ROOT)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -35,10 +36,10 @@ joints:
 """
 
 
-@pytest.fixture
-def working_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return a working folder with a valid motion, an unreachable real cell, and damaged files."""
-    monkeypatch.chdir(tmp_path)
+@pytest.fixture(scope="module")
+def prepared(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a valid motion, an unreachable real cell, and damaged files."""
+    folder = tmp_path_factory.mktemp("prepared")
     write = {
         "good.yaml": MOTION,
         "unknown_key.yaml": MOTION.replace("period_s", "perod_s"),
@@ -58,26 +59,34 @@ def working_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         "mine.map.yaml": MAP,
     }
     for name, text in write.items():
-        (tmp_path / name).write_text(text)
-    run(["init", str(tmp_path / "real")])
-    cell = tmp_path / "real" / "cell.yaml"
+        (folder / name).write_text(text)
+    run(["init", str(folder / "real")])
+    cell = folder / "real" / "cell.yaml"
     text = cell.read_text().replace("simulated: true\n", "").replace("plant: ir361", "# plant")
     cell.write_text(
         text.replace(
             "interface: rid_sim, channel: my_cell", "interface: socketcan, channel: nocan9"
         )
     )
-    run(["init", str(tmp_path / "bridged")])
-    bridged = tmp_path / "bridged" / "cell.yaml"
+    run(["init", str(folder / "bridged")])
+    bridged = folder / "bridged" / "cell.yaml"
     text = bridged.read_text().replace("rid_sim, channel: my_cell", "socketcan, channel: nocan9")
     bridged.write_text(text)
-    session = RunFolder.create(tmp_path / "runs", "session", kind="payload session")
+    session = RunFolder.create(folder / "runs", "session", kind="payload session")
     SessionFile.begin(session, "kr15")
-    empty = RunFolder.create(tmp_path / "runs", "nothing")
+    empty = RunFolder.create(folder / "runs", "nothing")
     empty.finish(RunStatus.STOPPED)
-    spoilt = RunFolder.create(tmp_path / "runs", "spoilt")
+    spoilt = RunFolder.create(folder / "runs", "spoilt")
     spoilt.write("result.json", b"{]")
     spoilt.finish(RunStatus.COMPLETE)
+    return folder
+
+
+@pytest.fixture
+def working_folder(prepared: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a working folder with a copy of the prepared files."""
+    monkeypatch.chdir(tmp_path)
+    shutil.copytree(prepared, tmp_path, dirs_exist_ok=True, symlinks=True)
     return tmp_path
 
 

@@ -83,6 +83,7 @@ def compensated(workshop: Path) -> Path:
     return workshop / "ahead.json"
 
 
+@pytest.mark.usefixtures("drawn_reports")
 def test_compensation_reduces_the_circle_error_by_an_order_of_magnitude(
     workshop: Path, compensated: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -50,6 +50,7 @@ def numbers_at(value: Any, place: str) -> list[float]:
     return [n for part in parts for n in (numbers_at(part, rest) if rest else [part])]
 
 
+@pytest.mark.usefixtures("drawn_reports")
 def test_the_demo_keeps_the_bounds_of_all_its_results(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

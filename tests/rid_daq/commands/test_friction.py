@@ -124,6 +124,7 @@ def test_a_path_in_both_directions_gives_the_plants_friction(
         assert curve["forward"] is None
 
 
+@pytest.mark.usefixtures("drawn_reports")
 def test_several_runs_are_evaluated_together_and_reported(
     runs: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

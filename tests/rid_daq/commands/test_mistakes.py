@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -29,7 +32,16 @@ joints:
 """
 RIGHT = (1, 2, 3, 4, 5, 6)
 
-Identify = Callable[..., tuple[int, dict[str, Any]]]
+
+class Identified(NamedTuple):
+    """Outcome of `import` and `identify`: exit code, document, and the folder of their files."""
+
+    code: int
+    document: dict[str, Any]
+    folder: Path
+
+
+Identify = Callable[..., Identified]
 
 
 @pytest.fixture(scope="module")
@@ -37,26 +49,40 @@ def sound() -> SoundRecording:
     return sound_run(load_robot("ir361"), np.random.default_rng(1))
 
 
-@pytest.fixture
-def identify(tmp_path: Path, sound: SoundRecording, capsys: pytest.CaptureFixture[str]) -> Identify:
-    """Return a function that imports a valid recording with the given columns and identifies it."""
-    table = np.column_stack([sound.time_s, sound.position, sound.torque_nm])
-    np.savetxt(tmp_path / "rec.csv", table, delimiter=",", fmt="%.9g")
+@pytest.fixture(scope="module")
+def identify(sound: SoundRecording, tmp_path_factory: pytest.TempPathFactory) -> Identify:
+    """Return a function that imports a valid recording with the given columns and identifies it.
 
-    def run_identify(columns: tuple[int, ...], *rows: str) -> tuple[int, dict[str, Any]]:
-        (tmp_path / "map.yaml").write_text(MAP.format(*columns))
-        runs = ["--runs", str(tmp_path / "runs"), "--json"]
-        files = [str(tmp_path / "rec.csv"), "--map", str(tmp_path / "map.yaml")]
-        assert run(["import", *files, *rows, *runs]) == 0
-        folder = json.loads(capsys.readouterr().out)["folder"]
-        code = run(["identify", folder, *runs])
-        return code, json.loads(capsys.readouterr().out)
+    Tests that use the same columns share the result.
+    """
+    table = np.column_stack([sound.time_s, sound.position, sound.torque_nm])
+
+    @cache
+    def run_identify(
+        columns: tuple[int, ...], *rows: str, options: tuple[str, ...] = ()
+    ) -> Identified:
+        folder = tmp_path_factory.mktemp("mistakes")
+        np.savetxt(folder / "rec.csv", table, delimiter=",", fmt="%.9g")
+        (folder / "map.yaml").write_text(MAP.format(*columns))
+        runs = ["--runs", str(folder / "runs"), "--json"]
+        files = [str(folder / "rec.csv"), "--map", str(folder / "map.yaml")]
+        code, imported = run_document(["import", *files, *rows, *runs])
+        assert code == 0
+        return Identified(*run_document(["identify", imported["folder"], *runs, *options]), folder)
 
     return run_identify
 
 
+def run_document(words: list[str]) -> tuple[int, dict[str, Any]]:
+    """Run a command with `--json`; return its exit code and its document."""
+    with contextlib.redirect_stdout(io.StringIO()) as output:
+        code = run(words)
+    found: dict[str, Any] = json.loads(output.getvalue())
+    return code, found
+
+
 def test_a_valid_recording_is_graded_good_without_findings(identify: Identify) -> None:
-    code, document = identify(RIGHT)
+    code, document, _ = identify(RIGHT)
     assert code == 0
     assert document["estimate"]["mistakes"] == []
     assert [axis["grade"] for axis in document["estimate"]["axes"]] == ["good"] * 3
@@ -67,7 +93,7 @@ def test_a_short_recording_gives_wide_intervals_and_a_finding(
     identify: Identify, sound: SoundRecording
 ) -> None:
     rate = 1.0 / float(np.median(np.diff(sound.time_s)))
-    code, document = identify(RIGHT, "--rows", f"1-{round(8.5 * rate)}")
+    code, document, _ = identify(RIGHT, "--rows", f"1-{round(8.5 * rate)}")
     assert code in (0, 6)
     findings = [
         each for each in document["estimate"]["findings"] if "only 9 seconds of motion" in each
@@ -79,9 +105,9 @@ def test_a_short_recording_gives_wide_intervals_and_a_finding(
 
 
 def test_swapped_columns_are_reported_with_the_keys_and_lines_to_change(
-    identify: Identify, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    identify: Identify, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    code, document = identify((1, 2, 3, 4, 6, 5))
+    code, document, folder = identify((1, 2, 3, 4, 6, 5))
     assert code == 6
     (mistake,) = document["estimate"]["mistakes"]
     assert mistake["kind"] == "order of torques"
@@ -90,14 +116,14 @@ def test_swapped_columns_are_reported_with_the_keys_and_lines_to_change(
         "map: `torque` or `current` of joints[1] (axis2), joints[2] (axis3)"
     ]
     assert "axis2 and axis3 are swapped" in mistake["sentence"]
-    lines = (tmp_path / "map.yaml").read_text().splitlines()
+    lines = (folder / "map.yaml").read_text().splitlines()
     assert [(each["file"], each["line"]) for each in mistake["places"]] == [
-        (str(tmp_path / "map.yaml"), number)
+        (str(folder / "map.yaml"), number)
         for number, line in enumerate(lines, 1)
         if "axis2" in line or "axis3" in line
     ]
     assert mistake["places"][0]["text"] == "- {joint: axis2, position: 2, torque: 6}"
-    runs = ["--runs", str(tmp_path / "runs")]
+    runs = ["--runs", str(folder / "runs")]
     assert run(["identify", str(Path(document["model"]).parent), *runs, "--overwrite"]) == 6
     output = capsys.readouterr().out
     assert_shown("find-a-mistake", "rid-daq identify latest", output, same_numbers=False)
@@ -110,7 +136,7 @@ def test_swapped_columns_are_reported_with_the_keys_and_lines_to_change(
 def test_a_model_with_a_poor_fit_is_not_exported(
     identify: Identify, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    _, document = identify((1, 2, 3, 4, 6, 5))
+    document = identify((1, 2, 3, 4, 6, 5)).document
     assert "bad" in [axis["grade"] for axis in document["estimate"]["axes"]]
     export = ["export", document["model"], "--to", "urdf", "-o", str(tmp_path / "arm.urdf")]
     assert run(export) == 6
@@ -120,10 +146,10 @@ def test_a_model_with_a_poor_fit_is_not_exported(
 
 
 def test_validation_fails_on_an_unpredicted_recording_even_without_limits(
-    identify: Identify, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    identify: Identify, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    _, wrong = identify((1, 2, 3, 6, 4, 5))
-    _, right = identify(RIGHT)
+    wrong = identify((1, 2, 3, 6, 4, 5), options=("--no-diagnose",)).document
+    right = identify(RIGHT).document
     run_of_right = str(Path(right["model"]).parent)
     assert run(["validate", wrong["model"], run_of_right, "--json"]) == 1
     axes = json.loads(capsys.readouterr().out)["validation"]["axes"]
@@ -134,7 +160,7 @@ def test_a_model_of_another_robot_is_refused(
     identify: Identify, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The robots have equal joint names, but one length differs."""
-    _, document = identify(RIGHT)
+    _, document, folder = identify(RIGHT)
     robot = load_robot("ir361")
     *before, last = robot.kinematics.rows
     longer = robot.kinematics.model_copy(
@@ -142,10 +168,10 @@ def test_a_model_of_another_robot_is_refused(
     )
     other = robot.model_copy(update={"kinematics": longer})
     (tmp_path / "other.yaml").write_text(to_yaml(other))
-    text = (tmp_path / "map.yaml").read_text().replace("robot: ir361", "robot: other.yaml")
+    text = MAP.format(*RIGHT).replace("robot: ir361", "robot: other.yaml")
     (tmp_path / "map.yaml").write_text(text)
     runs = ["--runs", str(tmp_path / "runs"), "--json"]
-    files = [str(tmp_path / "rec.csv"), "--map", str(tmp_path / "map.yaml")]
+    files = [str(folder / "rec.csv"), "--map", str(tmp_path / "map.yaml")]
     assert run(["import", *files, *runs]) == 0
     imported = json.loads(capsys.readouterr().out)["folder"]
     for command, keys in (

@@ -151,6 +151,7 @@ def test_a_result_beyond_the_torque_limits_with_payload_is_not_written(
     assert not (folder / "fast.yaml").exists()
 
 
+@pytest.mark.usefixtures("drawn_reports")
 def test_a_faster_motion_and_its_report_are_written(
     folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

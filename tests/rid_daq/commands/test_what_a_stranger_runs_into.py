@@ -235,7 +235,7 @@ def test_a_file_of_another_robot_is_detected_by_the_residuals(
 def test_physical_consistency_is_reported_together_with_the_residuals(
     import_and_identify: Engineer, sound: UserFiles, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    found = import_and_identify(sound)
+    found = import_and_identify(sound, "--no-diagnose")
     assert found.code == 0
     assert run(found.words) == 0
     output = capsys.readouterr().out
@@ -260,7 +260,7 @@ def test_zero_inertias_of_cad_data_are_not_used_as_prior(
     values = {}
     for name, options in (("data", ()), ("drawn", ("--cad-prior",))):
         stated = replace(sound, robot=with_cad_links(sound.robot, (0.0,) * 6))
-        found = import_and_identify(stated, *options)
+        found = import_and_identify(stated, "--no-diagnose", *options)
         values[name] = {p["name"]: (p["value"], p["std"]) for p in found.estimate["parameters"]}
     for name in ("Ixx3", "Ixy3", "Izz3"):
         (value, sigma), (drawn_value, drawn_sigma) = values["data"][name], values["drawn"][name]
@@ -338,8 +338,9 @@ def test_a_map_with_rate_and_zero_offset_reads_rows_without_time_stamps(
     turned = sound.position + np.array([0.0, 0.5, 0.0])
     text = sound.map_text.replace("time: {column: 0}", "rate_hz: 100.0")
     text = text.replace("position: 2,", "position: 2, zero_offset: 0.5,")
-    right = import_and_identify(sound)
-    found = import_and_identify(replace(sound, position=turned), map_text=text)
+    right = import_and_identify(sound, "--no-diagnose")
+    turned_back = replace(sound, position=turned)
+    found = import_and_identify(turned_back, "--no-diagnose", map_text=text)
     assert (right.code, found.code) == (0, 0)
     plain, read = ([p["value"] for p in each.estimate["parameters"]] for each in (right, found))
     np.testing.assert_allclose(read, plain, rtol=1e-3, atol=1e-3)
@@ -352,7 +353,8 @@ def test_rows_after_a_jump_of_the_clock_are_used(
     time_s = sound.time_s.copy()
     time_s[1500:] -= 0.0098
     text = sound.map_text + "plausible: {position: 7.0, speed: 2.7, torque: 800.0}\n"
-    found = import_and_identify(replace(sound, time_s=time_s), map_text=text)
+    late = replace(sound, time_s=time_s)
+    found = import_and_identify(late, "--no-diagnose", map_text=text)
     assert any("The clock jitters" in each for each in found.imported["findings"])
     assert found.imported["rows_damaged"] <= 2
     assert found.imported["rows_used"] >= len(time_s) - 2
