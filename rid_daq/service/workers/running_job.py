@@ -18,6 +18,8 @@ from rid_daq.blocks.block import Verdict
 from rid_daq.live.picture import MotionPicture, ShownMotion
 from rid_daq.service.records import Job
 from rid_daq.service.served_cell import ServedCell
+from rid_daq.service.signals.signal_bins import SignalBins
+from rid_daq.service.signals.signal_reader import SignalReader
 from rid_daq.service.workers.worker_process import WorkerProcess
 from rid_daq.terminal.job_events import (
     EVENT,
@@ -95,6 +97,7 @@ class RunningJob:
         self._motion: MotionEvent | None = None
         self._control: ControlBlock | None = None
         self._picture: MotionPicture | None = None
+        self._signals: SignalReader | None = None
 
     def read_events(self) -> Sequence[AnyEvent]:
         """Return the new events of the job, and update the job's state from them."""
@@ -156,15 +159,32 @@ class RunningJob:
 
     def newest_picture(self) -> dict[str, object] | None:
         """Return the newest values of the present motion for the page, None without a motion."""
-        if self._motion is None or self.is_over:
+        if self.is_over or not self._watch_motion() or self._picture is None:
             return None
-        control = self._find_control()
-        if control is None:
-            return None
+        found: dict[str, object] = json.loads(self._picture.document())
+        return found
+
+    def read_signals(self) -> Sequence[tuple[tuple[str, ...], SignalBins]]:
+        """Return the new bins of the live signals, each time with the names of the joints."""
+        before = self._signals
+        if not self._watch_motion():
+            self._signals = None
+        found = []
+        if before is not None and self._signals is not before:
+            found.append((before.joints, before.finish()))
+        if self._signals is not None:
+            found.append((self._signals.joints, self._signals.read()))
+        return found
+
+    def _watch_motion(self) -> bool:
+        """Observe the memory of the present motion; return False without a motion."""
+        control = None if self._motion is None else self._find_control()
+        if self._motion is None or control is None:
+            return False
         if self._picture is None or control is not self._control:
             ring = Ring.of_process(self.process.pid)
             if ring is None:
-                return None
+                return False
             loaded = self.cell.loaded
             shown = ShownMotion(
                 self._motion.title,
@@ -173,9 +193,13 @@ class RunningJob:
                 loaded.config,
                 loaded.robot,
             )
+            is_new = self._signals is None or control is not self._control
             self._control, self._picture = control, MotionPicture(shown, ring, control)
-        found: dict[str, object] = json.loads(self._picture.document())
-        return found
+            if is_new:
+                self._signals = None
+                joints, cycle_time_s = loaded.robot.joint_names, loaded.config.cycle_time_s
+                self._signals = SignalReader(ring, control, joints, cycle_time_s)
+        return True
 
     def _find_control(self) -> ControlBlock | None:
         """Return the control block of the present motion, None without a motion."""
