@@ -38,6 +38,9 @@ class SignalHistory:
 
     def __init__(self, most_bins: int = MOST_BINS) -> None:
         self.most_bins = most_bins
+        self._end_s: NDArray[np.float64] = np.empty(0)
+        self._after_gap: NDArray[np.bool_] = np.empty(0, dtype=np.bool_)
+        self._values: NDArray[np.float32] = np.empty((0, 0), dtype=np.float32)
         self._begin(())
 
     def append(self, joints: Sequence[str], bins: SignalBins) -> None:
@@ -73,6 +76,4 @@ class SignalHistory:
         self.joints = joints
         self.count = 0
         self.appended_s = -math.inf
-        self._end_s: NDArray[np.float64] = np.empty(0)
-        self._after_gap: NDArray[np.bool_] = np.empty(0, dtype=np.bool_)
-        self._values: NDArray[np.float32] = np.empty((0, 0), dtype=np.float32)
+        self._end_s = np.empty(0)

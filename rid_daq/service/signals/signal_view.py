@@ -42,13 +42,16 @@ class SignalView:
         self._cell = cell
         self._history = history
         is_known = key == history.key and 0 <= known <= history.count
-        self._begin(known if is_known else history.count, wants_older=not is_known)
+        self._key = history.key
+        self._next = self._older_end = known if is_known else history.count
+        self._older = known if is_known else 0
 
     def next_message(self) -> bytes | None:
         """Return the next message; None if the viewer has all bins."""
         history = self._history
         if self._key != history.key:
-            self._begin(0, wants_older=False)
+            self._key = history.key
+            self._next = self._older = self._older_end = 0
         lost = max(0, history.count - self._next - MOST_LATE)
         if self._next < history.count:
             first = self._next = self._next + lost
@@ -61,11 +64,6 @@ class SignalView:
             return None
         self._older_end -= count
         return self._message(self._older_end, count, 0)
-
-    def _begin(self, first: int, *, wants_older: bool) -> None:
-        self._key = self._history.key
-        self._next = self._older_end = first
-        self._older = 0 if wants_older else first
 
     def _message(self, first: int, count: int, lost: int) -> bytes:
         history = self._history

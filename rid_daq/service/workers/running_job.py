@@ -96,6 +96,7 @@ class RunningJob:
         self._stop_code: StopCode | None = None
         self._motion: MotionEvent | None = None
         self._control: ControlBlock | None = None
+        self._ring: Ring | None = None
         self._picture: MotionPicture | None = None
         self._signals: SignalReader | None = None
 
@@ -159,15 +160,23 @@ class RunningJob:
 
     def newest_picture(self) -> dict[str, object] | None:
         """Return the newest values of the present motion for the page, None without a motion."""
-        if self.is_over or not self._watch_motion() or self._picture is None:
+        motion = self._motion
+        if self.is_over or motion is None or not self._observe():
             return None
-        found: dict[str, object] = json.loads(self._picture.document())
+        if self._picture is None and self._ring is not None and self._control is not None:
+            loaded = self.cell.loaded
+            shown = ShownMotion(
+                motion.title, motion.rows, motion.rows_per_period, loaded.config, loaded.robot
+            )
+            self._picture = MotionPicture(shown, self._ring, self._control)
+        found: dict[str, object] | None
+        found = None if self._picture is None else json.loads(self._picture.document())
         return found
 
     def read_signals(self) -> Sequence[tuple[tuple[str, ...], SignalBins]]:
         """Return the new bins of the live signals, each time with the names of the joints."""
         before = self._signals
-        if not self._watch_motion():
+        if not self._observe():
             self._signals = None
         found = []
         if before is not None and self._signals is not before:
@@ -176,29 +185,28 @@ class RunningJob:
             found.append((self._signals.joints, self._signals.read()))
         return found
 
-    def _watch_motion(self) -> bool:
-        """Observe the memory of the present motion; return False without a motion."""
-        control = None if self._motion is None else self._find_control()
-        if self._motion is None or control is None:
+    def _observe(self) -> bool:
+        """Observe the memory of the present motion, or of drives that are watched at rest.
+
+        Returns:
+            False if there is no such memory.
+
+        Raises:
+            RecordingError: The cell's joints have changed since the start; raised once per motion.
+        """
+        has_rows = self._motion is not None or self.job.kind == "watch"
+        control = self._find_control() if has_rows else None
+        if control is None:
             return False
-        if self._picture is None or control is not self._control:
+        if control is not self._control:
             ring = Ring.of_process(self.process.pid)
             if ring is None:
                 return False
+            self._control, self._ring = control, ring
+            self._picture = self._signals = None
             loaded = self.cell.loaded
-            shown = ShownMotion(
-                self._motion.title,
-                self._motion.rows,
-                self._motion.rows_per_period,
-                loaded.config,
-                loaded.robot,
-            )
-            is_new = self._signals is None or control is not self._control
-            self._control, self._picture = control, MotionPicture(shown, ring, control)
-            if is_new:
-                self._signals = None
-                joints, cycle_time_s = loaded.robot.joint_names, loaded.config.cycle_time_s
-                self._signals = SignalReader(ring, control, joints, cycle_time_s)
+            joints, cycle_time_s = loaded.robot.joint_names, loaded.config.cycle_time_s
+            self._signals = SignalReader(ring, control, joints, cycle_time_s)
         return True
 
     def _find_control(self) -> ControlBlock | None:

@@ -1,5 +1,7 @@
 // Page of the live signals: time plots with pause and zoom, and a table with the values at the cursor.
+// Between motions, the job "watch" reads the drives at rest.
 import { clockOf, duration, element, find } from "./dom.js";
+import { JobPanel } from "./job_panel.js";
 import { html, render } from "./lit.js";
 import { now, on, reach, requestSignals } from "./service.js";
 import { chartsOf, lineOf, SignalPlots } from "./signal_plots.js";
@@ -17,6 +19,7 @@ const NEAR_S = 0.2; // greatest distance between the cursor and a bin
 const section = find("signals");
 const joints = JSON.parse(section.dataset.joints);
 const charts = chartsOf(joints, section.dataset.monitor === "yes");
+const panel = new JobPanel(find("job"));
 const store = new SignalStore();
 const plots = new SignalPlots(find("charts"), charts, joints, { zoomed: freezeAt, pointed });
 
@@ -26,6 +29,8 @@ let cursor = null; // time of the cursor [s]; null: the newest values
 let liveAt = -Infinity; // arrival of the newest live values
 let lost = null; // { seconds, at } of values that did not reach this page
 let isDue = true; // true if the picture must be drawn again
+
+find("watch").addEventListener("click", () => panel.begin("watch"));
 
 // ---- visible time
 const rightEnd = () => end ?? store.newestTime ?? Date.now() / 1000;
@@ -145,8 +150,8 @@ function showState() {
   const known = newest === null ? "" : ` Newest values: ${clockOf(newest)}.`;
   const isLive = reach.values && performance.now() - liveAt < OLD_MS;
   const job = now.status?.job;
-  let text = `No values are measured now.${known || " They appear during a motion."}`;
-  if (isLive) text = "LIVE: values of the present motion.";
+  let text = `No values are measured now.${known || " They appear during a motion, or while you watch the drives at rest."}`;
+  if (isLive) text = job?.kind === "watch" ? "LIVE: values of the drives at rest." : "LIVE: values of the present motion.";
   else if (!reach.values) text = `NOT LIVE: no values arrive from the service.${known}`;
   else if (job && ["moving", "stopping"].includes(now.status.state)) text = `NOT LIVE: ${job.kind} is running, but there are no new values.${known}`;
   if (end !== null) text += ` PAUSED at ${clockOf(end)}: the plots stand still; new values are kept.`;

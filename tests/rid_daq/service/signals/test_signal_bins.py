@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from acquisition.journal.cycle_row import row_dtype
 from rid_daq.service.signals.signal_bins import BIN_S, LANES, SignalBinner, SignalBins, lanes_of
@@ -20,14 +20,16 @@ BEGIN_S = 1.7e9
 JOINTS = 2
 
 
-def rows_of(time_s: Sequence[float], seed: int = 1) -> NDArray[Any]:
+def rows_of(time_s: ArrayLike, seed: int = 1) -> NDArray[Any]:
     """Return rows with random values at given times."""
     random = np.random.default_rng(seed)
-    rows = np.zeros(len(time_s), dtype=row_dtype(JOINTS))
-    rows["time_s"] = time_s
+    times = np.asarray(time_s)
+    count = len(times)
+    rows = np.zeros(count, dtype=row_dtype(JOINTS))
+    rows["time_s"] = times
     for name in ("position", "target_position", "torque_nm"):
-        rows[name] = random.normal(size=(len(time_s), JOINTS))
-    rows["exchange_s"] = random.uniform(0.0, CYCLE_S, len(time_s))
+        rows[name] = random.normal(size=(count, JOINTS))
+    rows["exchange_s"] = random.uniform(0.0, CYCLE_S, count)
     rows["valid"] = 1
     return rows
 
@@ -62,7 +64,7 @@ steps = st.lists(
 def test_each_bin_keeps_minimum_and_maximum_and_no_bin_contains_a_gap(
     steps_s: list[float], parts: list[int], seed: int
 ) -> None:
-    rows = rows_of(np.cumsum(steps_s).tolist(), seed)
+    rows = rows_of(np.cumsum(steps_s), seed)
     bins = binned(rows, [each for each in parts if each < len(rows)])
     wall_s = rows["time_s"] + BEGIN_S
     ends = np.searchsorted(wall_s, bins.end_s, side="right")
@@ -104,7 +106,7 @@ def test_values_of_a_silent_drive_are_left_out() -> None:
 
 def test_the_speed_is_the_slope_of_the_position_and_not_that_over_a_gap() -> None:
     time_s = np.append(np.arange(100) * CYCLE_S, 2.0 + np.arange(100) * CYCLE_S)
-    rows = rows_of(time_s.tolist())
+    rows = rows_of(time_s)
     rows["position"] = time_s[:, np.newaxis] * (0.5, -2.0) + 5.0 * (time_s > 1.0)[:, np.newaxis]
     bins = binned(rows)
     low, high = lane(bins, "velocity_low"), lane(bins, "velocity_high")
@@ -127,7 +129,7 @@ def test_bins_have_the_present_temperature_and_the_share_of_the_cycle() -> None:
 
 @pytest.mark.parametrize("cycle_s", [0.001, 0.02])
 def test_the_number_of_bins_does_not_depend_on_the_cycle_time(cycle_s: float) -> None:
-    rows = rows_of((np.arange(round(10.0 / cycle_s)) * cycle_s).tolist())
+    rows = rows_of(np.arange(round(10.0 / cycle_s)) * cycle_s)
     binner = SignalBinner(JOINTS, cycle_s)
     count = len(binner.add(rows, rows["time_s"] + BEGIN_S)) + len(binner.finish())
     assert count == pytest.approx(10.0 / BIN_S, abs=1)

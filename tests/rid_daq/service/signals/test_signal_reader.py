@@ -21,10 +21,23 @@ WALL_S = 1.7e9
 
 
 def write(ring: Ring, time_s: float) -> None:
+    still, counts = [0.0, 0.0], [0, 0]
     row = CycleRow(
-        *(time_s, 0.0, 0.001),
-        *([0.0, 0.0], [0.0, 0.0], [0.0, 0.0], [time_s, -time_s], [1.0, 2.0], [0, 0]),
-        *(0, 0, [0, 0], [0, 0], [1, 1], 3),
+        time_s=time_s,
+        lateness_s=0.0,
+        exchange_s=0.001,
+        target_position=still,
+        target_velocity=still,
+        velocity_command=still,
+        position=[time_s, -time_s],
+        torque_nm=[1.0, 2.0],
+        position_counts=counts,
+        cycle=0,
+        sample_index=0,
+        torque_raw=counts,
+        statusword=counts,
+        valid=[1, 1],
+        phase=3,
     )
     assert ring.write(row.values())
 
