@@ -174,11 +174,11 @@ async def _receive(
         if who is None:
             await socket.close(NO_TOKEN, HTTPStatus.UNAUTHORIZED.phrase)
             return
-        if "signals" in document:
-            signals.request(document)
-        elif who.role.includes(Role.OPERATOR):
+        if who.role.includes(Role.OPERATOR):
             with contextlib.suppress(RidDaqError):
                 _forward_key(service, challenges, document)
+        if "signals" in document:
+            signals.request(document)
 
 
 def _parse_message(text: str) -> dict[str, object] | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import itertools
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Final
 
@@ -14,6 +15,9 @@ from rid_daq.service.signals.signal_view import SignalView
 
 SIGNALS_S: Final = 0.1
 """Minimum time between two messages with live signals to a viewer [s]."""
+
+OLDER_TURNS: Final = 3
+"""Number of messages with new bins for each message with older ones: ten minutes take 6 s."""
 
 
 class SignalSender:
@@ -50,8 +54,14 @@ class SignalSender:
         """Send live signals until the task is cancelled."""
         with contextlib.suppress(WebSocketDisconnect, RuntimeError, OSError):
             await self._wanted.wait()
-            while True:
-                message = None if self._view is None else self._view.next_message()
-                if message is not None:
-                    await self._send(message)
+            for turn in itertools.count():
+                view = self._view
+                if view is not None:
+                    await self._send_if_any(view.next_new())
+                if view is not None and turn % OLDER_TURNS == 0:
+                    await self._send_if_any(view.next_older())
                 await asyncio.sleep(SIGNALS_S)
+
+    async def _send_if_any(self, message: bytes | None) -> None:
+        if message is not None:
+            await self._send(message)

@@ -29,7 +29,7 @@ _ALIGNMENT: Final = 8
 
 
 class SignalView:
-    """Next bins for a viewer: new bins first, then older ones, the newest of them first.
+    """Next bins for a viewer: new bins, and in parts all older ones, the newest of them first.
 
     Args:
         cell: Name of the cell.
@@ -46,19 +46,23 @@ class SignalView:
         self._next = self._older_end = known if is_known else history.count
         self._older = known if is_known else 0
 
-    def next_message(self) -> bytes | None:
-        """Return the next message; None if the viewer has all bins."""
+    def next_new(self) -> bytes | None:
+        """Return the message with all new bins; None if there are none."""
         history = self._history
         if self._key != history.key:
             self._key = history.key
             self._next = self._older = self._older_end = 0
         lost = max(0, history.count - self._next - MOST_LATE)
-        if self._next < history.count:
-            first = self._next = self._next + lost
-            count = history.count - first
-            self._next += count
-            return self._message(first, count, lost)
-        self._older = max(self._older, history.oldest)
+        first = self._next + lost
+        count = history.count - first
+        self._next = history.count
+        return self._message(first, count, lost) if count else None
+
+    def next_older(self) -> bytes | None:
+        """Return a message with older bins; None if the viewer has all of them."""
+        if self._key != self._history.key:
+            return None
+        self._older = max(self._older, self._history.oldest)
         count = min(MOST_SENT, self._older_end - self._older)
         if count <= 0:
             return None

@@ -74,7 +74,7 @@ def test_a_viewer_that_does_not_ask_receives_no_bins(served: ServedProcess, moti
         address = str(socket_path_of(served.folder)), "ws://localhost/api/v1/ws"
         async with unix_connect(*address) as socket:
             await socket.send(json.dumps({"signals": viewer_asks}))
-            kinds = []
+            kinds: list[str] = []
             while kinds.count("samples") < 10:
                 message = await asyncio.wait_for(socket.recv(), PATIENCE_S)
                 kinds.append(

@@ -1,4 +1,4 @@
-"""Live signals for a viewer: new bins first, older ones later, and losses of a slow viewer."""
+"""Live signals for a viewer: new bins, older bins, and losses of a slow viewer."""
 
 from __future__ import annotations
 
@@ -39,63 +39,65 @@ def test_a_message_contains_times_gaps_and_all_lanes() -> None:
     history = SignalHistory()
     view = SignalView("ir361", history)
     add_bins(history, 0)
-    assert view.next_message() is None
+    assert view.next_new() is None
     add_bins(history, 8)
-    head, times, rows = parse(view.next_message())
+    head, times, rows = parse(view.next_new())
     assert (head["cell"], head["joints"], head["first"]) == ("ir361", list(JOINTS), 0)
     assert times.tolist() == list(range(8))
     assert rows[0].tolist() == [1, 0, 0, 0, 0, 0, 0, 1]
     assert len(rows) == 1 + len(head["cell_lanes"]) + len(JOINTS) * len(head["lanes"])
     assert (rows[1:] == times).all()
-    assert view.next_message() is None
+    assert view.next_new() is None
 
 
-def test_a_new_viewer_receives_new_bins_first_and_then_all_older_ones() -> None:
+def test_a_new_viewer_receives_new_bins_and_all_older_ones() -> None:
     history = SignalHistory(2000)
     add_bins(history, 1500)
     view = SignalView("ir361", history)
     add_bins(history, 3)
-    assert parse(view.next_message())[0]["first"] == 1500
+    assert parse(view.next_new())[0]["first"] == 1500
     got: set[int] = set()
-    while (message := view.next_message()) is not None:
+    while (message := view.next_older()) is not None:
         head, times, _ = parse(message)
         assert head["count"] <= MOST_SENT
         assert head["lost"] == 0
         got.update(times.astype(int).tolist())
     assert got == set(range(1500))
+    assert view.next_new() is None
 
 
 def test_a_slow_viewer_loses_bins_and_is_told_how_many() -> None:
     history = SignalHistory(1000)
     view = SignalView("ir361", history)
     add_bins(history, 5)
-    view.next_message()
+    view.next_new()
     add_bins(history, 50 + MOST_LATE)
-    head, times, _ = parse(view.next_message())
+    head, times, _ = parse(view.next_new())
     assert head["lost"] == 50
     assert head["count"] == MOST_LATE
     assert times[0] == head["first"] == 55
-    assert view.next_message() is None
+    assert view.next_new() is None
 
 
 def test_a_viewer_that_returns_receives_only_what_it_has_missed() -> None:
     history = SignalHistory()
     add_bins(history, 100)
     view = SignalView("ir361", history, history.key, 90)
-    head, _, _ = parse(view.next_message())
+    head, _, _ = parse(view.next_new())
     assert (head["first"], head["count"]) == (90, 10)
-    assert view.next_message() is None
+    assert view.next_new() is view.next_older() is None
     forgetful = SignalView("ir361", history, "another key", 90)
-    assert parse(forgetful.next_message())[0]["count"] == 100
+    assert forgetful.next_new() is None
+    assert parse(forgetful.next_older())[0]["count"] == 100
 
 
 def test_other_joints_begin_a_new_history() -> None:
     history = SignalHistory()
     view = SignalView("ir361", history)
     add_bins(history, 10)
-    before = parse(view.next_message())[0]
+    before = parse(view.next_new())[0]
     add_bins(history, 4, ("axis1", "axis2", "axis3"))
-    head, _, _ = parse(view.next_message())
+    head, _, _ = parse(view.next_new())
     assert head["key"] != before["key"]
     assert (head["first"], head["count"], len(head["joints"])) == (0, 4, 3)
 
