@@ -1,4 +1,4 @@
-"""Lateness of cycles while twenty viewers connect to a cell's WebSocket and disconnect again."""
+"""Lateness of cycles while twenty viewers receive a cell's values and live signals, or do not."""
 
 from __future__ import annotations
 
@@ -27,6 +27,7 @@ from benchmarks.lateness import calm_p99
 from rid_daq.service.records import Job
 from rid_daq.service.sockets import socket_path_of
 
+CELL: Final = "ir361"
 VIEWERS: Final = 20
 SEGMENT_S: Final = 2.0
 SETTLE_S: Final = 0.5
@@ -104,6 +105,7 @@ async def _look_on(path: str, line: Connection) -> None:
             for _ in range(VIEWERS):
                 address = "ws://localhost/api/v1/ws"
                 socket = await stack.enter_async_context(unix_connect(path, address))
+                await socket.send(json.dumps({"signals": CELL}))
                 task = asyncio.create_task(_read(socket, seen))
                 stack.callback(task.cancel)
             line.send(None)
@@ -113,7 +115,7 @@ async def _look_on(path: str, line: Connection) -> None:
 
 async def _read(socket: ClientConnection, seen: list[int]) -> None:
     async for message in socket:
-        seen[0] += json.loads(message)["type"] == "samples"
+        seen[0] += isinstance(message, bytes) or json.loads(message)["type"] == "samples"
 
 
 def watch(folder: Path, control: ControlBlock, seconds: float) -> Sequence[Segment]:

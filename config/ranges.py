@@ -65,6 +65,9 @@ FrequencyHz = Annotated[float, Field(ge=1e-4, le=1e4)]
 CheckS = Annotated[float, Field(ge=0.1, le=600.0)]
 """Time during which a check counts answers [s]."""
 
+WatchS = Annotated[float, Field(ge=0.1, le=3600.0)]
+"""Time during which drives are read at rest [s]."""
+
 JogPercent = Annotated[float, Field(ge=0.1, le=10.0)]
 """Speed of a jog, relative to each joint's limit [%]."""
 

@@ -42,7 +42,7 @@ def test_the_bundle_was_made_from_the_present_files() -> None:
         p.name: hashlib.sha256(p.read_bytes()).hexdigest() for p in sources
     }
     entries = {path.name for path in JAVASCRIPT.glob("*.js")}
-    assert set(manifest["files"]) == {*entries, "licences.txt"}
+    assert set(manifest["files"]) == {*entries, "uplot.css", "licences.txt"}
     licences = (BUNDLE / "licences.txt").read_text()
     for package in manifest["packages"]:
         assert f"\n{package['name']} {package['version']}: {package['licence']}\n" in licences

@@ -148,13 +148,30 @@ class Ring:
             Whole rows, oldest first; empty if there is no row, or if the writer has overwritten
             them during the copy.
         """
-        counters = self._counters
-        end = counters[_WRITTEN]
-        start = max(0, end - min(limit, self.capacity - 1))
+        end = self._counters[_WRITTEN]
+        return self._copy(max(0, end - min(limit, self.capacity - 1)), end)
+
+    def rows_from(self, row: int) -> tuple[int, bytes]:
+        """Return all rows from a row number on, without removing them; for observers.
+
+        Args:
+            row: Number of the first wanted row; the rows are numbered from 0.
+
+        Returns:
+            The number of the next row, and whole rows, oldest first. Rows that are older than half
+            the ring are missing at the beginning: the writer may overwrite them during the copy.
+        """
+        end = self._counters[_WRITTEN]
+        return end, self._copy(max(row, end - self.capacity // 2), end)
+
+    def _copy(self, start: int, end: int) -> bytes:
+        """Return rows by their numbers; nothing if the writer has overwritten them meanwhile."""
+        if start >= end:
+            return b""
         first, last = start % self.capacity, end % self.capacity
         size = self.row_size
         if first <= last:
             rows = bytes(self._rows[first * size : last * size])
         else:
             rows = bytes(self._rows[first * size :]) + bytes(self._rows[: last * size])
-        return rows if counters[_WRITTEN] - start < self.capacity else b""
+        return rows if self._counters[_WRITTEN] - start < self.capacity else b""

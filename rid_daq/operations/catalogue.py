@@ -133,6 +133,9 @@ CATALOGUE: Final = {
     "jog": Entry(
         "cell", "Cell", "move one joint at a time, or go to the home pose, while a key is held"
     ),
+    "watch": Entry(
+        "cell", "Cell", "read the drives at rest, without power: positions, torques, temperatures"
+    ),
     "plate zero": Entry(
         "cell",
         "",

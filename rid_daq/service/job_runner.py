@@ -25,10 +25,10 @@ from rid_daq.service.refusals import StoreBusyError
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.store.audit import AuditLog
 from rid_daq.service.store.jobs import JobStore
+from rid_daq.service.workers.live_values import LiveValues
 from rid_daq.service.workers.running_job import EventTail, RunningJob, StartingJob
 from rid_daq.service.workers.worker_template import WorkerTemplate
 from rid_daq.terminal.job_events import EndEvent, MotionEvent
-from rid_daq.web.feed import Feed
 
 LOOK_S: Final = 0.05
 _BY_TERM: Final = (-signal.SIGTERM, 128 + signal.SIGTERM)
@@ -48,7 +48,7 @@ class JobRunner:
         audit: Log of user actions.
         leases: Leases of the cells.
         readiness: Results of preflights, and open faults.
-        feed: Sends events to all viewers.
+        live: Publishes the values of motions, with the feed for events.
 
     Attributes:
         closing: True if no more jobs are started.
@@ -68,7 +68,7 @@ class JobRunner:
         audit: AuditLog,
         leases: Leases,
         readiness: Readiness,
-        feed: Feed,
+        live: LiveValues,
     ) -> None:
         self._folder, self._runs, self._state = folder, runs, state
         (state / "jobs").mkdir(parents=True, exist_ok=True, mode=0o700)
@@ -76,7 +76,7 @@ class JobRunner:
         self._audit = audit
         self._leases = leases
         self._readiness = readiness
-        self._feed = feed
+        self._feed, self._live = live.feed, live
         self._running: dict[str, RunningJob] = {}
         self._queue: deque[tuple[Job, ServedCell]] = deque()
         self._unsaved: set[str] = set()
@@ -205,12 +205,7 @@ class JobRunner:
             head = {"type": "event", "job": running.job.id, "number": number}
             message = {**head, "event": event.model_dump()}
             self._feed.publish_event(json.dumps(message).encode())
-        if self._feed.viewers:
-            picture = running.newest_picture()
-            if picture is not None:
-                head = {"type": "samples", "cell": running.job.cell, "job": running.job.id}
-                shown = json.dumps({**head, "picture": picture})
-                self._feed.publish_picture(shown.encode(), running.job.cell)
+        self._live.update(running)
 
     def _watch_lease(self, running: RunningJob) -> None:
         job = running.job

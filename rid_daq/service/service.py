@@ -44,6 +44,7 @@ from rid_daq.service.store.jobs import JobStore
 from rid_daq.service.store.leases import LeaseStore
 from rid_daq.service.store.state_folder import open_state_folder
 from rid_daq.service.store.tokens import TokenStore
+from rid_daq.service.workers.live_values import LiveValues
 from rid_daq.web.feed import Feed
 
 LOOK_S: Final = 0.05
@@ -83,6 +84,7 @@ class CellService:
             cell_store.add(name)
         self.readiness = Readiness(cell_store)
         self.feed = Feed(MOST_EVENTS)
+        self.live = LiveValues(self.feed, self.cells)
         self.job_runner = JobRunner(
             self.folder,
             self.runs,
@@ -91,7 +93,7 @@ class CellService:
             audit=self.audit,
             leases=self.leases,
             readiness=self.readiness,
-            feed=self.feed,
+            live=self.live,
         )
         self.uploads = Uploads()
         self.started_s, self.began_s = time.time(), safety_now_s()

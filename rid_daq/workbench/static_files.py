@@ -73,7 +73,7 @@ def _bundled_modules() -> dict[str, bytes]:
                 " release again",
                 code="RID-INSTALL-BUNDLE",
             )
-    return {name: content for name, content in modules.items() if name.endswith(".js")}
+    return {name: content for name, content in modules.items() if name.endswith((".js", ".css"))}
 
 
 @functools.cache

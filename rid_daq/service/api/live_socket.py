@@ -1,4 +1,4 @@
-"""WebSocket of a viewer: it sends changes, events and samples, and receives held keys."""
+"""WebSocket of a viewer: it sends changes, events and signals, and receives held keys."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from fastapi import APIRouter, WebSocket, WebSocketDisconnect
 from config.errors import LockedError, RidDaqError
 from rid_daq.service.api.challenges import Challenges
 from rid_daq.service.api.context import is_local
+from rid_daq.service.api.signal_sender import SignalSender
 from rid_daq.service.authenticator import Authenticator
 from rid_daq.service.logs import LOG
 from rid_daq.service.records import Identity, Role
@@ -37,7 +38,7 @@ MESSAGES_PER_S: Final = 60
 """Limits of a viewer's messages: a burst after a stalled link, and a rate [1/s]."""
 
 MOST_MISTAKES: Final = 10
-_KEYS: Final = ("stop", "job", "held", "tapped")
+_KEYS: Final = ("stop", "job", "held", "tapped", "signals")
 
 IDLE_S: Final = 0.1
 """Time between two checks for jobs that require a held key, while there is no such job [s]."""
@@ -58,6 +59,8 @@ async def stream_to_viewer(socket: WebSocket) -> None:
     holds a key by answering each challenge with `{"job": ID, "lease": KEY, "held": "+",
     "sequence": 12, "challenge": VALUE}`. `"held": ""` means that the key was released, `tapped`
     that a key was tapped. The viewer may also send `{"stop": CELL, "number": N}`.
+    After `{"signals": CELL}`, the viewer also receives the cell's live signals as binary messages
+    (`SignalView`).
     """
     service: CellService = socket.app.state.service
     authenticator: Authenticator = socket.app.state.authenticator
@@ -73,7 +76,9 @@ async def stream_to_viewer(socket: WebSocket) -> None:
     await socket.accept(SOCKET_PROTOCOL if SOCKET_PROTOCOL in offered else None)
     sender = _Sender(socket)
     challenges = Challenges()
+    signals = SignalSender(sender.send_bytes, service.live.signals)
     beside = [
+        asyncio.create_task(signals.run()),
         asyncio.create_task(_send_feed(sender, service)),
         asyncio.create_task(_close_when_revoked(socket, known)),
         asyncio.create_task(_send_beats(sender)),
@@ -81,7 +86,7 @@ async def stream_to_viewer(socket: WebSocket) -> None:
     if who.role.includes(Role.OPERATOR):
         beside.append(asyncio.create_task(_send_challenges(sender, service, challenges)))
     try:
-        await _receive(sender, service, challenges, known)
+        await _receive(sender, service, challenges, signals, known)
     except (WebSocketDisconnect, RuntimeError, OSError):
         LOG.debug("a viewer has disconnected")
     finally:
@@ -103,6 +108,10 @@ class _Sender:
     async def send(self, text: str) -> None:
         self.last_s = time.monotonic()
         await self.socket.send_text(text)
+
+    async def send_bytes(self, data: bytes) -> None:
+        self.last_s = time.monotonic()
+        await self.socket.send_bytes(data)
 
 
 async def _send_beats(sender: _Sender) -> None:
@@ -145,6 +154,7 @@ async def _receive(
     sender: _Sender,
     service: CellService,
     challenges: Challenges,
+    signals: SignalSender,
     known: Callable[[], Identity | None],
 ) -> None:
     socket, budget = sender.socket, _Budget()
@@ -167,6 +177,8 @@ async def _receive(
         if who.role.includes(Role.OPERATOR):
             with contextlib.suppress(RidDaqError):
                 _forward_key(service, challenges, document)
+        if "signals" in document:
+            signals.request(document)
 
 
 def _parse_message(text: str) -> dict[str, object] | None:

@@ -18,6 +18,8 @@ from rid_daq.blocks.block import Verdict
 from rid_daq.live.picture import MotionPicture, ShownMotion
 from rid_daq.service.records import Job
 from rid_daq.service.served_cell import ServedCell
+from rid_daq.service.signals.signal_bins import SignalBins
+from rid_daq.service.signals.signal_reader import SignalReader
 from rid_daq.service.workers.worker_process import WorkerProcess
 from rid_daq.terminal.job_events import (
     EVENT,
@@ -94,7 +96,9 @@ class RunningJob:
         self._stop_code: StopCode | None = None
         self._motion: MotionEvent | None = None
         self._control: ControlBlock | None = None
+        self._ring: Ring | None = None
         self._picture: MotionPicture | None = None
+        self._signals: SignalReader | None = None
 
     def read_events(self) -> Sequence[AnyEvent]:
         """Return the new events of the job, and update the job's state from them."""
@@ -156,26 +160,54 @@ class RunningJob:
 
     def newest_picture(self) -> dict[str, object] | None:
         """Return the newest values of the present motion for the page, None without a motion."""
-        if self._motion is None or self.is_over:
+        motion = self._motion
+        if self.is_over or motion is None or not self._observe():
             return None
-        control = self._find_control()
-        if control is None:
-            return None
-        if self._picture is None or control is not self._control:
-            ring = Ring.of_process(self.process.pid)
-            if ring is None:
-                return None
+        if self._picture is None and self._ring is not None and self._control is not None:
             loaded = self.cell.loaded
             shown = ShownMotion(
-                self._motion.title,
-                self._motion.rows,
-                self._motion.rows_per_period,
-                loaded.config,
-                loaded.robot,
+                motion.title, motion.rows, motion.rows_per_period, loaded.config, loaded.robot
             )
-            self._control, self._picture = control, MotionPicture(shown, ring, control)
-        found: dict[str, object] = json.loads(self._picture.document())
+            self._picture = MotionPicture(shown, self._ring, self._control)
+        found: dict[str, object] | None
+        found = None if self._picture is None else json.loads(self._picture.document())
         return found
+
+    def read_signals(self) -> Sequence[tuple[tuple[str, ...], SignalBins]]:
+        """Return the new bins of the live signals, each time with the names of the joints."""
+        before = self._signals
+        if not self._observe():
+            self._signals = None
+        found = []
+        if before is not None and self._signals is not before:
+            found.append((before.joints, before.finish()))
+        if self._signals is not None:
+            found.append((self._signals.joints, self._signals.read()))
+        return found
+
+    def _observe(self) -> bool:
+        """Observe the memory of the present motion, or of drives that are watched at rest.
+
+        Returns:
+            False if there is no such memory.
+
+        Raises:
+            RecordingError: The cell's joints have changed since the start; raised once per motion.
+        """
+        has_rows = self._motion is not None or self.job.kind == "watch"
+        control = self._find_control() if has_rows else None
+        if control is None:
+            return False
+        if control is not self._control:
+            ring = Ring.of_process(self.process.pid)
+            if ring is None:
+                return False
+            self._control, self._ring = control, ring
+            self._picture = self._signals = None
+            loaded = self.cell.loaded
+            joints, cycle_time_s = loaded.robot.joint_names, loaded.config.cycle_time_s
+            self._signals = SignalReader(ring, control, joints, cycle_time_s)
+        return True
 
     def _find_control(self) -> ControlBlock | None:
         """Return the control block of the present motion, None without a motion."""

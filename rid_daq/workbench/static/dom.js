@@ -27,14 +27,18 @@ export function timeOf(time) {
   const at = typeof time === "number" ? 1000 * time : Date.parse(time);
   return Number.isNaN(at) ? time : zoned.format(at); // an edited manifest may contain any text
 }
+
+// Return the time of day with seconds in the service's time zone. The argument is a number of seconds since 1970.
+export const clockOf = (time) => zonedClock.format(1000 * time);
+
 const two = "2-digit";
-const format = (timeZone) => new Intl.DateTimeFormat("sv-SE", { // year-month-day hour:minute
-  year: "numeric", month: two, day: two, hour: two, minute: two, timeZoneName: "short", timeZone,
-});
-const zoned = inZone();
+const DATE = { year: "numeric", month: two, day: two, hour: two, minute: two, timeZoneName: "short" }; // year-month-day hour:minute
+const zoned = inZone(DATE);
+const zonedClock = inZone({ hour: two, minute: two, second: two });
 
 // Return the format of times in the service's zone; in UTC if the browser does not know the zone.
-function inZone() {
+function inZone(parts) {
+  const format = (timeZone) => new Intl.DateTimeFormat("sv-SE", { ...parts, timeZone });
   try {
     return format(document.body.dataset.zone);
   } catch {

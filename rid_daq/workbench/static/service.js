@@ -42,6 +42,7 @@ export function ask(method, path, body = undefined, patienceMs = PATIENCE_MS, ke
 
 // Listeners by event, with their arguments: "cell" (status), "job" (job), "event" (job id, event, its number in the job),
 // "samples" (picture, job id), "key" (job id, reason why a held key does not count),
+// "signals" (binary message with live signals, after requestSignals),
 // "reach" ({ values, requests }, true if the channel works),
 // "again" (no arguments; after a gap, request everything that may have been missed).
 const listeners = new Map();
@@ -137,16 +138,32 @@ function connect(first = false) {
   let again = !first;
   socket = mine;
   openedAt = performance.now();
+  mine.binaryType = "arraybuffer";
+  mine.addEventListener("open", sendSignalsRequest);
   mine.addEventListener("message", (message) => {
     if (socket !== mine) return;
     judge();
     valuesAt = performance.now();
     judge();
-    dispatch(JSON.parse(message.data));
+    if (message.data instanceof ArrayBuffer) tell("signals", message.data);
+    else dispatch(JSON.parse(message.data));
     if (again) tell("again");
     again = false;
   });
   mine.addEventListener("close", () => socket === mine && reconnect());
+}
+
+// Request the live signals of this page's cell on this and every later connection. `known` returns what the page
+// already has: { key, known }, from the last message.
+let knownSignals = null;
+export function requestSignals(known) {
+  knownSignals = known;
+  sendSignalsRequest();
+}
+
+function sendSignalsRequest() {
+  if (knownSignals === null || socket?.readyState !== WebSocket.OPEN) return;
+  socket.send(JSON.stringify({ signals: page.cell, ...knownSignals() }));
 }
 
 // A hanging WebSocket does not close by itself: replace it.

@@ -117,7 +117,7 @@ def test_the_operations_that_open_a_cell_move_it_or_need_a_held_key() -> None:
     """By these declarations a service requires lease, preflight, clearance and axis test."""
     declared = {name: operation(name) for name, entry in CATALOGUE.items() if entry.is_job}
     assert {name for name, each in declared.items() if each.opens_cell} == {
-        *("check", "reset", "payload session"),
+        *("check", "reset", "payload session", "watch"),
         *HELD,
         *BY_ITSELF,
     }

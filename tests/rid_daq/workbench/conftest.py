@@ -16,10 +16,10 @@ from acquisition.runs.manifest import RunStatus
 from rid_daq.service.records import CellState
 from tests.builders.bad_link import BadLink, bad_link
 from tests.rid_daq.conftest import PATIENCE_MS
-from tests.rid_daq.service.conftest import ServedProcess, long_motion, motion, serving
+from tests.rid_daq.service.conftest import ServedProcess, long_motion, motion, served, serving
 from tests.rid_daq.service.moving import leased_cell
 
-__all__ = ["long_motion", "motion"]
+__all__ = ["long_motion", "motion", "served"]
 
 
 @pytest.fixture(scope="module")

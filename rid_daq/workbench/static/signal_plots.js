@@ -1,0 +1,169 @@
+// Time plots of the live signals: one chart for each signal and unit, all with the same time axis and cursor.
+import { clockOf, element } from "./dom.js";
+import { timesOf, valuesOf } from "./signal_store.js";
+import { uPlot } from "./uplot.js";
+
+const HEIGHT_PX = 220;
+const LEAST_DRAG_PX = 8;
+const COLOURS = 8;
+const DASH = [8, 4]; // for the joints after the first COLOURS
+const SYNC = "signals";
+const DEGREES = 180 / Math.PI;
+
+// Signals by joint: their lanes (rid_daq/service/signals/signal_bins.py), and unit and factor by kind of joint.
+const SIGNALS = [
+  { title: "Position", lane: "position", units: { revolute: ["°", DEGREES], prismatic: ["mm", 1000] } },
+  { title: "Speed", lane: "velocity", units: { revolute: ["°/s", DEGREES], prismatic: ["mm/s", 1000] } },
+  { title: "Torque", lane: "torque", units: { revolute: ["N m", 1], prismatic: ["N", 1] }, titles: { prismatic: "Force" } },
+  { title: "Following error", lane: "following_error", units: { revolute: ["°", DEGREES], prismatic: ["mm", 1000] } },
+];
+const TEMPERATURE = { title: "Motor temperature", low: "temperature", high: "temperature", unit: "°C", factor: 1 };
+const BUS = { title: "Bus: time from SYNC to the last answer", low: "exchange_low", high: "exchange_high", unit: "% of the cycle", factor: 100, isFromZero: true };
+
+// Return the charts for joints ({ name, kind }): title, unit, lanes, factor, and numbers of the joints (null: the cell).
+export function chartsOf(joints, hasMonitor) {
+  const of = (kind) => joints.map((_, i) => i).filter((i) => kind === null || joints[i].kind === kind);
+  const found = [];
+  for (const { title, lane, units, titles } of SIGNALS)
+    for (const [kind, [unit, factor]] of Object.entries(units))
+      if (of(kind).length)
+        found.push({ title: titles?.[kind] ?? title, low: `${lane}_low`, high: `${lane}_high`, unit, factor, joints: of(kind) });
+  if (hasMonitor) found.push({ ...TEMPERATURE, joints: of(null) });
+  return [...found, { ...BUS, joints: null }];
+}
+
+// Return the custom property with the colour of a joint's line, and its dashes.
+export const lineOf = (joint) => ({ colour: `--line-${1 + (joint % COLOURS)}`, dash: joint < COLOURS ? [] : DASH });
+
+export class SignalPlots {
+  // `zoomed(from, to)`: the user has chosen a part of the time axis. `pointed(time)`: the cursor has moved (null: away).
+  constructor(place, charts, joints, { zoomed, pointed }) {
+    this.place = place;
+    this.joints = joints;
+    this.zoomed = zoomed;
+    this.pointed = pointed;
+    this.hidden = new Set(); // numbers of joints without a line
+    this.range = [0, 1];
+    this.plots = charts.map((chart) => this.make(chart));
+    new ResizeObserver(() => this.fit()).observe(place);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.plots.forEach(({ plot }) => plot.redraw(false)));
+  }
+
+  make(chart) {
+    const title = `${chart.title} [${chart.unit}]`;
+    const body = element("div", { role: "img", "aria-label": `${title} over time. The table shows the values at the cursor.` });
+    this.place.append(element("figure", { class: "signal-chart" }, element("h2", {}, title), body));
+    const colour = (name) => () => getComputedStyle(this.place).getPropertyValue(name);
+    const axis = { stroke: colour("--ink"), grid: { stroke: colour("--grid"), width: 1 }, ticks: { stroke: colour("--grid"), width: 1 }, font: "14px sans-serif" };
+    const lines = (chart.joints ?? [null]).map((joint) => {
+      const { colour: name, dash } = joint === null ? { colour: "--ink", dash: [] } : lineOf(joint);
+      return { label: joint === null ? chart.title : this.joints[joint].name, stroke: colour(name), width: 1.5, dash, spanGaps: false, points: { show: false } };
+    });
+    const plot = new uPlot({
+      width: this.width(), height: HEIGHT_PX, pxAlign: 0, legend: { show: false },
+      cursor: { sync: { key: SYNC, setSeries: false }, drag: { x: true, y: false, setScale: false, dist: LEAST_DRAG_PX }, points: { show: false }, y: false, bind: { dblclick: () => null } },
+      scales: { x: { time: true, range: () => this.range }, y: { range: chart.isFromZero ? rangeFromZero : rangeOfValues } },
+      axes: [{ ...axis, space: 90, values: (_, times) => times.map(clockOf) }, { ...axis, size: 64 }],
+      series: [{}, ...lines],
+      hooks: {
+        setCursor: [(self) => this.isPointing(self) && this.pointed(self.cursor.left < 0 ? null : self.posToVal(self.cursor.left, "x"))],
+        setSelect: [(self) => this.select(self)],
+      },
+    }, [[], ...lines.map(() => [])], body);
+    new Touches(plot.over, {
+      move: (x) => this.point(plot.posToVal(x, "x")),
+      pinch: (from, to) => this.zoomed(from, to), at: (x) => plot.posToVal(x, "x"),
+    });
+    return { plot, chart };
+  }
+
+  // Only the chart under the mouse reports the cursor, not those that follow it.
+  isPointing(plot) {
+    return !this.isSetting && plot.cursor.event !== null && plot.cursor.event !== undefined;
+  }
+
+  select(plot) {
+    const { left, width } = plot.select;
+    if (width < LEAST_DRAG_PX || plot.cursor.event === null) return;
+    const [from, to] = [plot.posToVal(left, "x"), plot.posToVal(left + width, "x")];
+    for (const each of this.plots) each.plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+    this.zoomed(from, to);
+  }
+
+  // Draw the values from a time to another one [s].
+  draw(store, from, to) {
+    this.range = [from, to];
+    const columns = store.columns(from, to, Math.max(100, this.width()));
+    const times = timesOf(store, columns);
+    const empty = times.map(() => null);
+    for (const { plot, chart } of this.plots) {
+      const row = (lane, joint) => store.values[store.rows.get(lane) + (joint ?? 0)];
+      const lines = (chart.joints ?? [null]).map((joint) => {
+        if (this.hidden.has(joint) || !store.rows.has(chart.low)) return empty;
+        return valuesOf(store, columns, row(chart.low, joint), row(chart.high, joint), chart.factor);
+      });
+      plot.setData([times, ...lines]);
+    }
+    if (this.pointedAt !== null && this.pointedAt !== undefined) this.point(this.pointedAt, false);
+  }
+
+  // Show the cursor at a time [s] (null: no cursor) in all charts.
+  point(time, isNew = true) {
+    this.pointedAt = time;
+    this.isSetting = true;
+    for (const { plot } of this.plots) {
+      const isInside = time !== null && time >= this.range[0] && time <= this.range[1];
+      plot.setCursor(isInside ? { left: plot.valToPos(time, "x"), top: 0 } : { left: -10, top: -10 }, false);
+    }
+    this.isSetting = false;
+    if (isNew) this.pointed(time);
+  }
+
+  width() {
+    return Math.max(200, this.place.firstElementChild?.clientWidth ?? this.place.clientWidth);
+  }
+
+  fit() {
+    for (const { plot } of this.plots) if (plot.width !== this.width()) plot.setSize({ width: this.width(), height: HEIGHT_PX });
+  }
+}
+
+// Range of the vertical axis: all values with a margin, and not so narrow that rounding fills the chart's height.
+function rangeOfValues(_, least, most) {
+  if (!Number.isFinite(least ?? NaN)) return [0, 1];
+  const margin = Math.max(0.05 * (most - least), 1e-4 * Math.max(Math.abs(least), Math.abs(most)), 1e-6);
+  return [least - margin, most + margin];
+}
+
+const rangeFromZero = (_, least, most) => [0, Number.isFinite(most ?? NaN) ? 1.2 * most : 1];
+
+// Fingers on a chart: one moves the cursor, two zoom; scrolling the page by one finger still works.
+class Touches {
+  constructor(place, { move, pinch, at }) {
+    const fingers = new Map(); // horizontal position of each finger [px]
+    let pinned = null; // times under the two fingers when the second one was set down
+    const x = (event) => event.clientX - place.getBoundingClientRect().left;
+    const end = (event) => {
+      fingers.delete(event.pointerId);
+      pinned = null;
+    };
+    place.addEventListener("pointerdown", (event) => {
+      if (event.pointerType !== "touch") return;
+      fingers.set(event.pointerId, x(event));
+      if (fingers.size === 2) pinned = [...fingers.values()].map(at).sort((a, b) => a - b);
+      else if (fingers.size === 1) move(x(event));
+    });
+    place.addEventListener("pointermove", (event) => {
+      if (!fingers.has(event.pointerId)) return;
+      fingers.set(event.pointerId, x(event));
+      if (fingers.size === 1) move(x(event));
+      if (fingers.size !== 2 || pinned === null) return;
+      const [left, right] = [...fingers.values()].sort((a, b) => a - b);
+      if (right - left < LEAST_DRAG_PX) return;
+      const perPixel = (pinned[1] - pinned[0]) / (right - left); // the times stay under the fingers
+      const from = pinned[0] - perPixel * left;
+      pinch(from, from + perPixel * place.clientWidth);
+    });
+    for (const name of ["pointerup", "pointercancel", "pointerleave"]) place.addEventListener(name, end);
+  }
+}

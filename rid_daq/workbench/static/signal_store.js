@@ -1,0 +1,132 @@
+// The live signals that this page has received: minima and maxima of short intervals ("bins"), in memory of constant size.
+export const MOST_BINS = 12000; // ten minutes of motion, as many as the service keeps
+
+export class SignalStore {
+  constructor() {
+    this.begin({ key: "", joints: [], lanes: [], cell_lanes: [] });
+  }
+
+  begin({ key, joints, lanes, cell_lanes: cellLanes }) {
+    this.key = key;
+    this.joints = joints;
+    this.rows = new Map(["after_gap", ...cellLanes].map((name, i) => [name, i]));
+    lanes.forEach((name, i) => this.rows.set(name, 1 + cellLanes.length + i * joints.length));
+    const count = 1 + cellLanes.length + lanes.length * joints.length;
+    this.newest = -1; // number of the newest bin
+    this.numbers = new Float64Array(MOST_BINS).fill(-1); // number of the bin in each place
+    this.times = new Float64Array(MOST_BINS);
+    this.values = Array.from({ length: count }, () => new Float32Array(MOST_BINS));
+  }
+
+  // Add a message of the service (rid_daq/service/signals/signal_view.py); return its head.
+  // `isNew` is true if it contains bins that are newer than all others.
+  add(buffer) {
+    const length = new DataView(buffer).getUint32(0, true);
+    const head = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+    if (head.key !== this.key) this.begin(head);
+    const { first, count } = head;
+    const times = new Float64Array(buffer, 4 + length, count);
+    const rows = new Float32Array(buffer, 4 + length + times.byteLength);
+    const isNew = first + count - 1 > this.newest;
+    this.newest = Math.max(this.newest, first + count - 1);
+    for (let i = 0; i < count; i += 1) {
+      if (first + i <= this.newest - MOST_BINS) continue;
+      const place = (first + i) % MOST_BINS;
+      this.numbers[place] = first + i;
+      this.times[place] = times[i];
+      for (let row = 0; row < this.values.length; row += 1) this.values[row][place] = rows[row * count + i];
+    }
+    return { ...head, isNew };
+  }
+
+  // What the service has to know to continue after a lost connection.
+  known() {
+    return this.newest < 0 ? {} : { key: this.key, known: this.newest + 1 };
+  }
+
+  has(number) {
+    return number >= 0 && this.numbers[number % MOST_BINS] === number;
+  }
+
+  // Time of the newest bin [s]; null without bins.
+  get newestTime() {
+    return this.newest < 0 ? null : this.times[this.newest % MOST_BINS];
+  }
+
+  // Time of the oldest bin that is kept [s]; null without bins.
+  get oldestTime() {
+    for (let number = Math.max(0, this.newest - MOST_BINS + 1); number <= this.newest; number += 1)
+      if (this.has(number)) return this.times[number % MOST_BINS];
+    return null;
+  }
+
+  // Return the columns of a picture: groups of bins with at most `most` columns if there are no gaps.
+  // A column is { places, isAfterGap }; no column contains a gap.
+  columns(from, to, most) {
+    const shown = [];
+    for (let number = Math.max(0, this.newest - MOST_BINS + 1); number <= this.newest; number += 1) {
+      const place = number % MOST_BINS;
+      if (this.has(number) && this.times[place] >= from && this.times[place] <= to) shown.push(number);
+    }
+    const group = Math.max(1, Math.ceil(shown.length / most));
+    const found = [];
+    let before = NaN;
+    for (const number of shown) {
+      const place = number % MOST_BINS;
+      const isAfterGap = number !== before + 1 || this.values[0][place] !== 0;
+      if (isAfterGap || Math.floor(number / group) !== Math.floor(before / group)) found.push({ places: [], isAfterGap });
+      found.at(-1).places.push(place);
+      before = number;
+    }
+    return found;
+  }
+
+  // Return the place of the bin at a time [s], or the nearest one within `within` [s]; null without a bin there.
+  placeAt(time, within) {
+    let [found, distance] = [null, within];
+    for (let place = 0; place < MOST_BINS; place += 1) {
+      const away = Math.abs(this.times[place] - time);
+      if (this.numbers[place] >= 0 && away <= distance) [found, distance] = [place, away];
+    }
+    return found;
+  }
+
+  // Return a value of a bin: of the cell, or of the joint with a number.
+  value(lane, place, joint = 0) {
+    return this.values[this.rows.get(lane) + joint][place];
+  }
+}
+
+// Return the times of a picture: two for each column, and one for each gap inside.
+export function timesOf(store, columns) {
+  const times = [];
+  for (const { places, isAfterGap } of columns) {
+    const time = store.times[places[places.length >> 1]];
+    if (isAfterGap && times.length > 0) times.push((times.at(-1) + time) / 2);
+    times.push(time, time);
+  }
+  return times;
+}
+
+// Return the values for `timesOf`: minimum and maximum of each column, and null in gaps and without values.
+export function valuesOf(store, columns, low, high, factor) {
+  const found = [];
+  let before = NaN;
+  for (const { places, isAfterGap } of columns) {
+    if (isAfterGap && found.length > 0) found.push(null);
+    let [least, most] = [Infinity, -Infinity];
+    for (const place of places) {
+      if (low[place] < least) least = low[place];
+      if (high[place] > most) most = high[place];
+    }
+    if (least === Infinity) {
+      found.push(null, null);
+      continue;
+    }
+    const isFalling = least + most < before; // the line then passes the maximum first
+    before = least + most;
+    if (isFalling) found.push(factor * most, factor * least);
+    else found.push(factor * least, factor * most);
+  }
+  return found;
+}

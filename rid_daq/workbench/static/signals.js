@@ -1,0 +1,182 @@
+// Page of the live signals: time plots with pause and zoom, and a table with the values at the cursor.
+// Between motions, the job "watch" reads the drives at rest.
+import { clockOf, duration, element, find } from "./dom.js";
+import { JobPanel } from "./job_panel.js";
+import { html, render } from "./lit.js";
+import { now, on, reach, requestSignals } from "./service.js";
+import { chartsOf, lineOf, SignalPlots } from "./signal_plots.js";
+import { SignalStore } from "./signal_store.js";
+
+const FIRST_SPAN_S = 30;
+const LEAST_SPAN_S = 0.5;
+const MOST_SPAN_S = 600;
+const OLD_MS = 1500; // values count as old if no new ones arrive for this time
+const OLD_S = 0.5; // greatest age of live values at the service
+const DRAW_MS = 100; // time between two pictures
+const WATCH_MS = 250;
+const NEAR_S = 0.2; // greatest distance between the cursor and a bin
+
+const section = find("signals");
+const joints = JSON.parse(section.dataset.joints);
+const charts = chartsOf(joints, section.dataset.monitor === "yes");
+const panel = new JobPanel(find("job"));
+const store = new SignalStore();
+const plots = new SignalPlots(find("charts"), charts, joints, { zoomed: freezeAt, pointed });
+
+let span = FIRST_SPAN_S; // visible time [s]
+let end = null; // right end of a frozen picture [s]; null: the picture follows the newest values
+let cursor = null; // time of the cursor [s]; null: the newest values
+let liveAt = -Infinity; // arrival of the newest live values
+let lost = null; // { seconds, at } of values that did not reach this page
+let isDue = true; // true if the picture must be drawn again
+
+find("watch").addEventListener("click", () => panel.begin("watch"));
+
+// ---- visible time
+const rightEnd = () => end ?? store.newestTime ?? Date.now() / 1000;
+
+function freezeAt(from, to) {
+  span = Math.min(MOST_SPAN_S, Math.max(LEAST_SPAN_S, to - from));
+  end = (from + to + span) / 2;
+  showSoon();
+}
+
+function zoom(factor) {
+  const centre = rightEnd() - span / 2;
+  span = Math.min(MOST_SPAN_S, Math.max(LEAST_SPAN_S, span * factor));
+  if (end !== null) end = centre + span / 2;
+  showSoon();
+}
+
+function move(share) {
+  end = rightEnd() + share * span;
+  showSoon();
+}
+
+const actions = {
+  pause: () => (end = end === null ? rightEnd() : null),
+  "zoom-in": () => zoom(0.5),
+  "zoom-out": () => zoom(2),
+  earlier: () => move(-0.5),
+  later: () => move(0.5),
+  reset: () => ([span, cursor] = [FIRST_SPAN_S, null]),
+};
+for (const [id, action] of Object.entries(actions))
+  find(id).addEventListener("click", () => {
+    action();
+    if (id === "reset") plots.point(null);
+    showSoon();
+  });
+
+// ---- cursor
+function pointed(time) {
+  cursor = time;
+  showSoon();
+}
+
+find("cursor").addEventListener("input", ({ target }) => {
+  if (end === null) end = rightEnd(); // the picture must not move under the cursor
+  plots.point(end - span + span * Number(target.value));
+});
+
+// ---- joints
+const toggles = joints.map(({ name }, i) => {
+  const { colour, dash } = lineOf(i);
+  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+  const line = document.createElementNS("http://www.w3.org/2000/svg", "line");
+  const drawn = { x1: "0", x2: "100%", y1: "50%", y2: "50%", "stroke-width": "4", "stroke-dasharray": dash.join(" ") };
+  for (const [key, value] of Object.entries(drawn)) line.setAttribute(key, value);
+  line.style.stroke = `var(${colour})`;
+  svg.setAttribute("aria-hidden", "true");
+  svg.append(line);
+  const button = element("button", { type: "button", class: "joint-line", "aria-pressed": "true" }, svg, name);
+  button.addEventListener("click", () => {
+    const isShown = plots.hidden.delete(i) || !plots.hidden.add(i);
+    button.setAttribute("aria-pressed", String(isShown));
+    showSoon();
+  });
+  return button;
+});
+section.signals = { store, plots };
+find("lines").append(...toggles);
+
+// ---- picture
+function showSoon() {
+  isDue = true;
+}
+
+function draw() {
+  if (!isDue || document.visibilityState === "hidden") return;
+  isDue = false;
+  const right = rightEnd();
+  plots.draw(store, right - span, right);
+  find("pause").textContent = end === null ? "Pause" : "Continue";
+  find("span").textContent = `${span < 90 ? `${Number(span.toPrecision(2))} s` : duration(span)} visible`;
+  const shown = cursor === null ? null : (cursor - right + span) / span;
+  const slider = find("cursor");
+  if (document.activeElement !== slider || shown === null) slider.value = String(shown ?? 1);
+  showValues();
+}
+
+function showValues() {
+  const place = cursor === null ? (store.newest < 0 ? null : store.placeAt(store.newestTime, 0)) : store.placeAt(cursor, NEAR_S);
+  const time = place === null ? cursor : store.times[place];
+  const words = place === null ? (cursor === null ? "no values yet" : `no values at ${clockOf(cursor)}`) : clockOf(time);
+  find("cursor").setAttribute("aria-valuetext", words);
+  find("values-time").textContent = cursor === null && place !== null ? `Newest values, ${words}` : `Values at the cursor: ${words}`;
+  const cell = (chart, joint) => {
+    if (chart.joints !== null && !chart.joints.includes(joint)) return "";
+    if (place === null) return "–";
+    const [low, high] = [chart.low, chart.high].map((lane) => chart.factor * store.value(lane, place, joint ?? 0));
+    return Number.isNaN(low) ? "–" : between(low, high);
+  };
+  const ofJoints = charts.filter((chart) => chart.joints !== null);
+  const bus = charts.find((chart) => chart.joints === null);
+  render(html`<table><thead><tr><th scope="col">Joint</th>${ofJoints.map((chart) => html`<th scope="col">${chart.title} [${chart.unit}]</th>`)}</tr></thead>
+    <tbody>${joints.map(({ name }, i) => html`<tr><th scope="row">${name}</th>${ofJoints.map((chart) => html`<td>${cell(chart, i)}</td>`)}</tr>`)}</tbody></table>`, find("values"));
+  find("bus").textContent = `${bus.title}: ${cell(bus, null)} ${bus.unit}.`;
+}
+
+// Return minimum and maximum as text; one number if they do not differ visibly.
+function between(low, high) {
+  const digits = Math.max(0, Math.min(3, 3 - Math.floor(Math.log10(Math.max(Math.abs(low), Math.abs(high), 1e-3)))));
+  const [from, to] = [low, high].map((value) => value.toFixed(digits).replace(/^-(0\.?0*)$/, "$1"));
+  return from === to ? from : `${from} to ${to}`;
+}
+
+// ---- state: live, old or paused
+function showState() {
+  const newest = store.newestTime;
+  const known = newest === null ? "" : ` Newest values: ${clockOf(newest)}.`;
+  const isLive = reach.values && performance.now() - liveAt < OLD_MS;
+  const job = now.status?.job;
+  let text = `No values are measured now.${known || " They appear during a motion, or while you watch the drives at rest."}`;
+  if (isLive) text = job?.kind === "watch" ? "LIVE: values of the drives at rest." : "LIVE: values of the present motion.";
+  else if (!reach.values) text = `NOT LIVE: no values arrive from the service.${known}`;
+  else if (job && ["moving", "stopping"].includes(now.status.state)) text = `NOT LIVE: ${job.kind} is running, but there are no new values.${known}`;
+  if (end !== null) text += ` PAUSED at ${clockOf(end)}: the plots stand still; new values are kept.`;
+  const oldest = store.oldestTime;
+  if (end !== null && oldest !== null && end - span < oldest && store.newest >= 12000) text += ` Values before ${clockOf(oldest)} are no longer kept.`;
+  const state = find("signal-state");
+  if (state.textContent !== text) state.textContent = text;
+  state.dataset.kind = section.dataset.kind = isLive ? "live" : "old";
+  const problem = lost === null ? "" : `Values of ${lost.seconds.toFixed(1)} s did not reach this page by ${clockOf(lost.at)}: the connection or the device is too slow.`;
+  if (find("lost").textContent !== problem) find("lost").textContent = problem;
+}
+
+on("signals", (buffer) => {
+  const head = store.add(buffer);
+  if (head.joints.join() !== joints.map(({ name }) => name).join()) {
+    location.reload(); // the cell's files have changed
+    return;
+  }
+  if (head.isNew && head.age_s <= OLD_S) liveAt = performance.now();
+  if (head.lost) lost = { seconds: (lost?.seconds ?? 0) + head.lost * head.bin_s, at: store.newestTime };
+  if (end === null || !head.isNew) showSoon();
+});
+on("reach", showState);
+on("cell", showState);
+requestSignals(() => store.known());
+setInterval(showState, WATCH_MS);
+setInterval(() => requestAnimationFrame(draw), DRAW_MS);
+document.addEventListener("visibilitychange", showSoon);
