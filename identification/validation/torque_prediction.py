@@ -229,16 +229,15 @@ def pool_validations(
         The noise is the RMS of the recordings' noise on the counted samples; it is unknown if that
         of one recording is.
     """
-    first = validations[0]
-    rows = {
-        name: np.concatenate([getattr(each, name) for each in validations])
-        for name in (
-            *("time_s", "measured_nm", "predicted_nm", "position", "velocity", "acceleration"),
-            *("moving", "known"),
-        )
-    }
-    error = rows["measured_nm"] - rows["predicted_nm"]
-    known, counted = rows["known"], rows["known"] & rows["moving"]
+    measured, predicted, position, velocity, acceleration = (
+        np.concatenate([getattr(each, name) for each in validations])
+        for name in ("measured_nm", "predicted_nm", "position", "velocity", "acceleration")
+    )
+    moving, known = (
+        np.concatenate([getattr(each, name) for each in validations])
+        for name in ("moving", "known")
+    )
+    error, counted = measured - predicted, moving & known
     noise: FloatArray | None = None
     levels = [each.noise_nm for each in validations if each.noise_nm is not None]
     if len(levels) == len(validations):
@@ -248,11 +247,18 @@ def pool_validations(
         ]
         noise = _rms(np.concatenate(of_rows), counted)
     return replace(
-        first,
-        **rows,
+        validations[0],
+        time_s=np.concatenate([each.time_s for each in validations]),
+        measured_nm=measured,
+        predicted_nm=predicted,
+        position=position,
+        velocity=velocity,
+        acceleration=acceleration,
+        moving=moving,
+        known=known,
         rms_nm=_rms(error, counted),
-        relative_percent=100.0 * _rms(error, counted) / _rms(rows["measured_nm"], counted),
-        all_samples_percent=100.0 * _rms(error, known) / _rms(rows["measured_nm"], known),
+        relative_percent=100.0 * _rms(error, counted) / _rms(measured, counted),
+        all_samples_percent=100.0 * _rms(error, known) / _rms(measured, known),
         noise_nm=noise,
         limits_percent=limits_percent,
     )
