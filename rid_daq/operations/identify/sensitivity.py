@@ -20,7 +20,7 @@ from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from identification.sensitivity.cases import SensitivityRow
-    from rid_daq.operations.identify.payload_sensitivity import Sensitivity
+    from rid_daq.operations.payload.payload_sensitivity import Sensitivity
 
 MONTE_CARLO: Final = "Monte Carlo"
 _NO_DECIMAL: Final = 100.0  # percent
@@ -231,7 +231,7 @@ def _percent_text(value: float) -> str:
 
 def run(request: SensitivityRequest, context: Context) -> SensitivityResult:
     """Compute the table and the draws, and write the table."""
-    from rid_daq.operations.identify.payload_sensitivity import payload_sensitivity
+    from rid_daq.operations.payload.payload_sensitivity import payload_sensitivity
 
     return SensitivityResult(request, payload_sensitivity(request, context))
 
@@ -245,5 +245,5 @@ OPERATION: Final = Operation(
         "sensitivity kr15 --payload medium --output sensitivity.csv",
         "sensitivity kr15 --draws 1000 --doubt-links 5 --json",
     ),
-    module="rid_daq.operations.identify.payload_sensitivity",
+    module="rid_daq.operations.payload.payload_sensitivity",
 )

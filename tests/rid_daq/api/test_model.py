@@ -147,7 +147,7 @@ def test_short_recordings_are_judged_together_without_a_filter_across_them(
     assert [each.run for each in together.runs] == ["run 2", "run 3"]
     for j in range(3):
         axes = [each.axes[j] for each in together.runs]
-        squares = [axis.samples * axis.rms_error**2 for axis in axes]
+        squares = [axis.samples * (axis.rms_error or np.nan) ** 2 for axis in axes]
         pooled = np.sqrt(sum(squares) / sum(axis.samples for axis in axes))
         assert together.rms_error_nm[j] == pytest.approx(pooled, rel=1e-9)
     alone = [validate(model, arm.recording(seed, 8.0)) for seed in (2, 3)]
