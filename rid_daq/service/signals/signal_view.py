@@ -47,7 +47,7 @@ class SignalView:
         self._older = known if is_known else 0
 
     def next_new(self) -> bytes | None:
-        """Return the message with all new bins; None if there are none."""
+        """Return the message with all new bins; None if there is no new bin."""
         history = self._history
         if self._key != history.key:
             self._key = history.key
@@ -59,7 +59,7 @@ class SignalView:
         return self._message(first, count, lost) if count else None
 
     def next_older(self) -> bytes | None:
-        """Return a message with older bins; None if the viewer has all of them."""
+        """Return a message with older bins; None if the viewer has all kept bins."""
         if self._key != self._history.key:
             return None
         self._older = max(self._older, self._history.oldest)
