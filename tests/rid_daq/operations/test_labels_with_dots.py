@@ -27,6 +27,8 @@ def test_a_payload_is_found_by_a_label_with_a_dot(tmp_path: Path) -> None:
 def test_compare_finds_a_run_by_a_label_with_a_dot(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    RunFolder.create(tmp_path, LABEL)
+    found = RunFolder.create(tmp_path, LABEL).run_id
     assert run(["compare", LABEL, LABEL, "--runs", str(tmp_path)]) == 2
-    assert "RID-RUN-NO-RESULT" in capsys.readouterr().err
+    refusal = capsys.readouterr().err
+    assert "RID-OPTION-EXCLUSIVE" in refusal, "both names are the same run"
+    assert found in refusal
