@@ -85,6 +85,7 @@ def test_a_token_that_cannot_be_revoked_stays_in_the_list(
     open_page()  # another paired browser
     page.reload()
     rows = page.locator("#tokens tbody tr")
+    expect(rows).not_to_have_count(0)  # the list is loaded
     before = rows.count()
 
     def refuse(route: Route) -> None:
