@@ -158,7 +158,11 @@ TABLE: list[tuple[str, int, str]] = [
     ("identify nothing", 7, "no row was recorded"),
     ("identify nothing --band 0", 2, "--band"),
     ("identify text.csv", 2, "RID-RUN-IS-FILE"),
-    ("validate nothing model.json", 2, "give the model first, then the run: rid-daq validate model.json nothing"),
+    (
+        "validate nothing model.json",
+        2,
+        "then the run: rid-daq validate model.json nothing",
+    ),
     ("validate missing.json nothing", 2, "missing.json"),
     ("validate model.json nothing", 2, "not an estimate"),
     ("validate good.yaml nothing", 2, "this is a motion file; give an estimate"),

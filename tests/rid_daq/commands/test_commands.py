@@ -182,15 +182,17 @@ def test_a_too_short_run_gives_a_verdict_only_together_with_others(
     assert run([*words[:3], "validation", *words[3:], *runs]) == 0
 
 
+@pytest.mark.usefixtures("drawn_reports")
 def test_report_is_rewritten_from_the_results_only(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    folder = RunFolder.open(next((workshop / "runs").iterdir()))
-    before = (folder.path / "report.html").read_bytes()
-    (folder.path / "report.html").unlink()
-    assert run(["report", str(folder.path)]) == 0
-    assert f"Report: {folder.path / 'report.html'}" in capsys.readouterr().out
-    assert (folder.path / "report.html").read_bytes() == before
+    assert run(["identify", "excitation", "--json", *runs]) == 0
+    report = Path(document(capsys)["report"])
+    before = report.read_bytes()
+    report.unlink()
+    assert run(["report", str(report.parent)]) == 0
+    assert f"Report: {report}" in capsys.readouterr().out
+    assert report.read_bytes() == before
 
 
 def test_verify_finds_a_changed_file(

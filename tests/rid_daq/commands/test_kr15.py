@@ -321,7 +321,7 @@ class TestWarmUpAndPayload:
         simulated, _ = session
         with raises_code(ConfigError, "RID-PLANT-UNFIT", "'huge'"):
             simulated.attach("huge")
-        with raises_code(TransportError, "RID-MOCK-NOT-SERVED"):
+        with raises_code(TransportError, "RID-API-ARGUMENT"):
             SimulatedCell.attach(
                 SimulatedCell(simulated.simulation),
                 "small",
