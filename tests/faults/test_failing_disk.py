@@ -109,7 +109,7 @@ def test_a_disk_failure_stops_the_motion_and_keeps_the_written_rows(
     assert json.loads(output)["error"]["exit_code"] == 7
     # matplotlib may first report that it builds its font cache
     assert any(line.startswith("rid-daq: Stopped: ") for line in errors.splitlines())
-    for name in ("recording.mcap", "result.json"):
+    for name in ("recording.mcap", "manifest.json"):
         assert re.search(rf"{name}: cannot be written: {GONE}", errors)
     assert journal_bytes(disk) >= kept_bytes
     (path,) = disk.glob(JOURNAL)
