@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -104,10 +105,10 @@ class EarlyStop:
     def _ask_rule(self, periods: int) -> None:
         enough = False
         try:
-            if periods >= FEWEST_PERIODS and self._read_until(periods):
-                enough = self._rule(self._new_periods(periods))
-        except RecordingError:
-            pass  # the recorder reports the state of its file, and ends the motion
+            # after an error, the recorder reports the state of its file, and ends the motion
+            with contextlib.suppress(RecordingError):
+                if periods >= FEWEST_PERIODS and self._read_until(periods):
+                    enough = self._rule(self._new_periods(periods))
         finally:
             self._control.program.judge(periods, enough)
 
@@ -125,12 +126,10 @@ class EarlyStop:
         """Read the journal until it contains these periods; return False on a timeout."""
         until_s = time.monotonic() + FLUSH_PATIENCE_S
         while time.monotonic() < until_s and not self._control.task_gone:
-            try:
+            with contextlib.suppress(RidDaqError):  # no readable row yet
                 if self._reader is None:
                     self._reader = CycleReader(self._path)
                 self._unseen += self._reader.recordings(growing=True)
-            except RidDaqError:  # no readable row yet
-                pass
             last = max((int(part.sample_index.max()) for part in self._unseen), default=-1)
             if last >= self._ends[periods] - 1:
                 return True

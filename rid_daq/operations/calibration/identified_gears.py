@@ -86,8 +86,7 @@ def identify_gears(request: StiffnessRequest) -> IdentifiedGears:
 def _multisine_of(data: RunData) -> MultisineMotion | None:
     """Return the multisine of a run; None if the run is of another motion."""
     path = data.folder.file(MOTION)
-    motion = load_motion(path) if path.exists() else None
-    return motion if isinstance(motion, MultisineMotion) else None
+    return MultisineMotion.of(load_motion(path)) if path.exists() else None
 
 
 def _require_kinds(excitations: list[RunData], multisines: list[RunData], plate: bool) -> None:
