@@ -13,7 +13,8 @@ import numpy as np
 import pinocchio as pin  # pyright: ignore[reportMissingImports]
 
 from config.arrays import FloatArray
-from config.robot.robot import LinkCad, RobotDescription
+from config.robot.link_cad import LinkCad
+from config.robot.robot import RobotDescription
 
 ERRORS: Final = np.array([5e-4, 3e-4, 2e-3, 3e-4, 5e-4])
 """Standard deviations of the true rows: alpha, beta, theta [rad], a, d [m]."""

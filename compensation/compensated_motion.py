@@ -113,7 +113,7 @@ def refuse_torque(
         row = int(torque[:, j].argmax())
         if torque[row, j] <= joint.limits.torque:
             continue
-        unit = "N m" if joint.type == "revolute" else "N"
+        unit = joint.torque_unit
         where = f"at {row * samples.sample_period_s:.4g} s"
         place = motion.where(robot, samples.sample_period_s, row)
         if place:

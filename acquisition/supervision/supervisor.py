@@ -53,6 +53,7 @@ class Supervisor:
         self._positions = positions
         self._names = robot.joint_names
         self._units = tuple(joint.unit for joint in robot.joints)
+        self._torque_units = tuple(joint.torque_unit for joint in robot.joints)
         self._joints = range(len(limits))
         period_s = cell.cycle_time_s
         self._step = [PLAUSIBLE_FACTOR * each.velocity * period_s for each in limits]
@@ -292,7 +293,7 @@ class Supervisor:
             return self._limit(i, StopCode.VELOCITY_LIMIT, "velocity", velocity, limit, unit)
         limit = self._torque_limit[i]
         if not -limit <= torque_nm <= limit:
-            unit = "N m" if self._units[i] == "rad" else "N"
+            unit = self._torque_units[i]
             return self._limit(i, StopCode.TORQUE_LIMIT, "torque", torque_nm, limit, unit)
         return None
 

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from config.arrays import FloatArray
-from config.robot.robot import LinkCad
+from config.robot.link_cad import LinkCad
 
 DENSITY_KG_M3: Final = 2000.0
 SLENDERNESS: Final = 25.0

@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Annotated, Final, Literal, Self
+from typing import Annotated, Final, Literal
 
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from config.model import ConfigModel
-from config.plausible import Derived, PhysicalFile, Plausible, radius_of_gyration
+from config.plausible import PhysicalFile, Plausible
 from config.quantities import (
     MOST_JOINTS,
-    InertiaElements,
     NonNegative,
     Place,
     Positive,
@@ -23,6 +22,7 @@ from config.quantities import (
 from config.robot.bodies import Body, refuse_unknown_pairs
 from config.robot.friction_terms import FrictionTerm
 from config.robot.kinematic_table import Kinematics
+from config.robot.link_cad import LinkCad
 from config.robot.meshes_file import MeshesFile
 
 JointPosition = Annotated[float, Plausible(0.0, 15.0, "rad", Plausible(0.0, 50.0, "m"))]
@@ -32,8 +32,6 @@ JointAcceleration = Annotated[
 ]
 JointTorque = Annotated[Positive, Plausible(1e-2, 2e5, "N m", Plausible(0.1, 5e5, "N"))]
 
-_STEEL_KG_M3: Final = 7850.0
-_HOLLOW_KG_M3: Final = 100.0
 WORST_COUPLING: Final = 1e6
 
 _IDENTITY: Final = ("name", "gravity_m_s2", "kinematics", "spring", "coupling")
@@ -170,6 +168,11 @@ class Joint(ConfigModel):
         """Unit of the joint's position."""
         return "rad" if self.type == "revolute" else "m"
 
+    @property
+    def torque_unit(self) -> str:
+        """Unit of the joint's torque or force."""
+        return "N m" if self.type == "revolute" else "N"
+
     @model_validator(mode="after")
     def _checks(self) -> Joint:
         if self.gear_ratio == 0.0:
@@ -213,60 +216,6 @@ class GravitySpring(ConfigModel):
         if self.form == "physical" and (self.l_m is None or self.r_m is None):
             raise ValueError("a physical spring needs l_m and r_m; give them, or use form: fourier")
         return self
-
-
-def _ball_kg_m2(mass_kg: float, density_kg_m3: float) -> float:
-    """Return the moment of inertia of a ball about its centre [kg m²]."""
-    radius_m = (3.0 * mass_kg / (4.0 * np.pi * density_kg_m3)) ** (1.0 / 3.0)
-    return float(0.4 * mass_kg * radius_m**2)
-
-
-class LinkCad(Derived):
-    """Drawing data of a link, in its frame (modified convention, frame i on axis i).
-
-    Attributes:
-        mass_kg: Mass.
-        centre_m: Centre of gravity.
-        inertia_kg_m2: xx, xy, xz, yy, yz, zz about the centre of gravity, elements of the matrix.
-            An inertia below that of a steel ball of the same mass counts as unknown, because it is
-            zero or was rounded away.
-        uncertainty: Standard deviation of every value, relative to its magnitude. Null marks a
-            guess: it is used to plan motions, but not as a prior.
-    """
-
-    mass_kg: Annotated[NonNegative, Plausible(1e-4, 3e3, "kg")]
-    centre_m: Place = (0.0, 0.0, 0.0)
-    inertia_kg_m2: InertiaElements = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    uncertainty: Annotated[float, Field(gt=0.0), Plausible(1e-3, 2.0, "")] | None = 0.1
-
-    @model_validator(mode="after")
-    def _check_inertia(self) -> Self:
-        xx, xy, xz, yy, yz, zz = self.inertia_kg_m2
-        moments = np.linalg.eigvalsh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-        slack = 1e-6 * abs(moments[2])
-        if moments[0] < -slack or moments[0] + moments[1] < moments[2] - slack:
-            raise ValueError(
-                f"inertia_kg_m2 has the principal moments {', '.join(f'{m:.4g}' for m in moments)}:"
-                " none may be negative or larger than the sum of the other two; check the order"
-                " xx, xy, xz, yy, yz, zz and the signs"
-            )
-        return self
-
-    @property
-    def unknown_inertia_kg_m2(self) -> float | None:
-        """A typical moment of inertia for the mass if the stated one is unknown; else None.
-
-        The stated inertia is unknown if it is below that of a steel ball: zero or rounded away.
-        """
-        xx, _, _, yy, _, zz = self.inertia_kg_m2
-        if (xx + yy + zz) / 3.0 >= _ball_kg_m2(self.mass_kg, _STEEL_KG_M3):
-            return None
-        return _ball_kg_m2(self.mass_kg, _HOLLOW_KG_M3)
-
-    def derived(self) -> dict[str, tuple[float, Plausible]]:
-        """Return the radius of gyration."""
-        xx, _, _, yy, _, zz = self.inertia_kg_m2
-        return radius_of_gyration(self.mass_kg, (xx, yy, zz))
 
 
 class RobotDescription(PhysicalFile):

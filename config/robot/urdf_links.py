@@ -16,8 +16,8 @@ from scipy.optimize import nnls
 from config.arrays import FloatArray
 from config.formats.urdf import UrdfInertial, UrdfLink, UrdfTree
 from config.robot.axis_lines import AxisPoses
+from config.robot.link_cad import LinkCad
 from config.robot.nominal_links import nominal_links
-from config.robot.robot import LinkCad
 
 PLACEHOLDER_GYRATION_M: Final = 0.002
 LARGEST_GYRATION_M: Final = 5.0

@@ -171,7 +171,7 @@ def _check_ordered_stop(
         "6085h:00",
         "stop from top speed",
         _required_text(joint),
-        _found_text(time_s, distance, joint) + f" from {ramp.velocity:.3g} {_unit(joint)}/s",
+        _found_text(time_s, distance, joint) + f" from {ramp.velocity:.3g} {joint.unit}/s",
         "ok" if good else "red",
         ""
         if good
@@ -242,14 +242,13 @@ def _check_torque(axis: DriveAxis, joint: Joint, limit: str, allowed: float) -> 
     """Check that the drive's torque limit `allowed` is enough for a stop [N m or N]."""
     wanted = LEAST_TORQUE_FRACTION * joint.limits.torque
     good = allowed >= wanted
-    unit = "N m" if joint.type == "revolute" else "N"
     return DriveSetting(
         joint.name,
         axis.node_id,
         limit,
         "torque for a stop",
-        f"≥ {wanted:.4g} {unit}",
-        f"{allowed:.4g} {unit}",
+        f"≥ {wanted:.4g} {joint.torque_unit}",
+        f"{allowed:.4g} {joint.torque_unit}",
         "ok" if good else "red",
         ""
         if good
@@ -263,7 +262,7 @@ def _range(joint: Joint) -> float:
 
 
 def _required_text(joint: Joint) -> str:
-    return f"≤ {LONGEST_STOP_S:g} s, ≤ {_range(joint):.3g} {_unit(joint)}"
+    return f"≤ {LONGEST_STOP_S:g} s, ≤ {_range(joint):.3g} {joint.unit}"
 
 
 def _found_text(time_s: float, distance: float, joint: Joint) -> str:
@@ -271,8 +270,4 @@ def _found_text(time_s: float, distance: float, joint: Joint) -> str:
         return "never stops: the deceleration is 0 in the drive's units"
     if math.isinf(distance):
         return "never stops: the drive does not monitor its following error"
-    return f"{time_s:.3g} s, {distance:.3g} {_unit(joint)}"
-
-
-def _unit(joint: Joint) -> str:
-    return "rad" if joint.type == "revolute" else "m"
+    return f"{time_s:.3g} s, {distance:.3g} {joint.unit}"

@@ -22,7 +22,7 @@ import numpy as np
 
 from config.arrays import FloatArray, freeze
 from config.errors import EstimationError
-from config.robot.robot import LinkCad
+from config.robot.link_cad import LinkCad
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.consistency.consistency_test import (
     ConsistencyTest,

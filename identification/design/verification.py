@@ -133,7 +133,6 @@ def _motion_uses(problem: ExcitationProblem, rows: _Rows) -> tuple[LimitUse, ...
     uses: list[LimitUse] = []
     for j, joint in enumerate(problem.robot.joints):
         limits = joint.limits
-        unit = "m" if joint.type == "prismatic" else "rad"
         half = (limits.position_max - limits.position_min) / 2.0
         for what, values, limit, per in (
             ("range", rows.q[:, j] - limits.position_min - half, half, ""),
@@ -141,7 +140,9 @@ def _motion_uses(problem: ExcitationProblem, rows: _Rows) -> tuple[LimitUse, ...
             ("acceleration", rows.a[:, j], limits.acceleration, "/s²"),
         ):
             largest = float(np.abs(values).max())
-            uses.append(_limit_use(problem, f"{what} of {joint.name}", largest, limit, unit + per))
+            uses.append(
+                _limit_use(problem, f"{what} of {joint.name}", largest, limit, joint.unit + per)
+            )
     return tuple(uses)
 
 
@@ -155,7 +156,7 @@ def _torque_uses(problem: ExcitationProblem, rows: _Rows) -> tuple[LimitUse, ...
             f"torque of {joint.name}",
             float(tau),
             problem.torque_share * joint.limits.torque,
-            "N" if joint.type == "prismatic" else "N m",
+            joint.torque_unit,
         )
         for joint, tau in zip(problem.robot.joints, largest, strict=True)
     )

@@ -184,7 +184,7 @@ def check_payload(
             f"residual of {joint.name} (RMS)",
             float(residual),
             limits.residual_nm,
-            "N" if joint.type == "prismatic" else "N m",
+            joint.torque_unit,
             BAD_FIT,
         )
         for joint, share, residual in zip(

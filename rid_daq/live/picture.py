@@ -128,13 +128,12 @@ class MotionPicture:
         values, temperatures = self._values, progress.temperature_k
         shown = []
         for i, joint in enumerate(self._motion.robot.joints):
-            turns = joint.type == "revolute"
             limits = joint.limits
             warm = _finite(temperatures[i] - ZERO_CELSIUS_K) if temperatures else None
             line: dict[str, object] = {
                 "name": joint.name,
-                "unit": "rad" if turns else "m",
-                "torque_unit": "N m" if turns else "N",
+                "unit": joint.unit,
+                "torque_unit": joint.torque_unit,
                 "position_min": limits.position_min,
                 "position_max": limits.position_max,
                 "velocity_limit": limits.velocity,

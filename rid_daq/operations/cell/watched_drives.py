@@ -124,10 +124,7 @@ class _Watch:
         self._ring = Ring.create(len(robot.joints), RING_ROWS)
         self._unknown = [math.nan] * len(robot.joints)
         self._rest = [0.0] * len(robot.joints)
-        self.joints = tuple(
-            WatchedJoint(joint.name, "rad" if joint.type == "revolute" else "m")
-            for joint in robot.joints
-        )
+        self.joints = tuple(WatchedJoint(joint.name, joint.unit) for joint in robot.joints)
         self.cycle = 0
 
     def is_stop_requested(self) -> bool:

@@ -120,9 +120,9 @@ def limit_to_motors(robot: RobotDescription) -> tuple[RobotDescription, tuple[st
         if joint.limits.torque < least:
             raised = _round_up(least)
             notes.append(
-                f"joint {joint.name!r}: gravity needs up to {gravity:.3g} {_torque_unit(joint)}, so"
+                f"joint {joint.name!r}: gravity needs up to {gravity:.3g} {joint.torque_unit}, so"
                 f" limits.torque {joint.limits.torque:g} leaves too little for motion: {raised:g}"
-                f" {_torque_unit(joint)} is used; correct it, or reduce the range"
+                f" {joint.torque_unit} is used; correct it, or reduce the range"
             )
             joint = _with_limits(joint, torque=raised)
         fastest = (joint.limits.position_max - joint.limits.position_min) / LEAST_CROSSING_S
@@ -143,7 +143,7 @@ def limit_to_motors(robot: RobotDescription) -> tuple[RobotDescription, tuple[st
     joint = joints[tightest]
     notes.append(
         f"all speeds are multiplied by {speed:g} and accelerations by its square: the torque"
-        f" limit of joint {joint.name!r}, {joint.limits.torque:g} {_torque_unit(joint)}, is too"
+        f" limit of joint {joint.name!r}, {joint.limits.torque:g} {joint.torque_unit}, is too"
         " low for a faster validation motion"
     )
     return slow_down(robot, speed), tuple(notes)
@@ -187,10 +187,6 @@ def _torque_limits(robot: RobotDescription) -> FloatArray:
 def _with_limits(joint: Joint, **values: float) -> Joint:
     rounded = {name: float(f"{value:.6g}") for name, value in values.items()}
     return joint.model_copy(update={"limits": joint.limits.model_copy(update=rounded)})
-
-
-def _torque_unit(joint: Joint) -> str:
-    return "N" if joint.type == "prismatic" else "N m"
 
 
 def _round_up(value: float) -> float:

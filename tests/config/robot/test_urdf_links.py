@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from config.formats.urdf_file import read_urdf
-from config.robot.robot import LinkCad
+from config.robot.link_cad import LinkCad
 from config.robot.urdf_robot import UrdfRobot, robot_of_urdf
 
 

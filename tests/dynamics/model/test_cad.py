@@ -8,7 +8,7 @@ import pytest
 
 from config.errors import ConfigError
 from config.load import load_robot
-from config.robot.robot import LinkCad
+from config.robot.link_cad import LinkCad
 from dynamics.model.cad import cad_parameters, cad_prior
 from dynamics.model.robot_model import RobotModel
 from tests.builders.raised_codes import raises_code

@@ -9,7 +9,8 @@ import numpy as np
 from config.errors import ConfigError
 from config.robot.bodies import Capsule
 from config.robot.kinematic_table import KinematicRow, Kinematics
-from config.robot.robot import Joint, JointLimits, LinkCad, RobotDescription
+from config.robot.link_cad import LinkCad
+from config.robot.robot import Joint, JointLimits, RobotDescription
 from dynamics.model.cad import cad_parameters
 from dynamics.model.robot_model import torque
 from identification.design.criteria import DOptimal

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from config.robot.kinematic_table import KinematicRow, Kinematics
-from config.robot.robot import Joint, JointLimits, LinkCad, RobotDescription
+from config.robot.link_cad import LinkCad
+from config.robot.robot import Joint, JointLimits, RobotDescription
 from dynamics.model.cad import cad_parameters
 from dynamics.model.inverse_dynamics import mass_matrix
 from dynamics.model.robot_model import RobotModel
