@@ -49,7 +49,7 @@ class ValidateRequest(Request):
             description="Further runs that are judged together with the first: the limits apply to"
             " the errors of all runs. Each run can then be short."
         ),
-        Option(positional=True, metavar="RUN..."),
+        Option(positional=True, metavar="[RUN...]"),
     ] = ()
     payload: CarriedPayload = None
     runs: RunsFolder = DEFAULT_RUNS

@@ -14,7 +14,7 @@ from rid_daq.blocks.formats import number, unit
 from rid_daq.report.certificate import Certificate
 from rid_daq.report.section_blocks.centre_of_gravity import CentreOfGravity, centre_plot
 from rid_daq.report.sections.section import joint_units
-from rid_daq.robot_view.robot_pictures import flange_picture
+from rid_daq.robot_view import robot_pictures
 
 NOT_RECORDED: Final = "not recorded"
 _MEANING: Final = {
@@ -52,7 +52,7 @@ def certificate_evidence(certificate: Certificate) -> Iterator[AnyBlock]:
         yield centre_plot(CentreOfGravity.of(certificate.payload.estimate))
     if all(certificate.payload.estimate.is_determined[1:4]):
         x, y, z = certificate.payload.estimate.reported[1:4].tolist()
-        yield flange_picture(certificate.payload.estimate.robot, (x, y, z))
+        yield robot_pictures.flange_picture(certificate.payload.estimate.robot, (x, y, z))
     yield Heading(text="Fit of each axis")
     yield _fit(certificate)
     yield Heading(text="Load data for a controller")

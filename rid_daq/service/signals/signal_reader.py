@@ -50,7 +50,7 @@ class SignalReader:
             raise RecordingError(
                 f"the motion has {ring.joints} joints, but the cell's files name {len(joints)}: the"
                 " files have changed; end the motion to see its live signals again",
-                code="RID-RUN-MIXED",
+                code="RID-CELL-JOINTS",
             )
         self.joints = joints
         self._ring = ring

@@ -235,7 +235,7 @@ def test_a_file_of_another_robot_is_detected_by_the_residuals(
 def test_physical_consistency_is_reported_together_with_the_residuals(
     import_and_identify: Engineer, sound: UserFiles, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    found = import_and_identify(sound, "--no-diagnose")
+    found = import_and_identify(sound)
     assert found.code == 0
     assert run(found.words) == 0
     output = capsys.readouterr().out

@@ -11,6 +11,7 @@ from acquisition.recording.recording import Recording
 from config.load import load_robot
 from rid_daq.report.section_blocks.curves import traces_plot
 from rid_daq.report.sections.curves import TRACE_STEPS, Traces
+from rid_daq.report_page.drawings.plot import plot_svg
 
 ROWS = 4001
 PEAK = 2345
@@ -81,3 +82,8 @@ def test_an_import_without_set_points_has_no_following_error(recording: Recordin
     bare = Traces.of([Recording(**{**columns, "target_position": None})], 50, ROBOT)
     assert bare.axes[0].following_error is None
     assert [panel.y.label for panel in traces_plot(bare).panels] == ["position", "speed", "torque"]
+
+
+def test_the_traces_are_stored_and_drawn(traces: Traces) -> None:
+    assert Traces.model_validate_json(traces.model_dump_json()) == traces
+    assert "<svg" in plot_svg(traces_plot(traces), "traces")

@@ -108,5 +108,5 @@ def test_temperatures_are_known_while_the_drive_monitor_works() -> None:
 
 
 def test_names_that_do_not_fit_the_rows_are_refused() -> None:
-    with raises_code(RecordingError, "RID-RUN-MIXED"):
+    with raises_code(RecordingError, "RID-CELL-JOINTS"):
         SignalReader(Ring.create(3, 64), ControlBlock.create(), JOINTS, CYCLE_S)

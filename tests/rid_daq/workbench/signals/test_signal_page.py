@@ -48,8 +48,9 @@ def visible_s(page: Page) -> float:
     return float(end - begin)
 
 
-def test_a_page_without_values_says_so(open_page: OpenPage, served_pages: ServedProcess) -> None:
-    page = open_signals(open_page, served_pages)
+def test_a_page_without_values_says_so(open_page_of: OpenPage, served: ServedProcess) -> None:
+    page = open_page_of(served.url)
+    page.goto(served.url.split("/?")[0] + PAGE)
     state = page.locator("#signal-state")
     expect(state).to_have_attribute("data-kind", "old")
     expect(state).to_contain_text("No values are measured now.")
