@@ -18,7 +18,6 @@ from rid_daq.blocks.block import AnyBlock, Cells, Column, Next, Table, Text, Ver
 from rid_daq.operations.experiment.design import DesignRequest
 from rid_daq.operations.experiment.excitation_search import Search
 from rid_daq.operations.experiment.motion_design import DesignedMotion
-from rid_daq.report.sections.section import joint_units
 from rid_daq.terminal.choices import Kind
 
 
@@ -143,7 +142,7 @@ def _multisine_axes(designed: DesignedMotion, motion: MultisineMotion) -> list[_
     return [
         _MultisineAxis(
             joint=joint.name,
-            unit=joint_units(joint)[0],
+            unit=joint.unit,
             lines=len(lines),
             rms_velocity=settings.velocity,
             crest_factor=crest,
@@ -188,7 +187,7 @@ def _excitation_axes(samples: MotionSamples, robot: RobotDescription) -> list[_E
     return [
         _ExcitationAxis(
             joint=joint.name,
-            unit=joint_units(joint)[0],
+            unit=joint.unit,
             position_min=float(samples.position[:, column].min()),
             position_max=float(samples.position[:, column].max()),
             velocity=float(velocity[column]),

@@ -9,7 +9,7 @@ from identification.export.model import ExportModel
 from identification.export.torque_gap import TorqueGap
 from rid_daq.blocks.block import AnyBlock, Cells, Heading, Text, table
 from rid_daq.blocks.formats import unit
-from rid_daq.report.sections.section import Section, joint_units
+from rid_daq.report.sections.section import Section
 
 
 class ExportedTorques(Section):
@@ -48,7 +48,7 @@ def exported_torques(
     return tuple(
         ExportedTorques(
             joint=name,
-            unit=joint_units(model.robot.joints[j])[1],
+            unit=model.robot.joints[j].torque_unit,
             armature=model.armature(j),
             model_rms=float(gap.model_nm[j]),
             difference_rms=float(gap.with_armature_nm[j]),

@@ -13,7 +13,6 @@ from rid_daq.blocks.block import AnyBlock, Cell, Cells, Heading, Interval, Table
 from rid_daq.blocks.formats import number, unit
 from rid_daq.report.certificate import Certificate
 from rid_daq.report.section_blocks.centre_of_gravity import CentreOfGravity, centre_plot
-from rid_daq.report.sections.section import joint_units
 from rid_daq.robot_view import robot_pictures
 
 NOT_RECORDED: Final = "not recorded"
@@ -126,7 +125,7 @@ def _fit(certificate: Certificate) -> Table:
     return table(
         zip(estimate.robot.joints, estimate.fit, strict=True),
         Cells("axis", lambda each: each[1].joint),
-        Cells("unit", lambda each: joint_units(each[0])[1]),
+        Cells("unit", lambda each: each[0].torque_unit),
         Cells("residual (RMS)", lambda each: each[1].residual_nm, digits=3),
         Cells("residual / torque", lambda each: each[1].percent, "%", 3),
         Cells("residual / noise", lambda each: each[1].over_noise, digits=2),

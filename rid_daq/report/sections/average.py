@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from config.robot.robot import RobotDescription
-from rid_daq.report.sections.section import Section, joint_units
+from rid_daq.report.sections.section import Section
 
 if TYPE_CHECKING:
     from acquisition.processing.periods import PeriodAverage
@@ -75,8 +75,8 @@ class AverageSection(Section):
             rejected=tuple(RejectedPeriod.from_attributes(period) for period in average.rejected),
             axes=AxisNoise.for_each(
                 joint=robot.joint_names,
-                unit=[joint_units(joint)[0] for joint in robot.joints],
-                torque_unit=[joint_units(joint)[1] for joint in robot.joints],
+                unit=[joint.unit for joint in robot.joints],
+                torque_unit=[joint.torque_unit for joint in robot.joints],
                 torque_noise=np.sqrt(average.torque_variance),
                 position_noise=np.sqrt(average.position_variance),
             ),

@@ -15,7 +15,6 @@ from rid_daq.report.sections.section import (
     Numbers,
     Section,
     finite_or_none,
-    joint_units,
     round_values,
     thinning_slice,
 )
@@ -75,7 +74,7 @@ class TorqueCurves(Section):
                 finite_or_none(validation.rms_nm[i]),
                 finite_or_none(validation.relative_percent[i]),
             )
-            unit = joint_units(joint)[1]
+            unit = joint.torque_unit
             caption = "standstill"
             if error is not None and share is not None:
                 caption = f"RMS error (counted) {error:.3g} {unit}, {share:.3g} %"
@@ -109,7 +108,7 @@ class TorqueCurves(Section):
         rows = thinning_slice(len(comparison.time_s))
         axes = []
         for i, joint in enumerate(estimate.robot.joints):
-            unit, counted = joint_units(joint)[1], comparison.counted[:, i]
+            unit, counted = joint.torque_unit, comparison.counted[:, i]
             left = (comparison.measured_nm - comparison.fitted_nm)[counted, i]
             caption = "standstill"
             if counted.any():
@@ -187,7 +186,7 @@ class SpectrumCurves(Section):
                 measured_nm=map(round_values, comparison.measured_spectrum_nm[1:].T),
                 residual_nm=map(round_values, comparison.residual_spectrum_nm[1:].T),
                 noise_nm=map(round_values, comparison.noise_spectrum_nm[1:].T),
-                unit=[joint_units(joint)[1] for joint in robot.joints],
+                unit=[joint.torque_unit for joint in robot.joints],
             ),
         )
 
@@ -277,9 +276,12 @@ class Traces(Section):
         names = _WITH_SET_POINTS if has_set_points else _MEASURED
         axes = []
         for j, joint in enumerate(robot.joints):
-            unit, torque_unit = joint_units(joint)
             columns = {name: round_values(table[:, i, j]) for i, name in enumerate(names)}
-            axes.append(AxisTraces(joint=joint.name, unit=unit, torque_unit=torque_unit, **columns))
+            axes.append(
+                AxisTraces(
+                    joint=joint.name, unit=joint.unit, torque_unit=joint.torque_unit, **columns
+                )
+            )
         return cls(rows_per_step=count, time_s=round_values(times - times[0], 7), axes=tuple(axes))
 
 

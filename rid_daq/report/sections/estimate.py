@@ -10,7 +10,7 @@ import numpy as np
 from identification.regression.fit_grade import Grade
 from rid_daq.report.consistency_entry import ConsistencyEntry
 from rid_daq.report.mistake_entry import ArmWeightEntry, MistakeEntry
-from rid_daq.report.sections.section import Numbers, Section, Texts, finite_or_none, joint_units
+from rid_daq.report.sections.section import Numbers, Section, Texts, finite_or_none
 
 if TYPE_CHECKING:
     from identification.consistency.consistency_test import ConsistencyTest
@@ -165,7 +165,7 @@ class EstimateSection(Section):
             axes=tuple(
                 AxisResidual(
                     joint=fit.joint,
-                    unit=joint_units(joint)[1],
+                    unit=joint.torque_unit,
                     residual=fit.residual_nm,
                     noise=fit.noise_nm,
                     left_out_fraction=float(left_out),

@@ -10,7 +10,7 @@ import numpy as np
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
 from identification.regression.fit_grade import FitGrade, Grade, grade_fit
-from rid_daq.report.sections.section import Numbers, Section, Texts, joint_units
+from rid_daq.report.sections.section import Numbers, Section, Texts
 
 if TYPE_CHECKING:
     from identification.friction.curve import FrictionCurve
@@ -236,7 +236,7 @@ def _joint(
     beside: tuple[ComparedFriction, ...],
 ) -> JointFriction:
     j = robot.joint_names.index(curve.joint)
-    unit, torque_unit = joint_units(robot.joints[j])
+    unit, torque_unit = robot.joints[j].unit, robot.joints[j].torque_unit
     speed = np.linspace(0.0, 1.05 * float(curve.speed.max()), LINE_POINTS)
     speed[0] = 1e-3 * speed[-1]
     lines = {f"{fit.name} (best)" if fit is fits[0] else fit.name: fit for fit in fits[:2]}

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from config.robot.robot import RobotDescription
-from rid_daq.report.sections.section import Numbers, Section, Texts, joint_units, round_values
+from rid_daq.report.sections.section import Numbers, Section, Texts, round_values
 
 if TYPE_CHECKING:
     from identification.elasticity.gear_estimate import GearEstimate
@@ -69,7 +69,6 @@ class GearsSection(Section):
         """Return the section of an estimate."""
         axes = []
         for j, joint in enumerate(robot.joints):
-            length, force = joint_units(joint)
             response, reason = found.responses[j], found.reasons[j]
             gears, sigma = found.gears, float(found.relative_sigma[j])
             shown, damped = reason is None, found.shows_damping[j]
@@ -77,8 +76,8 @@ class GearsSection(Section):
             axes.append(
                 AxisGear(
                     joint=joint.name,
-                    unit=f"{force}/{length}",
-                    damping_unit=f"{force} s/{length}",
+                    unit=f"{joint.torque_unit}/{joint.unit}",
+                    damping_unit=f"{joint.torque_unit} s/{joint.unit}",
                     stiffness=k if shown else None,
                     stiffness_std=k * sigma if shown else None,
                     damping=float(gears.damping[j]) if damped else None,

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, cast
 
 from identification.regression.fit_grade import Grade
 from rid_daq.blocks.formats import format_measured
-from rid_daq.report.sections.section import Numbers, Section, Texts, joint_units
+from rid_daq.report.sections.section import Numbers, Section, Texts
 from rid_daq.report.sections.verdict import Relation, VerdictCheck, VerdictSection
 
 if TYPE_CHECKING:
@@ -187,7 +187,7 @@ class PayloadSection(Section):
             findings=(*filter(None, mistakes), *own, *findings),
             axes=PayloadAxis.for_each(
                 joint=estimate.robot.joint_names,
-                unit=[joint_units(joint)[1] for joint in estimate.robot.joints],
+                unit=[joint.torque_unit for joint in estimate.robot.joints],
                 payload=estimate.payload_nm,
                 residual=estimate.residual_nm,
                 mass_per_percent=[None] * len(estimate.robot.joints)

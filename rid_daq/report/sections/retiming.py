@@ -12,7 +12,6 @@ from rid_daq.report.driven_timing_entry import DrivenTiming
 from rid_daq.report.sections.section import (
     Numbers,
     Section,
-    joint_units,
     round_values,
     thinning_slice,
 )
@@ -180,7 +179,7 @@ class RetimingSection(Section):
         joints = [
             RetimedJoint(
                 joint=joint.name,
-                unit=joint_units(joint)[1],
+                unit=joint.torque_unit,
                 torque_limit=float(limits.torque[j]),
                 torque_peak=float(np.abs(torque[:, j]).max()),
                 torque_margin=float(uncertain[:, j].max()),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from config.cell.cell import CellConfig
 from config.robot.robot import RobotDescription
 from rid_daq.report.sections.curves import Traces
-from rid_daq.report.sections.section import Numbers, Section, joint_units
+from rid_daq.report.sections.section import Numbers, Section
 from rid_daq.report.sections.stop import StopCurve
 
 if TYPE_CHECKING:
@@ -251,8 +251,8 @@ def _extremes(tally: RecordingTally, robot: RobotDescription) -> tuple[AxisExtre
     limit = [joint.limits.torque for joint in robot.joints]
     return AxisExtremes.for_each(
         joint=robot.joint_names,
-        unit=[joint_units(joint)[0] for joint in robot.joints],
-        torque_unit=[joint_units(joint)[1] for joint in robot.joints],
+        unit=[joint.unit for joint in robot.joints],
+        torque_unit=[joint.torque_unit for joint in robot.joints],
         position_min=tally.position_min,
         position_max=tally.position_max,
         position_start=[None] * len(robot.joints) if tally.start is None else tally.start.tolist(),

@@ -9,7 +9,6 @@ from typing import Annotated, Protocol
 from pydantic import SerializerFunctionWrapHandler, Strict, model_serializer
 
 from config.model import ConfigModel
-from config.robot.robot import Joint
 from identification.regression.fit_grade import Grade
 
 Numbers = Annotated[tuple[float, ...], Strict(False)]
@@ -36,11 +35,6 @@ class Section(ConfigModel):
             for key, value in handler(self).items()
             if value is not None or key not in fields or fields[key].is_required()
         }
-
-
-def joint_units(joint: Joint) -> tuple[str, str]:
-    """Return the units of a joint's position and of its torque."""
-    return ("rad", "N m") if joint.type == "revolute" else ("m", "N")
 
 
 class GradedAxis(Protocol):

@@ -11,7 +11,6 @@ from config.arrays import FloatArray
 from rid_daq.report.sections.section import (
     Numbers,
     Section,
-    joint_units,
     round_values,
     thinning_slice,
 )
@@ -119,7 +118,7 @@ def _quantity(
     from acquisition.motion.limits import position_bounds
 
     limits, rules = robot.joints[joint].limits, cell.supervision
-    unit, torque_unit = joint_units(robot.joints[joint])
+    unit, torque_unit = robot.joints[joint].unit, robot.joints[joint].torque_unit
     assert recording.target_position is not None
     target, position = recording.target_position[:, joint], recording.position[:, joint]
     margin = 1.0 + rules.limit_margin_fraction

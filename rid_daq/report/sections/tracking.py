@@ -13,7 +13,7 @@ from pydantic import Strict
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
 from rid_daq.blocks.formats import number
-from rid_daq.report.sections.section import Numbers, Section, Texts, joint_units, round_values
+from rid_daq.report.sections.section import Numbers, Section, Texts, round_values
 from rid_daq.report.sections.verdict import VerdictSection
 from rid_daq.report.tool_error_entries import ToolDeflection, ToolSideSize
 
@@ -215,7 +215,7 @@ class TrackingSection(Section):
             " instant, computed with the robot file's kinematics. Joint errors are"
             " desired minus reached position." + more,
             joints=JointUnit.for_each(
-                joint=robot.joint_names, unit=[joint_units(joint)[0] for joint in robot.joints]
+                joint=robot.joint_names, unit=[joint.unit for joint in robot.joints]
             ),
             motions=tuple(motions),
             unseen=f"{ENCODERS_AT_MOTORS} {_deflection_sentence(motions, robot, torques)}",

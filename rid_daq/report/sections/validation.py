@@ -12,7 +12,7 @@ from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
 from identification.regression.fit_grade import Grade
 from rid_daq.blocks.formats import number
-from rid_daq.report.sections.section import Numbers, Section, Texts, finite_or_none, joint_units
+from rid_daq.report.sections.section import Numbers, Section, Texts, finite_or_none
 
 if TYPE_CHECKING:
     from identification.validation.torque_prediction import Validation
@@ -140,7 +140,7 @@ def _axis(
     over = fit.over_noise if limits else None
     return AxisError(
         joint=joint.name,
-        unit=joint_units(joint)[1],
+        unit=joint.torque_unit,
         rms_torque=float(np.sqrt(np.mean(measured**2))) if len(measured) else None,
         rms_error=error,
         relative_error_percent=finite_or_none(validation.relative_percent[i]),

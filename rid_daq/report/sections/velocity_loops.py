@@ -15,7 +15,7 @@ from rid_daq.report.sections.loop_curves import (
     LoopMargins,
     MechanicsResponse,
 )
-from rid_daq.report.sections.section import Numbers, Section, Texts, finite_or_none, joint_units
+from rid_daq.report.sections.section import Numbers, Section, Texts, finite_or_none
 
 if TYPE_CHECKING:
     from compensation.loops.cascade import Cascade, GainAdvice
@@ -125,9 +125,8 @@ class AxisLoop(Section):
     ) -> AxisLoop:
         """Return the measurements and fits of one axis."""
         loop, axis = cascade.loop, cascade.mechanics
-        position_unit, torque_unit = joint_units(
-            robot.joints[robot.joint_names.index(loop.joint_name)]
-        )
+        joint = robot.joints[robot.joint_names.index(loop.joint_name)]
+        position_unit, torque_unit = joint.unit, joint.torque_unit
         (fit,) = grade_fit(
             (loop.joint_name,),
             np.array([axis.misfit]),
