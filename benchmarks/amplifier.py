@@ -83,7 +83,7 @@ def run_jobs(pipe: Connection) -> None:
             os.set_blocking(ours, True)
             os.write(ours, END)
             pipe.send(dropped)
-            pipe.recv()  # the reader has received all rows
+            pipe.recv()  # wait until the reader has received all rows
             os.close(ours)
             os.close(theirs)
 

@@ -154,7 +154,7 @@ def press_all(port: int, presses: int) -> dict[str, Pressed]:
         echoer = multiprocessing.get_context("spawn").Process(target=echo, args=(listener,))
         echoer.start()
         echoing.settimeout(PATIENCE_S)
-        press_echo(echoing, Pressed())  # waits until the process runs
+        press_echo(echoing, Pressed())  # wait until the process runs
         for number in range(presses):
             press_http(port, IDLE_CELL, found["http"])
             line.press(IDLE_CELL, number, found["line"])
@@ -190,7 +190,10 @@ def main() -> int:
             client.follow(job)
             job = client.job(job.id)
             skipped, cycles = skipped_cycles(folder, job)
-    for way, pressed in (*found.items(), ("until the moving task reacted", moved)):
+    for way, pressed in (
+        *found.items(),
+        ("time until the cyclic task of the moving robot reacted", moved),
+    ):
         print(f"STOP, {way}: {pressed.words}")
     print(f"the motion skipped {skipped} of {cycles} cycles; end: {job.reason}")
     floor = found.pop("echo")

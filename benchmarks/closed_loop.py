@@ -36,8 +36,9 @@ def closed_loop(
     """Simulate a motion with robot, position loop, and the rounding of drives and bus.
 
     A commanded speed acts from the next SYNC on. It is the output of the position loop plus the
-    motion's feedforward, or plus the motion's velocity if there is no feedforward. `wrench`
-    (samples, 6) receives the true wrench of the base.
+    motion's feedforward, or plus the motion's velocity if there is no feedforward. With a coupled
+    wrist, encoders and drives belong to the motors, as on the bus. `wrench` (samples, 6) receives
+    the true wrench of the base.
     """
     samples = samples.whole()
     joints, step_s = cell.robot.joints, samples.sample_period_s
@@ -46,22 +47,23 @@ def closed_loop(
     counts = ratio * [axis.encoder_increments_per_motor_rev / (2.0 * np.pi) for axis in truth.axes]
     permille_nm = 1e-3 * ratio * [axis.rated_motor_torque_nm for axis in truth.axes]
     n = len(joints)
+    to_joints = np.eye(n) if cell.robot.coupling is None else np.array(cell.robot.coupling)
+    to_motors = np.linalg.inv(to_joints)
     powered, free = np.ones(n, dtype=np.bool_), np.zeros(n, dtype=np.bool_)
     ahead = samples.velocity if samples.feedforward is None else samples.feedforward
     position, torque, command = np.zeros((3, len(samples), n))
     before = now = sent = np.zeros(n)
     for row in range(-SETTLE_ROWS, len(samples)):
         at = max(row, 0)
-        measured = plant.position_counts() / counts
+        measured = to_joints @ (plant.position_counts() / counts)
         speed = cell.config.position_gain_per_s * (samples.position[at] - measured)
         if row >= 0:
             position[row], torque[row] = measured, permille_nm * plant.torque_permille()
             speed = speed + ahead[row]
             if wrench is not None:
                 wrench[row] = plant.base_wrench
-        speed = np.rint(speed * counts) / counts
-        command[at] = speed
-        before, now, sent = now, sent, speed
+        command[at] = to_joints @ (np.rint(to_motors @ speed * counts) / counts)
+        before, now, sent = now, sent, to_motors @ command[at]
         plant.advance(step_s, before, now, powered, free)
     rows = np.arange(len(samples))
     return Recording(

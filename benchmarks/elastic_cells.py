@@ -10,16 +10,22 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from acquisition.motion.samples import MotionSamples
 from acquisition.recording.reaction import Reaction
 from acquisition.recording.recording import Recording
+from acquisition.tracker.link_file import LinkPositions
+from acquisition.tracker.tracker_file import TrackedPoint
 from compensation.loops.velocity_loop import VelocityLoop
 from config.arrays import FloatArray
 from config.load import load_cell
+from config.robot.kinematic_table import KinematicRow, Kinematics
 from config.robot.robot import RobotDescription
 from config.simulation.plant import PlantConfig, UnmodelledEffects
+from config.simulation.tracker import SimulatedTracker
 from mock_hw.plant.plant import Plant
+from mock_hw.plant.tracker import Tracker
 
 STIFFNESS: Final = np.array([5e4, 6e4, 2e4])
 DAMPING_RATIO: Final = 0.05
@@ -31,6 +37,36 @@ LARGEST_FACTOR: Final = 2.5
 PLATE_NOISE: Final = np.array([0.5, 0.5, 0.5, 0.3, 0.3, 0.3])
 CHANNELS: Final = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 SLOW_S: Final = 3.0
+ROW_ERROR: Final = 5e-4
+"""Standard deviation of the errors of angles [rad] and lengths [m] of the kinematics."""
+POINT_M: Final = np.array([0.765, 0.0, 0.0])
+POINT_ERROR_M: Final = 1e-3
+LINK_INCREMENTS: Final = 262144
+LINK_RATE_HZ: Final = 400.0
+LINK_CLOCK_S: Final = 31.7
+
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """A motion that was driven.
+
+    Attributes:
+        recording: What the drives measured.
+        links: Shape (samples, n). True positions of the links.
+        tracked: What the tracker measured; it is 0.05 mm noisy, and on its own clock and frame.
+    """
+
+    recording: Recording
+    links: FloatArray
+    tracked: TrackedPoint
+
+    def link_positions(self) -> LinkPositions:
+        """Return what encoders on the link side measure: quantised, on their own clock."""
+        time_s = self.recording.time_s
+        own = np.arange(time_s[0], time_s[-1], 1.0 / LINK_RATE_HZ)
+        step = 2.0 * np.pi / LINK_INCREMENTS
+        position = np.round(CubicSpline(time_s, self.links)(own) / step) * step
+        return LinkPositions(own + LINK_CLOCK_S, tuple(range(self.links.shape[1])), position)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,12 +85,17 @@ class ElasticCell:
 
     @classmethod
     def of(cls, seed: int, stiffness: FloatArray | None = None) -> ElasticCell:
-        """Return a cell whose bodies and friction depend on the seed; so does the stiffness."""
+        """Return a cell whose bodies and friction depend on the seed.
+
+        Without a given stiffness, the stiffness and the true kinematics depend on the seed too.
+        """
         random = np.random.default_rng(seed)
         bundled = load_cell("ir361")
         plant = bundled.plant
         assert plant is not None
+        kinematics = None
         if stiffness is None:
+            kinematics = _off_nominal(bundled.robot, np.random.default_rng([seed, 1]))
             stiffness = STIFFNESS * random.uniform(0.8, LARGEST_FACTOR, 3)
         damping = 2.0 * DAMPING_RATIO * np.sqrt(stiffness * INERTIA)
 
@@ -82,7 +123,16 @@ class ElasticCell:
             )
             for extra, k, d in zip(plant.extras, stiffness.tolist(), damping.tolist(), strict=True)
         )
-        changed = {"links": links, "unmodelled": UnmodelledEffects(axes=axes)}
+        point = POINT_M + POINT_ERROR_M * np.random.default_rng([seed, 2]).normal(size=3)
+        tracker = SimulatedTracker(
+            point_m=tuple(point.tolist()),
+            position_m=(2.5, 0.8, 0.3),
+            rotation_rad=(0.1, -0.2, 2.4),
+            clock_offset_s=4711.0,
+            clock_ppm=30.0,
+        )
+        effects = UnmodelledEffects(axes=axes, kinematics=kinematics)
+        changed = {"links": links, "unmodelled": effects, "tracker": tracker}
         return cls(bundled.robot, plant.model_copy(update=changed), stiffness)
 
     @property
@@ -103,10 +153,8 @@ class ElasticCell:
             for joint, axis in zip(self.robot.joints, self.plant.axes, strict=True)
         )
 
-    def drive(
-        self, samples: MotionSamples, seed: int, *, plate: bool = False
-    ) -> tuple[Recording, FloatArray]:
-        """Drive a motion; return its recording and the true positions of the links, (samples, n).
+    def drive(self, samples: MotionSamples, seed: int, *, plate: bool = False) -> Driven:
+        """Drive a motion.
 
         Args:
             seed: Random seed of the noise.
@@ -124,6 +172,9 @@ class ElasticCell:
         start = plant.position_counts() * per_count
         first = samples.position[0]
         before = now = np.zeros(len(ratio))
+        tracker = Tracker(self.robot, self.plant, seed)
+        tracker.begin(plant.time_s, plant.position, plant.velocity)
+        tracked: list[FloatArray] = []
         rows = len(samples.position)
         position, torque, links, wrench = (
             np.empty((rows, width)) for width in (len(ratio), len(ratio), len(ratio), 6)
@@ -141,13 +192,15 @@ class ElasticCell:
                     wrench[row] = plant.base_wrench
                 command = config.position_gain_per_s * (samples.position[row] - at) + ahead[row]
             plant.advance(step_s, before, now, on, off)
+            tracked += tracker.observe(plant.time_s, plant.position, plant.velocity)
             before, now = now, command
         reaction = None
         if plate:
             noise = PLATE_NOISE * np.random.default_rng(seed).normal(size=wrench.shape)
             valid = np.ones(wrench.shape, dtype=np.bool_)
             reaction = Reaction(CHANNELS, wrench + noise, valid, np.eye(6))
-        return (
+        measured = np.array(tracked)
+        return Driven(
             Recording(
                 joint_names=self.robot.joint_names,
                 time_s=step_s * np.arange(rows, dtype=np.float64),
@@ -164,4 +217,15 @@ class ElasticCell:
                 reaction=reaction,
             ),
             links,
+            TrackedPoint(measured[:, 0], measured[:, 1:]),
         )
+
+
+def _off_nominal(robot: RobotDescription, random: np.random.Generator) -> Kinematics:
+    """Return kinematics that differ from the nominal ones."""
+    offsets = ROW_ERROR * random.normal(size=(len(robot.joints), 5))
+    rows = tuple(
+        KinematicRow(alpha_rad=alpha, beta_rad=beta, theta_rad=theta, a_m=a, d_m=d)
+        for alpha, beta, theta, a, d in offsets.tolist()
+    )
+    return robot.kinematics.model_copy(update={"calibration": rows})

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import os
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the program sets it
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the same value as in the program
 
 import argparse
 import json

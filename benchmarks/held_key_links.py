@@ -162,11 +162,11 @@ class NarrowWay:
 
 
 class Page:
-    """A page with `held_key.js`; or, if careless, a program that answers every challenge.
+    """A page that follows the rules of `held_key.js`, or a careless program.
 
     Args:
         to_service: Link in the direction to the service.
-        careless: True if a press continues after a gap and after a reconnection.
+        careless: True for a program that continues a press after a gap and after a reconnection.
     """
 
     def __init__(self, to_service: Way, *, careless: bool) -> None:

@@ -297,7 +297,7 @@ def main() -> int:
     """Evaluate the cases, and print the figures; the last line is one JSON object."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.honest_choice")
     parser.add_argument("--quick", action="store_true", help="three cases of the three-axis arm")
-    parser.add_argument("--tuning", action="store_true", help="use the seeds of the tuning")
+    parser.add_argument("--tuning", action="store_true", help="use the seeds of the tuned limits")
     parser.add_argument("--only", default="", help="only cases whose name contains this text")
     options = parser.parse_args()
     tally = Tally()

@@ -25,9 +25,14 @@ class Piece(ConfigModel):
 
 
 class Bar(ConfigModel):
-    """Largest relative error of each joint [%]; null for no limit."""
+    """Largest relative error of each joint [%]; null for no limit.
+
+    `moving_percent` and `all_percent` apply to the samples in motion and to all samples;
+    `away_percent` applies to the samples away from standstill (`benchmarks.judged_rows`).
+    """
 
     moving_percent: Percents = ()
+    away_percent: Percents = ()
     all_percent: Percents = ()
 
 

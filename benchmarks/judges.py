@@ -5,8 +5,9 @@ them train and which validate (`benchmarks.judge_split`). It is in a folder belo
 bundled file with the folder's name. The data go through the commands `import`, `identify`,
 `identify --choose` and `validate`. Then the training and the validation recordings are exchanged.
 
-The output contains the prediction errors, the number of rigid base parameters whose 95 % intervals
-agree between both directions, and the physical consistency of the models. With `--peer-python
+The output contains the prediction errors with their accuracy and causes (`benchmarks.judged_rows`),
+the number of rigid base parameters whose 95 % intervals agree between both directions, and the
+physical consistency of the models. With `--peer-python
 PYTHON`, figaroh identifies the same arrays in that Python. The last line is one JSON object.
 """
 
@@ -14,7 +15,7 @@ from __future__ import annotations
 
 import os
 
-os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the program sets it
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the same value as in the program
 
 import argparse
 import json
@@ -32,8 +33,10 @@ import numpy as np
 from acquisition.processing.smoothing import SmoothedSignals
 from acquisition.runs.catalogue import find_runs
 from benchmarks.judge_split import JudgeSplit, Piece, find_splits
+from benchmarks.judged_rows import JudgedErrors, judge_rows
 from dynamics.geometry.kinematics import Chain
 from identification.equations.deconvolution import smoothed_recording
+from identification.estimation.file import read_estimate
 from rid_daq.runs.run_data import RunData
 
 PEER: Final = Path(__file__).with_name("judges_peer.py")
@@ -53,6 +56,7 @@ class Direction:
         plain, moving, every: Largest relative error of each joint in the predicted runs [%].
             `plain`: with the terms of the robot file, on moving samples. `moving`, `every`: with
             the chosen terms, on moving and on all samples.
+        judged: Errors of each predicted run with the chosen terms, by `judge_rows`.
         peer: Error of figaroh on moving samples; empty without it.
         consistent: True if the chosen model's parameters are physically consistent.
         values: Value and standard deviation of each rigid base parameter.
@@ -61,9 +65,26 @@ class Direction:
     plain: list[float] = field(default_factory=list)
     moving: list[float] = field(default_factory=list)
     every: list[float] = field(default_factory=list)
+    judged: list[JudgedErrors] = field(default_factory=list)
     peer: list[float] = field(default_factory=list)
     consistent: bool = False
     values: dict[str, tuple[float, float]] = field(default_factory=dict)
+
+    @property
+    def sigma(self) -> list[float]:
+        """Standard deviation of `moving`: of each joint in the run with its largest error [%]."""
+        worst = np.argmax([run.moving_percent for run in self.judged], axis=0)
+        return [float(self.judged[run].sigma_percent[j]) for j, run in enumerate(worst)]
+
+    @property
+    def away(self) -> list[float]:
+        """Largest error of each joint on rows away from standstill [%]."""
+        return list(np.max([run.away_percent for run in self.judged], axis=0))
+
+    @property
+    def own_friction(self) -> list[float]:
+        """Largest error of each joint with the friction of the predicted run [%]."""
+        return list(np.max([run.own_friction_percent for run in self.judged], axis=0))
 
 
 def command(*words: str) -> dict[str, Any]:
@@ -118,6 +139,9 @@ def evaluate_direction(way: str, train: Sequence[str], judge: Sequence[str]) -> 
             continue
         result.moving = largest_errors(judged, "relative_error_percent")
         result.every = largest_errors(judged, "all_samples_percent")
+        estimate = read_estimate(Path(model))
+        runs = [RunData.load(folder) for folder in find_runs(Path("runs"), judge)]
+        result.judged = [judge_rows(estimate, run.recording) for run in runs]
         joints = [axis["joint"] for axis in document["estimate"]["axes"]]
         result.values = {
             each["name"]: (each["value"], each["std"])
@@ -198,6 +222,9 @@ def judge_robot(place: Path, split: JudgeSplit, peer: str | None) -> dict[str, A
             direction.peer = peer_percent(peer, *runs)
         print(f"  {way:5}  terms of the robot file, moving   {percent_row(direction.plain)}")
         print(f"  {'':5}  chosen terms, moving              {percent_row(direction.moving)}")
+        print(f"  {'':5}    their standard deviation        {percent_row(direction.sigma)}")
+        print(f"  {'':5}    with the friction of this run   {percent_row(direction.own_friction)}")
+        print(f"  {'':5}  chosen terms, away from rest      {percent_row(direction.away)}")
         print(f"  {'':5}  chosen terms, all samples         {percent_row(direction.every)}")
         if direction.peer:
             print(f"  {'':5}  figaroh, moving                   {percent_row(direction.peer)}")
@@ -206,9 +233,13 @@ def judge_robot(place: Path, split: JudgeSplit, peer: str | None) -> dict[str, A
     print(f"  {agree} of {of} rigid base parameters agree between the directions (95 % intervals)")
     first = result["first"]
     holds = meets_bar(first.moving, split.bar.moving_percent)
+    holds &= meets_bar(first.away, split.bar.away_percent)
     holds &= meets_bar(first.every, split.bar.all_percent)
     return {
         "moving_percent": [round(each, 2) for each in first.moving],
+        "sigma_percent": [round(each, 2) for each in first.sigma],
+        "own_friction_percent": [round(each, 2) for each in first.own_friction],
+        "away_percent": [round(each, 2) for each in first.away],
         "all_percent": [round(each, 2) for each in first.every],
         "back_moving_percent": [round(each, 2) for each in result["back"].moving],
         "figaroh_percent": first.peer,

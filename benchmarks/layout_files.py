@@ -223,7 +223,9 @@ def _merged_topics(folder: Path, source: Source) -> tuple[Path, ...]:
     return (path,)
 
 
-def _bag(storage: StoragePlugin) -> Callable[[Path, Source], tuple[Path, ...]]:
+def bag_writer(storage: StoragePlugin) -> Callable[[Path, Source], tuple[Path, ...]]:
+    """Return a writer of a ROS 2 bag with joint states, whose efforts are the torques."""
+
     def write(folder: Path, source: Source) -> tuple[Path, ...]:
         path = folder / "bag"
         store = get_typestore(Stores.ROS2_HUMBLE)
@@ -292,8 +294,8 @@ LAYOUTS: Final = (
          *names("state.tau_J[{n}]"), *names("state.tau_J_d[{n}]")],
         lambda s: [1e3 * s.t, s.q, s.q + 0.01, s.qd, s.torque, 0.5 * s.torque])),
     Layout("KUKA RSI, percent of maximum current", text(
-        ["Timestamp", "Receive.IPOC", *names("Receive.AIPos.A{n}", 1),
-         *names("Receive.ASPos.A{n}", 1), *names("Receive.MACur.A{n}", 1)],
+        ["Timestamp", "Send.IPOC", *names("Send.AIPos.A{n}", 1),
+         *names("Send.ASPos.A{n}", 1), *names("Send.MACur.A{n}", 1)],
         lambda s: [_iso(s, "Z"), 1e3 * s.t, np.rad2deg(s.q), np.rad2deg(s.q),
                    100.0 * s.current / RATED_A]),
         known={"rated_current_a": RATED_A.tolist()}, has_velocity=False),
@@ -340,12 +342,11 @@ LAYOUTS: Final = (
                               increments_per_rev=[INCREMENTS] * N)}),
     Layout("UTF-8 with a byte order mark", text(PLAIN, _plain, encoding="utf-8-sig")),
     Layout("UTF-16", text(PLAIN, _plain, encoding="utf-16")),
+    Layout("UTF-16 without a byte order mark", text(PLAIN, _plain, encoding="utf-16-le")),
     Layout("quoted decimal commas", text(PLAIN, _plain, decimal=",", quoted=True)),
     Layout("nanoseconds since 1970", text(PLAIN, _nanoseconds)),
     Layout("seconds and nanoseconds", text(["sec", "nanosec", *PLAIN[1:]], lambda s: [
-        [ns // 10**9 for ns in s.ns], [ns % 10**9 for ns in s.ns], s.q, s.qd, s.torque]), {
-            "header_rows": 1, "time": {"column": "sec", "nanoseconds": "nanosec"},
-            "joints": _joints({"position": "q{n}", "velocity": "qd{n}", "torque": "tau{n}"})}),
+        [ns // 10**9 for ns in s.ns], [ns % 10**9 for ns in s.ns], s.q, s.qd, s.torque])),
     Layout("ISO 8601 in UTC", text(PLAIN, lambda s: [_iso(s, "Z"), *_plain(s)[1:]])),
     Layout("ISO 8601 with a time zone", text(PLAIN, lambda s: [_iso(s, "+01:00"), *_plain(s)[1:]])),
     Layout("topics merged into one file", _merged_topics),
@@ -358,7 +359,6 @@ LAYOUTS: Final = (
     Layout("HDF5", _hdf5),
     Layout("Parquet", _parquet),
     Layout("Parquet, lists", _parquet_lists),
-    Layout("ROS 2 bag, sqlite3", _bag(StoragePlugin.SQLITE3), {
-        "joint_states": {"effort": "torque"}}),
-    Layout("ROS 2 bag, MCAP", _bag(StoragePlugin.MCAP), {"joint_states": {"effort": "torque"}}),
+    Layout("ROS 2 bag, sqlite3", bag_writer(StoragePlugin.SQLITE3)),
+    Layout("ROS 2 bag, MCAP", bag_writer(StoragePlugin.MCAP)),
 )  # fmt: skip

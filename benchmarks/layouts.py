@@ -19,13 +19,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from acquisition.imports.import_map import load_import_map
-from acquisition.proposals.propose import propose_map
+from acquisition.maps.import_map import load_import_map
 from benchmarks.layout_files import JOINTS, LAYOUTS, Layout, Source
 from config.arrays import FloatArray
 from config.formats.yaml_tree import dump_yaml
 from config.refusals import PLACEHOLDER
 from rid_daq.api import RidDaqError, identify, read_recording
+from rid_daq.operations.experiment.map_proposal import propose_checked_map
 
 FILE: Final = "ur10e/ur-20_02_12-50sec_12harm.csv"
 ROWS: Final = slice(354, 5090)
@@ -87,6 +87,7 @@ def _without_velocities(folder: Path) -> Path:
         {"joint": joint, "position": 1 + i, "current": 13 + i} for i, joint in enumerate(JOINTS)
     ]
     keys = {"name": "still", "robot": robot.name, "columns": 31, "time": {"column": 0}}
+    keys["torques"] = "motor_current"
     path = folder / "without_velocities.yaml"
     path.write_text(dump_yaml({**keys, "joints": joints}), encoding="utf-8")
     return path
@@ -97,9 +98,14 @@ def _read(layout: Layout, source: Source, folder: Path) -> tuple[str, tuple[Floa
     files = layout.write(folder, source)
     keys: dict[str, Any]
     if layout.keys is None:
-        how, keys = "proposed", propose_map(files[0], ROBOT).keys
+        how, keys = "proposed", propose_checked_map(files[0], ROBOT).keys
     else:
-        how, keys = "by hand", {"name": "layout", "robot": ROBOT, **layout.keys}
+        how, keys = (
+            "by hand",
+            {"name": "layout", "robot": ROBOT, "torques": "motor_torque", **layout.keys},
+        )
+    if keys["torques"] == PLACEHOLDER:
+        keys["torques"] = "motor_torque"
     for number, joint in enumerate(keys.get("joints", ())):
         for key, value in joint.items():
             if value == PLACEHOLDER:

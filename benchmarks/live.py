@@ -54,7 +54,7 @@ QUICK_STOP = b"\x02\x00"
 
 def crowd(access: Access, line: Connection) -> None:
     """Open and close `CLIENTS` connections to the page on command."""
-    os.nice(10)  # they represent other programs
+    os.nice(10)  # these processes represent other programs
     hanging = (
         f"GET /events HTTP/1.1\r\nHost: 127.0.0.1:{access.port}\r\n"
         f"Authorization: Bearer {access.token}\r\n\r\n"

@@ -187,9 +187,9 @@ def false_alarms(count: int, first_seed: int) -> int:
 
 
 def main() -> int:
-    """Inject the mistakes, search the correct runs, and print both results; return 0 if passed."""
+    """Try runs with and without injected mistakes, and print the results; return 0 if passed."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--sound", type=int, default=SOUND_RUNS, help="correct runs to search")
+    parser.add_argument("--sound", type=int, default=SOUND_RUNS, help="runs without a mistake")
     parser.add_argument("--plates", type=int, default=PLATES, help="force plates to try")
     parser.add_argument("--arms", nargs="*", default=ARMS, choices=ARMS, help="arms to try")
     parser.add_argument("--seed", type=int, default=0, help="first seed; with 0 the UR10e is real")

@@ -69,6 +69,7 @@ class UserFiles:
             f"columns: {1 + (2 if self.velocity is None else 3) * n}",
             "time: {column: 0}",
             f"units: {{position: {self.unit}}}",
+            "torques: motor_torque",
             "joints:",
         ]
         for j, name in enumerate(self.robot.joint_names):
@@ -228,7 +229,12 @@ def _of_torques(sound: UserFiles) -> Iterator[InjectedMistake]:
     for own in sets:
         torque_nm = sound.torque_nm.copy()
         torque_nm[:, list(own)] *= -1.0
-        yield made(f"torques of {len(own)} axes backwards", MistakeKind.TORQUE_SIGN, torque_nm, own)
+        yield made(
+            f"torques of {len(own)} axes with the wrong sign",
+            MistakeKind.TORQUE_SIGN,
+            torque_nm,
+            own,
+        )
     limits = np.array([joint.limits.torque for joint in joints])
     gears = np.array([abs(joint.gear_ratio) for joint in joints])
     units = [

@@ -97,7 +97,7 @@ def session(payload: str, seed: int, short: bool) -> Session:
 
 
 def scatter_ratio(sessions: list[Session]) -> float:
-    """Return each payload's scatter between sessions over the reported standard deviation."""
+    """Return the scatter between sessions, divided by the reported standard deviation."""
     squares, freedom = 0.0, 0
     for payload in {each.payload for each in sessions}:
         own = [each for each in sessions if each.payload == payload]

@@ -99,7 +99,7 @@ def _condense(arm: WeighedArm) -> tuple[PlateEquations, FloatArray]:
 
 
 def _far_better(truth: FloatArray, stated: FloatArray) -> bool:
-    """Return True if the true description halves a residual and lowers their sum of logarithms."""
+    """Return True if the true description halves a residual and clearly lowers their product."""
     times = stated / truth
     return bool(np.any(times >= VISIBLE_TIMES)) and float(np.sum(np.log(times))) >= VISIBLE_GAIN
 

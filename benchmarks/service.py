@@ -174,7 +174,8 @@ def _server(program: int, port: int) -> int:
 
 def crowd(port: int) -> None:
     """Run the slow clients, as the main function of their process."""
-    os.nice(10)  # they represent other computers, which use no time of this one
+    # these clients represent other computers, which use no processor time of this computer
+    os.nice(10)
     _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (min(4096, hard), hard))
     asyncio.run(_all_slow(port))

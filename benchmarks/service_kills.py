@@ -255,7 +255,7 @@ class Attacker:
         body = {"kind": "record", "request": {"motion": "motion.yaml"}}
 
         def ask() -> None:
-            with contextlib.suppress(RidDaqError):  # killed before it answered
+            with contextlib.suppress(RidDaqError):  # killed before the service had answered
                 job = client.ask("POST", f"/cells/{CELL}/jobs", body, self._lease)
                 accepted.append(Job.model_validate(job))
 

@@ -24,6 +24,7 @@ from acquisition.journal.cycle_reader import CycleReader
 from acquisition.runs.manifest import RECORDING
 from acquisition.task.control_block import ControlBlock
 from benchmarks.lateness import calm_p99
+from rid_daq.service.client import ServiceClient
 from rid_daq.service.records import Job
 from rid_daq.service.sockets import socket_path_of
 
@@ -91,20 +92,31 @@ class Lateness:
         }
 
 
-def run_viewers(path: str, line: Connection) -> None:
-    """Connect and disconnect viewers on command, and count messages; main function of a process."""
-    os.nice(10)  # they represent other computers, which use no time of this one
-    asyncio.run(_look_on(path, line))
+def run_viewers(path: str, secrets: Sequence[str], line: Connection) -> None:
+    """Connect and disconnect viewers on command, and count messages; main function of a process.
+
+    Args:
+        path: Socket of the service.
+        secrets: Token of each viewer; one token may have only a few connections.
+        line: Commands.
+    """
+    # these viewers represent other computers, which use no processor time of this computer
+    os.nice(10)
+    asyncio.run(_look_on(path, secrets, line))
 
 
-async def _look_on(path: str, line: Connection) -> None:
+async def _look_on(path: str, secrets: Sequence[str], line: Connection) -> None:
     loop = asyncio.get_running_loop()
     while await loop.run_in_executor(None, line.recv):
         seen = [0]
         async with contextlib.AsyncExitStack() as stack:
-            for _ in range(VIEWERS):
-                address = "ws://localhost/api/v1/ws"
-                socket = await stack.enter_async_context(unix_connect(path, address))
+            for secret in secrets:
+                viewer = unix_connect(
+                    path,
+                    "ws://localhost/api/v1/ws",
+                    additional_headers={"authorization": f"Bearer {secret}"},
+                )
+                socket = await stack.enter_async_context(viewer)
                 await socket.send(json.dumps({"signals": CELL}))
                 task = asyncio.create_task(_read(socket, seen))
                 stack.callback(task.cancel)
@@ -122,8 +134,9 @@ def watch(folder: Path, control: ControlBlock, seconds: float) -> Sequence[Segme
     """Connect and disconnect viewers for a time; return the segments with and without them."""
     context = multiprocessing.get_context("spawn")
     ours, theirs = context.Pipe()
+    path = str(socket_path_of(folder))
     process = context.Process(
-        target=run_viewers, args=(str(socket_path_of(folder)), theirs), daemon=True
+        target=run_viewers, args=(path, _viewer_tokens(path), theirs), daemon=True
     )
     process.start()
     segments = []
@@ -151,6 +164,16 @@ def watch(folder: Path, control: ControlBlock, seconds: float) -> Sequence[Segme
     return segments
 
 
+def _viewer_tokens(path: str) -> list[str]:
+    """Make the token of each viewer at the service, and return the secrets."""
+    with ServiceClient.at(path) as client:
+        made = [
+            client.ask("POST", "/tokens", {"name": f"viewer {number}", "role": "viewer"})
+            for number in range(VIEWERS)
+        ]
+    return [str(each["secret"]) for each in made]
+
+
 def _viewers(folder: Path) -> int:
     """Return the number of viewers that the service reports."""
     transport = httpx.HTTPTransport(uds=str(socket_path_of(folder)))
@@ -165,7 +188,8 @@ def lateness(folder: Path, job: Job, segments: Sequence[Segment]) -> Lateness:
     """Return the lateness of a recording's cycles with and without viewers.
 
     Raises:
-        SystemExit: The number of viewers was wrong, or viewers received nothing.
+        SystemExit: The number of viewers was wrong, viewers received nothing, or the motion ended
+            early, for example because the computer was too busy for it.
     """
     if job.run is None:
         raise SystemExit(f"no run: {job.reason}")
@@ -180,6 +204,8 @@ def lateness(folder: Path, job: Job, segments: Sequence[Segment]) -> Lateness:
         parts[on].append(rows["lateness_s"][inside])
     without, having = (1e6 * np.concatenate(parts[on]) for on in (False, True))
     window = min(len(each) for each in (*parts[True], *parts[False]))
+    if window == 0:
+        raise SystemExit(f"the motion ended before the measurement: {job.state.value} {job.reason}")
     return Lateness(
         calm_p99(without, window),
         calm_p99(having, window),

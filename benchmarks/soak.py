@@ -47,8 +47,8 @@ GROWTH_BAR_QUICK_PERCENT: Final = 5.0
 WARM_UP: Final = 3
 PERIOD_S: Final = 2.0
 RAMP_S: Final = 1.0
-AFTER_S: Final = 3.0  # of motion after the fault
-LEAST_S: Final = 6.0  # from the start of a motion to its fault
+AFTER_S: Final = 3.0  # duration of the motion after the fault
+LEAST_S: Final = 6.0  # time from the start of a motion to the fault
 REST_PATIENCE_S: Final = 60.0
 
 

@@ -44,13 +44,18 @@ class WeighedArm:
 
     Attributes:
         robot: Description of the robot in its file.
-        average: The mean period.
+        recording: The recording, without delay of the plate.
         plate: The correct description.
     """
 
     robot: RobotDescription
-    average: PeriodAverage
+    recording: Recording
     plate: PlateConfig
+
+    @property
+    def average(self) -> PeriodAverage:
+        """The mean period."""
+        return average_periods(self.recording)
 
 
 def weighed_arms(count: int, first_seed: int = 0) -> Iterator[WeighedArm]:
@@ -91,7 +96,7 @@ def weighed_arm(robot: RobotDescription, random: np.random.Generator) -> Weighed
         samples_per_period=rows // PERIODS,
         reaction=reaction,
     )
-    return WeighedArm(robot, average_periods(recording), plate)
+    return WeighedArm(robot, recording, plate)
 
 
 def _plate(random: np.random.Generator) -> PlateConfig:

@@ -93,7 +93,7 @@ class StopLineClient:
                 client._received += line.recv(4096)
             head, _, client._received = client._received.partition(b"\r\n\r\n")
             if b" 101 " not in head[:20]:
-                raise SystemExit(f"the stop line was refused: {head!r}")
+                raise SystemExit(f"the service refused the WebSocket for stops: {head!r}")
             yield client
 
     def press(self, cell: str, number: int, pressed: Pressed) -> None:

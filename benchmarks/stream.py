@@ -246,7 +246,7 @@ def main() -> int:
         "unit": "us CPU per cycle of six axes with presliding hysteresis",
         "ratios": {
             "limit of 10 us": round(LONGEST_US / value, 2),
-            "with presliding over without presliding": round(value / without, 2),
+            "time with presliding / time without": round(value / without, 2),
             "Pinocchio loop in Python": round(theirs / value, 2),
             "cycles per second": round(1e6 / value),
             "fraction of a core, three axes at 1 kHz with bus": round(share, 4),

@@ -17,29 +17,30 @@ from compensation.feedforward.inverse import (
 from compensation.feedforward.motor_reference import MotorReference
 from compensation.feedforward.periodic_rows import period_rows, with_period
 from compensation.loops.velocity_loop import VelocityLoop, in_order
+from compensation.ramped_load import RampedLoad, evaluate_over, row_times
 from config.arrays import FloatArray
 from config.errors import LimitError
 from config.robot.robot import RobotDescription
-from config.robot.wrist_coupling import WristCoupling
+from config.robot.wrist_coupling import convert_to_joints, convert_to_motors
 from identification.estimation.estimate import Estimate, predict
 from identification.estimation.limit_torque import limit_torque
 
 
 def compensated_motion(
     samples: MotionSamples,
-    estimate: Estimate,
+    estimate: Estimate | RampedLoad,
     loops: Sequence[VelocityLoop],
     tuning: FeedforwardTuning | None = None,
     reference: MotorReference | None = None,
 ) -> MotionSamples:
     """Return the motion with its precompensated feedforward.
 
-    The feedforward is computed in the frequency domain. For this the whole motion is treated as one
-    long period, which a return to its start closes. In a periodic motion, one period is also
+    The feedforward is computed in the frequency domain. For this purpose, a return to the start is
+    appended, and the whole is treated as one long period. In a periodic motion, one period is also
     computed separately, so that the feedforward of all periods is equal.
 
     Args:
-        estimate: Model of the robot.
+        estimate: Model of the robot. If its load changes, the motion must have no periods.
         loops: Velocity loops, one per joint.
         tuning: Correction of the feedforward, found in a reference run.
         reference: Motion of the motors of elastic gears, which is then returned instead of the
@@ -53,7 +54,8 @@ def compensated_motion(
         robot, motors = estimate.robot, reference.samples
         return with_feedforward(motors, robot, ordered, reference.torque_nm, tuning)
     samples = samples.whole()
-    torque = predict(estimate, samples.position, samples.velocity, samples.acceleration)
+    moved = (samples.position, samples.velocity, samples.acceleration)
+    torque = evaluate_over(estimate, row_times(samples), lambda model: predict(model, *moved))
     return with_feedforward(samples, estimate.robot, ordered, torque, tuning)
 
 
@@ -75,24 +77,21 @@ def with_feedforward(
         torque_nm: Shape (samples, n). Motor torques, link side [N m or N].
         tuning: Correction of the feedforward, found in a reference run.
     """
-    coupling = WristCoupling.of_robot(robot)
-    velocity, step_s = samples.velocity, samples.sample_period_s
-    if coupling is not None:
-        velocity = coupling.to_motors(velocity)
+    velocity, step_s = convert_to_motors(robot, samples.velocity), samples.sample_period_s
     ahead = rest_to_rest_feedforward(loops, velocity, torque_nm, step_s, tuning=tuning)
-    if coupling is not None:
-        ahead = ahead @ coupling.joints_by_motors.T
-    if samples.samples_per_period is None:
-        return replace(samples, feedforward=ahead)
-    period = period_rows(samples)
-    own = periodic_feedforward(loops, velocity[period], torque_nm[period], step_s, tuning=tuning)
-    if coupling is not None:
-        own = own @ coupling.joints_by_motors.T
-    return replace(samples, feedforward=with_period(samples, ahead, own))
+    if samples.samples_per_period is not None:
+        period = period_rows(samples)
+        rows = (velocity[period], torque_nm[period])
+        own = periodic_feedforward(loops, *rows, step_s, tuning=tuning)
+        ahead = with_period(samples, ahead, own)
+    return replace(samples, feedforward=convert_to_joints(robot, ahead))
 
 
 def refuse_torque(
-    motion: AnyMotion, samples: MotionSamples, estimate: Estimate, robot: RobotDescription
+    motion: AnyMotion,
+    samples: MotionSamples,
+    estimate: Estimate | RampedLoad,
+    robot: RobotDescription,
 ) -> None:
     """Refuse a motion that exceeds a torque limit with cold or warm joints (`limit_torque`).
 
@@ -108,7 +107,8 @@ def refuse_torque(
     """
     samples = samples.whole()
     moved = (samples.position, samples.velocity, samples.acceleration)
-    torque = np.abs(limit_torque(estimate, *moved))
+    times_s = row_times(samples)
+    torque = np.abs(evaluate_over(estimate, times_s, lambda model: limit_torque(model, *moved)))
     for j, joint in enumerate(robot.joints):
         row = int(torque[:, j].argmax())
         if torque[row, j] <= joint.limits.torque:
@@ -119,7 +119,8 @@ def refuse_torque(
         if place:
             where += f", {place},"
         raise LimitError(
-            f"{where} the motion needs {torque[row, j]:.4g} {unit} in joint {joint.name!r} by the"
-            f" model; its limit is {joint.limits.torque:g} {unit}: drive it more slowly",
+            f"{where} the motion needs {torque[row, j]:.4g} {unit} in joint {joint.name!r}"
+            f" according to the model; the limit is {joint.limits.torque:g} {unit}: drive it more"
+            " slowly",
             code="RID-MOTION-LIMIT",
         )

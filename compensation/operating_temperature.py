@@ -33,7 +33,7 @@ class AtOperation:
 
     @property
     def notes(self) -> list[str]:
-        """The sentence, if there is one."""
+        """Notes for the user: the sentence, if there is one."""
         return [self.sentence] if self.sentence else []
 
 

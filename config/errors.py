@@ -25,7 +25,7 @@ class RidDaqError(Exception):
         self.refusal = code
 
     def __str__(self) -> str:
-        """Return the text and the notes."""
+        """Return the error's text, followed by its notes."""
         return with_notes(super().__str__(), self)
 
 
@@ -57,7 +57,7 @@ class DeviceFaultError(DriverError):
     """A device reported a fault."""
 
 
-class SafetyStop(RidDaqError):  # noqa: N818 - a stop is what happened, not an error of the code
+class SafetyStop(RidDaqError):  # noqa: N818 - a stop is an outcome, not a defect
     """The supervisor stopped the motion; the drives are stopped and disabled."""
 
 

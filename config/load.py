@@ -18,6 +18,7 @@ from config.cell.cell import CellConfig, Servo
 from config.cell.drive_eds_files import read_eds_files, with_identities
 from config.cell.drive_profile import DriveProfile
 from config.cell.plate import PlateConfig
+from config.cell.robot_fit import check_robot_fit
 from config.cell.servo_profile import ServoProfile
 from config.errors import ConfigError, system_errors
 from config.formats.approved_files import sha256_of
@@ -42,10 +43,10 @@ _MANIFEST_BYTES = 4 << 20
 class LoadedCell:
     """A cell file with the files that it names, and their bytes as used.
 
-    `path` is the cell file; None for a bundled one. `hashes` are the SHA-256 of all files that were
-    read, by their paths on disk; bundled files are not included. `eds_files` are the drives'
-    electronic data sheets, one per axis, None for an axis without one. Their 1018h entries are in
-    the axes' `identity`.
+    `path` is the cell file; None for a bundled one. `files` are the bytes by the names under which
+    a run folder stores them, and `disk_names` the paths on disk by the same names, without bundled
+    files. `hashes` are the SHA-256 by these paths. `eds_files` are the EDS of the drives, one per
+    axis, None for an axis without one. Their 1018h entries are in the axes' `identity`.
     """
 
     config: CellConfig
@@ -57,6 +58,7 @@ class LoadedCell:
     eds_files: tuple[ElectronicDataSheet | None, ...] = ()
     path: Path | None = None
     hashes: Mapping[Path, str] = field(default_factory=dict)
+    disk_names: Mapping[str, Path] = field(default_factory=dict)
 
     @property
     def meshes(self) -> bytes | None:
@@ -77,38 +79,41 @@ class LoadedCell:
         return digest.hexdigest()
 
 
-def load_cell(reference: str) -> LoadedCell:
+def load_cell(reference: str, unsaved: Mapping[Path, bytes] | None = None) -> LoadedCell:
     """Load a cell and the robot, plant, amplifier and drive files that it names.
 
     If the cell file is in a run folder, the copies of the other files in that folder are used.
 
     Args:
         reference: The name of a bundled cell, or a path to a cell file.
+        unsaved: Bytes to use instead of the content of YAML files on disk, by resolved paths.
 
     Raises:
         ConfigError: A file is missing or invalid.
     """
-    text, name, folder = read_named(reference, "cells", None)
+    text, name, folder = read_named(reference, "cells", None, unsaved=unsaved)
     cell_tree = parse_yaml(text, name)
     cell = validate(cell_tree, CellConfig)
     kept = folder if folder is not None and _is_run_folder(folder) else None
     files = {"cell.yaml": text}
-    hashes = {} if folder is None else {Path(name).absolute(): sha256_of(text)}
+    disk_names = {} if folder is None else {"cell.yaml": Path(name).absolute()}
     folders: dict[str, Path | None] = {}
 
     def read(reference: str, kind: str, file: str, model: type[T]) -> tuple[YamlTree, T]:
-        files[file], shown, beside = read_named(reference, kind, folder, kept, file)
+        files[file], shown, beside = read_named(
+            reference, kind, folder, kept, file, unsaved=unsaved
+        )
         folders[file] = beside
         if beside is not None:
-            hashes[Path(shown).absolute()] = sha256_of(files[file])
+            disk_names[file] = Path(shown).absolute()
         tree = parse_yaml(files[file], shown)
         return tree, validate(tree, model)
 
     _, robot = read(cell.robot, "robots", "robot.yaml", RobotDescription)
     beside = folders["robot.yaml"]
     if robot.meshes is not None and beside is not None:
-        files[robot.meshes.file] = content = robot.meshes.read(beside)
-        hashes[(beside / robot.meshes.file).absolute()] = sha256_of(content)
+        files[robot.meshes.file] = robot.meshes.read(beside)
+        disk_names[robot.meshes.file] = (beside / robot.meshes.file).absolute()
     moved = tuple(axis.joint for axis in cell.axes)
     if moved != robot.joint_names:
         raise ConfigError(
@@ -116,7 +121,6 @@ def load_cell(reference: str) -> LoadedCell:
             f" has {', '.join(robot.joint_names)}: list one axis per joint, in the robot's order",
             code="RID-CELL-JOINTS",
         )
-    _check_home(cell_tree, cell, robot)
     plant = profile = drive_profile = None
     if cell.plant is not None:
         plant_tree, plant = read(cell.plant, "plants", "plant.yaml", PlantConfig)
@@ -134,7 +138,8 @@ def load_cell(reference: str) -> LoadedCell:
             below = otherwise if chosen.base is None else resolve(chosen.base, otherwise)
             return chosen.on(below)
         if chosen not in servos:
-            servos[chosen] = ServoProfile()  # ends the recursion if a profile is its own base
+            # end the recursion if a profile names itself as its base
+            servos[chosen] = ServoProfile()
             _, named = read(chosen, "servos", f"servo{len(servos)}.yaml", ServoProfile)
             servos[chosen] = resolve(named, ServoProfile())
         return servos[chosen]
@@ -145,19 +150,23 @@ def load_cell(reference: str) -> LoadedCell:
         for axis in cell.axes
     )
     cell = cell.model_copy(update={"servo": general, "axes": axes})
+    _check_cycle_time(cell_tree, cell)
+    check_robot_fit(cell_tree, cell, robot)
     eds_files, eds_bytes, eds_paths = read_eds_files(cell_tree, cell, folder, kept)
-    for path, content in zip(eds_paths, eds_bytes.values(), strict=True):
-        hashes[path.absolute()] = sha256_of(content)
+    files |= eds_bytes
+    for path, kept_name in zip(eds_paths, eds_bytes, strict=True):
+        disk_names[kept_name] = path.absolute()
     return LoadedCell(
         with_identities(cell, eds_files),
         robot,
         plant,
-        files | eds_bytes,
+        files,
         profile,
         drive_profile,
         eds_files,
         None if folder is None else Path(name),
-        hashes,
+        {path: sha256_of(files[kept_name]) for kept_name, path in disk_names.items()},
+        disk_names,
     )
 
 
@@ -213,6 +222,8 @@ def read_named(
     folder: Path | None,
     kept: Path | None = None,
     kept_name: str = "",
+    *,
+    unsaved: Mapping[Path, bytes] | None = None,
 ) -> tuple[bytes, str, Path | None]:
     """Return a file's bytes, its name and its folder.
 
@@ -222,6 +233,7 @@ def read_named(
         folder: Base of a relative path; the working folder if None.
         kept: A run folder. If it contains `kept_name`, that copy is read instead of `reference`.
         kept_name: The copy's name.
+        unsaved: Bytes to return instead of the content of files on disk, by resolved paths.
 
     Raises:
         ConfigError: The file does not exist or cannot be read; the text lists the bundled names.
@@ -249,7 +261,8 @@ def read_named(
             code="RID-FILE-UNKNOWN",
         )
     with system_errors(ConfigError, f"{path}: cannot read", code="RID-FILE-READ"):
-        return read_file(path, MAX_BYTES), str(path), path.parent
+        content = (unsaved or {}).get(path.resolve())
+        return read_file(path, MAX_BYTES) if content is None else content, str(path), path.parent
 
 
 def bundled_names(kind: str) -> tuple[str, ...]:
@@ -310,17 +323,6 @@ def _is_run_folder(folder: Path) -> bool:
     return isinstance(manifest, dict) and {"run_id", "files"} <= manifest.keys()
 
 
-def _check_home(tree: YamlTree, cell: CellConfig, robot: RobotDescription) -> None:
-    for number, (value, joint) in enumerate(zip(cell.home or (), robot.joints, strict=False)):
-        low, high = joint.limits.position_min, joint.limits.position_max
-        if not low <= value <= high:
-            raise ConfigError(
-                f"{tree.where(('home', number))}: home: {joint.name} is at {value:g}, outside"
-                f" its limits {low:g} to {high:g}; give a position within the limits",
-                code="RID-CELL-VALUE",
-            )
-
-
 def _check_plant(tree: YamlTree, plant: PlantConfig, robot: RobotDescription) -> None:
     n = len(robot.joints)
     for key, entries in (("links", plant.links), ("axes", plant.axes)):
@@ -341,6 +343,14 @@ def _check_plant(tree: YamlTree, plant: PlantConfig, robot: RobotDescription) ->
             " in both or in neither",
             code="RID-PLANT-UNFIT",
         )
+
+
+def _check_cycle_time(tree: YamlTree, cell: CellConfig) -> None:
+    try:
+        cell.check_cycle_time()
+    except ConfigError as error:
+        where = tree.where(("cycle_time_ms",))
+        raise ConfigError(f"{where}: {error}", code=error.refusal) from None
 
 
 def _check_line(

@@ -21,7 +21,7 @@ class ConfigModel(BaseModel):
 
     @classmethod
     def from_attributes(cls, source: object, **others: object) -> Self:
-        """Return a model whose fields come from `others` or from the source's attributes.
+        """Return a model; its fields are taken from `others` or from the attributes of `source`.
 
         Arrays become tuples.
         """
@@ -36,7 +36,7 @@ class ConfigModel(BaseModel):
         return tuple(cls.model_validate(dict(zip(columns, row, strict=True))) for row in rows)
 
     def to_dataclass(self, kind: type[D], **others: object) -> D:
-        """Return a dataclass whose fields come from `others` or from this model's fields."""
+        """Return a dataclass; its fields are taken from `others` or from this model's fields."""
         names = {field.name for field in dataclasses.fields(kind)} - others.keys()
         return kind(
             **{name: getattr(self, name) for name in names if hasattr(self, name)}, **others

@@ -60,7 +60,7 @@ _OTHER_UNITS: Final[dict[str, dict[str, float]]] = {
 
 @dataclass(frozen=True)
 class Plausible:
-    """Range of magnitudes from `low` to `high`; zero is always plausible.
+    """Range of magnitudes from `low` to `high`; zero is plausible too, unless `zero` is False.
 
     The magnitude of a vector is its length.
 
@@ -68,12 +68,14 @@ class Plausible:
         low, high: The smallest and the largest magnitude.
         unit: Unit of the value; empty for a ratio.
         prismatic: The range for a prismatic joint, if that has another unit.
+        zero: True if zero is plausible.
     """
 
     low: float
     high: float
     unit: str
     prismatic: Plausible | None = None
+    zero: bool = True
 
     def __str__(self) -> str:
         """Return the range in words, for the reference."""
@@ -89,11 +91,11 @@ class Plausible:
     @property
     def in_percent(self) -> Plausible:
         """This range of a fraction, converted to percent."""
-        return Plausible(100.0 * self.low, 100.0 * self.high, "%")
+        return Plausible(100.0 * self.low, 100.0 * self.high, "%", zero=self.zero)
 
     def holds(self, size: float) -> bool:
-        """Return whether a magnitude lies within the range or is zero."""
-        return size == 0.0 or self.low <= size <= self.high
+        """Return whether a magnitude is plausible."""
+        return (size == 0.0 and self.zero) or self.low <= size <= self.high
 
     def refusal(self, value: float | Sequence[float]) -> str | None:
         """Return why a value is implausible, with the expected range; None if it is plausible."""
@@ -113,7 +115,7 @@ class Plausible:
                     return f"; {size:.6g} {unit} would be {size * factor:.4g} {right}"
         if self.unit == "K" and self.holds(size + ZERO_CELSIUS_K):
             return f"; {size:.6g} °C would be {size + ZERO_CELSIUS_K:.6g} K"
-        if not self.unit and self.holds(1.0 / size):
+        if not self.unit and size and self.holds(1.0 / size):
             return f"; its inverse would be {1.0 / size:.4g}"
         return ""
 
@@ -160,19 +162,21 @@ Path = tuple[str | int, ...]
 def implausible(file: object) -> Iterator[tuple[Path, str]]:
     """Yield the path and the reason of each implausible value of a loaded file.
 
-    A name in `implausible_on_purpose` that is not a key, or whose value is plausible, is also
-    reported.
+    Only a `PhysicalFile` has `implausible_on_purpose`; another file, such as a drive's profile, has
+    ranges too. A name in the list that is not a key, or whose value is plausible, is also reported.
     """
     file = file.root if isinstance(file, RootModel) else file
-    if not isinstance(file, PhysicalFile):
+    if not isinstance(file, BaseModel):
         return
+    on_purpose = file.implausible_on_purpose if isinstance(file, PhysicalFile) else ()
+    read_later = file.read_later if isinstance(file, PhysicalFile) else frozenset()
     values = {
         key_name(path): (path, value, found) for path, value, found in _ranges(file, (), False)
     }
     refusals = {name: found.refusal(value) for name, (_, value, found) in values.items()}
-    for number, name in enumerate(file.implausible_on_purpose):
+    for number, name in enumerate(on_purpose):
         where = (ON_PURPOSE, number)
-        if name in file.read_later:
+        if name in read_later:
             continue
         if name not in values:
             close = difflib.get_close_matches(name, values, n=1)
@@ -184,8 +188,13 @@ def implausible(file: object) -> Iterator[tuple[Path, str]]:
         elif refusals[name] is None:
             yield where, f"{name} is plausible; remove it from this list"
     for name, refusal in refusals.items():
-        if refusal is not None and name not in file.implausible_on_purpose:
-            words = f"{refusal}. Correct it or, if it is intended, add {name} to {ON_PURPOSE}"
+        if refusal is not None and name not in on_purpose:
+            declared = (
+                f"add {name} to {ON_PURPOSE}"
+                if isinstance(file, PhysicalFile)
+                else f"state it in the cell file, and its key there in {ON_PURPOSE}"
+            )
+            words = f"{refusal}. Correct it or, if it is intended, {declared}"
             yield values[name][0], words
 
 

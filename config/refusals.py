@@ -50,7 +50,7 @@ def describe_error(tree: YamlTree, detail: ErrorDetails, model: Any) -> str:
     if detail["type"] == "extra_forbidden":
         kinds = {part for part in detail["loc"] if part not in path}
         allowed = sorted(
-            {name for each in _models_at(model, path[:-1], kinds) for name in each.model_fields}
+            {name for each in models_at(model, path[:-1], kinds) for name in each.model_fields}
         )
         close = difflib.get_close_matches(str(path[-1]), allowed, n=1)
         meant = f"; did you mean {close[0]}?" if close else "."
@@ -59,9 +59,9 @@ def describe_error(tree: YamlTree, detail: ErrorDetails, model: Any) -> str:
         missing = detail["loc"][-1]
         return f"{prefix}the key {missing!r} is missing"
     if detail["type"] in ("union_tag_not_found", "union_tag_invalid"):
-        found = _models_at(model, path, set())
+        found = models_at(model, path, set())
         return _explain_wrong_kind(
-            tree, path, detail.get("input"), sorted(set().union(*map(_kinds, found)))
+            tree, path, detail.get("input"), sorted(set().union(*map(_kinds_of, found)))
         )
     message = detail["msg"].removeprefix("Value error, ")
     given = detail.get("input")
@@ -107,7 +107,7 @@ def _known_path(tree: YamlTree, location: tuple[int | str, ...]) -> tuple[int | 
     return path
 
 
-def _models_at(
+def models_at(
     annotation: Any, path: tuple[int | str, ...], kinds: set[int | str]
 ) -> list[type[BaseModel]]:
     """Return the models at `path` below a model or annotation.
@@ -115,21 +115,21 @@ def _models_at(
     If some of these models have a key `kind` with a value in `kinds`, only they are returned.
     """
     models = _models_in(annotation)
-    models = [model for model in models if kinds & _kinds(model)] or models
+    models = [model for model in models if kinds & _kinds_of(model)] or models
     if not path:
         return models
     if isinstance(path[0], int):
-        return _models_at(annotation, path[1:], kinds)
+        return models_at(annotation, path[1:], kinds)
     fields = [model.model_fields.get(path[0]) for model in models]
     return [
         model
         for field in fields
         if field is not None
-        for model in _models_at(field.annotation, path[1:], kinds)
+        for model in models_at(field.annotation, path[1:], kinds)
     ]
 
 
-def _kinds(model: type[BaseModel]) -> set[str]:
+def _kinds_of(model: type[BaseModel]) -> set[str]:
     """Return the allowed values of a model's key `kind`."""
     field = model.model_fields.get("kind")
     return set() if field is None else set(typing.get_args(field.annotation))

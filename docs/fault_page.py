@@ -53,7 +53,7 @@ ROWS: dict[int, Row] = {
     ),
     6: Row(
         "a flipped bit that the checksum does not detect",
-        "an implausible value is replaced by the last one; quick stop at the second in a row",
+        "an implausible value is replaced by the last valid value; two in a row: quick stop",
         "≤ 3 T",
     ),
     7: Row(
@@ -229,7 +229,8 @@ ROWS: dict[int, Row] = {
     ),
     51: Row(
         "the service that ordered a motion hangs",
-        "quick stop with its cause, for any `on_lost_client`; the next motion needs a preflight",
+        "quick stop with `on_lost_client: stop` and `finish`; the message names the cause; the next"
+        " motion needs a preflight",
         "≤ 3 s + 2 T",
     ),
 }
@@ -300,7 +301,7 @@ def update(
     functions: set[str],
     existing: Mapping[int, set[str]],
 ) -> str:
-    """Return the page with new entries for the functions that ran, and without removed tests."""
+    """Return the page with new entries for the tests that ran, and without tests that are gone."""
     kept = {
         number: [e for e in old if e.function in existing.get(number, set()) - functions]
         for number, old in read(text).items()

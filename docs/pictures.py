@@ -11,6 +11,7 @@ workbench there, at three widths, light and dark.
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import signal
 import subprocess
@@ -29,8 +30,14 @@ DOCS: Final = Path(__file__).resolve().parent
 GUIDE_PICTURES: Final = DOCS / "pictures"
 LARGEST_BYTES: Final = 150_000
 PROGRAM: Final = (sys.executable, "-P", "-m", "rid_daq")
-FLAGS: Final = ("--no-sandbox", "--disable-gpu", "--no-first-run")
+FLAGS: Final = (
+    *("--no-sandbox", "--no-first-run", "--ignore-gpu-blocklist"),
+    *("--use-angle=swiftshader", "--enable-unsafe-swiftshader"),
+)
+"""Options of Chromium that draw 3-D pictures without a graphics card."""
+
 PAGE: Final[ViewportSize] = {"width": 960, "height": 640}
+WORKBENCH: Final[ViewportSize] = {"width": 960, "height": 900}
 
 FAULT: Final = "drives: [{kind: reversed, joint: axis2, at_cycle: 400}]\n"
 COMMANDS: Final = (
@@ -116,20 +123,26 @@ def take_workbench(browser: Browser, work: Path, folder: Path) -> None:
     """Take a picture of every page of a cell's workbench."""
     words = "serve ir361 --listen 127.0.0.1:0 --json"
     with subprocess.Popen(
-        [*PROGRAM, *words.split()], cwd=work, stdout=subprocess.PIPE, text=True
+        [*PROGRAM, *words.split()],
+        cwd=work,
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "XDG_STATE_HOME": str(work / "state")},  # no pose of other runs is shown
     ) as service:
         assert service.stdout is not None
         output = ""
         while not output.endswith("}\n"):
             output += service.stdout.readline()
         try:
-            page = browser.new_page(viewport=PAGE)
+            page = browser.new_page(viewport=WORKBENCH)
             url = json.loads(output)["url"]
             page.goto(url)
             for entry in MENU:
                 page.goto(f"{url.split('/?')[0]}/cells/ir361{entry.path}")
                 page.locator("#lease-take").wait_for()
                 page.wait_for_load_state("networkidle")
+                if not entry.path:
+                    page.locator("#view .view-tools button").first.wait_for()  # the robot is drawn
                 name = entry.path.strip("/").replace("/", "-") or "cell"
                 (folder / f"page-{name}.png").write_bytes(page.screenshot(full_page=True))
                 if not entry.path:

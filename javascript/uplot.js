@@ -1,3 +1,6 @@
-// uPlot and its style sheet, for the plots of live signals.
+// uPlot and its style sheet, for live signals and figures. A report has no imports: its scripts use the global name.
 import "uplot/dist/uPlot.min.css";
-export { default as uPlot } from "uplot";
+import uPlot from "uplot";
+
+globalThis.uPlot = uPlot;
+export { uPlot };

@@ -5,8 +5,10 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import threading
+from collections.abc import Callable
 from multiprocessing.connection import Connection
 from types import TracebackType
+from typing import Any
 
 from config.cell.cell import CellConfig
 from config.cell.monitor import ModbusTcp, MonitorConfig
@@ -15,8 +17,10 @@ from mock_hw.bus.hub_process import serve_hub
 from mock_hw.bus.served_bus import ONE_PROCESS
 from mock_hw.drives_process import DrivesSettings, serve_drives, serve_until
 from mock_hw.host.device_process import DeviceProcess, wait_until_ready
+from mock_hw.host.hosted_process import HostedProcess
 from mock_hw.host.program_faults import ProgramFaults
 from mock_hw.host.runtime_directory import plate_path, private_folder, registers_path, socket_path
+from mock_hw.plant.load_transfer import MotionMarker
 from mock_hw.plant.snapshot import AxisSnapshot, SnapshotReader
 from mock_hw.registers.server import RegisterSettings
 from mock_hw.simulation import CellSimulation, on_pseudo_terminal, with_address
@@ -52,6 +56,8 @@ class SimulatedCell:
         self._stack = contextlib.ExitStack()
         self._channel = ""
         self._snapshots: SnapshotReader | None = None
+        self._host: DeviceProcess | None = None
+        self._marker: MotionMarker | None = None
 
     @property
     def channel(self) -> str:
@@ -72,6 +78,32 @@ class SimulatedCell:
     def address(self) -> str:
         """Path of the plate amplifier's serial port; empty without a plate."""
         return self._address
+
+    @property
+    def runs_masters(self) -> bool:
+        """True if `create_master` can run a master of the bus in the drives' process."""
+        return self._host is not None
+
+    def create_master(self, target: Callable[..., None], args: tuple[Any, ...]) -> HostedProcess:
+        """Return a master of the bus, not started, that runs in the drives' process.
+
+        Master, drives and hub then exchange frames by function calls, with the same results as in
+        separate processes. One master at a time runs there.
+
+        Args:
+            target: Function of a module.
+            args: Its arguments.
+
+        Raises:
+            TransportError: `runs_masters` is False.
+        """
+        if self._host is None:
+            raise TransportError(
+                "this simulated cell runs no masters: it is not running, or runs in real time or"
+                " with faults of the program",
+                code="RID-API-ARGUMENT",
+            )
+        return HostedProcess(self._host, target, args)
 
     def axes(self) -> AxisSnapshot:
         """Return the true state of the axes, at most some milliseconds old.
@@ -95,6 +127,11 @@ class SimulatedCell:
     def attached(self) -> str | None:
         """Name of the payload on the flange; None if the flange is empty."""
         return self.simulation.plant.attached
+
+    @property
+    def motion_marker(self) -> MotionMarker | None:
+        """Receiver of the first row of a motion; None if no payload changes during motions."""
+        return self._marker if self.simulation.load_transfers else None
 
     def attach(self, payload: str | None) -> None:
         """Mount a payload on the flange, or remove the payload (None), as a person does.
@@ -129,7 +166,7 @@ class SimulatedCell:
         traceback: TracebackType | None,
     ) -> None:
         """End the hub and the drives."""
-        self._snapshots = None
+        self._snapshots = self._host = None
         self._stack.__exit__(kind, error, traceback)
 
     def _start(self, stack: contextlib.ExitStack) -> None:
@@ -155,12 +192,14 @@ class SimulatedCell:
                 stack.callback(hub.end)
             process = DeviceProcess(serve_drives, drives)
             stack.callback(process.end)
+            self._host = process if drives.hosts_masters else None
             drives_pipe = process.pipe
             if hub is not None:
                 wait_until_ready("cell's hub", hub.pipe)
         drives_pipe.send(None)
         port = wait_until_ready("cell's drives", drives_pipe)
         self._snapshots = stack.enter_context(SnapshotReader(drives.snapshot))
+        self._marker = MotionMarker(drives.snapshot)
         self._channel = str(socket) if bus is None else bus.channel
         self._address = "" if drives.plate is None else str(drives.plate.path)
         self._monitor = _served_monitor(drives.registers, port)

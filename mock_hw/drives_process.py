@@ -15,12 +15,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 from config.cell.cell import CanBusConfig
 from config.errors import RidDaqError, TransportError
 from config.process.termination import signals_deferred
-from drivers.canopen.frames import NMT_COB_ID, SYNC_COB_ID, Frame, sdo_request_cob_id
+from drivers.canopen.frames import NMT_COB_ID, SYNC_COB_ID, sdo_request_cob_id
 from drivers.ports.can_link import CanLink, open_can
 from mock_hw.amplifier.port import AmplifierPort, PlateSettings
 from mock_hw.bus.bus_client import BusClient
@@ -33,7 +33,8 @@ from mock_hw.bus.served_bus import adapter_path, hold_served_bus
 from mock_hw.host.device_process import leave_signals_to_parent, request_exact_timing
 from mock_hw.host.runtime_directory import axes_path, folder_in_use
 from mock_hw.plant.snapshot import SnapshotReader, SnapshotWriter
-from mock_hw.plate_service import PlateService
+from mock_hw.plate_service import DeviceClient, PlateService
+from mock_hw.rack_loop import LONGEST_WAIT_S, RackLoop, act_on_frames, next_wait
 from mock_hw.registers.contents import DriveRegisters
 from mock_hw.registers.registers import SimulatedRegisters
 from mock_hw.registers.server import RegisterService, RegisterSettings
@@ -44,12 +45,6 @@ if TYPE_CHECKING:
 
 _LOOK_S = 0.1
 _FAULT_PATIENCE_S = 5.0
-
-DeviceClient = HubClient | BusClient | EmbeddedClient
-"""Type of the connection between the drives and their bus."""
-
-LONGEST_WAIT_S = 0.010
-"""Longest time between two snapshots of the axes while the bus is idle [s]."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +70,15 @@ class DrivesSettings:
     def has_hub_process(self) -> bool:
         """True if the hub has a process of its own, as it has in real time."""
         return self.bus is None and self.simulation.realtime
+
+    @property
+    def hosts_masters(self) -> bool:
+        """True if the process can run masters of the hub.
+
+        A fault script that disturbs the program's processes needs a process for each of them.
+        """
+        simulation = self.simulation
+        return self.bus is None and not (simulation.realtime or simulation.faults.program)
 
     @property
     def snapshot(self) -> Path:
@@ -125,10 +129,14 @@ def serve_until(
                 gc.freeze()
                 request_exact_timing(settings.simulation.realtime)
             pipe.send(port)
-            if not settings.simulation.faults.program:
+            orders = pipe if settings.hosts_masters else None
+            if orders is None and not settings.simulation.faults.program:
                 pipe.close()
             with contextlib.suppress(TransportError):
-                run_rack(rack, client, plate)
+                if isinstance(client, EmbeddedClient):
+                    RackLoop(rack, client, plate, orders, settings.socket).run()
+                else:
+                    run_rack(rack, client, plate)
     except (EOFError, OSError, RidDaqError) as error:
         with contextlib.suppress(OSError):
             pipe.send(str(error))
@@ -142,20 +150,34 @@ def _rack_on_bus(
     simulation = settings.simulation
     cell, robot, plant, seed = simulation.cell, simulation.robot, simulation.truth, simulation.seed
     with signals_deferred():  # signals would be lost in a compiler's callback
-        from mock_hw.rack import DriveRack  # imports Pinocchio: only for this process
+        from mock_hw.plant.tracker import Tracker  # imports Pinocchio: only for this process
+        from mock_hw.rack import DriveRack
 
         DriveRack(cell, robot, plant, seed).advance(LONGEST_WAIT_S)
     pipe.recv()
     snapshots = SnapshotWriter(settings.snapshot, len(robot.joints))
     try:
-        with _join_bus(settings, ended) as client:
+        with _join_bus(settings, ended) as client, _tracker_file(simulation) as tracked:
             now_s = client.now_ns * 1e-9
             announce = _fault_announcer(pipe, client)
             faults = simulation.faults
             rack = DriveRack(cell, robot, plant, seed, snapshots, now_s, faults, announce)
+            rack.change_load(simulation.load_transfers)
+            if tracked is not None:
+                rack.track(Tracker(robot, plant, seed), tracked)
             yield rack, client
     finally:
         settings.snapshot.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def _tracker_file(simulation: CellSimulation) -> Iterator[TextIO | None]:
+    """Open the file of the plant's tracker; yield None without a file."""
+    if simulation.tracker_file is None:
+        yield None
+        return
+    with simulation.tracker_file.open("w", encoding="ascii") as file:
+        yield file
 
 
 def _fault_announcer(pipe: Connection, client: DeviceClient) -> Callable[[int], None]:
@@ -252,24 +274,10 @@ def _register_service(settings: DrivesSettings) -> Iterator[int]:
 
 
 def run_rack(rack: DriveRack, client: DeviceClient, plate: PlateService | None = None) -> None:
-    """Exchange frames with the bus, and serve the plate, until a `TransportError` ends it."""
+    """Exchange frames with a bus in real time, and serve the plate, until a `TransportError`."""
     wait = client.wait if plate is None else plate.wait
     while True:
-        wake_s = min(rack.next_s, rack.time_s + LONGEST_WAIT_S)
-        # Whole nanoseconds, rounded up, so that the wait never ends before `wake_s`.
-        frames = wait(int(wake_s * 1e9) + 1, rack.acts_on_arrival)
-        for frame in frames:
-            data = frame.data[: frame.length]
-            rack.receive(Frame(frame.can_id, data), frame.time_ns * 1e-9)
-            if plate is not None and frame.can_id == SYNC_COB_ID:
-                plate.note_sync(frame.time_ns * 1e-9)
-        now_s = client.now_ns * 1e-9
-        if now_s >= min(rack.next_s, rack.time_s + LONGEST_WAIT_S):
-            rack.advance(now_s)
-        for port, time_s, answer in rack.take_frames():
-            client.post(answer.cob_id, answer.data, len(answer.data), port, round(time_s * 1e9))
-        if plate is not None:
-            plate.keep_up()
+        act_on_frames(rack, client, plate, wait(*next_wait(rack)))
 
 
 def _exit(_number: int, _frame: object) -> None:

@@ -22,6 +22,9 @@ from mock_hw.bus.hub_client import HubClient
 if TYPE_CHECKING:
     from mock_hw.rack import DriveRack
 
+DeviceClient = HubClient | BusClient | EmbeddedClient
+"""Type of the connection between the drives and their bus."""
+
 LOCKSTEP_BATCH_S = 0.045
 IDLE_BATCH_S = 1.0
 """Longest time by which the amplifier's simulated time is behind the robot's, in lock-step while
@@ -41,7 +44,7 @@ class PlateService:
         self,
         port: AmplifierPort,
         rack: DriveRack,
-        client: HubClient | BusClient | EmbeddedClient,
+        client: DeviceClient,
     ) -> None:
         self._port = port
         self._rack = rack
@@ -68,14 +71,12 @@ class PlateService:
             self._catch_up()
 
     def wait(self, until_ns: int, on_frames: bool) -> Sequence[WireFrame]:
-        """Wait as the bus client's `wait` does; execute commands from the port during the wait.
+        """Wait as `BusClient.wait` does; execute commands from the port during the wait.
 
         Raises:
             TransportError: The hub has ended.
         """
-        self._follow_port()
-        if isinstance(self._client, EmbeddedClient):
-            return self._wait_lockstep(self._client, until_ns, on_frames)
+        self.follow_port()
         frames = self._client.wait(0)
         if frames:
             return frames
@@ -87,20 +88,35 @@ class PlateService:
             self._port.advance(time.monotonic())
         return self._client.wait(0)
 
+    def fileno(self) -> int:
+        """Return the file descriptor that is readable if a command may wait at the port."""
+        return self._epoll.fileno()
+
+    def serve_port(self) -> None:
+        """Execute the commands at the port, in lock-step."""
+        self._poll(0.0)
+        if self._commanded:
+            self._execute_commands(None)
+
+    def follow_port(self) -> None:
+        """Register the port's present file descriptor in epoll, before each wait.
+
+        The registration is edge-triggered, because a port that no program has open is always ready.
+        """
+        fd = self._port.fileno()
+        if fd == self._port_fd:
+            return
+        if self._port_fd >= 0:
+            with contextlib.suppress(OSError):  # epoll removes closed ports itself
+                self._epoll.unregister(self._port_fd)
+        if fd >= 0:
+            self._epoll.register(fd, select.EPOLLIN | select.EPOLLET)
+        self._port_fd = fd
+
     def close(self) -> None:
         """Close the port."""
         self._epoll.close()
         self._port.close()
-
-    def _wait_lockstep(
-        self, client: EmbeddedClient, until_ns: int, on_frames: bool
-    ) -> Sequence[WireFrame]:
-        client.begin_wait(until_ns, on_frames)
-        while not client.serve([self._epoll.fileno()]):
-            self._poll(0.0)
-            if self._commanded:
-                self._execute_commands(None)
-        return client.end_wait()
 
     def _poll(self, timeout_s: float) -> None:
         """Wait for commands at the port and, in real time, for frames of the bus."""
@@ -120,18 +136,3 @@ class PlateService:
         edges, self._edges = self._edges, []
         ends_s, wrenches = self._rack.take_base_wrenches()
         self._port.apply_loads(self._rack.time_s, ends_s, wrenches, edges)
-
-    def _follow_port(self) -> None:
-        """Register the port's present file descriptor in epoll.
-
-        The registration is edge-triggered, because a port that no program has open is always ready.
-        """
-        fd = self._port.fileno()
-        if fd == self._port_fd:
-            return
-        if self._port_fd >= 0:
-            with contextlib.suppress(OSError):  # epoll removes closed ports itself
-                self._epoll.unregister(self._port_fd)
-        if fd >= 0:
-            self._epoll.register(fd, select.EPOLLIN | select.EPOLLET)
-        self._port_fd = fd

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import TextIO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,14 +15,16 @@ from config.errors import ConfigError
 from config.robot.robot import RobotDescription
 from config.simulation.faults import NO_SCRIPT, FaultScript
 from config.simulation.plant import PlantConfig
-from drivers.canopen.frames import Frame
+from drivers.canopen.frames import SYNC_COB_ID, Frame
 from drivers.servo.cia402 import AxisUnits, MotorRatings
 from mock_hw.drive.axis import AxisPort
 from mock_hw.drive.drive import SimulatedDrive
 from mock_hw.drive.faults import DriveFaults
 from mock_hw.drive.objects import SimulatedIdentity
+from mock_hw.plant.load_transfer import DigitalInputs, LoadTransfer
 from mock_hw.plant.plant import Plant
 from mock_hw.plant.snapshot import SnapshotWriter
+from mock_hw.plant.tracker import HEADER, Tracker
 
 CONTROL_PERIOD_S = 0.004
 """Longest time between two measurements of the axes by the drives [s]."""
@@ -54,14 +57,22 @@ class PlantAxis(AxisPort):
         """Return the motor torque [0.1 % of its rated torque]."""
         return self._direction * self._measured.permille[self._number]
 
+    def digital_inputs(self) -> int:
+        """Return the levels of the digital inputs."""
+        return self._measured.inputs[self._number]
+
 
 class AxisMeasurements:
-    """Measured positions, velocities and torques of all axes, in the joints' directions."""
+    """Measured positions, velocities and torques of all axes, in the joints' directions.
+
+    `inputs` are the levels of the drives' digital inputs.
+    """
 
     def __init__(self, count: int) -> None:
         self.counts = [0] * count
         self.counts_s = [0.0] * count
         self.permille = [0] * count
+        self.inputs = [0] * count
 
 
 class DriveRack:
@@ -111,6 +122,10 @@ class DriveRack:
             snapshots.payload = self._payload
         self._measured = AxisMeasurements(count)
         self._snapshots = snapshots
+        self._transfers: tuple[LoadTransfer, ...] = ()
+        self._joint_names = robot.joint_names
+        self._inputs = DigitalInputs((), robot.joint_names)
+        self._cycle_s = cell.cycle_time_s
         self.time_s = now_s
         self.drives: list[SimulatedDrive] = []
         self._counts_per_position = np.empty(count)
@@ -135,6 +150,7 @@ class DriveRack:
         self._end: NDArray[np.float64] = np.zeros(count)
         self._powered: NDArray[np.bool_] = np.zeros(count, dtype=np.bool_)
         self._limit: NDArray[np.float64] = np.zeros(count)
+        self._tracker: tuple[Tracker, TextIO] | None = None
         self._measure()
         self._publish()
 
@@ -154,6 +170,22 @@ class DriveRack:
         """Present wrench of the base on the robot, (6,); see `Plant.base_wrench`."""
         return self._plant.base_wrench
 
+    def track(self, tracker: Tracker, file: TextIO) -> None:
+        """Write from now on what a tracker measures, as lines of text.
+
+        Args:
+            tracker: The tracker.
+            file: The file, which the caller closes.
+        """
+        tracker.begin(self.time_s, self._plant.position, self._plant.velocity)
+        file.write(HEADER)
+        self._tracker = tracker, file
+
+    def change_load(self, transfers: tuple[LoadTransfer, ...]) -> None:
+        """Change the payload during each motion that a `MotionMarker` announces."""
+        self._transfers = transfers
+        self._inputs = DigitalInputs(transfers, self._joint_names)
+
     def watch_base(self, watched: bool) -> None:
         """Start or stop recording the base wrench."""
         self._plant.watch_base(watched)
@@ -169,6 +201,8 @@ class DriveRack:
             self.advance(now_s)
         if self._faults is not None:
             self._faults.observe(frame, now_s)
+        if self._transfers and frame.cob_id == SYNC_COB_ID:
+            self._begin_motion(now_s)
         for drive in self.drives:
             drive.receive(frame, now_s)
 
@@ -193,6 +227,15 @@ class DriveRack:
             for number, drive in enumerate(self.drives)
             for time_s, frame in drive.take_frames()
         ]
+
+    def _begin_motion(self, sync_s: float) -> None:
+        """Schedule the changes of the payload if a SYNC belongs to the first row of a motion."""
+        row = None if self._snapshots is None else self._snapshots.take_row()
+        if row is not None:
+            origin_s = sync_s - row * self._cycle_s
+            carried = [each for each in self._transfers if not each.missed]
+            self._plant.transfer(carried, origin_s - self.time_s + self._plant.time_s)
+            self._inputs.begin(origin_s)
 
     def _move_to(self, end_s: float) -> None:
         """Move the plant in steps of at most `CONTROL_PERIOD_S`; do the drives' due actions."""
@@ -227,6 +270,10 @@ class DriveRack:
         )
         self.time_s = end_s
         self._measure()
+        if self._tracker is not None:
+            tracker, file = self._tracker
+            for row in tracker.observe(end_s, self._plant.position, self._plant.velocity):
+                file.write(",".join(f"{value:.7f}" for value in row) + "\n")
         for drive in self.drives:
             drive.axis.observe(end_s)
 
@@ -239,6 +286,8 @@ class DriveRack:
         measured.counts = counts
         measured.counts_s = (plant.actuator_velocity * self._counts_per_position).tolist()
         measured.permille = plant.torque_permille().tolist()
+        if self._transfers:
+            measured.inputs = self._inputs.words(self.time_s)
 
     def _publish(self) -> None:
         if self._snapshots is not None:

@@ -19,6 +19,7 @@ from mock_hw.amplifier.port import PlateSettings
 from mock_hw.bus.hub_process import HubSettings
 from mock_hw.bus.served_bus import ONE_PROCESS, SIMULATED, served_name, with_served_channel
 from mock_hw.host.fault_clock import refuse_unknown_joints
+from mock_hw.plant.load_transfer import LoadTransfer
 from mock_hw.registers.server import RegisterSettings, ServerCertificates
 
 
@@ -47,6 +48,8 @@ class CellSimulation:
         drive_profile: Profile of the drives' registers; None for the bundled profile that the cell
             names.
         certificates: TLS certificates of the drives, if the cell's monitor uses TLS.
+        tracker_file: File to which the plant's tracker writes its measurements; None for no file.
+        load_transfers: Changes of the payload during each motion.
 
     Raises:
         ValueError: The fault script names joints that the robot does not have.
@@ -66,6 +69,8 @@ class CellSimulation:
     drive_profile: DriveProfile | None = None
     certificates: ServerCertificates | None = None
     pace: float | None = None
+    tracker_file: Path | None = None
+    load_transfers: tuple[LoadTransfer, ...] = ()
 
     def __post_init__(self) -> None:
         refuse_unknown_joints(self.faults, self.robot.joint_names)

@@ -24,9 +24,9 @@ PAGE = ROOT / "docs" / "reference" / "third-party.md"
 
 _HEAD = """# What is installed with rid-daq, and under which licence
 
-rid-daq itself is under the Apache License 2.0. These packages are installed with it, on Linux; a
-release brings the texts of their licences (`THIRD-PARTY-LICENCES.txt`) and a bill of materials with
-versions and hashes (CycloneDX). Made by `python release/third_party.py`.
+rid-daq itself is under the Apache License 2.0. These packages are installed with it, on Linux. A
+release contains the texts of their licences (`THIRD-PARTY-LICENCES.txt`) and a bill of materials
+with versions and hashes (CycloneDX). Made by `python release/third_party.py`.
 
 | package | licence |
 |---|---|

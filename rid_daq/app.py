@@ -93,7 +93,7 @@ def _output_is_closed() -> bool:
 
 @dataclass(frozen=True)
 class Ending:
-    """End of a command.
+    """End of a command, as exit code and message.
 
     Attributes:
         code: Exit code.
@@ -111,7 +111,7 @@ class Ending:
 
 
 def ending_of(command: Callable[[], object]) -> Ending:
-    """Call a command and return its ending; programming errors are raised."""
+    """Call a command and return how it ended; programming errors are raised."""
     try:
         command()
     except Exception as caught:
@@ -142,7 +142,7 @@ _ENDINGS: dict[int, tuple[str, str]] = {
 
 
 class _Interrupted(SystemExit):
-    """A signal ended the program while no motion or search was handling signals itself."""
+    """A signal ended the program while no motion or search handled signals itself."""
 
 
 def _as_program_error(error: Exception) -> RidDaqError:

@@ -122,7 +122,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 class FaultPage:
-    """Collects the measured values of fault tests, in one process or from workers."""
+    """Collect the measured values of the fault tests, in one process or from several test
+    workers.
+    """
 
     def __init__(self) -> None:
         path = Path(__file__).parent.parent / "docs" / "fault_page.py"

@@ -96,7 +96,9 @@ def test_the_page_has_one_walk() -> None:
 def test_each_station_is_connected_to_an_earlier_one(
     architecture_page: ModuleType, walk: tuple[str, list[tuple[str, str]]]
 ) -> None:
-    """Connected means: one imports the other, or the page states a process or file between them."""
+    """Two stations are connected if one imports the other, or if the page states a process or file
+    between them.
+    """
     title, stations = walk
     modules = {path: path.removesuffix(".py").replace("/", ".") for _, path in stations}
     imports = {path: architecture_page.find_imports(ROOT / path) for path in modules}

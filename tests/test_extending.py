@@ -1,4 +1,4 @@
-"""Examples of docs/extending.md work on a copy of the program, with their text only."""
+"""The examples of docs/extending.md work on a copy of the program if only their text is used."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ EXAMPLES = (
     pytest.param("quadratic friction", marks=pytest.mark.slow),
     pytest.param("one joint moves to a pose and back", marks=pytest.mark.slow),
     "the masses of a robot file",
+    pytest.param("a recorder that calls torques loads", marks=pytest.mark.slow),
 )
 
 

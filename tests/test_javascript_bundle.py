@@ -14,7 +14,8 @@ from pathlib import Path
 import pytest
 
 from config.errors import ConfigError
-from rid_daq.workbench import static_files
+from rid_daq.web import bundled_modules
+from rid_daq.workbench.static_files import static_files
 from tests.builders.code_lines import PACKAGES
 from tests.builders.raised_codes import raises_code
 
@@ -73,9 +74,7 @@ def exported_names(module: str) -> set[str]:
 def test_every_imported_name_is_exported() -> None:
     """A name that a module lacks stops all scripts of a page."""
     modules = {
-        name: content.decode()
-        for name, content in static_files.static_files().items()
-        if name.endswith(".js")
+        name: content.decode() for name, content in static_files().items() if name.endswith(".js")
     }
     missing = [
         f"{name}: {wanted} of {source}"
@@ -99,14 +98,14 @@ def test_a_damaged_bundle_is_refused(
 ) -> None:
     copied = tmp_path / "bundled"
     shutil.copytree(BUNDLE, copied)
-    monkeypatch.setattr(static_files, "_BUNDLE", copied)
-    assert "lit.js" in static_files.static_files.__wrapped__()
+    monkeypatch.setattr(bundled_modules, "BUNDLE", copied)
+    assert "lit.js" in bundled_modules.bundled_modules.__wrapped__()
     if damage == "deleted":
         (copied / "lit.js").unlink()
     else:
         (copied / "lit.js").write_text("export {}")
     with raises_code(ConfigError, "RID-INSTALL-BUNDLE", "lit.js"):
-        static_files.static_files.__wrapped__()
+        bundled_modules.bundled_modules.__wrapped__()
 
 
 @pytest.fixture(scope="module")

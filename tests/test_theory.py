@@ -77,7 +77,10 @@ def test_every_file_named_on_the_theory_page_exists() -> None:
 
 
 def _numbers(text: str) -> list[str]:
-    """Return the numbers of a citation such as `2.25, 2.26`; of `2.8-2.14` the first and last."""
+    """Return the equation numbers of a citation such as `2.25, 2.26`.
+
+    For a range such as `2.8-2.14`, its first and last number.
+    """
     return re.split(", |-", text)
 
 

@@ -1,4 +1,4 @@
-"""Commands of the tutorials print what the tutorials show, in an empty folder in sequence."""
+"""The commands of each tutorial, run in an empty folder, print what the tutorial shows."""
 
 from __future__ import annotations
 

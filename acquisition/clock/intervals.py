@@ -103,9 +103,12 @@ def estimate_times(
         if np.count_nonzero(seen) < FEWEST_DETERMINED:
             return None
         if abs(delay_s) < WRONG_STEPS * float(np.std((length - given)[seen])):
-            delay_s = 0.0  # stamp errors that depend on the step look like a delay
-        left = np.abs(moved - length[:, np.newaxis] * mean)[seen]
-        noise = np.maximum(_MAD * np.median(left, axis=0), least)
+            # errors of the stamps that depend on the step also look like a delay of the velocities
+            delay_s = 0.0
+        left = [
+            np.median(np.abs(y - length * x)[seen]) for x, y in zip(mean.T, moved.T, strict=True)
+        ]
+        noise = np.maximum(_MAD * np.array(left), least)
         length = _shrink_to_usual_length(length, sigma, seen, repeats, usual)
         length = np.where(gap, given, np.maximum(length, SHORTEST * usual))
         now = _times_from_intervals(stamps[0], length)
@@ -158,7 +161,7 @@ def _calibrate_velocities(
     joint is calibrated alone.
     """
     mean = _mean_velocity(motion, time_s)
-    scale, late, _ = _scale_and_delay(motion, time_s)
+    scale, late, _ = _scale_and_delay(motion, time_s, mean)
     if delay_s is not None:
         common = float(np.median(scale))
         scale = scale / common if common > 0.0 else np.ones_like(scale)
@@ -166,7 +169,13 @@ def _calibrate_velocities(
         late += delay_s - float(np.median(late))
         sound = (scale > 0.5) & (scale < 2.0) & (np.abs(late) < WIDE_S)
         scale, late = np.where(sound, scale, 1.0), np.where(sound, late, 0.0)
-    return scale * mean, motion.moved - late * np.diff(motion.velocity, axis=0)
+    mean *= scale
+    moved = np.empty_like(mean)
+    for column, velocity, way, by in zip(
+        moved.T, motion.velocity.T, motion.moved.T, late, strict=True
+    ):
+        column[:] = way - by * np.diff(velocity)
+    return mean, moved
 
 
 def _common_delay(motion: _Motion, stamps: FloatArray) -> float:
@@ -175,36 +184,42 @@ def _common_delay(motion: _Motion, stamps: FloatArray) -> float:
     Times that are estimated from the velocities cannot show this delay, because the delay shifts
     these times too. Therefore the stamps are used.
     """
-    _, late, error = _scale_and_delay(motion, stamps)
+    _, late, error = _scale_and_delay(motion, stamps, _mean_velocity(motion, stamps))
     common = float(np.median(late))
     return common if abs(common) > SIGNIFICANT * float(np.median(error)) else 0.0
 
 
 def _mean_velocity(motion: _Motion, time_s: FloatArray) -> FloatArray:
     """Return the mean velocity of each interval, (intervals, joints)."""
-    h = np.diff(time_s)[:, np.newaxis]
-    velocity = motion.velocity
-    rate = np.gradient(velocity, time_s, axis=0)
-    mean = (velocity[1:] + velocity[:-1]) / 2.0 + h * (rate[:-1] - rate[1:]) / 12.0
-    return np.asarray(mean)
+    h = np.diff(time_s)
+    mean = np.empty_like(motion.moved)
+    for column, velocity in zip(mean.T, motion.velocity.T, strict=True):
+        rate = np.gradient(velocity, time_s)
+        column[:] = (velocity[1:] + velocity[:-1]) / 2.0 + h * (rate[:-1] - rate[1:]) / 12.0
+    return mean
 
 
 def _scale_and_delay(
-    motion: _Motion, time_s: FloatArray
+    motion: _Motion, time_s: FloatArray, mean: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return scale and delay of each velocity, and the standard deviation of the delay.
 
     Over 0.1 s the position changes by the scale times the integral of the velocity, plus the delay
     times the change of the velocity.
+
+    Args:
+        motion: Positions and velocities.
+        time_s: Times of the rows [s].
+        mean: Mean velocity of each interval, (intervals, joints).
     """
     h = np.diff(time_s)
     stride = min(max(1, round(WIDE_S / float(np.median(h)))), len(h))
-    mean = _mean_velocity(motion, time_s)
-    path = np.vstack([np.zeros(mean.shape[1]), np.cumsum(mean * h[:, np.newaxis], axis=0)])
     span = time_s[stride:] - time_s[:-stride]
     near = span < GAP_STEPS * (WIDE_S + stride * float(np.median(h)))
     found = []
-    for ways in zip(path.T, motion.velocity.T, motion.position.T, strict=True):
+    for speed, velocity, position in zip(mean.T, motion.velocity.T, motion.position.T, strict=True):
+        path = np.concatenate([[0.0], np.cumsum(speed * h)])
+        ways = (path, velocity, position)
         x, change, y = ((values[stride:] - values[:-stride])[near] for values in ways)
         found.append(_fit_without_outliers(np.column_stack([x, change]), y, stride))
     scale, late, error = np.array(found).T
@@ -238,8 +253,12 @@ def _interval_lengths(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the length of each interval and its standard deviation."""
     weight = noise**-2.0
-    information = np.maximum((weight * mean**2).sum(axis=1), 1e-12)
-    return (weight * mean * moved).sum(axis=1) / information, information**-0.5
+    information, length = np.zeros(len(mean)), np.zeros(len(mean))
+    for of_joint, x, y in zip(weight, mean.T, moved.T, strict=True):
+        information += of_joint * x**2
+        length += of_joint * x * y
+    information = np.maximum(information, 1e-12)
+    return length / information, information**-0.5
 
 
 def _shrink_to_usual_length(
@@ -256,7 +275,8 @@ def _shrink_to_usual_length(
         used = own & seen
         if np.count_nonzero(used) < FEWEST_OF_CLASS:
             used = seen
-        centre = float(np.mean(length[used]))  # the median would change the sum of the lengths
+        # with the median, the sum of the lengths would change
+        centre = float(np.mean(length[used]))
         spread = float(np.mean((length[used] - centre) ** 2)) - float(np.median(sigma[used] ** 2))
         spread = max(spread, (1e-4 * usual) ** 2)
         drawn[own] = centre + spread / (spread + sigma[own] ** 2) * (length[own] - centre)
@@ -301,7 +321,7 @@ def _duration_ratio(
         or abs(total - 1.0) < RATE_KEPT
         or np.count_nonzero(plain) < FEWEST_DETERMINED
     ):
-        # The stamps' errors at both ends of each determined stretch can explain the difference.
+        # Errors of the stamps at the two ends of each stretch can explain this difference.
         stretches = np.count_nonzero(np.diff(seen, prepend=False) & seen)
         error = float(np.std((found - given)[seen])) * np.sqrt(stretches) / given[seen].sum()
         return (1.0 if abs(total - 1.0) < 2.0 * error else total), True
@@ -337,7 +357,7 @@ def _anchor_to_stamps(
 
 
 def _round_to_ticks(ticks: FloatArray, seen: BoolArray, anchored: bool) -> FloatArray:
-    """Return the intervals in whole ticks.
+    """Return the intervals, rounded to whole ticks.
 
     If `anchored`, a stretch that the motion does not determine keeps the sum of its intervals.
     """

@@ -1,4 +1,4 @@
-"""`judge_clock`: drops repeated rows, and replaces the time stamps if other times are better."""
+"""`judge_clock`: drops repeated rows, and replaces the time stamps if rebuilt times are better."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def judge_clock(
     repeated = repeated_rows(samples)
     kept = ~repeated
     stamps, start_s = samples.time_s[kept], float(samples.time_s[0]) if len(samples) else 0.0
-    # Times since 1970 are too large to keep all their digits in the computation.
+    # Times since 1970 are so large that the computation would lose digits.
     samples = replace(samples, time_s=samples.time_s - start_s)
     fresh = samples.part(kept)
     missing, jitter_s = _missing_rows_and_jitter(samples.time_s)

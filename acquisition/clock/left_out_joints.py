@@ -21,7 +21,7 @@ ROUNDS: Final = 2
 
 
 def left_out_gain(samples: Samples, repeats: IntArray) -> float | None:
-    """Return the improvement of a joint's predicted displacements by the times of other joints.
+    """Return the improvement of a joint's predicted displacements by times from the other joints.
 
     Each joint is left out once. The times are estimated from the other joints. The displacements of
     the joint are then predicted with these times and with the stamps.
@@ -66,7 +66,8 @@ def left_out_gain(samples: Samples, repeats: IntArray) -> float | None:
     worse = sum(float(own.mean()) < WORSE for own in gains)
     error = float(gain_of_block.std(ddof=1)) / math.sqrt(len(gain_of_block))
     distinct = gain > max(2.0 * error, LEAST_GAIN) and worse <= len(joints) / 4.0
-    distinct &= float(np.median(gain_of_block)) > LEAST_GAIN  # a wrong clock affects most blocks
+    # a wrong clock makes most blocks worse
+    distinct &= float(np.median(gain_of_block)) > LEAST_GAIN
     return gain if distinct else 0.0
 
 

@@ -38,7 +38,7 @@ class RepeatCounter:
         )
 
     def notes(self) -> tuple[str, ...]:
-        """Return a note for the report if rows repeat, else nothing."""
+        """Return a note for the report if rows repeat; otherwise return nothing."""
         if not self._repeated:
             return ()
         share = 100.0 * self._repeated / self._rows

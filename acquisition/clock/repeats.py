@@ -43,8 +43,9 @@ def repeated_rows(samples: Samples) -> BoolArray:
     """
     if len(samples) < FEWEST_ROWS:
         return np.zeros(len(samples), dtype=np.bool_)
-    values = np.hstack([samples.position, samples.torque])
-    same = np.all(values[1:] == values[:-1], axis=1)
+    same = np.ones(len(samples) - 1, dtype=np.bool_)
+    for column in (*samples.position.T, *samples.torque.T):
+        same &= column[1:] == column[:-1]
     repeated = np.zeros(len(samples), dtype=np.bool_)
     for joint in samples.position.T:
         repeated |= _contradicts_motion(joint, same, samples.period_s)
@@ -99,6 +100,8 @@ def _contradicts_motion(position: FloatArray, same: BoolArray, period_s: float) 
     """Return True for each row that repeats a position although the joint was moving, (rows,)."""
     n = len(position)
     held = np.zeros(n, dtype=np.bool_)
+    if not same.any():
+        return held
     firsts, lasts = _runs_of_equal_rows(~same)
     runs = np.flatnonzero((lasts > firsts) & (lasts < n - 1))
     first, tail = firsts[runs], lasts[runs] + 1
@@ -108,7 +111,7 @@ def _contradicts_motion(position: FloatArray, same: BoolArray, period_s: float) 
     across = (position[tail] - position[first]) / (tail - first)
     before = (position[first] - position[start]) / np.maximum(first - start, 1)
     after = (position[stop] - position[tail]) / np.maximum(stop - tail, 1)
-    # At an end of the recording, only one side has a speed: it is used for both sides.
+    # At each end of the recording, a speed exists on one side only; use this speed for both sides.
     before, after = np.where(first == start, after, before), np.where(tail == stop, before, after)
     slower = np.minimum(np.abs(before), np.abs(after))
     found = (across * before > 0.0) & (across * after > 0.0)

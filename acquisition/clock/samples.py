@@ -34,7 +34,9 @@ class Samples:
         return len(self.time_s)
 
     def part(self, rows: slice | BoolArray) -> Samples:
-        """Return the selected rows."""
+        """Return the selected rows; without a copy if these are all rows."""
+        if isinstance(rows, np.ndarray) and rows.all():
+            return self
         return Samples(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     @property

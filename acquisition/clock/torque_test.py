@@ -85,7 +85,7 @@ def _held_out_errors(
     size = np.maximum(np.sqrt(np.mean(torque**2, axis=0)), 1e-9)
     columns, torque = columns / size[:, np.newaxis], torque / size
     guard = 1 + 2 * math.ceil(GUARD_S / signals.sample_period_s)
-    # The lowest speed around each row excludes rows near reversals.
+    # Use the lowest speed around each row, so that rows near reversals are excluded.
     slowest = minimum_filter1d(np.abs(signals.velocity), guard, axis=0)
     use = slowest[rows] > STANDSTILL_SPEED
     halves = np.array_split(np.arange(len(rows)), 2)

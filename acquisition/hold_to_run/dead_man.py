@@ -68,7 +68,7 @@ class DeadMan(SharedBlock):
         self._words.held_until_s = until_s
 
     def release(self) -> None:
-        """Mark the key as released."""
+        """Store that the key is released."""
         self._words.held_until_s = 0.0
 
     def finish(self) -> None:

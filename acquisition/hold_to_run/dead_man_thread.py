@@ -41,7 +41,7 @@ class DeadManThread:
         dead_man: Shared memory that the cyclic task reads.
         joints: Number of joints.
         keys: Source of held keys.
-        plan: Returns the line that a key requests.
+        plan: Returns the straight motion that a key requests.
         until: Shape (joints,). Pose that ends the motion once the robot rests there [rad or m].
         ready: Called once with the pose at rest, as soon as keys can move the robot.
     """

@@ -14,7 +14,8 @@ from typing import Any, Final, NamedTuple, Self
 from acquisition.hold_to_run.dead_man import DEAD_MAN_S
 
 CHALLENGE_LIMIT_S: Final = 0.3
-"""Age from which an answered challenge is too old [s]; then the key no longer counts as held."""
+"""Age [s] above which an answered challenge is too old, so that the key no longer counts as
+held."""
 
 LONGEST_KEY: Final = 8
 """Maximum length of a key's name."""
@@ -142,7 +143,7 @@ class HeldKey:
         self._presses = 0
         self._held: KeyPress | None = None
         self._sender = ""  # sender of the latest press
-        self._issued_s = 0.0  # issue time of the newest challenge that counted
+        self._issued_s = 0.0  # issue time of the newest accepted challenge
 
     def set_accepting(self, accepting: bool) -> None:
         """Begin or end the time in which keys count; a key that is already held does not count."""

@@ -8,7 +8,6 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from acquisition.hold_to_run.dead_man import DEAD_MAN_S, DeadMan
 from acquisition.hold_to_run.line import FASTEST_SHARE
@@ -19,6 +18,7 @@ from acquisition.supervision.stop_reason import StopReason
 from config.arrays import FloatArray
 from config.process.safety_clock import safety_now_s
 from config.robot.robot import RobotDescription
+from drivers.interfaces.servo_axes import Answers
 
 IDLE_S: Final = 60.0
 LONGEST_S: Final = 600.0
@@ -65,8 +65,8 @@ class HeldMotion:
         self._slope = APPROACH_SPEED_FRACTION * np.array([each.acceleration for each in limits])
         self._row = -1
         self._idle_rows = 0
-        self._press = 0  # number of the press whose line was begun last
-        self._share = self._rate = 0.0  # driven fraction of the line, and its derivative [1/s]
+        self._press = 0  # number of the key press that began the latest line
+        self._share = self._rate = 0.0  # completed fraction of the line, and its derivative [1/s]
         self._pace = self._change = 0.0  # largest `_rate`, and its largest change per cycle
         self._paced_s: float | None = None
 
@@ -96,7 +96,7 @@ class HeldMotion:
         self._way = np.zeros(len(self._pose))
         return self._pose
 
-    def watch(self, position: FloatArray, counts: NDArray[np.int32]) -> None:
+    def watch(self, answers: Answers) -> None:
         """Do nothing: the set-points start from the pose passed to `begin`."""
 
     def at(self, row: int) -> SetPoint | None:
@@ -166,7 +166,7 @@ class HeldMotion:
         """Return the pose of the next cycle: accelerated, at the permitted pace, or braking."""
         step_s, change, before = self._step_s, self._change, self._rate
         left = 1.0 - self._share
-        # One cycle is enough for the rest of the line.
+        # The rest of the line fits in one cycle.
         if left <= change * step_s and before <= change:
             self._share, self._rate = 1.0, 0.0
             return self._start + self._way
@@ -189,4 +189,4 @@ class HeldMotion:
         if wait_s > 0.0:
             time.sleep(wait_s)
         else:
-            self._paced_s -= wait_s  # simulated time does not catch up after a delay
+            self._paced_s -= wait_s  # after a delay, simulated time does not run faster to catch up

@@ -43,7 +43,7 @@ class HoldLine:
 
     @property
     def is_empty(self) -> bool:
-        """True if start and goal are equal."""
+        """True if the start and the goal of the line are equal."""
         return bool((self.start == self.goal).all())
 
 

@@ -43,7 +43,8 @@ def _quantisation_step(position: FloatArray) -> float | None:
     if not len(sizes):
         return None
     step = float(sizes.min())
-    for most in (2.5, 10.5, 30.5, MOST_STEPS):  # larger changes give a more accurate step
+    # include larger and larger changes, which give a more accurate step
+    for most in (2.5, 10.5, 30.5, MOST_STEPS):
         few = sizes[sizes < most * step]
         count = np.round(few / step)
         step = float(count @ few / (count @ count))
@@ -52,7 +53,8 @@ def _quantisation_step(position: FloatArray) -> float | None:
         return None
     goes_on = np.count_nonzero(changes[1:] * changes[:-1] > 0.0)
     steady = sizes.max() < 1.5 * step and 2 * goes_on > len(sizes)
-    return None if steady else step  # changes are alike at constant speed, too
+    # at constant speed all changes are alike, so they prove no encoder step
+    return None if steady else step
 
 
 def refine_between_steps(rows: ImportRows, steps: tuple[float | None, ...]) -> FloatArray:

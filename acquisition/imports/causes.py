@@ -10,10 +10,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from acquisition.imports.columns import ImportColumns, ImportRows
-from acquisition.imports.import_map import ImportMap
 from acquisition.imports.merged_topics import NO_NEIGHBOUR
 from acquisition.imports.report import DamagedRow
-from acquisition.imports.time_column import match_iso
+from acquisition.maps.import_map import ImportMap
+from acquisition.maps.time_column import match_iso
 from config.arrays import FloatArray
 from config.robot.robot import JointLimits, RobotDescription
 

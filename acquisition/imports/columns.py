@@ -8,10 +8,11 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from acquisition.imports.import_joint import ImportJoint
-from acquisition.imports.import_map import RATED, ImportMap
 from acquisition.imports.table import ImportTable
-from acquisition.imports.time_column import numbered
+from acquisition.maps.import_joint import ImportJoint
+from acquisition.maps.import_map import ImportMap
+from acquisition.maps.import_units import RATED
+from acquisition.maps.time_column import numbered
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import ConfigError
 from config.plausible import ZERO_CELSIUS_K
@@ -43,6 +44,8 @@ class ImportRows:
         position, velocity, torque: Shape (rows, joints). Position [rad or m], velocity [rad/s or
             m/s], torque [N m or N]; a velocity that was not recorded is NaN.
         temperature: Shape (rows, joints or 0). Temperatures [K]; no columns if none were recorded.
+        command: Shape (rows, joints or 0). Velocity commands [rad/s or m/s]; no columns if none
+            were recorded.
     """
 
     row: IntArray
@@ -51,21 +54,25 @@ class ImportRows:
     velocity: FloatArray
     torque: FloatArray
     temperature: FloatArray
+    command: FloatArray
 
     def keep(self, mask: BoolArray) -> ImportRows:
-        """Return the selected rows."""
+        """Return the selected rows; without a copy if these are all rows."""
+        if mask.all():
+            return self
         return ImportRows(*(getattr(self, field.name)[mask] for field in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)
 class ImportColumns:
-    """Columns in use: positions, torques, velocities and temperatures of all joints.
+    """Columns in use: positions, torques, velocities, temperatures and commands of all joints.
 
     Attributes:
         columns: Column numbers in the files; a joint without velocity has its position column
-            instead. Temperatures are present for all joints or for none.
+            instead. Temperatures and commands are present for all joints or for none.
         factors, offsets: Shape (columns,). SI value at the link side = factor * number + offset;
             NaN for a velocity that was not recorded.
+        temperatures: Number of columns of temperatures.
         coupling: Shape (n, n). Coupling matrix C in q = C alpha, if the positions are those of the
             actuators (alpha).
     """
@@ -73,6 +80,7 @@ class ImportColumns:
     columns: tuple[int, ...]
     factors: FloatArray
     offsets: FloatArray
+    temperatures: int
     coupling: FloatArray | None
 
     @classmethod
@@ -112,24 +120,40 @@ class ImportColumns:
             if joint.velocity is not None:
                 factor = _unit_value(units.velocity, _VELOCITY, _increment(joint))
             factors.append(factor / turn)
+        orders = [
+            (numbered(j.velocity_command), _unit_value(units.velocity, _VELOCITY, _increment(j)))
+            for j in joints
+            if j.velocity_command is not None
+        ]
         warmths = [numbered(j.temperature) for j in joints if j.temperature is not None]
         offsets += [0.0] * (len(columns) - len(offsets))
         coupling = None
         if import_map.side == "motor" and robot is not None and robot.coupling is not None:
             coupling = np.array(robot.coupling)
         return cls(
-            columns=(*columns, *warmths),
-            factors=np.array([*factors, *(1.0 for _ in warmths)]),
-            offsets=np.array([*offsets, *(_ZERO_K[units.temperature] for _ in warmths)]),
+            columns=(*columns, *warmths, *(column for column, _ in orders)),
+            factors=np.array(
+                [
+                    *factors,
+                    *(1.0 for _ in warmths),
+                    *(unit / turn for (_, unit), turn in zip(orders, turns, strict=False)),
+                ]
+            ),
+            offsets=np.array(
+                [*offsets, *(_ZERO_K[units.temperature] for _ in warmths), *(0.0 for _ in orders)]
+            ),
+            temperatures=len(warmths),
             coupling=coupling,
         )
 
     def rows(self, table: ImportTable, joints: int) -> ImportRows:
-        """Return the rows of a table with these columns, converted to SI units."""
+        """Return the rows of a table, converted to SI units."""
         with np.errstate(over="ignore", invalid="ignore"):
-            values = table.values * self.factors + self.offsets
-        position, torque, velocity, warmth = np.split(values, joints * np.arange(1, 4), axis=1)
-        return ImportRows(table.row, table.time_s, position, velocity, torque, warmth)
+            values = table.values * self.factors
+            values += self.offsets
+        cuts = [*(joints * np.arange(1, 4)).tolist(), 3 * joints + self.temperatures]
+        position, torque, velocity, warmth, command = np.split(values, cuts, axis=1)
+        return ImportRows(table.row, table.time_s, position, velocity, torque, warmth, command)
 
     def joint_positions(self, read: FloatArray) -> FloatArray:
         """Return joint positions for positions of the file, (samples, n): q = C alpha (5.18)."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from acquisition.imports.causes import BEYOND_LIMIT, likely_cause_of_positions
 from acquisition.imports.columns import ImportColumns, ImportRows
-from acquisition.imports.import_map import ImportMap
+from acquisition.maps.import_map import ImportMap
 from acquisition.processing.smoothing import GAP_STEPS
 from config.arrays import FloatArray
 from config.errors import DataQualityError
@@ -43,7 +43,7 @@ _FACTORS = (
 
 @dataclass(frozen=True)
 class Findings:
-    """Results of the checks.
+    """Results of the checks of sound rows.
 
     Attributes:
         sentences: One sentence for each oddity, with the remedy.

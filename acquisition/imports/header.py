@@ -7,10 +7,10 @@ import difflib
 from collections.abc import Sequence
 from pathlib import Path
 
-from acquisition.imports.import_joint import COLUMN_QUANTITIES
-from acquisition.imports.import_map import ImportMap
 from acquisition.imports.lines import SEPARATORS, read_lines, split_cells
-from acquisition.imports.time_column import Column, TimeColumn
+from acquisition.maps.import_joint import COLUMN_QUANTITIES
+from acquisition.maps.import_map import ImportMap
+from acquisition.maps.time_column import Column, TimeColumn
 from config.errors import ConfigError
 
 
@@ -28,8 +28,8 @@ def require_number_of_files(files: Sequence[Path], import_map: ImportMap) -> Non
 def number_columns(import_map: ImportMap, files: Sequence[Path]) -> ImportMap:
     """Return a map whose columns are numbers; names are looked up in the headers of the files.
 
-    A name of a joint's column is looked up in all files, and the time stamps of a file in its own
-    header. A comment mark before the first name (`# time`) is ignored.
+    A name of a joint's or plate's column is looked up in all files, and the time stamps of a file
+    in its own header. A comment mark before the first name (`# time`) is ignored.
 
     Args:
         import_map: Map with names or numbers.
@@ -94,12 +94,17 @@ def with_numbers(
             import_map.further_files, headers[1:], times[1:], strict=True
         )
     )
+    plate = import_map.plate
+    if plate is not None:
+        columns = tuple(_number(names, column) for column in plate.columns)
+        plate = plate.model_copy(update={plate.column_key: columns})
     numbered = import_map.model_copy(
         update={
             "columns": len(headers[0]),
             "time": times[0],
             "further_files": further,
             "joints": joints,
+            "plate": plate,
         }
     )
     try:

@@ -1,4 +1,4 @@
-"""`read_lines`: yields the lines of a text file, of any Unicode encoding."""
+"""`read_lines`, `read_blocks`: yield the lines of a text file, of any Unicode encoding."""
 
 from __future__ import annotations
 
@@ -11,8 +11,11 @@ from typing import Final
 
 from config.errors import ConfigError, system_errors
 from config.formats.bounded_file import open_file
+from config.formats.file_kinds import kind_of_text
 
 LARGEST_FILE_BYTES = 500_000_000
+BEGINNING_BYTES: Final = 4096
+BLOCK_CHARACTERS: Final = 1 << 19
 SEPARATORS = {",": ",", ";": ";", "tab": "\t", "space": None}
 """Values of `delimiter` in an import map, and the arguments of `str.split` for them."""
 DECIMAL_COMMA: Final = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
@@ -33,18 +36,67 @@ def split_cells(line: str, separator: str | None) -> list[str]:
     return [cell.strip() for cell in next(csv.reader([line], delimiter=separator), [])]
 
 
+def split_by_delimiters(line: str) -> dict[str, list[str]]:
+    """Return the cells of a line for each delimiter that an import map can name.
+
+    The list is empty for a delimiter with which the line cannot be split.
+    """
+    found: dict[str, list[str]] = {}
+    for delimiter, separator in SEPARATORS.items():
+        try:
+            found[delimiter] = split_cells(line, separator)
+        except csv.Error:
+            found[delimiter] = []
+    return found
+
+
 def read_lines(path: Path) -> Iterator[tuple[int, str]]:
-    """Yield the non-empty lines with their numbers, from 1.
+    """Yield the non-empty lines with their numbers, from 1; errors as in `read_blocks`."""
+    for first, text in read_blocks(path):
+        yield from lines_of_block(first, text)
+
+
+def lines_of_block(first: int, text: str) -> Iterator[tuple[int, str]]:
+    """Yield the non-empty lines of a block with their numbers; `first` is that of its first."""
+    yield from ((row, line) for row, line in enumerate(io.StringIO(text), first) if line.strip())
+
+
+def read_blocks(path: Path) -> Iterator[tuple[int, str]]:
+    """Yield blocks of whole lines, each with the number of its first line, from 1.
+
+    The lines end with a newline character; only the last line of the file may have none.
 
     Raises:
-        ConfigError: The file cannot be read, or is too large.
+        ConfigError: The file cannot be read, is too large, or is no text file.
     """
     with (
         system_errors(ConfigError, f"cannot read {path}", code="RID-FILE-READ"),
         open_file(path, LARGEST_FILE_BYTES) as file,
     ):
-        mark = file.read(2)
+        beginning = file.read(BEGINNING_BYTES)
         file.seek(0)
-        encoding = "utf-16" if mark in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
-        text = io.TextIOWrapper(file, encoding, errors="replace")
-        yield from ((row, line) for row, line in enumerate(text, start=1) if line.strip())
+        kind = kind_of_text(beginning, by_keys=False)
+        if kind is not None:
+            raise ConfigError(
+                f"{path} is {kind}, not a CSV file: unpack it or save it as CSV, or give it the"
+                " file name extension of its kind",
+                code="RID-IMPORT-FILES",
+            )
+        text = io.TextIOWrapper(file, _encoding(beginning), errors="replace")
+        row = 1
+        while block := text.read(BLOCK_CHARACTERS):
+            block += text.readline()
+            yield row, block
+            row += block.count("\n")
+
+
+def _encoding(beginning: bytes) -> str:
+    """Return the encoding of a text; UTF-16 without a byte order mark has zero bytes in digits."""
+    if beginning[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return "utf-16"
+    first, second = beginning[0::2], beginning[1::2]
+    if second.count(0) > 0.5 * len(second) and 0 not in first:
+        return "utf-16-le"
+    if first.count(0) > 0.5 * len(first) and 0 not in second:
+        return "utf-16-be"
+    return "utf-8-sig"

@@ -1,4 +1,4 @@
-"""`merge_topics`: interpolates the columns of a table to the rows with a value in the first one.
+"""`merge_topics`: interpolates a table's columns to the rows with a value in the first column.
 
 Programs that export several topics into one file write each message in a row of its own and leave
 the cells of the other topics empty. A bag with the messages of two broadcasters of one robot has
@@ -18,7 +18,7 @@ from acquisition.processing.smoothing import GAP_STEPS
 from config.arrays import BoolArray, FloatArray
 from config.errors import DataQualityError
 
-NO_NEIGHBOUR = "without a value of another topic near its time"
+NO_NEIGHBOUR = "without a value of every other topic near its time"
 
 
 def merge_topics(
@@ -63,9 +63,9 @@ def merge_topics(
     other = len(kept) - len(at_s)
     notes = (
         *table.notes,
-        f"Values of several topics are merged: of {len(at_s)} rows with {names[0]}, {filled} lack"
-        f" values of other columns, which are interpolated; {other} rows without {names[0]} have"
-        " other values only",
+        f"Several topics are merged: {len(at_s)} rows have {names[0]}, and other values are"
+        f" interpolated in {filled} of them; {other} rows without {names[0]} only supply values for"
+        " the interpolation",
     )
     return replace(
         table,

@@ -22,15 +22,17 @@ from acquisition.imports.causes import likely_cause_of_damage
 from acquisition.imports.columns import ImportColumns
 from acquisition.imports.findings import check_rows
 from acquisition.imports.header import number_columns
-from acquisition.imports.import_map import ImportMap
 from acquisition.imports.report import DamagedRow, ImportReport, group_damaged
 from acquisition.imports.soundness import drop_copies, drop_unsound_rows
 from acquisition.imports.tables import read_tables
-from acquisition.imports.time_column import numbered
 from acquisition.imports.velocities import without_missing_velocities
+from acquisition.maps.import_map import ImportMap
+from acquisition.maps.time_column import numbered
+from acquisition.maps.torque_meaning import torque_findings
 from acquisition.motion.samples import Phase
 from acquisition.processing.smoothing import GAP_STEPS, resample_periods
 from acquisition.recording.recording import Recording
+from config.cell.torque_filter import ButterworthFilter
 from config.errors import DataQualityError
 from config.robot.robot import RobotDescription
 
@@ -85,6 +87,7 @@ def import_csv(
     layout, _ = without_missing_velocities(layout, table)
     columns = ImportColumns.of(layout, robot)
     read = columns.rows(table, len(import_map.joints))
+    table = replace(table, values=np.empty((0, 0)))  # frees memory
     original = drop_copies(read)
     rows, notes = drop_unsound_rows(original, import_map, damaged)
     used = len(rows.row)
@@ -153,9 +156,13 @@ def import_csv(
             *clock.findings(import_map.joint_names),
             *findings.sentences,
             *of_robot,
+            *torque_findings(import_map.torques),
+            *_filter_findings(import_map.torque_filter, float(np.median(steps))),
         ),
+        torques=import_map.torques,
         clock=clock,
         static=findings.static,
+        time_origin_ns=table.origin_ns,
     )
     recording = Recording(
         joint_names=import_map.joint_names,
@@ -163,15 +170,29 @@ def import_csv(
         position=position,
         torque_nm=rows.torque,
         temperature_k=rows.temperature if rows.temperature.size else None,
+        velocity_command=columns.joint_positions(rows.command) if rows.command.size else None,
         valid=np.ones(used, dtype=np.bool_),
         phase=np.full(used, Phase.MAIN, dtype=np.uint8),
         sample_index=np.full(used, -1, dtype=np.int64),
         source="import",
+        torque_filter=import_map.torque_filter,
         robot_name=import_map.robot,
     )
     if import_map.period_s is not None:
         recording = resample_periods(recording, import_map.period_s)
     return recording, report
+
+
+def _filter_findings(torque_filter: ButterworthFilter | None, step_s: float) -> list[str]:
+    """Report a torque filter that does not prevent aliasing at the recording's rate."""
+    half_hz = 0.5 / step_s
+    if torque_filter is None or torque_filter.cutoff_hz <= half_hz:
+        return []
+    return [
+        f"torque_filter.cutoff_hz is {torque_filter.cutoff_hz:g} Hz, above half the rate of the"
+        f" rows, {half_hz:.4g} Hz: torque between them appears at lower frequencies"
+        " (aliasing). Correct it, or record at a higher rate"
+    ]
 
 
 def _count_by_reason(damaged: Sequence[DamagedRow]) -> str:
@@ -186,6 +207,6 @@ def _first_row_of_each_reason(damaged: Sequence[DamagedRow]) -> str:
     for row in sorted(damaged, key=lambda each: each.row):
         first.setdefault(row.reason, row)
     rows = "; ".join(f"row {row.row}: {row.detail}" for row in first.values())
-    which = "row of each kind" if len(first) > 1 else "damaged row"
+    which = "row of each kind of damage" if len(first) > 1 else "damaged row"
     last = max(row.row for row in damaged) if damaged else 0
     return f" The first {which} is {rows}; the last damaged row is row {last}" if rows else ""

@@ -9,6 +9,8 @@ from dataclasses import asdict, dataclass
 from pydantic import TypeAdapter, ValidationError
 
 from acquisition.clock.report import ClockReport
+from acquisition.imports.plate_report import PlateReport
+from acquisition.maps.torque_meaning import TorqueMeaning
 from config.errors import RecordingError
 
 RANGES_IN_WORDS = 20
@@ -68,7 +70,10 @@ class ImportReport:
             velocity.
         findings: Oddities of the used rows, one sentence each.
         static: True if no joint moves.
+        torques: Meaning of the torques; None if the map does not state it.
         clock: Repeated rows, jitter and origin of the times; None if the clock was not judged.
+        time_origin_ns: Origin of the times, if the stamps were whole nanoseconds [ns].
+        plate: Report on the force plate; None without a plate.
     """
 
     file: str
@@ -86,7 +91,10 @@ class ImportReport:
     refined_step: tuple[float | None, ...] = ()
     findings: tuple[str, ...] = ()
     static: bool = False
+    torques: TorqueMeaning | None = None
     clock: ClockReport | None = None
+    time_origin_ns: int = 0
+    plate: PlateReport | None = None
 
     @property
     def left_out(self) -> dict[str, int]:
@@ -100,6 +108,21 @@ class ImportReport:
     def rows_damaged(self) -> int:
         """Number of rows left out as damaged."""
         return sum(rows.count for rows in self.damaged)
+
+    @property
+    def headline(self) -> str:
+        """Result of the import in one line."""
+        repeated = 0 if self.clock is None else self.clock.repeated_rows
+        words = "Imported without loss"
+        if self.rows_damaged:
+            words = f"Imported; {self.rows_damaged} damaged rows left out"
+        elif repeated:
+            words = "Imported"
+        if repeated:
+            words += f"; {repeated} repeated rows left out"
+        if self.findings:
+            words += f"; {len(self.findings)} findings"
+        return words
 
     def to_json(self) -> bytes:
         """Return the report as JSON for `from_json`."""
@@ -150,6 +173,13 @@ class ImportReport:
                 found.append(f"  ... and {len(self.damaged) - RANGES_IN_WORDS} more ranges")
         elif self.clock is None or self.clock.is_sound:
             found.append("no damaged rows")
+        if self.torques is None:
+            found.append(
+                "the map does not state `torques`, the meaning of the torques: measured motor"
+                " currents, or torques of the motors, are assumed"
+            )
+        if self.plate is not None:
+            found.extend(self.plate.lines())
         found.extend(f"finding: {sentence}" for sentence in self.findings)
         return tuple(found)
 

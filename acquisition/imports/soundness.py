@@ -7,9 +7,9 @@ import numpy as np
 from acquisition.clock.repeats import repeated_rows
 from acquisition.clock.samples import Samples
 from acquisition.imports.columns import ImportRows
-from acquisition.imports.import_map import ImportMap
 from acquisition.imports.report import DamagedRow
 from acquisition.imports.table import find_unordered
+from acquisition.maps.import_map import ImportMap
 from acquisition.processing.smoothing import GAP_STEPS
 
 JUMP_FACTOR = 1.5
@@ -22,18 +22,22 @@ HOTTEST_K = 473.15
 
 
 def drop_copies(rows: ImportRows) -> ImportRows:
-    """Return the rows without exact copies of the previous row, time stamp included."""
-    values = np.hstack([rows.position, rows.velocity, rows.torque, rows.temperature])
-    values = np.column_stack([rows.time_s, np.nan_to_num(values)])
+    """Return the rows without exact copies of the previous row, including its time stamp."""
+    measured = (rows.position, rows.velocity, rows.torque, rows.temperature, rows.command)
     fresh = np.ones(len(rows.row), dtype=np.bool_)
-    fresh[1:] = np.any(values[1:] != values[:-1], axis=1)
+    fresh[1:] = rows.time_s[1:] != rows.time_s[:-1]
+    for column in (column for values in measured for column in values.T):
+        if fresh.all():
+            break
+        values = np.nan_to_num(column)
+        fresh[1:] |= values[1:] != values[:-1]
     return rows.keep(fresh)
 
 
 def drop_unsound_rows(
     rows: ImportRows, import_map: ImportMap, damaged: list[DamagedRow]
 ) -> tuple[ImportRows, tuple[str, ...]]:
-    """Drop rows with absurd values, out of time order, or at positions that cannot be reached.
+    """Drop rows with absurd values, in the wrong order, or at positions that cannot be reached.
 
     Args:
         rows: Rows as read.
@@ -54,7 +58,8 @@ def drop_unsound_rows(
             for row, stamp in zip(rows.row[mask], rows.time_s[mask], strict=True)
         )
     rows = rows.keep(~(doubled | disordered))
-    # After repeated rows, the position jumps when the source updates it: this is not damage.
+    # After repeated rows, the position jumps at the source's next update; such a jump is not
+    # damage.
     fresh = ~repeated_rows(Samples(rows.time_s, rows.position, rows.velocity, rows.torque))
     reached, notes = _drop_jumps(rows.keep(fresh), import_map, damaged)
     sound = np.isin(rows.row[fresh], reached.row)
@@ -79,6 +84,7 @@ def _drop_absurd_rows(
         ("position", ".position", rows.position, -plausible.position, plausible.position),
         ("velocity", ".speed", velocity, -plausible.speed, plausible.speed),
         ("torque", ".torque", rows.torque, -plausible.torque, plausible.torque),
+        ("velocity command", ".speed", rows.command, -plausible.speed, plausible.speed),
         ("temperature", "", rows.temperature, COLDEST_K, HOTTEST_K),
     ):
         bad = ~((values >= low) & (values <= high))

@@ -46,7 +46,8 @@ def find_unordered(stamps: FloatArray) -> tuple[BoolArray, BoolArray]:
     if (np.diff(stamps[~doubled]) > 0.0).all():
         return doubled, np.zeros_like(doubled)
     disordered = ~doubled
-    # Longest increasing subsequence: ends[k] is the last row of the best one with k + 1 rows.
+    # Longest increasing subsequence: ends[k] is the last row of the best subsequence with k + 1
+    # rows.
     ends: list[int] = []
     end_stamps: list[float] = []
     before = np.full(len(stamps), -1)

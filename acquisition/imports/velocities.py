@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from acquisition.imports.import_map import ImportMap
 from acquisition.imports.table import ImportTable
+from acquisition.maps.import_map import ImportMap
 
 
 def without_missing_velocities(

@@ -97,7 +97,7 @@ class CycleReader:
 
     def _as_rows(self, payloads: list[bytes], header: JournalHeader) -> NDArray[Any]:
         joints = len(header.joint_names)
-        dtype = packed_dtype(MESSAGES[header.source][1], joints)
+        dtype = packed_dtype(MESSAGES[header.layout][1], joints)
         size = len(CDR_LITTLE_ENDIAN) + dtype.itemsize
         for payload in payloads:
             if len(payload) != size or not payload.startswith(CDR_LITTLE_ENDIAN):
@@ -116,7 +116,7 @@ def read_tail(path: Path, seconds: float) -> Recording:
     """Return the end of a journal, at least `seconds` long; earlier rows do not stay in memory.
 
     Args:
-        path: The `.mcap` file, no longer written.
+        path: The `.mcap` file of an ended recording.
         seconds: Required duration [s].
 
     Raises:
@@ -144,6 +144,7 @@ def recording_of(header: JournalHeader, rows: NDArray[Any]) -> Recording:
         RecordingError: The rows are not a valid recording (time stamps that do not increase).
     """
     answered, imported = rows["valid"] != 0, header.source == "import"
+    has_commands = not imported or header.has_commands
     warmth = rows["temperature_k"] if imported else None
     return Recording(
         joint_names=header.joint_names,
@@ -154,7 +155,7 @@ def recording_of(header: JournalHeader, rows: NDArray[Any]) -> Recording:
         phase=rows["phase"],
         sample_index=rows["sample_index"],
         target_position=None if imported else rows["target_position"],
-        velocity_command=None if imported else rows["velocity_command"],
+        velocity_command=rows["velocity_command"] if has_commands else None,
         sample_period_s=header.sample_period_s,
         samples_per_period=header.samples_per_period,
         torque_filter=header.torque_filter,

@@ -8,17 +8,18 @@ from __future__ import annotations
 import struct
 from collections.abc import Sequence
 from functools import cache
-from typing import Any, Final, Literal, NamedTuple, cast
+from typing import Any, Final, NamedTuple, cast
 
 import numpy as np
 
+from acquisition.journal.header import Layout
 from acquisition.journal.row_layout import Fields, packed_dtype
 
 MESSAGE_NAME = "rid_daq/msg/Cycle"
 
 FIELDS: Fields = (
     ("time_s", "f8", 1, "time of SYNC on the cyclic task's clock [s]"),
-    ("lateness_s", "f8", 1, "delay of the cycle's begin after its deadline [s]"),
+    ("lateness_s", "f8", 1, "delay of the start of the cycle after its deadline [s]"),
     ("exchange_s", "f8", 1, "time from SYNC to the last drive's answer [s]"),
     ("target_position", "f8", None, "position set-point of the position loop [rad or m]"),
     ("target_velocity", "f8", None, "feedforward velocity of the position loop [rad/s or m/s]"),
@@ -47,11 +48,16 @@ IMPORTED_FIELDS: Final[Fields] = (
     ("valid", "u1", 1, "1 if the row is near a measured row, else 0"),
     ("phase", "u1", 1, "phase of the motion, as in the rows of the cyclic task"),
 )
-MESSAGES: Final[dict[Literal["cell", "import"], tuple[str, Fields]]] = {
+COMMANDED_FIELDS: Final[Fields] = (
+    *IMPORTED_FIELDS,
+    ("velocity_command", "f8", None, "velocity command of the source [rad/s or m/s]"),
+)
+MESSAGES: Final[dict[Layout, tuple[str, Fields]]] = {
     "cell": (MESSAGE_NAME, FIELDS),
     "import": ("rid_daq/msg/Imported", IMPORTED_FIELDS),
+    "commanded import": ("rid_daq/msg/ImportedCommands", COMMANDED_FIELDS),
 }
-"""Message name and fields of the rows, for each source of a recording."""
+"""Message name and fields of the rows, for each layout of `JournalHeader`."""
 _STRUCT_CODE = {"f8": "d", "i4": "i", "u4": "I", "i2": "h", "u2": "H", "u1": "B"}
 
 MAX_JOINTS = 16

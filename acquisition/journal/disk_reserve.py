@@ -36,7 +36,7 @@ class DiskReserve:
             descriptor, name = tempfile.mkstemp(".tmp", "reserve", folder)
             os.unlink(name)
         try:
-            os.posix_fallocate(descriptor, 0, size_bytes)
+            _allocate(descriptor, size_bytes)
         except OSError as error:
             os.close(descriptor)  # without a reserve, a full disk leaves the file unfinished
             if error.errno in FULL:
@@ -56,3 +56,13 @@ class DiskReserve:
             os.close(self._descriptor)
         self._descriptor = None
         return True
+
+
+def _allocate(descriptor: int, size_bytes: int) -> None:
+    """Allocate the space of a file; macOS has no posix_fallocate, so zeros are written there."""
+    if hasattr(os, "posix_fallocate"):
+        os.posix_fallocate(descriptor, 0, size_bytes)
+        return
+    zeros = bytes(1 << 20)
+    while size_bytes > 0:
+        size_bytes -= os.write(descriptor, zeros[:size_bytes])

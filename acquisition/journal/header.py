@@ -13,9 +13,15 @@ from config.errors import RecordingError
 from config.model import ConfigModel
 from config.quantities import MOST_JOINTS, Positive
 
+Layout = Literal["cell", "import", "commanded import"]
+"""Layout of the rows of a recording."""
+
 
 class HeaderModel(ConfigModel):
-    """Header with a checksum; a file has two copies, so that damage at one place spares one."""
+    """Header with a checksum.
+
+    A file has two copies, so that damage at one place leaves one copy.
+    """
 
     def to_metadata(self) -> dict[str, str]:
         """Return the header as the text pairs of an MCAP metadata record or channel."""
@@ -49,16 +55,23 @@ class JournalHeader(HeaderModel):
     """Everything needed to read the rows as a `Recording`, even without the run folder.
 
     `sample_period_s` is None if the time stamps are not uniform, as in imported recordings.
+    `has_commands` is True if the rows of an import have velocity commands.
     """
 
     joint_names: tuple[str, ...] = Field(min_length=1, max_length=MOST_JOINTS)
     sample_period_s: Positive | None
     source: Literal["cell", "import"] = "cell"
+    has_commands: bool = False
     samples_per_period: int | None = None
     torque_filter: ButterworthFilter | None = None
     cell_name: str = ""
     robot_name: str = ""
     run_id: str = ""
+
+    @property
+    def layout(self) -> Layout:
+        """Layout of the rows."""
+        return "commanded import" if self.has_commands else self.source
 
 
 H = TypeVar("H", bound=HeaderModel)

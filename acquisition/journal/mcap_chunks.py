@@ -1,4 +1,7 @@
-"""`keep_as_bytes`: limits the memory of the MCAP writer's index, which the library cannot do.
+"""`keep_as_bytes`, `add_messages`: what the MCAP writer of the library cannot do.
+
+- `keep_as_bytes` limits the memory of the writer's index.
+- `add_messages` adds many messages of equal size at once; the file is the same.
 
 This is the only place that depends on internal names of the library mcap. The library's writer
 keeps one Python object per chunk for the final summary. These objects need ten times as much memory
@@ -9,15 +12,22 @@ library changes these names.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Final
+from typing import Any, Final
 
+import numpy as np
 from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
 from mcap.records import ChunkIndex
 from mcap.writer import Writer
+from numpy.typing import NDArray
 
+from acquisition.journal.mcap_records import MESSAGE, RECORD
 from config.errors import RecordingError
 
 ATTRIBUTE: Final = "_Writer__chunk_indices"
+_BUILDER: Final = "_Writer__chunk_builder"
+_CHUNK_SIZE: Final = "_Writer__chunk_size"
+_STATISTICS: Final = "_Writer__statistics"
 
 
 class ChunkIndices:
@@ -31,7 +41,7 @@ class ChunkIndices:
         index.write(self._records)
 
     def __iter__(self) -> Iterator[ChunkIndices]:
-        """Yield this object once, so that the writer calls `write` once for all chunks."""
+        """Yield this object once; the writer then calls `write` once for all chunks."""
         yield self
 
     def write(self, summary: RecordBuilder) -> None:
@@ -43,12 +53,93 @@ def keep_as_bytes(writer: Writer) -> None:
     """Make a new writer keep its chunk index as bytes.
 
     Raises:
-        RecordingError: The writer of the installed library has no such index.
+        RecordingError: The writer of the installed library has other attributes.
     """
-    if vars(writer).get(ATTRIBUTE) != []:
+    names = {_BUILDER, _CHUNK_SIZE, _STATISTICS}
+    if vars(writer).get(ATTRIBUTE) != [] or not names <= vars(writer).keys():
         raise RecordingError(
             "this version of the Python package mcap is not supported: install the version in"
             " uv.lock",
             code="RID-INSTALL-MCAP",
         )
     vars(writer)[ATTRIBUTE] = ChunkIndices()
+
+
+class _MessageIndex:
+    """Index of the messages of a chunk, in place of the library's list of pairs."""
+
+    def __init__(self, channel: int, pairs: bytes) -> None:
+        self._channel, self._pairs = channel, pairs
+
+    def write(self, stream: RecordBuilder) -> None:
+        stream.start_record(Opcode.MESSAGE_INDEX)
+        stream.write2(self._channel)
+        stream.write4(len(self._pairs))
+        stream.write(self._pairs)
+        stream.finish_record()  # type: ignore[no-untyped-call]
+
+
+def add_messages(
+    writer: Writer,
+    channel: int,
+    times_ns: NDArray[np.uint64],
+    payloads: NDArray[np.uint8],
+    sequence: int,
+) -> None:
+    """Write messages of equal size; the file is the same as after `add_message` for each of them.
+
+    Args:
+        writer: The writer, without compression.
+        channel: Channel of all messages.
+        times_ns: Shape (messages,). Times [ns].
+        payloads: Shape (messages, bytes). Bodies with encapsulation header.
+        sequence: Number of the first message; the others are counted from it.
+    """
+    records = np.empty(len(payloads), _record_dtype(payloads.shape[1]))
+    records["opcode"], records["length"] = MESSAGE, records.itemsize - RECORD.size
+    records["channel"] = channel
+    records["sequence"] = np.arange(sequence, sequence + len(records))
+    records["log"] = records["publish"] = times_ns
+    records["payload"] = payloads
+    builder, count = vars(writer)[_BUILDER], vars(writer)[_CHUNK_SIZE] // records.itemsize + 1
+    first = 0
+    while first < len(records):
+        part = records[first : first + count]
+        if builder.count or len(part) < count:
+            part = part[:1]  # the library completes the chunk that it has begun
+            time_ns = int(part["log"][0])
+            body, number = part["payload"][0].tobytes(), sequence + first
+            writer.add_message(channel, time_ns, body, time_ns, number)
+        else:
+            _add_chunk(writer, channel, part)
+        first += len(part)
+
+
+def _record_dtype(payload_bytes: int) -> np.dtype[Any]:
+    """Return the numpy record type of a message record."""
+    return np.dtype(
+        [
+            *(("opcode", "u1"), ("length", "<u8"), ("channel", "<u2"), ("sequence", "<u4")),
+            *(("log", "<u8"), ("publish", "<u8"), ("payload", "u1", (payload_bytes,))),
+        ]
+    )
+
+
+def _add_chunk(writer: Writer, channel: int, records: NDArray[Any]) -> None:
+    """Write message records as one chunk; the writer must not have begun a chunk."""
+    builder, statistics = vars(writer)[_BUILDER], vars(writer)[_STATISTICS]
+    times_ns = records["log"]
+    pairs = np.empty((len(records), 2), "<u8")
+    pairs[:, 0], pairs[:, 1] = times_ns, np.arange(len(records)) * records.itemsize
+    builder.record_writer.write(records.tobytes())
+    builder.message_indices[channel] = _MessageIndex(channel, pairs.tobytes())
+    builder.num_messages = len(records)
+    builder.message_start_time = start = int(times_ns.min())
+    builder.message_end_time = end = int(times_ns.max())
+    if statistics.message_count:
+        start = min(start, statistics.message_start_time)
+    statistics.message_start_time = start
+    statistics.message_end_time = max(end, statistics.message_end_time)
+    statistics.channel_message_counts[channel] += len(records)
+    statistics.message_count += len(records)
+    writer.flush()  # type: ignore[no-untyped-call]

@@ -125,7 +125,7 @@ class JournalReader:
         self._path = path
         self._stack = contextlib.ExitStack()
         self._head = b""
-        self._data = b""  # data that was read, without complete chunks
+        self._data = b""  # data read so far, beyond the last complete chunk
         self._origin = 0  # position of `_data` in the file
         self._spent = 0
         self._channel_pairs: dict[str, str] | None = None
@@ -143,7 +143,10 @@ class JournalReader:
 
     @property
     def headers(self) -> tuple[dict[str, str], ...]:
-        """Copies of the header in the data read so far, the better protected copy first."""
+        """Copies of the header in the data read so far.
+
+        The copy that is better protected comes first.
+        """
         candidates = (metadata_pairs(self._head), self._channel_pairs)
         return tuple(pairs for pairs in candidates if pairs is not None)
 

@@ -9,22 +9,27 @@ import contextlib
 import os
 from io import FileIO
 from pathlib import Path
-from typing import IO, Self, cast
+from typing import IO, Any, Self, cast
 
+import numpy as np
 from mcap.writer import CompressionType, Writer
+from numpy.typing import NDArray
 
 from acquisition.journal.disk_reserve import FULL, DiskReserve
-from acquisition.journal.mcap_chunks import keep_as_bytes
+from acquisition.journal.mcap_chunks import add_messages, keep_as_bytes
 from acquisition.journal.mcap_records import METADATA_NAME
 from acquisition.journal.row_layout import CDR_LITTLE_ENDIAN
+from config.arrays import FloatArray
 from config.errors import RecordingError, system_errors
 from config.process.file_locks import lock_holder
+from config.process.linux import has_linux
 
-CHUNK_BYTES = 8 * 1024  # largest loss by damage at one place
+CHUNK_BYTES = 8 * 1024  # size of a chunk: damage at one place loses at most one chunk
 FLUSH_PERIOD_S = 0.08
 LATEST_S = 1e10
-MOST_LOST_S = 0.1  # loss by a killed recorder: flush period and a delay
+MOST_LOST_S = 0.1  # most data that a killed recorder loses: one flush period and a delay
 SYNC_PERIOD_S = 1.0
+ROWS_AT_ONCE = 10_000
 
 
 def open_new(path: Path) -> FileIO:
@@ -39,15 +44,25 @@ def open_new(path: Path) -> FileIO:
 def is_being_written(path: Path) -> bool:
     """Return True if a recorder of this computer still has the journal open.
 
+    Recorders run on Linux only; other systems have no list of locks.
+
     Raises:
         RecordingError: The file cannot be read.
     """
     with system_errors(RecordingError, f"{path}: cannot be read", code="RID-FILE-READ"):
         descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
     try:
-        return lock_holder(descriptor) is not None
+        return has_linux() and lock_holder(descriptor) is not None
     finally:
         os.close(descriptor)
+
+
+def _lock(file: FileIO) -> None:
+    """Lock a journal while it is open, as far as the system and the file system have locks."""
+    with contextlib.suppress(ImportError, OSError):
+        import fcntl
+
+        fcntl.flock(file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
 
 
 class _Unbuffered:
@@ -110,10 +125,7 @@ class JournalFile:
             raise RecordingError(
                 f"{path}: cannot create: {error.strerror}", code="RID-FILE-WRITE"
             ) from error
-        import fcntl  # only recorders need it
-
-        with contextlib.suppress(OSError):  # the file system may have no locks
-            fcntl.flock(self._file.fileno(), fcntl.LOCK_EX | fcntl.LOCK_NB)
+        _lock(self._file)
         try:
             self._reserve = DiskReserve(path.parent, reserve_bytes)
         except RecordingError:
@@ -168,6 +180,28 @@ class JournalFile:
         """Write one message with a given CDR body; an invalid time becomes 0."""
         time_ns = round(time_s * 1e9) if 0.0 <= time_s < LATEST_S else 0
         self._add(channel, time_ns, CDR_LITTLE_ENDIAN + body)
+
+    def add_messages(self, channel: int, time_s: FloatArray, rows: NDArray[Any]) -> None:
+        """Write many messages; the file is the same as after `add_message` for each of them.
+
+        Args:
+            channel: Channel of all messages.
+            time_s: Shape (messages,). Times [s]; an invalid time becomes 0.
+            rows: Shape (messages,). Records without padding, the CDR bodies.
+        """
+        for first in range(0, len(rows), ROWS_AT_ONCE):
+            part, at_s = rows[first : first + ROWS_AT_ONCE], time_s[first : first + ROWS_AT_ONCE]
+            valid = (at_s >= 0.0) & (at_s < LATEST_S)
+            times_ns = np.rint(np.where(valid, at_s, 0.0) * 1e9).astype(np.uint64)
+            payloads = np.empty((len(part), len(CDR_LITTLE_ENDIAN) + part.itemsize), np.uint8)
+            payloads[:, : len(CDR_LITTLE_ENDIAN)] = list(CDR_LITTLE_ENDIAN)
+            bodies = np.frombuffer(part.tobytes(), np.uint8)
+            payloads[:, len(CDR_LITTLE_ENDIAN) :] = bodies.reshape(len(part), -1)
+            try:
+                add_messages(self._writer, channel, times_ns, payloads, self.rows)
+            except OSError as error:
+                raise self._write_error(error) from error
+            self.rows += len(part)
 
     def copy_message(self, channel: int, time_ns: int, payload: bytes, sequence: int) -> None:
         """Copy a message of another journal with its sequence number.

@@ -172,7 +172,7 @@ class PlateJournalWriter(JournalFile):
         self.add_message(self._events, arrival_s, event.tobytes())
 
     def begin_stream(self) -> None:
-        """Forget the mark requests of an earlier stream: the amplifier's numbers restart."""
+        """Discard the mark requests of an earlier stream; the amplifier's numbers restart."""
         self._mark_requests.clear()
 
 

@@ -32,7 +32,7 @@ class KnownPose:
     """Last known pose of a robot.
 
     Attributes:
-        position: Length joints. Joint positions [rad or m].
+        position: Position of each joint [rad or m].
         source: Source and time of the pose, as "run 01M8... (2026-11-26T15:04:05+00:00)".
         binding: True to refuse a motion if the robot is elsewhere; False to add only a note.
     """

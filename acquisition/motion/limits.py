@@ -170,7 +170,8 @@ def verify_limits(
             f" has {', '.join(robot.joint_names)}: use the same joint names",
             code="RID-MOTION-JOINTS",
         )
-    brief = samples.whole(most_periods=2)  # includes the transition from one period to the next
+    # two periods, so that the transition from one period to the next is included
+    brief = samples.whole(most_periods=2)
     path = JointTrajectory(brief.position, brief.velocity, brief.acceleration)
     refuse(violations(path, robot, samples.sample_period_s, oversampling), "the motion")
     if samples.feedforward is not None:

@@ -43,7 +43,8 @@ def run_out(trajectory: FourierTrajectory, samples: int) -> JointTrajectory:
     """
     x = 1.0 - np.arange(samples + 1) / samples
     duration_s = samples * trajectory.sample_period_s
-    # The run-in of the time-reversed motion, itself reversed: s -> -s; speeds change sign twice.
+    # The run-out is the time-reversed run-in of the time-reversed motion (s -> -s); the signs of
+    # the speeds change twice and thus remain.
     return _at_path_time(trajectory, 0.5 * duration_s, x, -duration_s)
 
 

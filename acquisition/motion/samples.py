@@ -45,7 +45,7 @@ def standstill(pose: FloatArray, samples: int) -> JointTrajectory:
 
 
 def join(pieces: list[JointTrajectory]) -> JointTrajectory:
-    """Return the pieces in sequence."""
+    """Return the pieces, one after the other, as one piece."""
     return JointTrajectory(*(np.concatenate(arrays) for arrays in zip(*pieces, strict=True)))
 
 

@@ -154,7 +154,7 @@ def turn_samples(
     read_s: float,
     sample_period_s: float,
 ) -> tuple[MotionSamples, tuple[range, ...]]:
-    """Return the motion to the first, second and again the first pose, and each reading's rows.
+    """Return the motion to the first pose, the second pose and back, and the rows of each reading.
 
     Args:
         robot: Joints and limits.

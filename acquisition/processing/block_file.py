@@ -39,7 +39,7 @@ class BlockFile:
         return iter(self._places)
 
     def __getitem__(self, number: int) -> FloatArray:
-        """Return the array with this number; zeros if it was never set."""
+        """Return an array by its number; zeros if it was never set."""
         return self.rows(number, slice(None))
 
     def rows(self, number: int, rows: slice) -> FloatArray:

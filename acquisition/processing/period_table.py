@@ -196,7 +196,7 @@ class PeriodCutter:
         return latest
 
     def _shift(self, blocks: BlockFile, shift: int) -> BlockFile:
-        """Return the periods, cut again with each row moved later by `shift` rows."""
+        """Return the periods, cut again with each row's index increased by `shift` rows."""
         samples = self._samples
         moved = BlockFile(blocks.shape)
         for number in blocks:

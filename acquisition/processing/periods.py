@@ -117,7 +117,7 @@ def average_periods(recording: Recording, *, rejected_limit: int = REJECTED_LIMI
     Rows are sorted by `sample_index`, so that a lost row does not shift others. Run-in, transient
     periods and run-out are left out. A period is rejected if:
     - it is incomplete,
-    - it lacks more than 2 % of a joint's rows, or more than 3 in sequence, or
+    - it lacks more than 2 % of a joint's rows, or more than 3 consecutive rows, or
     - it is an outlier. Then, in any channel, its deviation from the median period (RMS or peak) is
       more than twice the median of all periods' deviations, and more than 6 robust standard
       deviations above this median, and more than 1e-4 of the channel's variation (for a joint at
@@ -195,7 +195,7 @@ def average_table(
             " periods: record more periods",
             code="RID-RECORDING-PERIODS",
         )
-    # Periods are summed one by one: memory does not grow with their number.
+    # Periods are summed one by one, so that the memory does not grow with the number of periods.
     mean = sum_of(table.values(m) * present[m][:, np.newaxis] for m in used)
     mean /= count[:, np.newaxis]
     squares = power = None
@@ -279,7 +279,7 @@ def _incomplete(present: BoolArray) -> dict[int, str]:
             rejected[period] = f"ended after {samples - longest} of {samples} samples"
         elif longest > LONGEST_GAP or len(missing) > MISSING_FRACTION_LIMIT * samples:
             rejected[period] = (
-                f"{len(missing)} of {samples} samples missing, {longest} in sequence from sample"
+                f"{len(missing)} of {samples} samples missing, {longest} in a row from sample"
                 f" {int(missing[0])}"
             )
     return rejected
@@ -293,7 +293,7 @@ def _out_of_family(
     *,
     alike: int,
 ) -> dict[int, str]:
-    """Return the complete periods that are outliers, with the reason.
+    """Return the complete periods that are outliers, each with the reason.
 
     Deviations that are negligible against a channel's own variation never count. `alike`
     consecutive channels have the same quantity. For a channel at rest, the largest variation of

@@ -105,7 +105,7 @@ def _align(recording: Recording, rows: PlateRows, use: BoolArray, stream: int) -
     device_s = rows.device_s[use]
     ahead = np.concatenate([[True], np.diff(device_s) > 0.0])  # a row received twice counts once
     amplifier = rows.header.plate.amplifier
-    over = _find_settling(rows.overload[use], device_s, SETTLING_CYCLES / amplifier.low_pass_hz)
+    over = find_settling(rows.overload[use], device_s, SETTLING_CYCLES / amplifier.low_pass_hz)
     valid = ~over & rows.operating[use][:, np.newaxis]
     return resample_reaction(
         rows.header.plate,
@@ -117,7 +117,7 @@ def _align(recording: Recording, rows: PlateRows, use: BoolArray, stream: int) -
     )
 
 
-def _find_settling(over: BoolArray, device_s: FloatArray, settling_s: float) -> BoolArray:
+def find_settling(over: BoolArray, device_s: FloatArray, settling_s: float) -> BoolArray:
     """Return True for overloaded values and for the settling time after an overload, (rows, 8)."""
     last_s = np.where(over, device_s[:, np.newaxis], -np.inf)
     return np.asarray(device_s[:, np.newaxis] - np.maximum.accumulate(last_s, axis=0) <= settling_s)

@@ -27,7 +27,7 @@ def realisation_starts(
     parts = _main_parts(recording.phase)
     numbers = list(range(len(parts)))
     if len(parts) != motion.realisations:
-        # If realisations are missing completely, the sample index identifies the recorded ones.
+        # If whole realisations are missing, the sample index shows which ones were recorded.
         planned = motion.plan(robot, recording.sample_period_s).phase
         expected = np.array([first for first, _ in _main_parts(planned)])
         indices = [int(recording.sample_index[first]) for first, _ in parts]

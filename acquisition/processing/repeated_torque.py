@@ -60,7 +60,8 @@ def find_repeated_torques(position: FloatArray, torque_nm: FloatArray) -> Repeat
         starts = np.concatenate([[0], changed])
         rows = np.arange(len(torque_nm))
         since = rows - starts[np.searchsorted(starts, rows, side="right") - 1]
-        update_row[:, j] = rows - since % held[j]  # two equal values count as two updates
+        # a hold longer than `held` rows contains several updates with equal values
+        update_row[:, j] = rows - since % held[j]
     return RepeatedTorques(held, update_row)
 
 
@@ -84,8 +85,9 @@ def repeated_torque_sentence(recording: Recording) -> str:
     if recording.samples_per_period is None:
         return f"{finding}. The model's torques are held in the same way"
     return (
-        f"{finding}. Mean periods do not correct this: torques are late by half of the hold time,"
-        " and friction and inertia are biased. Record torques at the rate of the rows"
+        f"{finding}. The mean of the periods does not correct this: the torques are late by half of"
+        " the hold time on average, which biases friction and inertia. Record again with torques"
+        " that are updated in every row"
     )
 
 

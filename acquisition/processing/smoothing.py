@@ -88,7 +88,7 @@ class _Segment(NamedTuple):
 
 
 def _steps(duration_s: float, step_s: float) -> float:
-    """Return the number of steps in a duration, without the last digits of the time stamps."""
+    """Return a duration in steps, rounded to 0.001 to remove rounding errors of the time stamps."""
     return round(duration_s / step_s, 3)
 
 
@@ -113,7 +113,8 @@ def low_pass(values: FloatArray, sample_period_s: float, cutoff_hz: float) -> Fl
     sections, start = _sections(cutoff_hz * sample_period_s)
     padding = min(len(values) - 1, math.ceil(_steps(3.0 / cutoff_hz, sample_period_s)))
     longer = np.empty((len(values) + 2 * padding, *values.shape[1:]))
-    longer[:padding] = 2.0 * values[:1] - values[padding:0:-1]  # point reflection about the end
+    # extend the signal by a point reflection about its end
+    longer[:padding] = 2.0 * values[:1] - values[padding:0:-1]
     longer[padding : padding + len(values)] = values
     longer[padding + len(values) :] = 2.0 * values[-1:] - values[-2 : -padding - 2 : -1]
     filter_both_ways(sections, start, longer.reshape(len(longer), -1))
@@ -291,18 +292,21 @@ def resample_periods(recording: Recording, period_s: float) -> Recording:
     sample_period_s = period_s / samples_per_period
     index = np.arange(periods * samples_per_period)
     grid = time_s[0] + index * sample_period_s
-    values = np.concatenate(
-        [recording.position[recording.valid], recording.torque_nm[recording.valid]], axis=1
-    )
+    n = len(recording.joint_names)
+    commands = recording.velocity_command
+    if commands is None:
+        commands = np.empty((len(recording), 0))
+    measured = np.hstack([recording.position, recording.torque_nm, commands])
+    values = measured[recording.valid]
     resampled = interpolate.CubicSpline(time_s, values)(np.minimum(grid, time_s[-1]))
     after = np.clip(np.searchsorted(time_s, grid), 1, len(time_s) - 1)
     valid = time_s[after] - time_s[after - 1] <= GAP_STEPS * step_s
-    n = len(recording.joint_names)
     return Recording(
         joint_names=recording.joint_names,
         time_s=grid,
         position=resampled[:, :n],
-        torque_nm=resampled[:, n:],
+        torque_nm=resampled[:, n : 2 * n],
+        velocity_command=None if recording.velocity_command is None else resampled[:, 2 * n :],
         valid=valid,
         phase=np.full(len(grid), recording.phase[0], dtype=np.uint8),
         sample_index=index,

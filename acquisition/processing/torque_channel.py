@@ -40,7 +40,8 @@ class TorqueChannel:
             for a delay or filter that the data do not show. A negative delay means that the
             position is late.
         delay_sigma_s, lag_sigma_s, width_sigma_s: Shape (n,). Their standard deviations; 0 for a
-            value of 0.
+            value of 0. A value that is only a bound, at the end of its search range, has itself as
+            standard deviation.
         order: Order m of the Butterworth filter.
     """
 

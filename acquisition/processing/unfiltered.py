@@ -69,7 +69,7 @@ class UnfilteredSignals:
         freeze(self, DataQualityError, table, "torque_row", dtype=np.int64)
 
     def reach(self, cutoff_hz: float) -> int:
-        """Return the number of rows before and after a jump over which the filters spread it."""
+        """Return how many rows before and after a jump the filters change."""
         smoothing = round(SMOOTHING_REACH * self.smoothing_s / self.sample_period_s)
         return window_reach(self.sample_period_s, cutoff_hz) + smoothing
 
@@ -180,6 +180,7 @@ def _noise(position: FloatArray) -> float:
     if len(rough) == 0:
         return 0.0
     gain = 1.0
-    for k in range(NOISE_DIFFERENCES):  # gain: binomial coefficient (2 N over N)
+    # gain of an N-th difference of white noise: the binomial coefficient of 2 N over N
+    for k in range(NOISE_DIFFERENCES):
         gain *= (2 * NOISE_DIFFERENCES - k) / (NOISE_DIFFERENCES - k)
     return float(np.median(rough)) / 0.6745 / float(np.sqrt(gain))

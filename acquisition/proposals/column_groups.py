@@ -10,13 +10,20 @@ from typing import Final
 QUANTITIES: Final[Mapping[str, frozenset[str]]] = {
     "velocity": frozenset(
         {"qd", "dq", "vel", "velo", "velocity", "velocities", "speed", "qdot", "dtheta", "omega"}
+        | {"geschwindigkeit", "drehzahl", "istgeschwindigkeit", "istdrehzahl"}
     ),
     "torque": frozenset(
         {"tau", "torque", "torques", "effort", "efforts", "moment", "trq", "trk", "force"}
+        | {"drehmoment", "istmoment", "istdrehmoment"}
     ),
-    "current": frozenset({"current", "currents", "cur", "amp", "amps", "i", "iq"}),
+    "current": frozenset(
+        {"current", "currents", "cur", "amp", "amps", "i", "iq", "strom", "iststrom", "motorstrom"}
+    ),
     "temperature": frozenset({"temp", "temperature", "temperatures"}),
-    "position": frozenset({"q", "pos", "position", "positions", "angle", "angles", "theta"}),
+    "position": frozenset(
+        {"q", "pos", "position", "positions", "angle", "angles", "theta"}
+        | {"winkel", "achswinkel", "istposition", "istwinkel"}
+    ),
 }
 """Words in the names of columns by which a quantity is recognised; the first match counts."""
 
@@ -25,12 +32,57 @@ _NOT_MEASURED: Final = frozenset(
         *("target", "desired", "des", "d", "cmd", "command", "commanded", "ref", "reference"),
         *("set", "setpoint", "goal", "planned", "as", "sol", "err", "error", "limit", "min", "max"),
         *("ext", "external", "ej", "ee", "tcp", "cart", "cartesian", "contact", "hat", "filtered"),
-        *("acc", "acceleration", "qdd", "ddq", "motor", "voltage", "dtau"),
+        *("acc", "acceleration", "qdd", "ddq", "voltage", "dtau"),
+        *("disturb", "disturbance", "dist"),  # what an observer estimates, not the torque
     }
 )
 """Words in the names of columns that are no measurement of a joint."""
 
-_UNIT: Final = re.compile(r"\[([^\]\d]+)\]|\(([^)\d]+)\)")
+_MOTION: Final = ("position", "velocity")
+_CURRENT_AS_TORQUE: Final = frozenset({"actual", "current", "as", "torque"})
+"""Words of `actual_current_as_torque` of Universal Robots, a measured torque."""
+
+_PERMILLE: Final = ("permille", "per mille", "‰", "0.1%", "0.1 %", "0,1 %", "1/1000")
+
+UNITS: Final[Mapping[str, Mapping[str, str]]] = {
+    "position": {
+        **dict.fromkeys(("rad", "radian", "radians"), "rad"),
+        **dict.fromkeys(("deg", "°", "degree", "degrees"), "deg"),
+        **dict.fromkeys(("rev", "turns"), "rev"),
+        **dict.fromkeys(("inc", "increments", "counts", "cnt", "ticks"), "increments"),
+        "m": "m",
+        "mm": "mm",
+    },
+    "velocity": {
+        **dict.fromkeys(("rad/s", "rad/sec"), "rad/s"),
+        **dict.fromkeys(("deg/s", "°/s", "deg/sec"), "deg/s"),
+        **dict.fromkeys(("rpm", "1/min", "U/min", "rev/min"), "rpm"),
+        **dict.fromkeys(("inc/s", "increments/s", "counts/s", "cnt/s", "ticks/s"), "increments/s"),
+        "m/s": "m/s",
+        "mm/s": "mm/s",
+    },
+    "torque": {
+        **dict.fromkeys(("Nm", "N m", "N*m", "N·m", "N.m", "N-m"), "Nm"),
+        **dict.fromkeys(_PERMILLE, "permille"),
+        **dict.fromkeys(("percent", "%"), "percent"),
+        "mNm": "mNm",
+        "N": "N",
+    },
+    "current": {
+        **dict.fromkeys(_PERMILLE, "permille"),
+        **dict.fromkeys(("percent", "%"), "percent"),
+        "A": "A",
+        "mA": "mA",
+    },
+    "temperature": {"C": "C", "°C": "C", "K": "K"},
+}
+"""Units in the names of columns of each quantity, and as an import map writes them."""
+
+_SHOWS_QUANTITY: Final = ("position", "velocity", "torque", "current")
+
+_UNIT: Final = re.compile(
+    r"\[([^\]\d]+|1/min|0[.,]1 ?%|1/1000)\]|\(([^)\d]+|1/min|0[.,]1 ?%|1/1000)\)"
+)
 _WORD: Final = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+")
 _LAST_NUMBER: Final = re.compile(r"\d+(?=\D*$)")
 
@@ -74,9 +126,8 @@ def find_groups(
         quantity = _quantity(pattern)
         known = [group.columns for group in found.get(quantity or "", ())]
         if columns is not None and quantity is not None and columns not in known:
-            unit = _UNIT.search(pattern)
-            text = next(filter(None, unit.groups()), "") if unit else ""
-            found.setdefault(quantity, []).append(ColumnGroup(quantity, columns, pattern, text))
+            group = ColumnGroup(quantity, columns, pattern, unit_in(pattern))
+            found.setdefault(quantity, []).append(group)
     groups: dict[str, ColumnGroup] = {}
     doubts: list[str] = []
     for quantity, several in found.items():
@@ -89,14 +140,14 @@ def find_groups(
 
 
 def _patterns(name: str, joints: Sequence[str]) -> list[tuple[str, str]]:
-    """Return the patterns that a name fits, each with the place of the joint in it."""
+    """Return the patterns that a column's name fits, each with the joint's place in the name."""
     found = []
     for joint in sorted(joints, key=len, reverse=True):
         at = re.search(rf"(?<![A-Za-z0-9]){re.escape(joint)}(?![A-Za-z0-9])", name)
         if at:
             found.append((f"{name[: at.start()]}{{joint}}{name[at.end() :]}", joint))
             break
-    number = _LAST_NUMBER.search(name)
+    number = _LAST_NUMBER.search(_UNIT.sub(lambda unit: " " * len(unit[0]), name))
     if number:
         found.append((f"{name[: number.start()]}{{n}}{name[number.end() :]}", number[0]))
     return found
@@ -118,9 +169,24 @@ def _complete(places: Mapping[str, int], joints: Sequence[str]) -> tuple[int, ..
 
 def _quantity(pattern: str) -> str | None:
     words = _words(pattern)
+    if words == _CURRENT_AS_TORQUE:
+        return "torque"
     if words & _NOT_MEASURED:
         return None
-    return next((name for name, known in QUANTITIES.items() if words & known), None)
+    if any(word.startswith("soll") for word in words):
+        return None
+    named = next((name for name, known in QUANTITIES.items() if words & known), None)
+    if named in _MOTION and "motor" in words:
+        return None  # before the gear
+    unit = unit_in(pattern)
+    by_unit = [name for name in _SHOWS_QUANTITY if unit in UNITS[name]]
+    return named or (by_unit[0] if len(by_unit) == 1 else None)
+
+
+def unit_in(pattern: str) -> str:
+    """Return the text in brackets in a column's name, without the number of a joint."""
+    found = _UNIT.search(pattern.replace("[{n}]", "").replace("({n})", ""))
+    return next(filter(None, found.groups()), "").strip() if found else ""
 
 
 def _words(pattern: str) -> frozenset[str]:

@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
-import csv
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from itertools import islice
 from pathlib import Path
 from typing import Final
 
-from acquisition.imports.lines import DECIMAL_COMMA, SEPARATORS, read_lines, split_cells
-from acquisition.imports.time_column import match_iso
+from acquisition.imports.lines import DECIMAL_COMMA, SEPARATORS, read_lines, split_by_delimiters
+from acquisition.maps.time_column import match_iso
 from acquisition.sources.array_tables import has_named_arrays, read_named_arrays
 from config.errors import ConfigError
 
 _LINES: Final = 400
 _FEWEST_COLUMNS: Final = 3
 _FEWEST_ROWS: Final = 5
+_FEWEST_ABSENT: Final = 0.2
+_SCOPE_NAMES: Final = "Name"
+_SCOPE_UNITS: Final = "Unit"
+_SCOPE_SYMBOLS: Final = "SymbolName"
+_SCOPE_ROWS: Final = frozenset({_SCOPE_UNITS, "SampleTime[ms]", _SCOPE_SYMBOLS, "Data-Type"})
+"""Beginnings of rows above the data of TwinCAT Scope View, besides that with the names."""
+
 _NUMBER: Final = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?|nan", re.IGNORECASE)
 
 
@@ -29,12 +36,15 @@ class SourceTable:
         cells: First rows, as texts.
         keys: Keys of an import map that describe the text of the file.
         by_name: True if a map can name the columns; otherwise it gives their numbers.
+        symbols: Other names of the columns, those of the variables in the controller; empty if the
+            file has none.
     """
 
     names: tuple[str, ...]
     cells: tuple[tuple[str, ...], ...]
     keys: dict[str, object] = field(default_factory=dict)
     by_name: bool = True
+    symbols: tuple[str, ...] = ()
 
 
 def look_at(path: Path) -> SourceTable:
@@ -64,30 +74,56 @@ def _look_at_arrays(path: Path) -> SourceTable:
 
 def _look_at_text(path: Path) -> SourceTable:
     lines = list(islice(read_lines(path), _LINES))
+    cells_by_delimiter = [split_by_delimiters(line) for _, line in lines]
     best: tuple[int, str, int] | None = None
-    for delimiter, separator in SEPARATORS.items():
-        rows = [_split(line, separator) for _, line in lines]
+    for delimiter in SEPARATORS:
+        rows = [cells[delimiter] for cells in cells_by_delimiter]
         first = _first_row_of_numbers(rows)
         if first is not None and (best is None or len(rows[first]) > best[0]):
             best = len(rows[first]), delimiter, first
     if best is None:
         raise _no_table(path)
     width, delimiter, first = best
-    rows = [_split(line, SEPARATORS[delimiter]) for _, line in lines]
+    rows = [cells[delimiter] for cells in cells_by_delimiter]
     heads = [number for number in range(first) if len(rows[number]) == width]
     header = max(heads, key=lambda number: (len({*rows[number]}), -number), default=None)
+    scope = {rows[number][0]: number for number in heads}
+    is_scope = _SCOPE_NAMES in scope and not _SCOPE_ROWS.isdisjoint(scope)
+    if is_scope:
+        header = scope[_SCOPE_NAMES]
     before = lines[first][0] - 1
     keys: dict[str, object] = {"delimiter": delimiter, "header_rows": before}
     cells = tuple(tuple(row) for row in rows[first:] if len(row) == width)
     if any(DECIMAL_COMMA.fullmatch(cell) for row in cells for cell in row):
         keys["decimal"] = ","
-    if any(not cell for row in cells for cell in row):
+    if any(_is_sparse(column) for column in zip(*cells, strict=True)):
         keys["empty_cells"] = "interpolate"
-    by_name = header is not None and lines[header][0] == before
+    by_name = header is not None and lines[header][0] == before and not is_scope
     if not by_name:
         keys["columns"] = width
     names = ("",) * width if header is None else tuple(rows[header])
-    return SourceTable(names, cells, keys, by_name)
+    symbols: tuple[str, ...] = ()
+    if is_scope:  # names, units and symbols are in several rows
+        units = rows[scope[_SCOPE_UNITS]] if _SCOPE_UNITS in scope else [""] * width
+        names = tuple(map(_with_scope_unit, names, units))
+        if _SCOPE_SYMBOLS in scope:
+            of_variables = (
+                each.replace(_SCOPE_SYMBOLS, _SCOPE_NAMES) for each in rows[scope[_SCOPE_SYMBOLS]]
+            )
+            symbols = tuple(map(_with_scope_unit, of_variables, units))
+    return SourceTable(names, cells, keys, by_name, symbols)
+
+
+def _with_scope_unit(name: str, unit: str) -> str:
+    """Return the name of a channel with its unit, which the scope writes as `V (Voltage)`."""
+    symbol = unit.split("(")[0].strip()
+    return name if not symbol or unit == _SCOPE_UNITS else f"{name} [{symbol}]"
+
+
+def _is_sparse(column: Sequence[str]) -> bool:
+    """Return True if cells are empty, or `nan` in many rows but not in all."""
+    absent = sum(cell.lower() == "nan" for cell in column) / len(column)
+    return not all(column) or _FEWEST_ABSENT < absent < 1.0
 
 
 def _first_row_of_numbers(rows: list[list[str]]) -> int | None:
@@ -96,23 +132,24 @@ def _first_row_of_numbers(rows: list[list[str]]) -> int | None:
         some = rows[first : first + _FEWEST_ROWS]
         if len({len(row) for row in some}) == 1 and len(some[0]) >= _FEWEST_COLUMNS:
             cells = [cell for row in some for cell in row if cell]
-            numbers = sum(1 for cell in cells if _NUMBER.fullmatch(cell) or match_iso(cell))
-            if cells and numbers >= 0.6 * len(cells) and _is_number_or_empty(some[0]):
+            numbers = sum(_is_number(cell) for cell in cells)
+            if cells and numbers >= 0.6 * len(cells) and _is_first(some[0], some[-1]):
                 return first
     return None
 
 
-def _is_number_or_empty(row: list[str]) -> bool:
-    """Return True if most cells of a row are numbers: it is not the header above them."""
-    numbers = sum(1 for cell in row if not cell or _NUMBER.fullmatch(cell) or match_iso(cell))
-    return numbers >= 0.6 * len(row)
+def _is_first(row: list[str], later: list[str]) -> bool:
+    """Return True if a row is not a part of the header above the numbers.
+
+    Most cells of the row are numbers, and its other cells are no numbers in a later row either.
+    """
+    numbers = sum(1 for cell in row if not cell or _is_number(cell))
+    texts = [n for n, cell in enumerate(row) if cell and not _is_number(cell)]
+    return numbers >= 0.6 * len(row) and not any(_is_number(later[n]) for n in texts)
 
 
-def _split(line: str, separator: str | None) -> list[str]:
-    try:
-        return split_cells(line, separator)
-    except csv.Error:
-        return []
+def _is_number(cell: str) -> bool:
+    return bool(_NUMBER.fullmatch(cell) or match_iso(cell))
 
 
 def _no_table(path: Path) -> ConfigError:

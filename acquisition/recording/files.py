@@ -58,11 +58,9 @@ def _csv(table: RecordingTable) -> bytes:
 
 
 def _parquet(table: RecordingTable) -> bytes:
-    try:
-        import pyarrow as arrow
-        from pyarrow import parquet
-    except ImportError:
-        raise missing_library("Parquet", "parquet") from None
+    import pyarrow as arrow  # a large import that other formats do not need
+    from pyarrow import parquet
+
     fields = [
         arrow.field(column.name, arrow.from_numpy_dtype(column.values.dtype)).with_metadata(
             {"unit": column.unit}

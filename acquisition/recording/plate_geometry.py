@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from config.arrays import FloatArray, freeze
-from config.cell.plate import CHANNELS, PlateConfig
+from config.cell.plate import CHANNELS, PlateDescription, PlatePlace
 from config.errors import RecordingError
 
 WRENCH_NAMES = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
@@ -42,8 +42,8 @@ class PlateGeometry:
         freeze(self, RecordingError, (8, 6), "channel_matrix")
 
     @classmethod
-    def from_config(cls, plate: PlateConfig) -> PlateGeometry:
-        """Return the geometry of a cell file's `plate`."""
+    def from_config(cls, plate: PlateDescription) -> PlateGeometry:
+        """Return the geometry of a plate as a file describes it."""
         of_plate = plate_wrench_matrix(plate.a_m, plate.b_m, plate.az0_m)
         crosstalk = np.eye(CHANNELS) if plate.sensitivity is None else np.array(plate.sensitivity)
         of_base = -_plate_to_base_matrix(plate) @ of_plate
@@ -57,6 +57,18 @@ class PlateGeometry:
     def channels(self, base_wrench: FloatArray) -> FloatArray:
         """Return readings, (samples, 8) [N], that correspond to a base wrench (samples, 6)."""
         return np.asarray(base_wrench @ self.channel_matrix.T)
+
+
+def base_wrench_matrix(plate: PlatePlace) -> FloatArray:
+    """Return the base wrench per unit of each reading of a plate, (6, c).
+
+    The readings are the eight channels of a `PlateDescription`. A plate of which only the place is
+    known reads six components: the wrench on the plate, about the origin of the plate's frame and
+    in its axes.
+    """
+    if isinstance(plate, PlateDescription):
+        return PlateGeometry.from_config(plate).base_wrench_matrix
+    return -_plate_to_base_matrix(plate)
 
 
 def plate_wrench_matrix(a_m: float, b_m: float, az0_m: float) -> FloatArray:
@@ -79,7 +91,7 @@ def plate_wrench_matrix(a_m: float, b_m: float, az0_m: float) -> FloatArray:
     )
 
 
-def _plate_to_base_matrix(plate: PlateConfig) -> FloatArray:
+def _plate_to_base_matrix(plate: PlatePlace) -> FloatArray:
     """Return the matrix that transforms a wrench from the plate frame to the base frame, (6, 6)."""
     rotation = _rotation_matrix(*plate.rotation_rad)
     x, y, z = plate.position_m

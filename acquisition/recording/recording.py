@@ -148,6 +148,6 @@ def concatenate_recordings(parts: Iterable[Recording]) -> Recording:
     whole: dict[str, Any] = {}
     for name in _COLUMNS:
         if name in columns:
-            whole[name] = np.concatenate(columns.pop(name))  # frees the memory of the parts
+            whole[name] = np.concatenate(columns.pop(name))  # `pop` frees the memory of the parts
             whole[name].setflags(write=False)
     return replace(first, **whole)

@@ -107,7 +107,7 @@ class RunFolder:
 
     @classmethod
     def open(cls, path: Path) -> RunFolder:
-        """Return the run folder at `path`; it may have been moved.
+        """Return the run folder at `path`; the folder may have been moved since the run.
 
         Raises:
             RecordingError: The folder does not exist, or its manifest cannot be read.

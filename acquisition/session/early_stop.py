@@ -73,7 +73,7 @@ class EarlyStop:
         self._asked = 0
         self._reader: CycleReader | None = None
         self._unseen: list[Recording] = []
-        self._begun = 0  # periods at the previous call of the rule
+        self._begun = 0  # number of periods at the previous call of the rule
         control.program.announce_judgement()
 
     def update(self, progress: TaskProgress) -> None:

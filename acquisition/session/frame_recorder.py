@@ -84,7 +84,7 @@ class FrameRecorder:
         Raises:
             RecordingError: Not all frames could be written.
         """
-        # If the process has ended already, its answer is read all the same.
+        # Even if the process has already ended, read its answer.
         with contextlib.suppress(OSError):
             self._pipe.send(None)
         return self._receive_answer(_END_PATIENCE_S)
@@ -122,7 +122,7 @@ def run_frame_recorder(bus: CanBusConfig, path: Path, pipe: Connection) -> None:
         answer = RecordingError(
             f"{path}: cannot be written ({error.strerror or error})", code="RID-RECORDING-LOST"
         )
-    with contextlib.suppress(OSError):  # after a failure, the answer is not read
+    with contextlib.suppress(OSError):  # if the program has failed, it does not read the answer
         pipe.send(answer)
 
 

@@ -4,12 +4,47 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from multiprocessing import get_context
-from typing import Any
+from typing import Any, Protocol
 
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
 from config.process.shortage import named_error
 from config.process.termination import signals_blocked
+
+
+class ProcessHandle(Protocol):
+    """A process, or a function that runs in one: the methods of `multiprocessing.Process`."""
+
+    @property
+    def pid(self) -> int | None:
+        """Process id; None before the start."""
+
+    @property
+    def exitcode(self) -> int | None:
+        """Exit code; None before the end."""
+
+    @property
+    def sentinel(self) -> int:
+        """File descriptor that is readable after the end."""
+
+    def start(self) -> None:
+        """Start it."""
+
+    def is_alive(self) -> bool:
+        """Return True while it runs."""
+
+    def join(self, timeout: float | None = None) -> None:
+        """Wait for the end, at most `timeout` [s]."""
+
+    def kill(self) -> None:
+        """Kill it."""
+
+    def close(self) -> None:
+        """Free its resources after the end."""
+
+
+ProcessFactory = Callable[[Callable[..., None], tuple[Any, ...]], ProcessHandle]
+"""Function that returns a process with a main function and its arguments, not started."""
 
 
 class HelperProcess:
@@ -21,12 +56,17 @@ class HelperProcess:
         arguments: Arguments of the main function.
         patience_s: Longest time that the process may take to end by itself after the motion [s].
         loss: Consequence of the process's death, as a clause for the note.
+        create: Creates the process; None for a new process.
 
     Attributes:
         exit_code: Exit code, set by `end`.
+        loss: Consequence of the process's death, as a clause for the note.
+        hung_s: Time without a heartbeat after which the process was killed [s]; 0 if it was not
+            killed for this reason.
     """
 
     exit_code: int | None = None
+    hung_s: float = 0.0
 
     def __init__(
         self,
@@ -36,13 +76,18 @@ class HelperProcess:
         *,
         patience_s: float,
         loss: str = "its file is not closed",
+        create: ProcessFactory | None = None,
     ) -> None:
         self._title = title
         self._patience_s = patience_s
-        self._loss = loss
-        self._process = get_context("spawn").Process(
-            target=main, args=arguments, name=f"rid-daq {title}"
-        )
+        self.loss = loss
+        self._process: ProcessHandle
+        if create is None:
+            self._process = get_context("spawn").Process(
+                target=main, args=arguments, name=f"rid-daq {title}"
+            )
+        else:
+            self._process = create(main, arguments)
 
     @property
     def sentinel(self) -> int:
@@ -65,6 +110,19 @@ class HelperProcess:
             self._process.kill()
             self._process.join()
 
+    def kill_hung(self, silent_s: float) -> None:
+        """Kill the process, because it had no heartbeat for `silent_s` [s]."""
+        self.hung_s = silent_s
+        self.kill()
+
+    @property
+    def death(self) -> str:
+        """Ending of a process that did not finish, and its consequence, as a sentence."""
+        how = f"died (exit code {self.exit_code})"
+        if self.hung_s:
+            how = f"did not respond for {self.hung_s:g} s and was killed"
+        return f"the {self._title} {how}; {self.loss}"
+
     def end(self) -> list[str]:
         """Wait for the end of the process, or kill it; does nothing if it was never started.
 
@@ -79,9 +137,9 @@ class HelperProcess:
         self.exit_code = self._process.exitcode
         self._process.close()
         if not ended:
-            return [f"the {self._title} did not finish and was killed; {self._loss}"]
+            return [f"the {self._title} did not finish and was killed; {self.loss}"]
         if self.exit_code:
-            return [f"the {self._title} died (exit code {self.exit_code}); {self._loss}"]
+            return [f"the {self._title} died (exit code {self.exit_code}); {self.loss}"]
         return []
 
     def start(self) -> None:

@@ -36,7 +36,7 @@ class RecordOutcome:
         notes: Other notes for the user, one sentence each.
         late_stop: Stop that was requested after the end of this complete motion: no other motion
             may follow.
-        pose: Length joints. Last known joint positions [rad or m]; None if there was no cycle.
+        pose: Last known position of each joint [rad or m]; None if there was no cycle.
         displaced: True if the robot was not at its last known pose before the motion.
     """
 
@@ -84,11 +84,7 @@ def collect_outcome(
     finished = control.progress.state is TaskState.FINISHED
     task_exit = task.exit_code
     if stop is None and not finished:
-        stop = StopReason(
-            StopCode.TASK_DIED,
-            f"the cyclic task died (exit code {task_exit}); the drives stop by themselves when the"
-            " heartbeat ends",
-        )
+        stop = StopReason(StopCode.TASK_DIED, task.death)
     elif stop is None and task_exit != 0:
         ending = "disabled the drives"
         if not control.task.power_off:
@@ -107,6 +103,8 @@ def collect_outcome(
         if stop is None:
             raise error
         notes.append(str(error))
+    if stop is not None and not finished and stop.code is not StopCode.TASK_DIED:
+        notes.append(f"during the stop, {task.death}")
     statistics = CycleTally(len(header.joint_names)).statistics()
     try:
         statistics, lost = _read_journal(path, header)
@@ -129,7 +127,7 @@ def collect_outcome(
 
 
 def _find_late_stop(control: ControlBlock, interruption: Interruption) -> StopReason | None:
-    """Return the stop that was requested too late for the motion; None if there was no request."""
+    """Return the stop that was requested too late to stop the motion; None if there was none."""
     code = control.program.stop_code
     if code not in _LATE and interruption.signal is not None:
         code = StopCode.INTERRUPTED

@@ -33,7 +33,7 @@ from drivers.amplifier.stream import StreamCounts
 from drivers.interfaces.force_plate import PlateRead
 
 LONGEST_PIECE_S = 0.02
-PIECE_BYTES = 2048  # half of the buffer of a serial port
+PIECE_BYTES = 2048  # half of the size of a serial port's buffer
 PARSE_S = 0.1
 BEAT_S = 0.1
 MARK_PERIOD_S = 1.0
@@ -151,7 +151,10 @@ class _PlateRecorder:
         return self._block.stop or os.getppid() != self._parent
 
     def _open_and_record(self, writer: PlateJournalWriter) -> DriverError | None:
-        """Open the connection and record; return the error of a loss, or None at the end."""
+        """Open the connection and record.
+
+        Return the error if the connection is lost, or None at the end.
+        """
         config = self._task.plate.amplifier
         with open_amplifier(config, self._task.profile) as amplifier:
             amplifier.connect()
@@ -201,7 +204,8 @@ class _PlateRecorder:
         pause_s = piece_time_s(self._task.plate.amplifier.baud_rate)
         while not self._is_over:
             if not writer.simulated_time:
-                time.sleep(pause_s)  # read the rows of some milliseconds at once
+                # wait, so that the rows of several milliseconds are read together
+                time.sleep(pause_s)
             now_s = time.monotonic()
             if now_s - self._marked_s >= MARK_PERIOD_S and not writer.simulated_time:
                 writer.note_mark_request(marks, amplifier.mark())

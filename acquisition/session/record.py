@@ -21,7 +21,12 @@ from acquisition.runs.manifest import RECORDING
 from acquisition.session.cycle_recorder import run_recorder
 from acquisition.session.drive_monitor import create_monitor_process, end_monitor, mark_monitor_dead
 from acquisition.session.early_stop import EarlyStop, EarlyStopRule
-from acquisition.session.helper_process import HelperProcess, Observer, start_all
+from acquisition.session.helper_process import (
+    HelperProcess,
+    Observer,
+    ProcessFactory,
+    start_all,
+)
 from acquisition.session.outcome import RecordOutcome, collect_outcome
 from acquisition.session.plate_preparation import prepare_plate
 from acquisition.session.plate_recorder import PlateTask
@@ -30,7 +35,8 @@ from acquisition.supervision.commanded import verify_command
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.joint_values import JointWatch
-from acquisition.task.process import MotionOwner, run_cyclic_task
+from acquisition.task.marked_start import MarkedStart, StartMarker
+from acquisition.task.process import MotionOwner, drive_motion, run_cyclic_task
 from acquisition.task.ring import Ring
 from acquisition.task.service_beat import ServiceBeat
 from acquisition.task.set_points import PlannedMotion, SetPointSource
@@ -53,6 +59,11 @@ START_PATIENCE_S = 60.0
 BEAT_PATIENCE_S = 10.0
 STOP_PATIENCE_S = 15.0
 FINISH_PATIENCE_S = 30.0
+DRIVES_STOP = "the drives stop by themselves when the heartbeat ends"
+SIMULATION_ENDED = (
+    "the simulated drives were in the same process and ended with it, so they did not report that"
+    " they are disabled: run the command again to start them anew"
+)
 NO_PAUSE = "Ctrl-Z cannot suspend a motion: the motion continues. Ctrl-C stops it."
 
 
@@ -81,11 +92,15 @@ class MotionContext:
             the motion.
         service: Heartbeat of the service that ordered the motion: without it the motion stops.
         pose: Last known pose of the robot; it is checked before the drives are enabled.
+        task: Creates the cyclic task in the process of a simulated cell; None for a new process.
+        marker: Receiver of the motion's first row, such as a simulation; None without one.
     """
 
     observer: Observer | None = None
     service: ServiceBeat | None = None
     pose: KnownPose | None = None
+    task: ProcessFactory | None = None
+    marker: StartMarker | None = None
 
 
 def record_motion(
@@ -134,6 +149,8 @@ def record_motion(
         source = motion
     profiles = profiles or DeviceProfiles()
     context = context or MotionContext()
+    if context.marker is not None:
+        source = MarkedStart(source, context.marker)
     path = folder.file(RECORDING)
     ring = Ring.create(len(robot.joints), max(RING_ROWS, int(RING_S / cell.cycle_time_s)))
     _require_disk_space(folder.path, source.rows_expected * (ring.row_size + 64))
@@ -152,7 +169,7 @@ def record_motion(
     )
     task = HelperProcess(
         "cyclic task",
-        run_cyclic_task,
+        run_cyclic_task if context.task is None else drive_motion,
         (
             cell,
             robot,
@@ -164,7 +181,8 @@ def record_motion(
             context.pose,
         ),
         patience_s=STOP_PATIENCE_S,
-        loss="the drives stop by themselves when the heartbeat ends",
+        loss=DRIVES_STOP if context.task is None else SIMULATION_ENDED,
+        create=context.task,
     )
     recorder = HelperProcess(
         "recorder",
@@ -281,8 +299,9 @@ def _watch_processes(
         if control.task.beat != beat:
             beat, changed_s = control.task.beat, now_s
         moving = progress.state in (TaskState.MOVING, TaskState.STOPPING)
-        if now_s - changed_s > (BEAT_PATIENCE_S if moving else START_PATIENCE_S):
-            task.kill()
+        patience_s = BEAT_PATIENCE_S if moving else START_PATIENCE_S
+        if now_s - changed_s > patience_s:
+            task.kill_hung(patience_s)
         if early_stop is not None:
             early_stop.update(progress)
         if plate is not None:

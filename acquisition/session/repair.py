@@ -17,7 +17,8 @@ from config.errors import RecordingError
 
 _Header = JournalHeader | PlateHeader | MonitorHeader
 _KINDS = (JournalHeader, PlateHeader, MonitorHeader)
-_HEAD_BYTES = 9 + 22  # bytes before a message's body: record header, number, times
+# number of bytes before the body of a message: record header, sequence number, times
+_HEAD_BYTES = 9 + 22
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ class Repair:
 
 
 def examine_journal(path: Path, written: int | None = None) -> Repair:
-    """Return what can be kept of a journal, without writing anything.
+    """Return the parts of a journal that can be recovered; write nothing.
 
     Args:
         path: The journal.

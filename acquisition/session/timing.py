@@ -23,7 +23,8 @@ class CycleStatistics:
     Attributes:
         cycles: Number of cycles.
         overruns: Number of cycle times in which no cycle was executed.
-        missed_frames: Length joints. Rows in which a drive's answer was missing or implausible.
+        missed_frames: For each joint, number of rows in which its drive's answer was missing or
+            implausible.
         lateness_p50_s, lateness_p99_s, lateness_max_s: Delay between deadline and start of a cycle
             [s].
         lateness_edges_s, lateness_counts: Histogram of this delay; the last count contains all

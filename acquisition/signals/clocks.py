@@ -106,7 +106,8 @@ def clock_from_arrivals(
     middle = float(device.mean())
     x, late = device - middle, arrival - shortest_delay_s - device
     offset, rate = _line_under(x, late)
-    # Delays of neighbouring reads are correlated: the subsets get sections, not single reads.
+    # Delays of neighbouring reads are correlated, so each subset consists of sections and not of
+    # single reads.
     stretch = chunk * min(STRETCHES, chunk[-1] + 1) // (chunk[-1] + 1)
     line = np.array([offset, rate])
     eighths = np.array([_line_under(x[k], late[k]) for k in _deal(stretch, SUBSETS)]) - line
@@ -158,7 +159,8 @@ def clock_from_marks(
             code="RID-PLATE-CLOCK",
         )
     offset, rate = (high + low) / 2.0
-    # The errors at both ends are assumed independent, and uniform within their bounds.
+    # Assumption: the errors at the two ends are independent and uniformly distributed within their
+    # bounds.
     to_line = np.linalg.inv(np.column_stack([np.ones(2), ends]))
     covariance = to_line @ np.diag(half**2 / 3.0) @ to_line.T
     return DeviceClock(middle, middle + float(offset), 1.0 + float(rate), covariance, 0.0, "marks")
@@ -185,7 +187,7 @@ def clock_from_edges(device_s: FloatArray, sync_s: FloatArray) -> DeviceClock:
     middle = float(device.mean())
     x, late = device - middle, sync - device
     use = np.ones(len(device), dtype=np.bool_)
-    for _ in range(2):  # leaves out cycles with a delayed SYNC
+    for _ in range(2):  # repeat the fit without the cycles whose SYNC was delayed
         rest = late - np.polyval(np.polyfit(x[use], late[use], 1), x)
         spread = 1.4826 * float(np.median(np.abs(rest - np.median(rest))))
         kept = np.abs(rest) <= OUTLIER_SIGMAS * spread + 1e-9
@@ -248,7 +250,7 @@ def _deal(stretch: IntArray, hands: int) -> list[BoolArray]:
 
 
 def _gain(half: float, eighth: float) -> float:
-    """Return the ratio of the lines' mean height for eighths to the error of the whole fit.
+    """Return the factor by which the lines for eighths are higher than the whole fit is wrong.
 
     The lowest of N delays exceeds the shortest possible delay by about N^-k. Therefore the ratio is
     8^k - 1. The exponent k is 1 if short delays are as frequent as others, and less if they are
@@ -268,10 +270,10 @@ def _regular(covariance: FloatArray, x: FloatArray) -> FloatArray:
 
 
 def _wander(x: FloatArray, above: FloatArray, expected: float) -> float:
-    """Return the RMS distance of the lowest arrivals of eighths of the run from the line.
+    """Return the RMS height of the earliest arrival in each eighth of the run above the line.
 
-    The part that is due to chance is subtracted. It is computed from `expected`, the mean square
-    for eighths whose rows are spread over the whole run.
+    The part that chance alone would cause is subtracted. It follows from `expected`, the mean
+    square height for eighths whose rows are spread over the whole run.
     """
     lowest = [float(part.min()) for part in np.array_split(above[np.argsort(x)], SUBSETS)]
     return float(np.sqrt(max(0.0, float(np.mean(np.square(lowest))) - 4.0 * expected)))

@@ -42,7 +42,7 @@ def read_arrays(path: Path) -> dict[str, Array]:
         system_errors(ConfigError, f"cannot read {path}", code="RID-FILE-READ"),
         open_file(path, LARGEST_FILE_BYTES) as file,
     ):
-        is_hdf5 = _HDF5_MARK in file.read(520)  # MATLAB 7.3 puts 512 bytes before it
+        is_hdf5 = _HDF5_MARK in file.read(520)  # MATLAB 7.3 writes 512 bytes before this signature
     readers: dict[str, Callable[[Path], Mapping[str, object]]] = {
         ".mat": _read_matlab_hdf5 if is_hdf5 else _read_matlab,
         ".npz": _read_npz,
@@ -53,7 +53,7 @@ def read_arrays(path: Path) -> dict[str, Array]:
         contents = reader(path)
     except (RidDaqError, MemoryError):
         raise
-    except Exception as error:  # the libraries raise many types for a damaged file
+    except Exception as error:  # for a damaged file, the libraries raise exceptions of many types
         raise ConfigError(
             f"{path}: cannot be read as a {path.suffix.lower()} file:"
             f" {type(error).__name__}: {error}",
@@ -83,7 +83,7 @@ def _read_npz(path: Path) -> dict[str, Array]:
         for name in file.files:
             try:
                 arrays[name] = file[name]
-            except ValueError as error:  # an array of Python objects, which are code
+            except ValueError as error:  # an array of Python objects can contain code
                 if "pickle" not in str(error):
                     raise
     return arrays
@@ -121,10 +121,8 @@ def _read_hdf5(path: Path) -> dict[str, Array]:
 
 
 def _read_parquet(path: Path) -> dict[str, Array]:
-    try:
-        from pyarrow import parquet, types
-    except ImportError:
-        raise missing_library(f"{path}: Parquet", "parquet") from None
+    from pyarrow import parquet, types
+
     table = parquet.read_table(path)
     while any(types.is_struct(field.type) for field in table.schema):
         table = table.flatten()

@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 
 from acquisition.imports.header import require_number_of_files, with_numbers
-from acquisition.imports.import_map import ImportMap
+from acquisition.maps.import_map import ImportMap
 from acquisition.sources.array_files import ARRAY_ENDINGS, Array, is_array_file, read_arrays
 from acquisition.sources.bags import BAG_ENDINGS, is_bag
 from acquisition.sources.message_files import read_message_arrays

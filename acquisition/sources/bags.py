@@ -13,16 +13,19 @@ from typing import Any
 
 import numpy as np
 
-from acquisition.imports.import_joint import ImportJoint, JointReading
-from acquisition.imports.import_map import ImportMap
-from acquisition.imports.time_column import TimeColumn
+from acquisition.maps.import_joint import ImportJoint, JointReading
+from acquisition.maps.import_map import ImportMap
+from acquisition.maps.time_column import TimeColumn
 from config.arrays import FloatArray
 from config.errors import ConfigError, DataQualityError, RidDaqError, system_errors
 
 JOINT_STATE = "sensor_msgs/msg/JointState"
 BAG_ENDINGS = (".db3", ".mcap", ".bag")
 _QUANTITIES = ("position", "velocity", "effort")
-_KEPT = ("name", "robot", "units", "side", "plausible", "left_out_limit", "rows", "period_s")
+_KEPT = (
+    *("name", "robot", "units", "side", "torques", "torque_filter"),
+    *("plausible", "left_out_limit", "rows", "period_s"),
+)
 
 
 def is_bag(path: Path) -> bool:
@@ -42,7 +45,7 @@ def joint_state_topics(path: Path) -> dict[str, tuple[str, ...]]:
             found.setdefault(topic, tuple(message.name))
     except (RidDaqError, MemoryError):
         raise
-    except Exception as error:  # the library raises many types for a damaged file
+    except Exception as error:  # for a damaged file, the library raises exceptions of many types
         raise _not_a_bag(path, error) from error
     return found
 

@@ -13,9 +13,8 @@ class SetPoint(NamedTuple):
     """Set-point of one cycle, with its row.
 
     Attributes:
-        position, velocity: Length joints. Position and velocity of the motion [rad or m, and per
-            second].
-        feedforward: Length joints. Speed that the position loop adds [rad/s or m/s].
+        position, velocity: Position and velocity of each joint [rad or m, and per second].
+        feedforward: Speed that the position loop adds, one value per joint [rad/s or m/s].
         sample_index: Row of the motion; -1 outside the motion.
         phase: `Phase` of the row.
     """
@@ -38,7 +37,7 @@ class Cycle:
     Attributes:
         number: Cycle times since the first cycle.
         periods: Cycle times since the previous cycle; more than 1 after skipped cycles.
-        lateness_s: Delay of the cycle's begin [s].
+        lateness_s: Delay of the beginning of the cycle [s].
         target: Set-point of the cycle.
         time_s, exchange_s: Time of SYNC on the bus's clock, and duration until the last answer [s].
         received, enabled, fault: True for drives that answered, that are enabled, and that are in

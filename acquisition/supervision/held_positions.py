@@ -22,17 +22,16 @@ class HeldPositions:
         cell, robot: Cycle time, largest velocities, coupling of the wrist.
 
     Attributes:
-        position: Length joints. Positions for the position loop [rad or m]. A missing or
-            implausible position is replaced by the last plausible one plus the motion of the
-            set-point since then, so that a lost answer does not change the correction of the
-            position loop.
-        velocity: Length joints. Mean velocity between the last two plausible positions [rad/s or
+        position: Position of each joint for the position loop [rad or m]. A missing or implausible
+            position is replaced by the last plausible one plus the motion of the set-point since
+            then, so that a lost answer does not change the correction of the position loop.
+        velocity: For each joint, mean velocity between its last two plausible positions [rad/s or
             m/s].
-        missed, implausible: Length joints. Number of consecutive cycles without an answer, and
+        missed, implausible: For each joint, number of consecutive cycles without an answer, and
             number of implausible answers since the last plausible one.
-        unknown: Length joints. Number of cycles since the last plausible position in which any
-            motor that moves the joint did not answer, not necessarily the same motor.
-        jump, jump_limit: Length joints. Change from the last plausible position to the latest
+        unknown: For each joint, number of cycles since its last plausible position in which any
+            motor that moves it did not answer. It need not be the same motor in all these cycles.
+        jump, jump_limit: For each joint, change from the last plausible position to the latest
             implausible one, and the limit of this change [rad or m].
     """
 
@@ -56,11 +55,11 @@ class HeldPositions:
         self.jump = [0.0] * n
         self.jump_limit = [0.0] * n
         self._plausible = list(position)  # last plausible positions
-        self._since = [0] * n  # cycle times since these positions
+        self._since = [0] * n  # number of cycle times since these positions were received
         self._target = list(position)
 
     def take(self, cycle: Cycle) -> None:
-        """Process the answers of a cycle, and set its `valid` for plausible positions."""
+        """Process the answers of a cycle; set its `valid` for each plausible position."""
         received, measured, target = cycle.received, cycle.position, cycle.target.position
         valid = [0] * len(measured)
         for i, actual in enumerate(measured):

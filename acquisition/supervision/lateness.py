@@ -25,7 +25,7 @@ class Lateness:
         """Return the reason to stop; None if the motion may continue.
 
         Args:
-            lateness_s: Delay of this cycle's begin [s].
+            lateness_s: Delay of the beginning of this cycle [s].
         """
         rules = self._rules
         late_by = lateness_s / self._period_s

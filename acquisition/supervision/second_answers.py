@@ -29,17 +29,17 @@ class SecondAnswers:
         self.begin([0] * len(self._names))
 
     def begin(self, counts: Sequence[int]) -> None:
-        """Restart with the present counts; see `check`."""
+        """Restart with the present counts; for their meaning, see `check`."""
         self._cycle = 0
-        self._counts = counts  # counts of the last cycle
+        self._counts = counts  # numbers of answers in the last cycle
         self._seen: list[deque[int]] = [deque(maxlen=self._limit) for _ in self._names]
 
     def check(self, counts: Sequence[int]) -> StopReason | None:
         """Check a cycle.
 
         Args:
-            counts: Length joints. Number of cycles so far in which each drive's identifier answered
-                more than once.
+            counts: For each drive, number of cycles so far in which its identifier answered more
+                than once.
         """
         before, self._counts = self._counts, counts
         self._cycle += 1

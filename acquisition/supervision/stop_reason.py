@@ -38,6 +38,7 @@ class StopCode(IntEnum):
     POINTS_LOST = 31
     POINTS_REFUSED = 32
     SECOND_ANSWERS = 33
+    LOAD_SIGNAL = 34
 
 
 @dataclass(frozen=True)

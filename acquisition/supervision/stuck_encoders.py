@@ -7,6 +7,10 @@ from config.cell.cell import Supervision
 from config.robot.robot import RobotDescription
 
 STUCK_FRACTION = 0.02
+NOT_STRAINED = (
+    ". Its torque does not rise: if this axis has never moved with this cell file, its"
+    " velocity_unit or velocity_units is wrong"
+)
 
 
 class StuckEncoders:
@@ -32,9 +36,10 @@ class StuckEncoders:
 
     def begin(self) -> None:
         """Restart."""
-        self._periods = [0] * len(self._names)  # cycle times at standstill
-        self._torque_from = [0.0] * len(self._names)  # torque at the begin of standstill
-        self._braking = [0] * len(self._names)  # cycles in which the torque may still decrease
+        self._periods = [0] * len(self._names)  # number of cycle times at standstill
+        self._torque_from = [0.0] * len(self._names)  # torque at the beginning of standstill
+        # number of cycles for which the torque can still decrease after braking
+        self._braking = [0] * len(self._names)
 
     def check(
         self, i: int, command: float, velocity: float, torque_nm: float, periods: int
@@ -70,7 +75,7 @@ class StuckEncoders:
             StopCode.STUCK_ENCODER,
             f"joint {self._names[i]}: its position has not changed for {self._periods[i]} cycles"
             f" while {command:.4g} rad/s are commanded or its torque rises. Check encoder,"
-            " coupling and brake",
+            " coupling and brake" + ("" if strains else NOT_STRAINED),
             joint=self._names[i],
             value=float(self._periods[i]),
             limit=float(rules.stuck_encoder_cycles),

@@ -333,7 +333,7 @@ class Supervisor:
 
 
 def _wanted_speeds(cycle: Cycle) -> list[float]:
-    """Return the commanded speeds without the part that pre-compensation adds."""
+    """Return the commanded speeds without the part that comes from the feedforward."""
     target = cycle.target
     return [
         command if feedforward == velocity else command - feedforward + velocity

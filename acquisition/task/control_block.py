@@ -48,7 +48,7 @@ class ControlBlock(SharedBlock):
 
     @classmethod
     def of_process(cls, pid: int) -> ControlBlock | None:
-        """Return the block of another process's present motion; None without a motion.
+        """Return the control block of the motion that a process runs now; None without a motion.
 
         Raises:
             PermissionError: The process belongs to another user.

@@ -96,7 +96,7 @@ class CyclicTask:
             self._lockstep = Lockstep(
                 control, ring, cell, lambda: self._find_stop_reason() is not None
             )
-        self._unrecorded_s = 0.0  # delay of a cycle that wrote no row
+        self._unrecorded_s = 0.0  # delay of the latest cycle that wrote no row
 
     def run(self, source: SetPointSource) -> StopReason | None:
         """Enable the drives, approach, send the source's set-points, hold, stop and disable.
@@ -160,7 +160,7 @@ class CyclicTask:
     def _stream_motion(self, way: MotionSamples, source: SetPointSource) -> StopReason | None:
         begin, answers = self._cycle + len(way), self._axes.answers
         ends = source.period_ends
-        left_out = 0  # rows of the motion that are skipped, since the periods are enough
+        left_out = 0  # number of rows that are skipped, because enough periods are recorded
         held_until: int | None = None
         position = way.position[-1].tolist()
         while True:
@@ -172,7 +172,7 @@ class CyclicTask:
             if row in ends and self._has_enough_periods(ends[row]):
                 left_out += max(ends) - row
                 row = max(ends)
-            source.watch(answers.position, answers.position_counts)
+            source.watch(answers)
             target = None
             if held_until is None:
                 target = _approach_set_point(way, row) if row < 0 else source.at(row)
@@ -266,7 +266,7 @@ class CyclicTask:
     def _send_command(self, cycle: Cycle) -> StopReason | None:
         """Send the command of a cycle; if no drive has answered, send nothing and record zero."""
         self._velocity[:] = cycle.command
-        if not any(cycle.received):  # the bus could deliver a command later
+        if not any(cycle.received):  # otherwise the bus could deliver this command too late
             cycle.command = self._rest
         elif not self._axes.command(self._velocity):
             return StopReason(

@@ -73,7 +73,7 @@ class MonitorWords(ctypes.Structure):
 
     @property
     def rounds(self) -> int:
-        """Number of requested rounds that are in the file."""
+        """Number of requested rounds of readings that are in the file."""
         return int(self._rounds)
 
     def count_round(self) -> None:

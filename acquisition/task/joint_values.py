@@ -17,7 +17,7 @@ WINDOW_S = 0.05
 
 @dataclass(frozen=True)
 class JointValues:
-    """Values of the joints in the latest cycle; arrays of length joints.
+    """Values of the joints in the latest cycle; every array has one value per joint.
 
     Attributes:
         time_s: Time of the cycle's SYNC on the cyclic task's clock [s].

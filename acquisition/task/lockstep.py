@@ -53,13 +53,16 @@ class Lockstep:
         return False
 
     def wait_for_judgement(self, periods: int) -> bool:
-        """Wait until `periods` whole periods are judged; return False if a stop ends the wait."""
+        """Wait until `periods` whole periods are judged.
+
+        Return False if the wait ended because of a stop.
+        """
         control = self._control
         until_s = time.monotonic() + JUDGE_PATIENCE_S
         while control.program.periods_judged < periods and time.monotonic() < until_s:
             if self._stopped():
                 return False
-            control.task.count_heartbeat()  # a task without heartbeats would be killed
+            control.task.count_heartbeat()  # the program would kill a task that sends no heartbeats
             time.sleep(PAUSE_S)
         return True
 

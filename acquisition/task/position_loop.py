@@ -17,8 +17,8 @@ class PositionLoop:
 
     Attributes:
         gain_per_s: K_v [1/s].
-        velocity_limit: Length joints. Largest command [rad/s or m/s]; commands are clipped to it,
-            while the supervisor checks measured velocities.
+        velocity_limit: Largest command of each joint [rad/s or m/s]. Commands are clipped to it;
+            measured velocities are checked by the supervisor.
     """
 
     gain_per_s: float
@@ -57,8 +57,8 @@ class PositionLoop:
         A command that is NaN stays NaN; the supervisor refuses it.
 
         Args:
-            target_position, target_velocity, position: Length joints. q_d, q̇_ff and q [rad or m,
-                and per second].
+            target_position, target_velocity, position: q_d, q̇_ff and q, one value per joint [rad
+                or m, and per second].
         """
         gain = self.gain_per_s
         command = []

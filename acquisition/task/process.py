@@ -55,8 +55,30 @@ def run_cyclic_task(
 ) -> None:
     """Run the cyclic task; main function of its process.
 
-    Signals are ignored: the program requests a stop through `control`. If the program is gone, the
-    motion stops; if the drives are not enabled yet, they are not enabled any more.
+    Signals are ignored: the program requests a stop through `control`.
+
+    Args:
+        cell, robot, source, ring, control, drive_writes, owner, pose: As for `drive_motion`.
+    """
+    leave_terminal()
+    set_process_name(ProcessName.TASK)
+    drive_motion(cell, robot, source, ring, control, drive_writes, owner, pose)
+
+
+def drive_motion(
+    cell: CellConfig,
+    robot: RobotDescription,
+    source: SetPointSource,
+    ring: Ring,
+    control: ControlBlock,
+    drive_writes: Path,
+    owner: MotionOwner,
+    pose: KnownPose | None = None,
+) -> None:
+    """Open the cell and run the cyclic task, in a child process of the program.
+
+    If the program is gone, the motion stops; if the drives are not enabled yet, they are not
+    enabled any more.
 
     Args:
         cell, robot: The cell and its robot.
@@ -66,8 +88,6 @@ def run_cyclic_task(
         owner: Processes without which the motion must stop.
         pose: Last known pose of the robot.
     """
-    leave_terminal()
-    set_process_name(ProcessName.TASK)
     control.task.state = TaskState.BRING_UP
     axes: CanServoAxes | None = None
 
@@ -84,8 +104,8 @@ def run_cyclic_task(
             axes = opened.axes
             axes.bring_up()
             require_watchdogs(opened.axes, opened.clock, cell)
-            disable_garbage_collection()
             if not lockstep:
+                disable_garbage_collection()
                 for note in request_realtime():
                     control.task.add_note(note)
             opened.axes.start()

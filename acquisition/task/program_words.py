@@ -50,7 +50,10 @@ class ProgramWords(ctypes.Structure):
         return bool(self._judging)
 
     def judge(self, periods: int, enough: bool) -> None:
-        """Report the number of judged periods, and True if they are enough."""
+        """Tell the cyclic task how many periods the early-stop rule has judged.
+
+        With `enough`, the motion ends after the present period.
+        """
         self._enough = int(enough)
         self._periods_judged = periods
 

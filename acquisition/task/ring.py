@@ -24,7 +24,7 @@ _WRITTEN, _READ, _JOINTS, _CAPACITY, _MADE_NS = (
     16,
     17,
     18,
-)  # indices of 64-bit words, in three cache lines
+)  # indices of 64-bit words; they are in three different cache lines
 _HEADER_BYTES = 192
 
 
@@ -165,7 +165,10 @@ class Ring:
         return end, self._copy(max(row, end - self.capacity // 2), end)
 
     def _copy(self, start: int, end: int) -> bytes:
-        """Return rows by their numbers; nothing if the writer has overwritten them meanwhile."""
+        """Return rows by their numbers.
+
+        Return nothing if the writer has overwritten them meanwhile.
+        """
         if start >= end:
             return b""
         first, last = start % self.capacity, end % self.capacity

@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from acquisition.motion.samples import MotionSamples
 from acquisition.supervision.cycle import SetPoint
 from acquisition.supervision.stop_reason import StopReason
 from config.arrays import FloatArray
+from drivers.interfaces.servo_axes import Answers
 
 
 class SetPointSource(Protocol):
@@ -62,12 +62,11 @@ class SetPointSource(Protocol):
         """
 
     @abstractmethod
-    def watch(self, position: FloatArray, counts: NDArray[np.int32]) -> None:
-        """Receive the measured position, once per cycle and also during the approach.
+    def watch(self, answers: Answers) -> None:
+        """Receive the drives' answers to the last SYNC, once per cycle, also during the approach.
 
         Args:
-            position: Shape (joints,). Position at the last SYNC [rad or m]; the array is reused.
-            counts: Shape (joints,). Position as sent by the drives; the array is reused.
+            answers: The answers; the object is reused.
         """
 
     @abstractmethod
@@ -121,8 +120,8 @@ class PlannedMotion:
         """Return the pose of the first row."""
         return np.asarray(self.samples.position[0])
 
-    def watch(self, position: FloatArray, counts: NDArray[np.int32]) -> None:
-        """Do nothing: a planned motion does not depend on the measured position."""
+    def watch(self, answers: Answers) -> None:
+        """Do nothing: a planned motion does not depend on the drives' answers."""
 
     def at(self, row: int) -> SetPoint | None:
         """Return a row of the motion; None after the last row."""

@@ -46,7 +46,7 @@ class SharedMemory:
         Raises:
             OSError: There is not enough memory.
         """
-        import fcntl  # only motions need it
+        import fcntl  # imported here, because only motions need this module
 
         descriptor = os.memfd_create(label, os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
         try:

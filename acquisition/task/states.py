@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from acquisition.motion.samples import Phase
 
 if TYPE_CHECKING:
-    # Not imported at run time, because this import of numpy would delay `rid-daq stop`.
+    # Not imported at run time, because importing numpy would delay `rid-daq stop`.
     from acquisition.task.joint_values import JointValues
 
 

@@ -61,7 +61,7 @@ class StopSequence:
         self._low, self._high = position_bounds(cell, robot)
 
     def come_to_rest(self, cycle: Callable[[], tuple[float, int]]) -> None:
-        """Command a quick stop by set-point frames, and watch until all axes rest.
+        """Command a quick stop by set-point frames, and watch the axes until all are at rest.
 
         Args:
             cycle: Function that waits for the next cycle and runs it with a quick stop as its
@@ -150,10 +150,9 @@ class DecelerationCheck:
     speed. The first value is the initial speed. An axis that did not answer is not checked.
 
     Args:
-        decelerations: Length axes. Quick-stop deceleration of each drive [rad/s² or m/s²].
+        decelerations: Quick-stop deceleration of each drive [rad/s² or m/s²].
         period_s: Cycle time [s].
-        position: Length axes. Initial positions of the axes; of the motors for a coupled wrist [rad
-            or m].
+        position: Initial position of each axis, or of each motor for a coupled wrist [rad or m].
         began_s: Time of these positions [s].
     """
 

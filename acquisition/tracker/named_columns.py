@@ -155,7 +155,7 @@ def read_named_columns(path: Path) -> NamedColumns:
 
 
 def _separator(path: Path, row: int, header: str) -> str | None:
-    """Return the separator that splits the header into most names; the first one of equals."""
+    """Return the separator that splits the header into most names; the first one if several do."""
     widths = {
         separator: len(_cells(path, row, header, separator)) for separator in SEPARATORS.values()
     }

@@ -145,10 +145,14 @@ def _closest_rests(columns: NamedColumns, position: FloatArray, rests: FloatArra
     return np.asarray(rests[closest])
 
 
-def _joint_positions(columns: NamedColumns, joint: Joint) -> FloatArray:
+def joint_columns(joint: Joint) -> dict[str, float]:
+    """Return the possible names of a joint's column, each with the factor of its unit."""
     units = ANGLES if joint.type == "revolute" else LENGTHS
-    forms = {joint.name: 1.0, **{f"{joint.name}_{unit}": size for unit, size in units.items()}}
-    name, factor = columns.choose(forms, f"the position of joint {joint.name}")
+    return {joint.name: 1.0, **{f"{joint.name}_{unit}": size for unit, size in units.items()}}
+
+
+def _joint_positions(columns: NamedColumns, joint: Joint) -> FloatArray:
+    name, factor = columns.choose(joint_columns(joint), f"the position of joint {joint.name}")
     position = columns.numbers(name) * factor
     low, high = joint.limits.position_min, joint.limits.position_max
     wrong = np.flatnonzero((position < low - SLACK) | (position > high + SLACK))

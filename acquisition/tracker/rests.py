@@ -14,7 +14,7 @@ from config.errors import DataQualityError
 SHORTEST_S: Final = 0.4
 """Shortest standstill that counts as a rest."""
 SETTLING: Final = 0.3
-"""Part at the beginning of a rest that is left out, because the robot still settles."""
+"""Duration at the beginning of each rest that is left out, because the robot still settles [s]."""
 STILL: Final = 2e-3
 """Largest speed of a joint at rest [rad/s or m/s], as a mean over `WINDOW_S`."""
 WINDOW_S: Final = 0.1

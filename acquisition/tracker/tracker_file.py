@@ -59,26 +59,38 @@ def read_tracked_point(path: Path) -> TrackedPoint:
     """
     columns = read_named_columns(path)
     valid = read_valid(columns)
-    if valid.sum() < FEWEST_ROWS:
+    columns = columns.keep(valid)
+    return TrackedPoint(
+        read_times(columns),
+        read_points(columns),
+        read_sigma(columns),
+        int(len(valid) - valid.sum()),
+    )
+
+
+def read_times(columns: NamedColumns) -> FloatArray:
+    """Return the time stamps of a table, (rows,) [s].
+
+    Raises:
+        ConfigError: There are too few rows, or the time stamps do not increase.
+    """
+    if len(columns.rows) < FEWEST_ROWS:
         raise ConfigError(
-            f"{path}: has {valid.sum()} valid rows, but at least {FEWEST_ROWS} are needed: record"
-            " the whole motion",
+            f"{columns.path}: has {len(columns.rows)} valid rows, but at least {FEWEST_ROWS} are"
+            " needed: record the whole motion",
             code=ROW,
         )
-    columns = columns.keep(valid)
     name, _ = columns.choose({"time_s": 1.0}, "the time")
     time_s = columns.numbers(name)
     wrong = np.flatnonzero(np.diff(time_s) <= 0.0) + 1
     if wrong.size:
         raise ConfigError(
-            f"{path}:{columns.rows[wrong[0]]}: the time stamp {time_s[wrong[0]]:.9g} s is not"
-            f" later than the one before, {time_s[wrong[0] - 1]:.9g} s: sort the rows and remove"
-            " repeated ones",
+            f"{columns.path}:{columns.rows[wrong[0]]}: the time stamp {time_s[wrong[0]]:.9g} s is"
+            f" not later than the one before, {time_s[wrong[0] - 1]:.9g} s: sort the rows and"
+            " remove repeated ones",
             code=ROW,
         )
-    return TrackedPoint(
-        time_s, read_points(columns), read_sigma(columns), int(len(valid) - valid.sum())
-    )
+    return time_s
 
 
 def read_points(columns: NamedColumns) -> FloatArray:

@@ -103,7 +103,7 @@ def table(head: Sequence[str], *rows: Row) -> str:
 
 
 def joined(values: Sequence[float]) -> str:
-    """Return numbers in one cell or sentence."""
+    """Return numbers as one text, separated by commas."""
     return ", ".join(f"{each:.4g}" for each in values)
 
 
@@ -199,11 +199,14 @@ def path_tables(facts: Tree, path: Tree) -> dict[str, str]:
     plain, ours, chosen = (path[f"circle_{key}"] for key in ("plain", "classical", "chosen"))
     rows = (
         ("ours, without", plain),
-        ("ours, with; Coulomb and viscous friction", ours),
-        ("ours, with; friction terms chosen by the program", chosen),
-        ("ours, vertical circle of 30 cm at 0.5 m/s, without", path["other_plain"]),
-        ("ours, vertical circle, with; Coulomb and viscous friction", path["other_classical"]),
-        ("ours, vertical circle, with; chosen friction terms", path["other_chosen"]),
+        ("ours, with compensation; Coulomb and viscous friction", ours),
+        ("ours, with compensation; friction terms chosen by the program", chosen),
+        ("ours, vertical circle of 30 cm at 0.5 m/s, without compensation", path["other_plain"]),
+        (
+            "ours, vertical circle, with compensation; Coulomb and viscous friction",
+            path["other_classical"],
+        ),
+        ("ours, vertical circle, with compensation; chosen friction terms", path["other_chosen"]),
     )
     return {
         "main_table": table(

@@ -15,10 +15,11 @@ import numpy as np
 
 from acquisition.motion.samples import Phase
 from acquisition.recording.recording import Recording
+from compensation.ramped_load import RampedLoad, evaluate_over
 from config.arrays import BoolArray, FloatArray, freeze
 from config.errors import DataQualityError
 from config.robot.robot import RobotDescription
-from config.robot.wrist_coupling import WristCoupling
+from config.robot.wrist_coupling import convert_to_joints
 from dynamics.geometry.kinematics import Chain, forward
 from dynamics.model.robot_model import load_torque
 from identification.choices import BAND_HZ
@@ -82,10 +83,7 @@ def deflection(
     if not known.any():
         return None
     compliance = np.array([0.0 if each is None else 1.0 / each for each in stiffness])
-    bent = torque_nm * compliance
-    coupling = WristCoupling.of_robot(robot)
-    if coupling is not None:
-        bent = bent @ coupling.joints_by_motors.T
+    bent = convert_to_joints(robot, torque_nm * compliance)
     chain = Chain.from_description(robot)
     tool = forward(chain, position - bent)
     moved = np.asarray(np.linalg.norm(tool - forward(chain, position), axis=1))
@@ -96,14 +94,14 @@ def deflection(
 
 
 def transmitted_torques(
-    estimate: Estimate, robot: RobotDescription, recording: Recording
+    estimate: Estimate | RampedLoad, robot: RobotDescription, recording: Recording
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return the positions of a motion's main phase and the torques that the gears transmit.
 
     See `transmitted_torque`. A payload outside the model is not included.
 
     Args:
-        estimate: The identified robot.
+        estimate: The identified robot, with the loads of the motion.
         robot: Robot file with the motors' inertias.
         recording: A run with its approach.
 
@@ -125,7 +123,23 @@ def transmitted_torques(
             code="RID-RECORDING-SHORT",
         )
     motion = (signals.position[rows], signals.velocity[rows], signals.acceleration[rows])
-    return signals.time_s[rows], motion[0], transmitted_torque(estimate, robot, *motion)
+    time_s = signals.time_s[rows]
+    begin_s = _first_row_s(recording) if isinstance(estimate, RampedLoad) else 0.0
+    torque_nm = evaluate_over(
+        estimate, time_s - begin_s, lambda model: transmitted_torque(model, robot, *motion)
+    )
+    return time_s, motion[0], torque_nm
+
+
+def _first_row_s(recording: Recording) -> float:
+    """Return the time of the motion's first row in a run [s].
+
+    A streamed path rests at its first point for a cycle more, so the row after it is used.
+    """
+    first = int(np.argmax(recording.sample_index > 0))
+    assert recording.sample_period_s is not None
+    row = int(recording.sample_index[first])
+    return float(recording.time_s[first]) - row * recording.sample_period_s
 
 
 def transmitted_torque(

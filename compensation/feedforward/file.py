@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Final, Literal
+from typing import Final, Literal
 
 import numpy as np
 from pydantic import Field
 
+from acquisition.motion.load_changes import LoadChanges
 from acquisition.motion.motion_file import AnyMotion
 from acquisition.motion.samples import MotionSamples
 from compensation.feedforward.inverse import FeedforwardTuning
 from compensation.feedforward.tuning import Tuning
+from compensation.ramped_load import without_periods
 from config.arrays import FloatArray
+from config.cell.cycle_time import CycleTimeMs, as_milliseconds
 from config.errors import ConfigError
 from config.formats.json_file import json_content, read_content
 from config.formats.whole_file import write_whole
@@ -78,6 +81,7 @@ class FeedforwardOrigin(ConfigModel):
     Attributes:
         payload: The payload in the model: the SHA-256 of its file, `model`, or `none`; empty if the
             user did not state a payload.
+        load_changes: Changes of the payload during the motion; None if it does not change.
         temperature: Assumed temperature of the joints, as in `at_operating_temperature`; empty if
             friction does not depend on temperature.
     """
@@ -85,6 +89,7 @@ class FeedforwardOrigin(ConfigModel):
     model_sha256: str = ""
     loops_sha256: str = ""
     payload: str = ""
+    load_changes: LoadChanges | None = None
     temperature: str = ""
     tuning: TuningEntry | None = None
     refinements: tuple[RefinementEntry, ...] = ()
@@ -99,7 +104,7 @@ class FeedforwardFile(ConfigModel):
     """
 
     format: Literal["rid-daq feedforward 1"]
-    cycle_time_ms: Annotated[int, Field(ge=1)]
+    cycle_time_ms: CycleTimeMs
     joints: tuple[str, ...]
     motion: AnyMotion
     origin: FeedforwardOrigin = FeedforwardOrigin()
@@ -113,7 +118,9 @@ class FeedforwardFile(ConfigModel):
             ConfigError: The feedforward belongs to another motion, cycle time or robot.
         """
         rows, samples = np.array(self.feedforward, dtype=float), samples.whole()
-        cycle_ms = round(1e3 * samples.sample_period_s)
+        if self.origin.load_changes is not None:
+            samples = without_periods(samples)
+        cycle_ms = as_milliseconds(samples.sample_period_s)
         if (
             rows.shape != samples.position.shape
             or self.joints != samples.joint_names
@@ -181,7 +188,7 @@ def feedforward_bytes(
     assert samples.feedforward is not None
     file = FeedforwardFile(
         format=FORMAT,
-        cycle_time_ms=round(1e3 * samples.sample_period_s),
+        cycle_time_ms=as_milliseconds(samples.sample_period_s),
         joints=samples.joint_names,
         motion=motion,
         origin=origin or FeedforwardOrigin(),

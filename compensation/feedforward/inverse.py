@@ -23,7 +23,6 @@ from compensation.loops.multisine_spectra import interpolation_response
 from compensation.loops.velocity_loop import VelocityLoop
 from config.arrays import FloatArray, freeze
 from config.errors import ConfigError
-from config.robot.robot import RobotDescription
 
 CYCLES_TO_ACT: Final = 2.0
 REST_S: Final = 1.5
@@ -50,20 +49,6 @@ class FeedforwardTuning:
     def none(cls, joints: int) -> FeedforwardTuning:
         """Return a tuning that does not change the feedforward."""
         return cls(np.ones(joints), np.zeros(joints))
-
-
-def refuse_coupled_wrist(robot: RobotDescription, what: str) -> None:
-    """Refuse a method that works joint by joint if the robot has a coupled wrist.
-
-    Raises:
-        ConfigError: The robot has a coupled wrist; the message names the method `what`.
-    """
-    if robot.coupling is not None:
-        raise ConfigError(
-            f"robot {robot.name}: {what} works joint by joint, but this robot's wrist is coupled:"
-            f" record with a feedforward of `rid-daq compensate`, without {what}",
-            code="RID-ROBOT-COUPLED-WRIST",
-        )
 
 
 def inverse_response(
@@ -139,7 +124,7 @@ class InverseFilter:
         x = self.step_s / self.integral_time_s
         decay = np.exp(-x)
         share = -np.expm1(-x) / x
-        # Integrator torque c: c' = (tau - c) / T_i, with tau linear over the step.
+        # The integrator's torque c obeys c' = (tau - c) / T_i; tau is linear over the step.
         self._decay, self._old, self._new = decay, share - decay, 1.0 - share
 
     def step(self, torque_nm: FloatArray) -> FloatArray:

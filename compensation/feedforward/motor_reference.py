@@ -20,15 +20,16 @@ from acquisition.motion.samples import MotionSamples
 from compensation.feedforward.deflection import transmitted_torque
 from compensation.feedforward.inverse import append_return
 from compensation.feedforward.periodic_rows import period_rows, with_period
+from compensation.ramped_load import RampedLoad, evaluate_over, row_times
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
-from config.robot.wrist_coupling import WristCoupling
+from config.robot.wrist_coupling import convert_to_joints
 from dynamics.model.robot_model import torque
 from identification.estimation.estimate import Estimate, predict
 
 BAND_HZ: Final = 15.0
 TAPER: Final = 0.8
-"""Fraction of `BAND_HZ` above which the deflection is reduced gradually to zero."""
+"""Fraction of `BAND_HZ`; at higher frequencies the deflection is gradually reduced to zero."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,19 +53,22 @@ def has_stiffness(robot: RobotDescription) -> bool:
 
 
 def motor_reference(
-    samples: MotionSamples, estimate: Estimate, robot: RobotDescription
+    samples: MotionSamples, estimate: Estimate | RampedLoad, robot: RobotDescription
 ) -> MotorReference:
     """Return the motors' motion for a planned motion of the links.
 
     Args:
         samples: The planned motion.
-        estimate: Model of the robot.
+        estimate: Model of the robot. If its load changes, the motion must have no periods.
         robot: Robot file with stiffness and damping of the gears; a gear of unknown stiffness
             counts as rigid.
     """
     samples = samples.whole()
     planned = (samples.position, samples.velocity, samples.acceleration)
-    transmitted = transmitted_torque(estimate, robot, *planned)
+    times_s = row_times(samples)
+    transmitted = evaluate_over(
+        estimate, times_s, lambda model: transmitted_torque(model, robot, *planned)
+    )
     step_s = samples.sample_period_s
     closed = append_return(transmitted, step_s)
     bent = [each[: len(transmitted)] for each in gear_deflection(robot, closed, step_s)]
@@ -72,19 +76,21 @@ def motor_reference(
         own = gear_deflection(robot, transmitted[period_rows(samples)], step_s)
         pairs = zip(bent, own, strict=True)
         bent = [with_period(samples, rows, period) for rows, period in pairs]
-    coupling = WristCoupling.of_robot(robot)
     by_motors = bent
-    if coupling is not None:
-        bent = [each @ coupling.joints_by_motors.T for each in bent]
+    bent = [convert_to_joints(robot, each) for each in by_motors]
     moved = replace(
         samples,
         position=planned[0] + bent[0],
         velocity=planned[1] + bent[1],
         acceleration=planned[2] + bent[2],
     )
-    own_inertia = _motor_inertias(estimate, robot) * by_motors[2]
-    friction = _friction(estimate, moved.position, moved.velocity, planned[2])
-    needed = _without_friction(estimate, *planned) + own_inertia + friction
+
+    def needed_torque(model: Estimate) -> FloatArray:
+        own_inertia = _motor_inertias(model, robot) * by_motors[2]
+        friction = _friction(model, moved.position, moved.velocity, planned[2])
+        return _without_friction(model, *planned) + own_inertia + friction
+
+    needed = evaluate_over(estimate, times_s, needed_torque)
     return MotorReference(moved, bent[0], needed)
 
 

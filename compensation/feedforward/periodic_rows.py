@@ -19,7 +19,7 @@ def turning_rows(samples: MotionSamples) -> tuple[int, int]:
 
 
 def with_period(samples: MotionSamples, rows: FloatArray, period: FloatArray) -> FloatArray:
-    """Blend values of a motion smoothly into those of one period, and back after the last period.
+    """Blend a motion's values smoothly into those of one period, and back after the last period.
 
     Args:
         samples: A periodic motion.

@@ -14,6 +14,9 @@ With an exact model one repetition would be enough. With a real model the error 
 in each repetition, in which f_v is viscous friction and M inertia. It decreases if rho < 1
 (Bristow, Tharayil and Alleyne 2006). `stability_bound` computes the largest rho along the motion at
 each frequency of the band, for loops and inertias within their confidence intervals.
+
+With a coupled wrist, all quantities are those of the motors. The position loop of the joints then
+has the same gain for the motors, because the gain is equal for all joints.
 """
 
 from __future__ import annotations
@@ -29,12 +32,13 @@ from numpy.typing import NDArray
 
 from acquisition.motion.samples import MotionSamples
 from acquisition.signals.bins import from_bins, to_bins
-from compensation.feedforward.inverse import append_return, inverse_response, refuse_coupled_wrist
+from compensation.feedforward.inverse import append_return, inverse_response
 from compensation.feedforward.repeated_error import RepeatedError
 from compensation.loops.multisine_spectra import interpolation_response
 from compensation.loops.velocity_loop import VelocityLoop
 from config.arrays import FloatArray
 from config.errors import DataQualityError
+from config.robot.wrist_coupling import convert_to_joints
 from dynamics.model.robot_model import regressor
 from dynamics.terms.friction import Friction
 from dynamics.terms.friction_functions import traits
@@ -80,8 +84,8 @@ class Refinement:
     """One step of refinement.
 
     Attributes:
-        correction: Shape (samples, n). Speeds to add to the feedforward in the rows of the error
-            [rad/s or m/s].
+        correction: Shape (samples, n). Joint speeds to add to the feedforward in the rows of the
+            error [rad/s or m/s].
         bound: Convergence bound of this step.
         over_noise: Shape (n,). Power of the mean error divided by the power of the noise, both in
             the refined band.
@@ -111,14 +115,12 @@ def refinement(
     Args:
         measured: Error that remained in the repetitions.
         estimate: Model of the robot.
-        loops: Velocity loops, one per joint, base to flange.
+        loops: Velocity loops, one per motor, base to flange.
         gain_per_s: K_v of the position loop [1/s].
 
     Raises:
-        ConfigError: The robot has a coupled wrist.
         DataQualityError: The loops are too uncertain for a safe refinement.
     """
-    refuse_coupled_wrist(estimate.robot, "refinement")
     step_s = samples.sample_period_s
     smooth = without_jumps(estimate)
     bound = stability_bound(samples, smooth, loops, gain_per_s)
@@ -144,7 +146,8 @@ def refinement(
         missed = 1j * omega * learned[:, j] + inverse_response(loop, frequency_hz) * torque[:, j]
         more[:, j] = gain_per_s * learned[:, j] + missed / reach
     more *= _band_window(frequency_hz, bound.band_hz)[:, np.newaxis]
-    return Refinement(from_bins(more, rows)[: len(measured.error)], bound, over_noise, limit)
+    correction = convert_to_joints(estimate.robot, from_bins(more, rows)[: len(measured.error)])
+    return Refinement(correction, bound, over_noise, limit)
 
 
 def stability_bound(
@@ -245,7 +248,7 @@ _CHI2_95: Final = (3.841, 5.991, 7.815, 9.488)
 def _inertia_and_friction(
     samples: MotionSamples, smooth: Estimate
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return M_jj at poses along the motion, its standard deviation, and viscous friction."""
+    """Return the motors' inertias along the motion, their deviations, and viscous friction."""
     rows = np.unique(np.linspace(0, len(samples) - 1, POSES).astype(int))
     q, n = samples.position[rows], len(samples.joint_names)
     rest = np.zeros_like(q)
@@ -254,6 +257,7 @@ def _inertia_and_friction(
     for j in range(n):
         one = rest.copy()
         one[:, j] = 1.0
+        one = convert_to_joints(smooth.robot, one)
         columns = (_columns(smooth, q, rest, one) - standing)[:, j]
         inertia[:, j] = columns @ smooth.values
         spread[:, j] = np.sqrt(
@@ -276,7 +280,10 @@ def _missing_torque(
     omega = 2.0 * math.pi * np.arange(len(learned)) / (rows * samples.sample_period_s)
     slope = (1j * omega)[:, np.newaxis]
     count = len(measured.error)
-    e, v, a = (from_bins(learned * slope**k, rows)[:count] for k in range(3))
+    robot = smooth.robot
+    e, v, a = (
+        convert_to_joints(robot, from_bins(learned * slope**k, rows)[:count]) for k in range(3)
+    )
     at = measured.rows
     wanted = (samples.position[at], samples.velocity[at], samples.acceleration[at])
     missed = predict(smooth, *wanted) - predict(smooth, wanted[0] - e, wanted[1] - v, wanted[2] - a)

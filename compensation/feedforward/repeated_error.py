@@ -1,9 +1,13 @@
-"""`RepeatedError`: the part of a tracking error that repeats, separated from noise."""
+"""`RepeatedError`: the part of a tracking error that repeats, separated from noise.
+
+With a coupled wrist it is the motors' error, because loops, torques and encoders belong to the
+motors.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -14,6 +18,8 @@ from acquisition.recording.recording import Recording
 from compensation.feedforward.inverse import append_return, count_padding_rows
 from config.arrays import FloatArray, freeze
 from config.errors import DataQualityError
+from config.robot.robot import RobotDescription
+from config.robot.wrist_coupling import convert_to_motors
 
 FEWEST_RUNS: Final = 2
 
@@ -27,7 +33,8 @@ class RepeatedError:
         sample_period_s: Time between rows [s].
         rows: Rows of the planned motion that the error covers: the last period of the main phase,
             or all rows.
-        error: Shape (samples, n). Mean of q_d - q [rad or m].
+        error: Shape (samples, n). Mean of desired minus measured position; with a coupled wrist, of
+            the motors, link side [rad or m].
         bin_variance: Shape (bins, n). Variance E|N|^2 of the mean's noise at each bin of the error.
             If the motion is not periodic, the bins are those of the error with an appended return
             to its first row.
@@ -51,14 +58,17 @@ class RepeatedError:
 
     @property
     def rms(self) -> FloatArray:
-        """RMS of the mean error of each joint [rad or m], shape (n,)."""
+        """RMS of the mean error of each joint or motor [rad or m], shape (n,)."""
         return np.asarray(np.sqrt(np.square(self.error).mean(axis=0)))
 
 
-def repeated_error(samples: MotionSamples, recordings: Sequence[Recording]) -> RepeatedError:
+def repeated_error(
+    robot: RobotDescription, samples: MotionSamples, recordings: Sequence[Recording]
+) -> RepeatedError:
     """Average the repetitions of a motion: the periods of one run, or several runs.
 
     Args:
+        robot: The robot, with its wrist coupling if it has one.
         samples: The motion as planned.
         recordings: One run of a periodic motion, or at least two runs of any other motion.
 
@@ -71,6 +81,10 @@ def repeated_error(samples: MotionSamples, recordings: Sequence[Recording]) -> R
                 f"run {recording.run_id} has other joints than the motion: use runs of this motion",
                 code="RID-ROBOT-OTHER",
             )
+    samples = replace(samples, position=convert_to_motors(robot, samples.position))
+    recordings = [
+        replace(one, position=convert_to_motors(robot, one.position)) for one in recordings
+    ]
     if samples.samples_per_period is None:
         return _of_runs(samples, recordings)
     if len(recordings) != 1:

@@ -10,7 +10,8 @@ from scipy.interpolate import CubicSpline
 
 from acquisition.motion.samples import Phase
 from acquisition.recording.recording import Recording
-from acquisition.tracker.alignment import CODE, Alignment, align, is_covered
+from acquisition.tracker.alignment import Alignment, align
+from acquisition.tracker.clock_offsets import CODE, is_covered
 from acquisition.tracker.tracker_file import TrackedPoint
 from config.arrays import FloatArray, freeze
 from config.errors import DataQualityError

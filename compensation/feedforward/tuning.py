@@ -1,4 +1,4 @@
-"""Tuning of the feedforward by one averaged reference run: a torque scale and a delay per axis.
+"""Tuning of the feedforward by one averaged reference run: a torque scale and a delay per motor.
 
 Model, loops and transport delay were measured separately; the closed loop shows the combined effect
 of their errors. R is the transmission of commands, e the tracking error, s the torque scale and T
@@ -21,16 +21,13 @@ from numpy.typing import NDArray
 
 from acquisition.motion.samples import MotionSamples
 from acquisition.signals.bins import differentiate_on_bins, to_bins
-from compensation.feedforward.inverse import (
-    FeedforwardTuning,
-    inverse_response,
-    refuse_coupled_wrist,
-)
+from compensation.feedforward.inverse import FeedforwardTuning, inverse_response
 from compensation.feedforward.repeated_error import RepeatedError
 from compensation.loops.multisine_spectra import interpolation_response
 from compensation.loops.velocity_loop import VelocityLoop
 from config.arrays import FloatArray, freeze
 from config.errors import DataQualityError
+from config.robot.wrist_coupling import convert_to_joints, convert_to_motors
 from dynamics.model.memory import with_presliding_history
 from identification.estimation.estimate import Estimate, predict
 
@@ -74,21 +71,19 @@ def tune(
     loops: Sequence[VelocityLoop],
     gain_per_s: float,
 ) -> Tuning:
-    """Return scale and delay of each axis from the mean period of a reference run.
+    """Return scale and delay of each motor from the mean period of a reference run.
 
     Args:
         samples: The reference motion with the feedforward of its run.
         measured: Mean tracking error of the run.
         estimate: Model of the robot.
-        loops: Velocity loops, one per joint, base to flange.
+        loops: Velocity loops, one per motor, base to flange.
         gain_per_s: K_v of the position loop [1/s].
 
     Raises:
-        ConfigError: The robot has a coupled wrist.
         DataQualityError: The motion is not periodic or too short, or the run contradicts the model
             or the loops.
     """
-    refuse_coupled_wrist(estimate.robot, "tuning by a reference run")
     if not measured.periodic:
         raise DataQualityError(
             "the reference run is not periodic and cannot be averaged: record a circle or another"
@@ -105,10 +100,15 @@ def tune(
             code="RID-MOTION-PERIOD",
         )
     ahead = samples.velocity if samples.feedforward is None else samples.feedforward
-    reached = differentiate_on_bins(samples.position[rows] - measured.error, step_s, highest)
-    before = with_presliding_history(estimate.model, reached.position, periodic=True)
-    torque = to_bins(predict(estimate, *reached, before), highest)[1:]
-    sent = to_bins(gain_per_s * measured.error + ahead[rows], highest)[1:]
+    robot = estimate.robot
+    wanted = convert_to_motors(robot, samples.position[rows])
+    reached = differentiate_on_bins(wanted - measured.error, step_s, highest)
+    position, velocity, acceleration = (convert_to_joints(robot, values) for values in reached)
+    before = with_presliding_history(estimate.model, position, periodic=True)
+    predicted = predict(estimate, position, velocity, acceleration, before)
+    torque = to_bins(predicted, highest)[1:]
+    ahead = convert_to_motors(robot, ahead[rows])
+    sent = to_bins(gain_per_s * measured.error + ahead, highest)[1:]
     speed = to_bins(reached.velocity, highest)[1:]
     frequency_hz = np.arange(1, highest + 1) / (count * step_s)
     omega = 2.0 * math.pi * frequency_hz

@@ -163,7 +163,7 @@ def _response(
     lines, reference = spectra.lines[joint], spectra.reference[joint]
     inputs, outputs = both
     realisations, periods = outputs.shape[:2]
-    # Both signals relative to the multisine, shape (realisations, periods, lines).
+    # Both signals divided by the multisine, shape (realisations, periods, lines).
     x, y = (values[:, :, lines] / reference[:, np.newaxis, :] for values in both)
     mean_x, mean_y = x.mean(axis=(0, 1)), y.mean(axis=(0, 1))
     response = mean_y / mean_x

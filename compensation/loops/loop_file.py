@@ -8,13 +8,16 @@ from typing import Annotated, Final, Literal
 
 from pydantic import Field
 
-from compensation.loops.velocity_loop import VelocityLoop
+from compensation.loops.velocity_loop import EXTRAS, VelocityLoop
+from config.errors import ConfigError
 from config.formats.json_file import json_content, read_content
 from config.formats.whole_file import write_whole
 from config.model import ConfigModel
 from config.quantities import NonNegative, Positive
+from config.sealed_model import SealedModel
 
-FORMAT: Final = "rid-daq velocity loops 1"
+FORMAT: Final = "rid-daq velocity loops 2"
+UNSOUND_LOOPS: Final = "RID-LOOP-UNSOUND"
 LARGEST_FILE_BYTES: Final = 1_000_000
 
 
@@ -32,39 +35,91 @@ class LoopEntry(ConfigModel):
     whiteness: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
 
 
-class LoopFile(ConfigModel):
-    """Velocity loops of a robot's drives, measured in one run."""
+class LoopFile(SealedModel):
+    """Velocity loops of a robot's drives, measured in one run.
 
-    format: Literal["rid-daq velocity loops 1"]
+    Attributes:
+        cell: Name of the cell whose drives were measured; empty for an imported run.
+    """
+
+    format: Literal["rid-daq velocity loops 2"]
     robot: str
+    cell: str
     run: str
     loops: tuple[LoopEntry, ...] = Field(min_length=1)
+    sha256: str
 
 
-def write_loops(path: Path, loops: Sequence[VelocityLoop], robot: str, run: str) -> None:
-    """Write loops to a file; the file is written completely or not at all."""
+def write_loops(
+    path: Path, loops: Sequence[VelocityLoop], robot: str, run: str, cell: str = ""
+) -> None:
+    """Write loops to a file; the file is written completely or not at all.
+
+    Args:
+        robot, run, cell: Origin of the loops, as in `LoopFile`.
+    """
     entries = [
         LoopEntry.from_attributes(loop, joint=loop.joint_name, fitted=loop.names) for loop in loops
     ]
-    file = LoopFile(format=FORMAT, robot=robot, run=run, loops=tuple(entries))
-    write_whole(path, (file.model_dump_json(indent=1) + "\n").encode())
+    file = LoopFile(format=FORMAT, robot=robot, cell=cell, run=run, loops=tuple(entries), sha256="")
+    write_whole(path, (file.with_digest().model_dump_json(indent=1) + "\n").encode())
 
 
-def read_loops(path: Path) -> tuple[str, tuple[VelocityLoop, ...]]:
-    """Return the robot's name and its loops.
+def read_loops(path: Path) -> tuple[LoopFile, tuple[VelocityLoop, ...]]:
+    """Return the content of a loop file and its loops.
 
     Raises:
-        ConfigError: The file cannot be read or is not a loop file.
+        ConfigError: The file cannot be read, is not a loop file, contradicts itself or was edited.
     """
     return loops_content(read_content(path, LARGEST_FILE_BYTES), path)
 
 
-def loops_content(data: bytes, path: Path) -> tuple[str, tuple[VelocityLoop, ...]]:
+def loops_content(data: bytes, path: Path) -> tuple[LoopFile, tuple[VelocityLoop, ...]]:
     """Parse the content of a loop file; see `read_loops`."""
     what = "a loop file of `rid-daq loop`"
     file = json_content(data, path, LoopFile, what)
+    try:
+        _refuse_contradictions(file)
+        file.refuse_edited(UNSOUND_LOOPS, "restore the file, or run `rid-daq loop` again")
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}", code=error.refusal) from None
     loops = tuple(
         entry.to_dataclass(VelocityLoop, joint_name=entry.joint, names=entry.fitted, trials=())
         for entry in file.loops
     )
-    return file.robot, loops
+    return file, loops
+
+
+def _refuse_contradictions(file: LoopFile) -> None:
+    """Refuse loops of which one joint has two, or whose covariance is not that of the parameters.
+
+    Raises:
+        ConfigError: The file contradicts itself; the text begins with the key.
+    """
+    joints = [entry.joint for entry in file.loops]
+    for number, entry in enumerate(file.loops):
+        place, k = f"loops.{number}", len(entry.fitted)
+        if entry.joint in joints[:number]:
+            raise ConfigError(
+                f"{place}.joint: {entry.joint} has two loops; remove one, or run `rid-daq loop`"
+                " again",
+                code=UNSOUND_LOOPS,
+            )
+        unknown = set(entry.fitted) - {"gain", "integral_time_s", *EXTRAS}
+        if unknown or len(set(entry.fitted)) < k:
+            raise ConfigError(
+                f"{place}.fitted: {', '.join(entry.fitted)} are not different parameters of a loop;"
+                " run `rid-daq loop` again",
+                code=UNSOUND_LOOPS,
+            )
+        if len(entry.covariance) != k or any(len(row) != k for row in entry.covariance):
+            raise ConfigError(
+                f"{place}.covariance: must have {k} rows of {k} values, one for each of `fitted`;"
+                " run `rid-daq loop` again",
+                code=UNSOUND_LOOPS,
+            )
+        if any(entry.covariance[i][i] < 0.0 for i in range(k)):
+            raise ConfigError(
+                f"{place}.covariance: has a negative variance; run `rid-daq loop` again",
+                code=UNSOUND_LOOPS,
+            )

@@ -27,7 +27,6 @@ from compensation.loops.frequency_response import (
 )
 from compensation.loops.multisine_spectra import (
     MultisineSpectra,
-    interpolation_response,
     multisine_spectra,
 )
 from compensation.loops.velocity_loop import VelocityLoop, fit_velocity_loop
@@ -77,8 +76,22 @@ def measure_loops(
         EstimationError: There are too few excited lines, or the response is not that of a velocity
             loop.
     """
-    spectra = multisine_spectra(recording, motion, robot)
+    return measure_spectra(multisine_spectra(recording, motion, robot), position_gain_per_s)
+
+
+def measure_spectra(spectra: MultisineSpectra, position_gain_per_s: float) -> LoopMeasurement:
+    """Measure and fit the loops of each excited axis.
+
+    Args:
+        spectra: Spectra of a multisine run.
+        position_gain_per_s: K_v of the position loop for which margins are computed [1/s].
+
+    Raises:
+        EstimationError: As for `measure_loops`.
+    """
     first = _measure(spectra, position_gain_per_s)
+    if spectra.timing.interpolation == "none":
+        return first  # sampled set-points of the controllers do not show their images
     return _measure(without_images(spectra, first.cascades), position_gain_per_s)
 
 
@@ -97,12 +110,12 @@ def without_images(spectra: MultisineSpectra, cascades: Sequence[Cascade]) -> Mu
     analog = spectra.torque_filter
     for cascade in cascades:
         j = spectra.joint_names.index(cascade.loop.joint_name)
-        sent = (error[..., j] + velocity[..., j]) / interpolation_response(f, step_s)
+        sent = (error[..., j] + velocity[..., j]) / spectra.timing.response(f, step_s)
         of_velocity, of_torque = np.zeros((2, len(f)), dtype=np.complex128)
         for image in IMAGES:
             at = f + image / step_s
             closed = cascade.closed_velocity_loop(at)
-            follows = closed * interpolation_response(at, step_s)
+            follows = closed * spectra.timing.response(at, step_s)
             of_velocity += f / at * follows
             drives = follows / cascade.mechanics.response(at)
             if analog is not None:

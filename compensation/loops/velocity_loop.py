@@ -273,11 +273,13 @@ def _fit(
     found = least_squares(residuals, begin, x_scale="jac", bounds=(lowest, np.inf))
     values = np.array(unfold(found.x))
     kept = np.array([0, 1, *(2 + EXTRAS.index(extra) for extra in extras)])
-    # Derivatives of the values by x: the value itself for a logarithm, 1e-3 for milliseconds.
+    # Derivatives of the values with respect to x: the value itself if x is its logarithm, 1e-3 if x
+    # is in milliseconds.
     chain_rule = np.concatenate([values[:2], np.full(2, 1e-3)])[kept]
     # With E|dG|^2 = variance, real and imaginary parts have half the variance each.
     slopes: FloatArray = np.asarray(found.jac, dtype=float)
-    # Weights come from few periods and are inexact: scale the covariance by the misfit.
+    # The weights are inexact, because they are estimated from few periods: scale the covariance by
+    # the misfit.
     freedom = 2 * len(frequency_hz) - len(begin)
     inflation = max(1.0, 4.0 * float(found.cost) / freedom)
     inverse = inflation * np.linalg.pinv(2.0 * slopes.T @ slopes)

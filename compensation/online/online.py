@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from compensation.feedforward.inverse import CYCLES_TO_ACT, FeedforwardTuning, refuse_coupled_wrist
+from compensation.feedforward.inverse import CYCLES_TO_ACT, FeedforwardTuning
 from compensation.loops.velocity_loop import VelocityLoop, in_order
 from compensation.online import online_kernel as stage
 from compensation.online import path_kernels as path
+from compensation.online.load_kernels import LoadArrays, load_arrays, stated_times
+from compensation.online.load_signals import LoadSignals
+from compensation.ramped_load import RampedLoad
 from config.arrays import FloatArray
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
@@ -35,19 +38,23 @@ class OnlineFeedforward:
         torque: The identified model.
         axes: Shape (rows, n). Limits and inverse of each velocity loop; `online_kernel` names the
             rows.
+        loads: Parameters of the model with each of its loads, and the times of the changes.
+        signals: Signals at which the load changes; None if it changes at stated times only.
     """
 
     robot: RobotDescription
     cycle_time_s: float
     torque: SampleTorque
     axes: FloatArray
+    loads: LoadArrays
+    signals: LoadSignals | None = None
 
     @classmethod
     def from_model(
         cls,
         cell: CellConfig,
         robot: RobotDescription,
-        estimate: Estimate,
+        estimate: Estimate | RampedLoad,
         loops: Sequence[VelocityLoop],
         tuning: FeedforwardTuning | None = None,
     ) -> OnlineFeedforward:
@@ -59,10 +66,16 @@ class OnlineFeedforward:
             EstimationError: The model depends on the drives' temperature.
         """
         ordered = in_order(robot.joint_names, estimate.robot.joint_names, loops)
-        torque = SampleTorque.of(
-            estimate.model, estimate.standard_values, least_smoothing_rad_s=REST_RAD_S
+        estimates = (estimate,) if isinstance(estimate, Estimate) else estimate.estimates
+        torques = tuple(
+            SampleTorque.of(each.model, each.standard_values, least_smoothing_rad_s=REST_RAD_S)
+            for each in estimates
         )
-        return cls.of(cell, robot, torque, ordered, tuning)
+        found = cls.of(cell, robot, torques[0], ordered, tuning)
+        if isinstance(estimate, Estimate):
+            return found
+        times_s = stated_times(estimate.begin_s, estimate.ramp_s)
+        return replace(found, loads=load_arrays(torques, times_s))
 
     @classmethod
     def of(
@@ -73,7 +86,7 @@ class OnlineFeedforward:
         loops: Sequence[VelocityLoop],
         tuning: FeedforwardTuning | None = None,
     ) -> OnlineFeedforward:
-        """Build the data from a model's torque and the velocity loops, joint by joint.
+        """Build the data from a model's torque and the velocity loops, motor by motor.
 
         Speed and acceleration limits are those of the robot plus 1 %, because differences of a
         path's points are not exact. Position and torque limits are those of the robot. The
@@ -83,14 +96,13 @@ class OnlineFeedforward:
         Args:
             cell, robot: Cycle time and limits.
             torque: Model of the robot.
-            loops: Velocity loops, one per joint, in the order of the joints.
+            loops: Velocity loops, one per motor, in the order of the joints.
             tuning: Correction found in a reference run.
 
         Raises:
-            ConfigError: The robot has a coupled wrist, the tuning belongs to other joints, or the
-                delay of a loop cannot be compensated.
+            ConfigError: The tuning belongs to other joints, or the delay of a loop cannot be
+                compensated.
         """
-        refuse_coupled_wrist(robot, "on-line feedforward")
         n = len(robot.joints)
         tuning = tuning or FeedforwardTuning.none(n)
         if len(tuning.scale) != n:
@@ -116,8 +128,8 @@ class OnlineFeedforward:
             ahead = CYCLES_TO_ACT + (loop.delay_s + loop.lag_s + tuning.delay_s[j]) / step_s
             if not 0.0 <= ahead <= LONGEST_LOOK_AHEAD:
                 raise ConfigError(
-                    f"joint {joint.name}: its velocity loop acts {ahead:.3g} cycles late; at most"
-                    f" {LONGEST_LOOK_AHEAD} cycles can be compensated: measure the loop again",
+                    f"joint {joint.name}: its velocity loop acts {ahead:.3g} cycles late, but only"
+                    f" 0 to {LONGEST_LOOK_AHEAD} cycles can be compensated: measure the loop again",
                     code="RID-LOOP-WEAK",
                 )
             column = axes[:, j]
@@ -136,7 +148,7 @@ class OnlineFeedforward:
             column[stage.STEP] = max(most, column[path.ACCELERATION]) * step_s
         axes[stage.PRESLIDING : stage.PRESLIDING + 2] = torque.presliding
         axes.setflags(write=False)
-        return cls(robot, step_s, torque, axes)
+        return cls(robot, step_s, torque, axes, load_arrays((torque,), np.zeros(0)))
 
     @property
     def delay_cycles(self) -> int:

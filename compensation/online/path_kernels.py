@@ -1,19 +1,11 @@
 """Kernels that turn points into a path that can be driven and stopped, without memory allocation.
 
 A point is accepted only if the path through it is within all limits. Accepted points can therefore
-be driven at full rate or slower. The path between two points is a quintic: it has the positions of
-the points, and velocities and accelerations from five-point differences. As a Bezier curve, the
-quintic stays within the hull of its control points, so the control points are checked against the
-limits.
+be driven at full rate or slower. The path between two points is a quintic: it has the points'
+positions, with velocities and accelerations from five-point differences. It stays within the hull
+of its Bezier control points, so these are checked against the limits.
 
-The rate is the path's speed relative to full speed, and x is its square. A pass backwards over the
-points finds the highest rate from which the path can still stop before its last known point, as in
-TOPP-RA (Pham and Pham 2018):
-1. At the last point, x is 0.
-2. At each earlier point, x is the largest value from which the next point can be reached within the
-   joints' accelerations on the whole segment.
-3. While x is 1 at the present point, the path runs at full rate. Otherwise it follows the computed
-   profile down to rest.
+`rate_kernels` contains the kernels that run along the path.
 """
 
 from __future__ import annotations
@@ -21,6 +13,12 @@ from __future__ import annotations
 import math
 from typing import Final, TypeAlias
 
+from compensation.online.load_kernels import (
+    LoadArrays,
+    possible_loads,
+    set_load,
+    set_whole_load,
+)
 from compensation.online.point_ring import READ, TOTAL, WRITTEN
 from config.arrays import FloatArray, IntArray
 from dynamics.kernels.simd import kernel
@@ -30,9 +28,9 @@ Q: Final = 0  # rows of a node: position, velocity, acceleration, torque at full
 V: Final = 1
 A: Final = 2
 TAU: Final = 3
-# Rows of a node for the segment that ends at it: largest speed, least acceleration forwards.
+# Rows of a node, for the segment that ends there: largest speed, smallest forward acceleration.
 MAX_SPEED: Final = 4
-MIN_ACCELERATION: Final = 5  # if the joint reverses in the segment, in either direction
+MIN_ACCELERATION: Final = 5  # of both directions if the joint reverses in the segment
 NODE_ROWS: Final = 6
 
 # Rows of `axes`, one column per joint.
@@ -45,7 +43,7 @@ TORQUE: Final = 4
 # Words of `counts`.
 FILLED: Final = 0  # number of nodes with a position: extra nodes are BEFORE and BEHIND
 KNOWN: Final = 1  # number of nodes with velocity and acceleration, within all limits
-NODE: Final = 2  # the last node passed
+NODE: Final = 2  # the last node that the robot has passed
 SAFE: Final = 3  # the last node that can be reached at full rate
 PROFILE: Final = 4  # index of the valid profile
 HORIZON: Final = 5  # last node of the valid profile
@@ -54,6 +52,7 @@ CLOSED: Final = 7
 REASON: Final = 8  # REASON, REASON_JOINT, REASON_POINT: reason, joint and number of a refused point
 REASON_JOINT: Final = 9
 REASON_POINT: Final = 10
+SIGNALLED: Final = 11  # true if a change of the load begins at a signal
 
 DRIVING: Final = 0
 BRAKING: Final = 1
@@ -69,10 +68,11 @@ POSITION_LIMIT: Final = 2
 SPEED_LIMIT: Final = 3
 ACCELERATION_LIMIT: Final = 4
 TORQUE_LIMIT: Final = 5
+MOTOR_SPEED_LIMIT: Final = 6
 
 # Words of `pace`.
 OFFSET: Final = 0  # time into the segment at full rate [s]
-RATE: Final = 1  # path time per time
+RATE: Final = 1  # rate of the path: path time per time
 FOUND: Final = 2  # FOUND, ALLOWED: value of a refused point, and the limit
 ALLOWED: Final = 3
 
@@ -94,6 +94,7 @@ def take_points(
     counters: IntArray,
     rows: FloatArray,
     model: ModelArrays,
+    loads: LoadArrays,
     path: PathArrays,
     most: int,
 ) -> None:
@@ -102,11 +103,11 @@ def take_points(
     Args:
         counters, rows: Arrays of the `PointRing`.
         model: `SampleTorque.arrays`.
+        loads: Loads of the path.
         most: Largest number of points.
     """
     axes, nodes, _, counts, pace, _ = path
-    total, written = counters[TOTAL], counters[WRITTEN]
-    read = counters[READ]
+    total, written, read = counters[TOTAL], counters[WRITTEN], counters[READ]
     length, n = nodes.shape[0], nodes.shape[2]
     moved = 0
     while (
@@ -128,14 +129,14 @@ def take_points(
                 break
         if counts[CLOSED] == OPEN:
             for _ in range(1 + (BEFORE if counts[FILLED] == 0 else 0)):
-                _push(point, model, path)
+                _push(point, model, loads, path)
     counters[READ] = read
     room = counts[FILLED] - counts[NODE] < length - SPARE
     if counts[CLOSED] == OPEN and 0 <= total == read and counts[FILLED] > 0 and room:
         last = nodes[(counts[FILLED] - 1) % length, Q]
         for _ in range(BEHIND):
             if counts[CLOSED] == OPEN:
-                _push(last, model, path)
+                _push(last, model, loads, path)
         if counts[CLOSED] == OPEN:
             counts[CLOSED] = ENDED
 
@@ -161,7 +162,7 @@ def _refuse(
 
 
 @kernel
-def _push(point: FloatArray, model: ModelArrays, path: PathArrays) -> None:
+def _push(point: FloatArray, model: ModelArrays, loads: LoadArrays, path: PathArrays) -> None:
     """Append a node, and check the node two places before it, whose neighbours are now known."""
     axes, nodes, _, counts, pace, step_s = path
     length, n = nodes.shape[0], nodes.shape[2]
@@ -181,12 +182,20 @@ def _push(point: FloatArray, model: ModelArrays, path: PathArrays) -> None:
         node[A, j] = bend / (12.0 * step_s * step_s)
     which = max(k - BEFORE, 0)
     if k > 0:
-        _check_segment(nodes[(k - 1) % length], node, path, which)
-    sample_torque(model, node[Q], node[V], node[A], node[TAU])
-    for j in range(n):
-        limit = axes[TORQUE, j]
-        if abs(node[TAU, j]) > limit:  # NaN is accepted: it suspends the compensation
-            _refuse(counts, pace, TORQUE_LIMIT, j, which, node[TAU, j], limit)
+        begin = nodes[(k - 1) % length]
+        _check_segment(begin, node, path, which)
+        _check_motors(begin, node, model[5][1], path, which)
+    time_s = (k - BEFORE) * step_s
+    set_load(model, loads, time_s)
+    first, last = possible_loads(loads, time_s) if counts[SIGNALLED] else (0, 0)
+    for load in range(last, first - 1, -1):
+        if counts[SIGNALLED]:
+            set_whole_load(model, loads, load)
+        sample_torque(model, node[Q], node[V], node[A], node[TAU])
+        for j in range(n):
+            limit = axes[TORQUE, j]
+            if abs(node[TAU, j]) > limit:  # NaN is accepted: it suspends the compensation
+                _refuse(counts, pace, TORQUE_LIMIT, j, which, node[TAU, j], limit)
     if counts[CLOSED] == OPEN:
         counts[KNOWN] = k + 1
 
@@ -197,9 +206,7 @@ def _check_segment(begin: FloatArray, end: FloatArray, path: PathArrays, which: 
     axes, _, _, counts, pace, h = path
     for j in range(begin.shape[1]):
         p0, p5 = begin[Q, j], end[Q, j]
-        p1, p4 = p0 + 0.2 * h * begin[V, j], p5 - 0.2 * h * end[V, j]
-        p2 = p0 + 0.4 * h * begin[V, j] + 0.05 * h * h * begin[A, j]
-        p3 = p5 - 0.4 * h * end[V, j] + 0.05 * h * h * end[A, j]
+        p1, p2, p3, p4 = _inner_points(begin, end, j, h)
         low = min(p0, p1, p2, p3, p4, p5)
         high = max(p0, p1, p2, p3, p4, p5)
         slack = 1e-9 + 0.01 * abs(p5 - p0)
@@ -228,135 +235,34 @@ def _check_segment(begin: FloatArray, end: FloatArray, path: PathArrays, which: 
 
 
 @kernel
-def plan_stop(path: PathArrays, which: int) -> int:
-    """Fill a profile of x, the squared rate, that ends at rest; return the last safe node.
-
-    If the path's end is known, the profile ends there at full rate, because the path itself ends at
-    rest. A node is safe if the path can run from the present node to it at full rate. If not even
-    the present node is safe, the node before it is returned.
-    """
-    axes, nodes, profiles, counts, _, step_s = path
-    profile = profiles[which]
-    length, n = nodes.shape[0], nodes.shape[2]
-    last = counts[KNOWN] - 1
-    x = 1.0 if counts[CLOSED] == ENDED else 0.0
-    profile[last % length] = x
-    twice = 2.0 * step_s
-    for i in range(last - 1, counts[NODE] - 1, -1):
-        segment = nodes[(i + 1) % length]
-        best = 1.0
-        for j in range(n):
-            limit = axes[ACCELERATION, j]
-            speed, least = segment[MAX_SPEED, j], segment[MIN_ACCELERATION, j]
-            if least < 0.0:  # the bound is tightest at the end with the higher rate
-                best = min(best, (speed * x + twice * limit) / (speed - twice * least))
-            elif speed > 1e-12:
-                best = min(best, x + twice * (limit + least * x) / speed)
-        x = max(best, 0.0)
-        profile[i % length] = x
-    safe = counts[NODE] - 1
-    while safe < last and profile[(safe + 1) % length] == 1.0:
-        safe += 1
-    return int(safe)
-
-
-@kernel
-def advance(path: PathArrays, head: FloatArray) -> bool:
-    """Advance the path's head by one cycle.
-
-    Args:
-        head: Shape (3, n). Position, velocity and acceleration of the path; written.
-
-    Returns:
-        True if the head is at a node and runs at full rate; the node's torque then applies.
-    """
-    _, nodes, profiles, counts, pace, step_s = path
-    length = nodes.shape[0]
-    if counts[STATE] == DRIVING:
-        ahead = counts[NODE] + 1
-        if counts[CLOSED] == ENDED and ahead >= counts[KNOWN]:
-            counts[STATE] = ARRIVED
-        elif ahead > counts[SAFE]:
-            other = 1 - counts[PROFILE]
-            safe = plan_stop(path, other)
-            if safe >= counts[NODE]:  # the new profile is valid from the present node on
-                counts[PROFILE], counts[SAFE], counts[HORIZON] = other, safe, counts[KNOWN] - 1
-            if ahead > counts[SAFE]:
-                counts[STATE] = BRAKING
-                pace[OFFSET], pace[RATE] = 0.0, 1.0
-        if counts[STATE] == DRIVING:
-            counts[NODE] = ahead
-    change = 0.0
-    if counts[STATE] == BRAKING:
-        change = _follow_profile(counts, profiles[counts[PROFILE]], pace, step_s)
-    node = nodes[counts[NODE] % length]
-    if counts[STATE] == BRAKING:
-        _evaluate_segment(node, nodes[(counts[NODE] + 1) % length], pace, change, step_s, head)
-        return False
-    moving = counts[STATE] == DRIVING
-    for j in range(head.shape[1]):
-        head[Q, j] = node[Q, j]
-        head[V, j] = node[V, j] if moving else 0.0
-        head[A, j] = node[A, j] if moving else 0.0
-    return bool(moving)
-
-
-@kernel
-def _follow_profile(
-    counts: IntArray, profile: FloatArray, pace: FloatArray, step_s: float
-) -> float:
-    """Advance one cycle along a profile; return the rate's derivative at the cycle's end [1/s]."""
-    length, last = len(profile), counts[HORIZON]
-    left, change = step_s, 0.0
-    while left > 0.0:
-        i = counts[NODE]
-        if i >= last:
-            counts[STATE] = STOPPED
-            return 0.0
-        x, x_there = float(profile[i % length]), float(profile[(i + 1) % length])
-        change = (x_there - x) / (2.0 * step_s)
-        rate_there = math.sqrt(x_there)
-        both = pace[RATE] + rate_there
-        if both <= 1e-12:
-            counts[STATE] = STOPPED
-            return 0.0
-        needed = 2.0 * (step_s - pace[OFFSET]) / both
-        if needed <= left:
-            left -= needed
-            counts[NODE] = i + 1
-            pace[OFFSET], pace[RATE] = 0.0, rate_there
-        else:
-            pace[OFFSET] += pace[RATE] * left + 0.5 * change * left * left
-            pace[RATE] = max(pace[RATE] + change * left, 0.0)
-            left = 0.0
-    if counts[NODE] >= last:
-        counts[STATE] = STOPPED
-        return 0.0
-    return change
-
-
-@kernel
-def _evaluate_segment(
-    begin: FloatArray,
-    end: FloatArray,
-    pace: FloatArray,
-    change: float,
-    step_s: float,
-    head: FloatArray,
+def _check_motors(
+    begin: FloatArray, end: FloatArray, motors_by_joints: FloatArray, path: PathArrays, which: int
 ) -> None:
-    """Evaluate the quintic between two nodes at the present rate and its derivative `change`."""
-    h, rate = step_s, pace[RATE]
-    x = pace[OFFSET] / h
-    for j in range(head.shape[1]):
-        v0, v1 = h * begin[V, j], h * end[V, j]
-        a0, a1 = h * h * begin[A, j], h * h * end[A, j]
-        rest = end[Q, j] - begin[Q, j] - v0 - 0.5 * a0
-        slope, bend = v1 - v0 - a0, a1 - a0
-        c3 = 10.0 * rest - 4.0 * slope + 0.5 * bend
-        c4 = -15.0 * rest + 7.0 * slope - bend
-        c5 = 6.0 * rest - 3.0 * slope + 0.5 * bend
-        head[Q, j] = begin[Q, j] + x * (v0 + x * (0.5 * a0 + x * (c3 + x * (c4 + x * c5))))
-        speed = (v0 + x * (a0 + x * (3.0 * c3 + x * (4.0 * c4 + x * 5.0 * c5)))) / h
-        curve = (a0 + x * (6.0 * c3 + x * (12.0 * c4 + x * 20.0 * c5))) / (h * h)
-        head[V, j] = speed * rate
-        head[A, j] = curve * rate * rate + speed * change
+    """Check the motors' speeds at the control points between two nodes against the limits."""
+    axes, _, _, counts, pace, h = path
+    n = begin.shape[1]
+    for i in range(n):
+        w0 = w1 = w2 = w3 = w4 = 0.0
+        for j in range(n):
+            p1, p2, p3, p4 = _inner_points(begin, end, j, h)
+            share = motors_by_joints[i, j]
+            w0 += share * begin[V, j]
+            w1 += share * 5.0 * (p2 - p1) / h
+            w2 += share * 5.0 * (p3 - p2) / h
+            w3 += share * 5.0 * (p4 - p3) / h
+            w4 += share * end[V, j]
+        speed = max(abs(w0), abs(w1), abs(w2), abs(w3), abs(w4))
+        if not speed <= axes[SPEED, i]:
+            _refuse(counts, pace, MOTOR_SPEED_LIMIT, i, which, speed, axes[SPEED, i])
+
+
+@kernel
+def _inner_points(
+    begin: FloatArray, end: FloatArray, j: int, h: float
+) -> tuple[float, float, float, float]:
+    """Return the inner four control points of a joint's position between two nodes."""
+    p1 = begin[Q, j] + 0.2 * h * begin[V, j]
+    p4 = end[Q, j] - 0.2 * h * end[V, j]
+    p2 = begin[Q, j] + 0.4 * h * begin[V, j] + 0.05 * h * h * begin[A, j]
+    p3 = end[Q, j] - 0.4 * h * end[V, j] + 0.05 * h * h * end[A, j]
+    return p1, p2, p3, p4

@@ -133,7 +133,7 @@ class PointFeed:
         self._thread.join(10.0 * PAUSE_S)
 
     def wait(self, points: int, patience_s: float) -> None:
-        """Wait until this number of points has arrived, or no more will arrive, or time is up.
+        """Wait until this many points have arrived, no more will arrive, or the time is over.
 
         Raises:
             ConfigError: The iterator failed before the first point.

@@ -80,7 +80,7 @@ class PointServer:
     def __enter__(self) -> PointServer:
         try:
             start_all([self._process])
-        except BaseException as error:  # possibly a signal that arrived meanwhile
+        except BaseException as error:  # the reason is possibly a signal that arrived meanwhile
             self._end(str(error))
             raise
         finally:
@@ -123,7 +123,7 @@ def listening(path: Path) -> Iterator[socket.socket]:
         try:
             stack.enter_context(held_file(lock))
             if path.is_socket() and not _is_served(path):
-                path.unlink()  # left by a program that died
+                path.unlink()  # the socket was left by a program that was killed
             listener = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
             listener.bind(os.fspath(path))
             stack.callback(path.unlink, missing_ok=True)

@@ -8,18 +8,19 @@ from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from acquisition.motion.samples import Phase
 from acquisition.supervision.cycle import SetPoint
 from acquisition.supervision.stop_reason import StopCode, StopReason
 from compensation.online import online_kernel as stage
 from compensation.online import path_kernels as path
+from compensation.online import rate_kernels as rate
 from compensation.online.online import OnlineFeedforward
 from compensation.online.patience import BUFFER_S
 from compensation.online.point_ring import READ, PointRing, PointsFailed
 from config.arrays import FloatArray, PhaseArray
 from config.errors import ConfigError, DriverError
+from drivers.interfaces.servo_axes import Answers
 from dynamics.kernels.presliding import FOUND
 from dynamics.model.hysteretic_sample import initial_states
 
@@ -36,6 +37,7 @@ _WHAT: Final = {
     path.POSITION_LIMIT: ("position", ""),
     path.SPEED_LIMIT: ("speed", "/s"),
     path.ACCELERATION_LIMIT: ("acceleration", "/s^2"),
+    path.MOTOR_SPEED_LIMIT: ("motor speed", "/s"),
 }
 
 
@@ -84,6 +86,9 @@ class PointSource:
         self._row = -1
         self._late = 0
         self._shown_at_rest = False
+        self._signals = feedforward.signals
+        self._loads = feedforward.loads
+        self._signal_stop: StopReason | None = None
 
     @property
     def samples_per_period(self) -> int | None:
@@ -105,6 +110,8 @@ class PointSource:
     @property
     def stop(self) -> StopReason | None:
         """Reason why the motion stopped before the path's end; None if it reached the end."""
+        if self._signal_stop is not None:
+            return self._signal_stop
         if self._counts[path.STATE] == path.ARRIVED:
             return None
         if self._counts[path.CLOSED] == path.REFUSED:
@@ -136,7 +143,7 @@ class PointSource:
                 "compensation: torque, speed or acceleration limited in"
                 f" {counts[stage.LIMITED]} cycles"
             )
-        return notes
+        return notes + ([] if self._signals is None else self._signals.notes)
 
     def prepare(self) -> None:
         """Allocate memory, compile, read the first points and check them.
@@ -152,11 +159,11 @@ class PointSource:
         self._counts = np.zeros(stage.COUNTS, dtype=np.int64)
         self._pace = np.zeros(stage.PACE)
         self._nodes = np.zeros((nodes, path.NODE_ROWS, n))
-        self._line = np.zeros((places, 4, n))
+        self._line = np.zeros((places, stage.PLACE_ROWS, n))
         self._state = np.zeros((stage.STATE_ROWS, n))
         self._memory = np.array([initial_states(n), initial_states(n)])
         self._found = np.zeros((n, FOUND))
-        self._position = np.zeros(n)
+        self._position = np.zeros(n)  # of the motors, link side
         self._seen = np.full(n, np.iinfo(np.int64).max // 2)  # no encoder counts yet
         self._out, head = np.zeros((3, n)), np.zeros((3, n))
         profiles = np.zeros((2, nodes))
@@ -166,6 +173,12 @@ class PointSource:
         self._stage: stage.StageArrays = (
             self._line, self._state, self._memory, self._found, head, self._out
         )  # fmt: skip
+        if self._signals is not None:
+            self._loads = self._signals.begin(forward.loads, forward.delay_cycles * step_s)
+            self._counts[path.SIGNALLED] = 1
+            # call the kernel once on a path that has stopped, so that numba compiles it
+            stopped = np.full(stage.COUNTS, path.STOPPED)
+            rate.cut_path((forward.axes, self._nodes, profiles, stopped, self._pace, step_s))
         self._counts[stage.DELAY] = forward.delay_cycles
         self._counts[stage.RESTED] = -1
         self._counts[stage.HYSTERETIC] = (forward.axes[stage.PRESLIDING] > 0.0).any()
@@ -184,7 +197,7 @@ class PointSource:
             raise ConfigError(
                 f"{self._stop_reason().text}; nothing was moved", code="RID-STREAM-POINTS"
             )
-        begin = path.plan_stop(self._path, 0)
+        begin = rate.plan_stop(self._path, 0)
         if self._counts[path.KNOWN] == 0 or begin < 1:
             why = ring.failure or f"only {int(ring.counters[READ])} arrived"
             raise DriverError(
@@ -199,27 +212,36 @@ class PointSource:
         self._line[:, 0] = self._nodes[0, 0]
         for _ in range(forward.delay_cycles):
             self._may_continue()
-        self._observe_joints()  # called once so that it is compiled; the result is not used
+        # call the kernel once, so that numba compiles it; the result is not used
+        self._observe_joints()
         self._memory[stage.MEASURED] = initial_states(n)
 
     def begin(self, lockstep: bool, position: FloatArray) -> FloatArray:
         """Return the pose at which the motion begins."""
         self._lockstep = lockstep
-        self._position[:] = position
+        self._position[:] = self._motors_by_joints @ position
         if self._counts[stage.HYSTERETIC]:
             self._observe_joints()
         return np.array(self._nodes[0, 0])
 
-    def watch(self, position: FloatArray, counts: NDArray[np.int32]) -> None:
-        """Observe the approach of the joints to the first point, and their settling there.
+    def watch(self, answers: Answers) -> None:
+        """Observe the joints until they leave the first point, and the signals on the path.
 
         A change by one encoder count does not count as motion, because the last digit fluctuates at
         rest.
         """
+        if self._signals is not None and self._row >= 0 and self._signal_stop is None:
+            head_s = (self._counts[path.NODE] - path.BEFORE) * self._feedforward.cycle_time_s
+            time_s = self._present_point * self._feedforward.cycle_time_s
+            self._signal_stop = self._signals.observe(time_s, head_s, answers)
+            if self._signal_stop is not None:
+                rate.cut_path(self._path)
         beginning = self._row < 0 or self._counts[stage.MEASURING]
         if beginning and self._counts[stage.HYSTERETIC]:
+            counts = answers.position_counts
             moved = np.abs(counts - self._seen) > 1
-            self._seen[moved], self._position[moved] = counts[moved], position[moved]
+            of_motors = self._motors_by_joints @ answers.position
+            self._seen[moved], self._position[moved] = counts[moved], of_motors[moved]
             self._observe_joints()
 
     def at(self, row: int) -> SetPoint | None:
@@ -243,11 +265,20 @@ class PointSource:
             return None
         self._shown_at_rest = over
         position, velocity, ahead = self._out.tolist()
-        at = int(self._counts[stage.HEAD]) - 1 - int(self._counts[stage.DELAY])
-        node = int(self._line[at % len(self._line), stage.INDEX, 0])
-        point = self._clip(node - path.BEFORE)
+        point = self._present_point
         phase = Phase.MAIN if self._phase is None else int(self._phase[point])
         return SetPoint(position, velocity, ahead, point, phase)
+
+    @property
+    def _present_point(self) -> int:
+        """Number of the point of the latest set-point."""
+        at = int(self._counts[stage.HEAD]) - 1 - int(self._counts[stage.DELAY])
+        node = int(self._line[at % len(self._line), stage.INDEX, 0])
+        return self._clip(node - path.BEFORE)
+
+    @property
+    def _motors_by_joints(self) -> FloatArray:
+        return np.asarray(self._feedforward.torque.arrays[5][1])
 
     def _observe_joints(self) -> None:
         stage.observe_position(self._position, self._feedforward.axes, self._memory, self._found)
@@ -256,13 +287,19 @@ class PointSource:
         forward, ring = self._feedforward, self._ring
         return bool(
             stage.next_set_point(
-                ring.counters, ring.rows, forward.torque.arrays, self._path, self._stage
+                ring.counters,
+                ring.rows,
+                forward.torque.arrays,
+                self._loads,
+                self._path,
+                self._stage,
             )
         )
 
     def _take_points(self, most: int) -> None:
         forward, ring = self._feedforward, self._ring
-        path.take_points(ring.counters, ring.rows, forward.torque.arrays, self._path, most)
+        model, loads = forward.torque.arrays, self._loads
+        path.take_points(ring.counters, ring.rows, model, loads, self._path, most)
 
     @property
     def _filled(self) -> bool:

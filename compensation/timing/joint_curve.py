@@ -23,8 +23,9 @@ A motion file can contain 10,000 poses at most.
 SLOW: Final = 1e-3  # fraction of the largest speed
 STRAIGHT_ON: Final = 0.9999
 TURN_BACK: Final = -0.5
-"""A motion turns back between two rows if the cosine between their velocities is smaller."""
-SHORTEST: Final = 1e-4  # rad or m of any joint: less is not a motion
+"""A motion turns back between two rows if the cosine of the angle between their velocities is
+smaller than this."""
+SHORTEST: Final = 1e-4  # rad or m: smaller movements of a joint do not count as motion
 FARTHEST_OFF: Final = 2e-4  # rad or m
 
 
@@ -44,7 +45,7 @@ class JointCurve:
         return float(self.curve.x[0]), float(self.curve.x[-1])
 
     def at(self, length: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return joint positions and two derivatives by the length, each (len(length), n)."""
+        """Return joint positions and their first two derivatives, each (len(length), n)."""
         position, slope, bend = (np.ascontiguousarray(self.curve(length, k)) for k in range(3))
         return position, slope, bend
 

@@ -16,7 +16,8 @@ from config.robot.robot import RobotDescription
 from dynamics.model.one_sample import EFFICIENCY, FRICTION, JOINT, KIND, VALUE, SampleTorque
 
 WRENCH: Final = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
-STANDS: Final = 1e-7  # fraction of an actuator's largest path derivative: less is rounding
+# fraction of an actuator's largest path derivative; smaller values are rounding errors
+STANDS: Final = 1e-7
 FASTEST: Final = 1e12
 MOST_OF_ROOM: Final = 0.8
 SMALLEST: Final = 1e-12
@@ -30,8 +31,8 @@ class PathDynamics:
         curve: The path.
         robot: Robot of the joints.
         length: Shape (points,). Grid of the path length.
-        position, slope, bend: Shape (points, n). Joint positions and their derivatives by the
-            length.
+        position, slope, bend: Shape (points, n). Joint positions and their derivatives
+            with respect to the length.
         parts: Shape (points, 2 n + 6, 3). Result of `along_path`.
         friction, losses: Shape (terms, 8). Rows of `SampleTorque`'s table for friction and gear
             losses.

@@ -16,7 +16,7 @@ REPAIRS: Final = 60
 SLOWER: Final = 0.9
 ROUNDS: Final = 30
 SAME: Final = 1e-9
-STUCK: Final = 1e-10  # fraction of the largest x: below it, the path has stopped
+STUCK: Final = 1e-10  # fraction of the largest x; with a smaller x, the path has stopped
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ def fastest(
     Args:
         rows: Limits along the path.
         bounds: Shape (points, rows, 3). `rows.bounds`, or tighter ones.
-        ends: Path speeds at begin and end [path length per second].
+        ends: Path speeds at the beginning and at the end [path length per second].
         closed: True for a closed path, which begins and ends with the same speed; this speed is
             computed and `ends` is not used.
         most: Shape (points,). Largest x, if lower than the speed limits allow.

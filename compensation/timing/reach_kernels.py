@@ -39,13 +39,14 @@ from dynamics.model.one_sample import (
 FrictionArrays: TypeAlias = tuple[IntArray, FloatArray, float, FloatArray, BoolArray]
 
 STEPS: Final = 60
-TINY: Final = 1e-14  # smaller coefficients of u are 0 except for rounding
+TINY: Final = 1e-14  # smaller coefficients of u count as 0, because they are rounding errors
 CLOSE: Final = 1e-9
 LOOSE: Final = 1e-6
 SLOPE_STEP: Final = 1e-6
-FROM_REST: Final = 1e-9  # rad/s: near rest, friction has its sign but no speed-dependent part
+# rad/s: below this speed, friction has its sign but no part that depends on speed
+FROM_REST: Final = 1e-9
 
-# Words of an interval of u: its ends, and their derivatives by x.
+# Words of an interval of u: its ends, and their derivatives with respect to x.
 LEAST: Final = 0
 MOST: Final = 1
 LEAST_SLOPE: Final = 2
@@ -63,7 +64,8 @@ def along_path(
 
     Args:
         model: `SampleTorque.arrays`, without friction.
-        q, slope, bend: Shape (points, n). Joint positions and their derivatives by the path length.
+        q, slope, bend: Shape (points, n). Joint positions and their derivatives
+            with respect to the path length.
         out: Shape (points, 2 n + 6, 3). Written: load torques, free torques and base wrench, by u,
             by x, and at rest.
     """
@@ -169,7 +171,10 @@ def friction_at_rest(friction: FrictionArrays, out: FloatArray) -> None:
 
 @kernel
 def _narrow(room: FloatArray, by_u: float, rest: float, slope: float, bound: float) -> None:
-    """Narrow the interval of u by `by_u * u + rest <= bound`; d rest / d x is `slope`."""
+    """Narrow the interval of u to the values with `by_u * u + rest <= bound`.
+
+    `slope` is the derivative of `rest` with respect to x.
+    """
     free = bound - rest
     if by_u > TINY:
         most = free / by_u
@@ -180,7 +185,8 @@ def _narrow(room: FloatArray, by_u: float, rest: float, slope: float, bound: flo
         if least > room[LEAST]:
             room[LEAST], room[LEAST_SLOPE] = least, -slope / by_u
     elif free < -CLOSE:
-        # Decrease of x with which the row holds; infinite, so that x becomes 0, if none helps.
+        # Decrease of x with which the row is satisfied. If no decrease suffices, it is infinite, so
+        # that x becomes 0.
         fall = -free / slope if slope > 0.0 else math.inf
         room[ALONE] = max(room[ALONE], fall)
 
@@ -198,8 +204,8 @@ def _feasible_interval(
 ) -> None:
     """Narrow the interval of u by the rows at one end of a path interval.
 
-    At the begin of the path interval, `twice_step` is 0. At its end, x becomes x + twice_step u,
-    and friction is a straight line in x through its value at x = `there`.
+    At the beginning of the path interval, `twice_step` is 0. At its end, x becomes x + twice_step
+    u, and friction is a straight line in x through its value at x = `there`.
     """
     for r in range(len(rows)):
         by_u, by_x, rest = rows[r, 0], rows[r, 1], rows[r, 2]

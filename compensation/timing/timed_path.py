@@ -29,14 +29,16 @@ from dynamics.model.one_sample import FRICTION, KIND, SampleTorque
 
 INTERVALS: Final = 1000
 WINDOW_CYCLES: Final = 2
-HEADROOM: Final = 1.5e-3  # fraction of limits in reserve: saves scans, costs 0.1 % of the time
-MORE: Final = 1.2  # amount of tightening, relative to the excess
+# fraction of the limits that is kept in reserve: it saves scans and makes the motion 0.1 % longer
+HEADROOM: Final = 1.5e-3
+MORE: Final = 1.2  # amount by which a limit is tightened, relative to the excess
 LEAST_MORE: Final = 2e-4
 ATTEMPTS: Final = 60
 WIDER: Final = 1.02
-LONGEST_WINDOW: Final = 0.5  # fraction of the path's time
+LONGEST_WINDOW: Final = 0.5  # fraction of the path's duration
 SLOWEST: Final = 10.0
-ROUNDING: Final = 0.009  # allowed excess of differences; slightly below that of a stream
+# allowed excess of finite differences over the limits; slightly below the one allowed for a stream
+ROUNDING: Final = 0.009
 
 
 class TorqueMargins(NamedTuple):
@@ -116,8 +118,8 @@ class PathTimer:
 
         Args:
             curve: The path.
-            ends: Path speeds at begin and end [path length per second]; reduced if the rounding up
-                to whole cycles requires it.
+            ends: Path speeds at the beginning and at the end [path length per second]; they are
+                reduced if the duration is rounded up to whole cycles.
             closed: True for a closed path, which begins and ends with the same speed; this speed is
                 computed.
 
@@ -264,9 +266,9 @@ class _Search:
         self.worst = f"the {label}"
         for r in self._columns.get(label, ()):
             self._free[:, r] += more
-        if label not in self._columns:  # a speed limit, which has no row
+        if label not in self._columns:  # the excess is that of a speed limit, which has no row
             self._most = (1.0 - more) ** 2 * self._most
-        elif self._scans > ATTEMPTS // 4:  # rows without u do not react to tightening
+        elif self._scans > ATTEMPTS // 4:  # rows that do not contain u do not react to tightening
             slower = np.minimum((1.0 - more) * self._most, 0.98 * self._last.x)
             self._most = np.where(more > 0.0, slower, self._most)
 

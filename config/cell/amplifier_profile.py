@@ -53,7 +53,7 @@ class Word(ConfigModel):
     def _check_source(self) -> Word:
         if self.verified and not self.source:
             raise ValueError(
-                f"{self.text!r} has verified: true; state in `source` the place, such as a manual"
+                f"{self.text!r} has verified: true; state in `source` where it was seen"
             )
         return self
 
@@ -134,7 +134,7 @@ class Part:
 
     @property
     def size(self) -> int:
-        """Length in the row [bytes]."""
+        """Length of the piece in a row [bytes]."""
         return self.width * self.repeat
 
 
@@ -159,13 +159,14 @@ class AmplifierProfile(ConfigModel):
         terminator: End of each line.
         query: Character that makes a command a query.
         channel_separator: Character between the number of a channel and the command.
-        ok, error, charge_lost: Answers. `ok`: the command was executed. `error`: it was refused; a
-            number of `errors` follows. `charge_lost` follows `ok` if the command discharged the
-            channels.
+        ok: Answer if the command was executed.
+        error: Answer if the command was refused; a number of `errors` follows.
+        charge_lost: Text after `ok` if the command discharged the channels.
         commands: The mnemonics.
         errors: Meaning of each error number.
         ticks_per_s: Frequency of the device's clock.
-        ascii, binary: Layout of the rows and events in each format.
+        ascii: Layout of the rows and events in the text format.
+        binary: Layout of the rows and events in the binary format.
         status_bits: Bits of a row's status.
         events: Numbers of the events.
     """

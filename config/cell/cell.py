@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
+from config.cell.cycle_time import CycleTimeMs, interpolation_period, nearest_periods
 from config.cell.monitor import MonitorConfig
 from config.cell.plate import PlateConfig
 from config.cell.servo_profile import ServoProfile, Unsigned32, VelocityUnit
@@ -18,6 +19,11 @@ from config.robot.bodies import Workspace
 
 Milliseconds = Annotated[int, Field(gt=0, le=65535)]
 LONGEST_SILENCE_MS = 100
+LARGEST_CYCLE_GAIN = 0.5
+"""Largest product of position gain and cycle time.
+
+An integrating loop with a delay of one cycle is unstable from 1 on.
+"""
 FollowingError = Annotated[Positive, Plausible(1e-5, 0.6, "rad or m")]
 LoopFrequency = Annotated[Positive, Plausible(1e-3, 5e3, "Hz")]
 Servo = Annotated[str, Field(min_length=1)] | ServoProfile
@@ -35,6 +41,11 @@ class CanBusConfig(ConfigModel):
     interface: str
     channel: str
     bitrate: Annotated[int, Field(ge=10_000, le=1_000_000)] = 1_000_000
+
+    @property
+    def is_simulated(self) -> bool:
+        """True if rid-daq simulates the bus too, not only the devices."""
+        return self.interface == "rid_sim"
 
 
 class DeviceIdentity(ConfigModel):
@@ -121,8 +132,10 @@ class DriveSafety(ConfigModel):
     fault_reaction_option: Literal[0, 1, 2] = 2
     quick_stop_deceleration_rad_s2: Annotated[Positive, Plausible(0.1, 2e3, "rad/s² or m/s²")]
     following_error_rad: FollowingError
-    following_error_timeout_ms: Annotated[int, Field(ge=0, le=65535)] = 20
-    torque_limit_fraction: Annotated[float, Field(gt=0.0, le=6.5), Plausible(0.05, 6.5, "")] = 3.0
+    following_error_timeout_ms: Annotated[int, Field(ge=0, le=65535), Plausible(0.0, 1e3, "ms")] = (
+        20
+    )
+    torque_limit_fraction: Annotated[float, Field(gt=0.0, le=6.5), Plausible(0.05, 5.0, "")] = 3.0
     allow_drive_without_watchdog: tuple[int, ...] = ()
     trip_watchdog_with_power: bool = False
 
@@ -166,8 +179,8 @@ class Supervision(ConfigModel):
             comes from pre-compensation.
         stuck_encoder_torque_fraction: At a slower command an encoder counts as stuck only if, since
             standstill, the torque has also changed by more than this fraction of the joint's limit:
-            such a torque would have overcome stiction. The torque that braked a joint is measured
-            late and is ignored for `stuck_encoder_cycles`.
+            such a torque would have overcome stiction. After a joint has stopped, torques are
+            ignored for `stuck_encoder_cycles`, because the braking torque is measured late.
         limit_margin_fraction: Allowed excess of speed and torque over the joints' limits, as a
             fraction of these limits.
     """
@@ -192,7 +205,8 @@ class CellConfig(PhysicalFile):
         name: Name of the cell.
         robot, plant: A bundled file, or a path relative to the cell file.
         simulated: True for a simulated cell; a command that needs the simulated hardware starts it.
-        cycle_time_ms: Period of SYNC and of the set-points [ms].
+        cycle_time_ms: Period of SYNC and of the set-points, in whole microseconds [ms]. A drive
+            whose cycle time is written (60C2h) supports steps of 0.1 ms up to 25.5 ms.
         can: CAN bus of the drives.
         servo: The drives' profile: a bundled name, a path relative to the cell file, or its keys,
             including data that the drives do not report. Without it, drives are assumed to follow
@@ -220,7 +234,7 @@ class CellConfig(PhysicalFile):
     robot: str
     simulated: bool = False
     plant: str | None = None
-    cycle_time_ms: Annotated[int, Field(ge=1, le=100)]
+    cycle_time_ms: CycleTimeMs
     can: CanBusConfig
     servo: Servo = ServoProfile()
     axes: tuple[DriveAxis, ...] = Field(min_length=1, max_length=MOST_JOINTS)
@@ -231,7 +245,7 @@ class CellConfig(PhysicalFile):
     torque_filter: ButterworthFilter | None = None
     velocity_loop_band_hz: tuple[LoopFrequency, LoopFrequency] | None = None
     validation_limits_percent: (
-        tuple[Annotated[Positive, Plausible(0.1, 500.0, "%")], ...] | None
+        tuple[Annotated[Positive, Plausible(0.1, 100.0, "%")], ...] | None
     ) = None
     home: tuple[Annotated[float, Plausible(0.0, 50.0, "rad or m")], ...] | None = None
     workspace: Workspace = Workspace()
@@ -241,8 +255,12 @@ class CellConfig(PhysicalFile):
     @model_validator(mode="after")
     def _check_consistency(self) -> CellConfig:
         nodes = [axis.node_id for axis in self.axes]
-        if len(set(nodes)) != len(nodes):
-            raise ValueError("two axes have the same node_id; give each its own")
+        if repeated := [node for node in nodes if nodes.count(node) > 1]:
+            raise ValueError(
+                f"two axes have the node_id {repeated[0]}: give each axis the node_id of its own"
+                " drive. A drive with several axes at one node_id (objects from 6800h) is not"
+                " supported"
+            )
         if self.drive_safety.master_node_id in nodes:
             raise ValueError(
                 f"an axis has node_id {self.drive_safety.master_node_id}, which is the master's;"
@@ -254,6 +272,7 @@ class CellConfig(PhysicalFile):
         if self.simulated and self.plant is None:
             raise ValueError("a simulated cell needs plant; name a plant file")
         self._check_band()
+        self._check_position_gain()
         limits = self.validation_limits_percent
         if limits is not None and len(limits) != len(self.axes):
             raise ValueError(
@@ -304,6 +323,17 @@ class CellConfig(PhysicalFile):
                 f" and the second below half the cycle frequency, {half:g} Hz"
             )
 
+    def _check_position_gain(self) -> None:
+        """Refuse a position gain that does not fit the cycle time."""
+        gain = self.position_gain_per_s * self.cycle_time_s
+        if gain > LARGEST_CYCLE_GAIN:
+            raise ValueError(
+                f"position_gain_per_s {self.position_gain_per_s:g} 1/s corrects"
+                f" {100.0 * gain:.0f} % of an error within a cycle of {self.cycle_time_ms:g} ms, so"
+                " the position loop is near or beyond its stability limit; give at most"
+                f" {LARGEST_CYCLE_GAIN / self.cycle_time_s:g} 1/s, or shorten cycle_time_ms"
+            )
+
     def servo_of(self, axis: DriveAxis) -> ServoProfile:
         """Return the profile of an axis's drive: the cell's profile, with the axis's own keys.
 
@@ -320,13 +350,39 @@ class CellConfig(PhysicalFile):
         if chosen.spread and self.exchange == "trimmed":
             raise ConfigError(
                 f"cell {self.name}: exchange: trimmed needs drives with mappable PDOs, but the"
-                f" drive of {axis.joint} has fixed PDOs, or its torque is read by SDO; remove the"
-                " key",
+                f" drive of {axis.joint} has fixed PDOs, or its torque is read by SDO, or it"
+                " sends its digital inputs; remove the key",
+                code="RID-CELL-VALUE",
+            )
+        if chosen.digital_inputs and not chosen.sends_inputs:
+            raise ConfigError(
+                f"cell {self.name}: digital_inputs of the drive of {axis.joint} needs mappable"
+                " PDOs, but its PDOs are fixed and do not carry the signal inputs; remove the key",
                 code="RID-CELL-VALUE",
             )
         if axis.velocity_unit is None:
             return chosen
         return chosen.model_copy(update={"velocity_unit": axis.velocity_unit})
+
+    def check_cycle_time(self) -> None:
+        """Refuse a cycle time that cannot be written to a drive.
+
+        Raises:
+            ConfigError: A drive needs its cycle time in 60C2h, whose mantissa has eight bits.
+        """
+        if interpolation_period(self.cycle_time_ms) is not None:
+            return
+        for axis in self.axes:
+            profile = self.servo_of(axis)
+            if profile.cycle_time_written and not profile.by_ramp:
+                shorter, longer = nearest_periods(self.cycle_time_ms)
+                raise ConfigError(
+                    f"cycle_time_ms: {self.cycle_time_ms} ms cannot be written to 60C2h of the"
+                    f" drive of {axis.joint}, which has eight bits and a power of ten: use"
+                    f" {shorter} or {longer} ms, or cycle_time_written: false in the axis's servo"
+                    " if the drive does not need it",
+                    code="RID-CELL-VALUE",
+                )
 
     @property
     def cycle_time_s(self) -> float:

@@ -9,20 +9,20 @@ from pydantic import Field, model_validator
 from config.model import ConfigModel
 
 ObjectName = Annotated[str, Field(pattern=r"^[0-9A-F]{4}h:[0-9A-F]{2}$")]
-Signal = Literal["controlword", "target", "statusword", "position", "torque"]
+Signal = Literal["controlword", "target", "statusword", "position", "torque", "inputs"]
 
 COMMANDS: Final[tuple[Signal, ...]] = ("controlword", "target")
-ANSWERS: Final[tuple[Signal, ...]] = ("statusword", "position", "torque")
+ANSWERS: Final[tuple[Signal, ...]] = ("statusword", "position", "torque", "inputs")
 ON_ARRIVAL: Final = (254, 255)
 
 _BITS: Final[dict[Signal, tuple[int, ...]]] = {
     "controlword": (16,), "statusword": (16,), "target": (32,), "position": (32,),
-    "torque": (16, 32),
+    "torque": (16, 32), "inputs": (32,),
 }  # fmt: skip
 
 
 def object_address(name: str) -> tuple[int, int]:
-    """Return index and sub-index of an object's name, such as ``6077h:00``."""
+    """Return index and sub-index from the address of an object, such as ``6077h:00``."""
     index, subindex = name.split("h:")
     return int(index, 16), int(subindex, 16)
 

@@ -17,7 +17,8 @@ class ModbusTls(ConfigModel):
 
     Attributes:
         ca_file: Certificate of the authority that signed the drive's certificate.
-        certificate_file, key_file: This computer's certificate and key.
+        certificate_file: This computer's certificate.
+        key_file: Key of this computer's certificate.
         server_name: Expected name in the drive's certificate; by default the host.
     """
 
@@ -55,7 +56,9 @@ class ModbusRtu(ConfigModel):
     Attributes:
         kind: Kind of connection.
         address: Path of the serial port.
-        baud_rate, parity, stop_bits: Settings of the line, the same as in the drives.
+        baud_rate: Baud rate of the serial line, as set in the drives.
+        parity: Parity bit of the serial line, as set in the drives.
+        stop_bits: Number of stop bits of the serial line, as set in the drives.
     """
 
     kind: Literal["rtu"]

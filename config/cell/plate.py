@@ -18,6 +18,10 @@ from config.quantities import Place, Positive, Turn
 CHANNELS: Final = 8
 CHANNEL_NAMES: Final = ("fx12", "fx34", "fy14", "fy23", "fz1", "fz2", "fz3", "fz4")
 WORST_CROSSTALK: Final = 1e3
+LARGEST_CROSSTALK: Final = 0.5
+"""Largest plausible deviation of an element of the crosstalk matrix from the unit matrix."""
+DRIFT_LIMIT_N_S: Final = 0.5
+"""Default of the drift from which on a period is not averaged [N/s]."""
 
 Eight = Annotated[tuple[float, ...], Field(min_length=CHANNELS, max_length=CHANNELS)]
 Force = Annotated[Positive, Plausible(0.1, 1e6, "N")]
@@ -51,7 +55,8 @@ class AmplifierConfig(ConfigModel):
             cell file.
         format: Format of the rows.
         rate_hz: Rows per second.
-        low_pass_hz, low_pass_order: Low-pass filter of the amplifier.
+        low_pass_hz: Cut-off frequency of the amplifier's low-pass filter.
+        low_pass_order: Order of the amplifier's low-pass filter.
         range_n: Full scale of each channel.
         sensitivity_pc_n: Sensitivities of the sensors, with their sign, as on their certificate.
         trigger: The SYNC pulse is wired to the amplifier's trigger input: the device time of each
@@ -124,41 +129,80 @@ class PlateLimits(ConfigModel):
     moment_nm: ThreeMoments
 
 
-class PlateConfig(ConfigModel):
+class PlatePlace(ConfigModel):
+    """Pose of a force plate. Alone, it describes a plate whose own software computes the wrench.
+
+    Attributes:
+        position_m: Origin of the plate's frame (the centre of the surface) in the robot's base
+            frame.
+        rotation_rad: Rotation of the plate's frame in the robot's base frame: roll, pitch and yaw
+            as in a URDF.
+    """
+
+    position_m: Place
+    rotation_rad: Turn
+
+
+class PlateDescription(PlatePlace):
     """A force plate of four three-component sensors, as C3D's FORCE_PLATFORM type 3 defines it.
 
     Attributes:
-        a_m, b_m: Distances of the sensors from the centre along the plate's x and y, as on its
-            certificate.
+        a_m: Distance of the sensors from the centre along the plate's x, as on its certificate.
+        b_m: Distance of the sensors from the centre along the plate's y, as on its certificate.
         az0_m: Position of the sensors' plane relative to the surface, as on the certificate; it is
             negative, because the plate's z points down.
-        position_m, rotation_rad: Pose of the plate's frame, whose origin is the centre of the
-            surface, in the robot's base frame; roll, pitch and yaw as in a URDF.
         sensitivity: The crosstalk: channel readings = matrix times sensor forces.
-        zero: Result of `rid-daq plate zero`.
-        drift_limit_n_s: A period in which a channel drifts faster is not averaged.
-        limits: Load limits of the floor.
-        amplifier: The charge amplifier.
     """
 
     a_m: Annotated[Positive, Plausible(5e-3, 2.0, "m")]
     b_m: Annotated[Positive, Plausible(5e-3, 2.0, "m")]
     az0_m: Annotated[float, Field(le=0.0), Plausible(0.0, 2.0, "m")]
-    position_m: Place
-    rotation_rad: Turn
     sensitivity: SquareMatrix | None = None
-    zero: PlateZero | None = None
-    drift_limit_n_s: Annotated[Positive, Plausible(1e-4, 1e3, "N/s")] = 0.5
-    limits: PlateLimits | None = None
-    amplifier: AmplifierConfig
 
     @model_validator(mode="after")
-    def _check_sensitivity(self) -> PlateConfig:
+    def _check_sensitivity(self) -> PlateDescription:
         if self.sensitivity is not None:
             sizes = np.linalg.svd(np.array(self.sensitivity), compute_uv=False)
             if sizes[-1] * WORST_CROSSTALK < sizes[0]:
                 raise ValueError(
                     "sensitivity cannot be inverted, because its rows, one per channel, are not"
                     " independent; correct it"
+                )
+            deviations = np.abs(np.array(self.sensitivity) - np.eye(CHANNELS))
+            row, column = np.unravel_index(int(deviations.argmax()), deviations.shape)
+            if deviations[row, column] > LARGEST_CROSSTALK:
+                raise ValueError(
+                    f"sensitivity of {CHANNEL_NAMES[row]} to the force of {CHANNEL_NAMES[column]}"
+                    f" is {self.sensitivity[row][column]:g}; the matrix has no unit, about 1 on its"
+                    f" diagonal and 0 elsewhere (within {LARGEST_CROSSTALK:g}): divide pC/N or V/N"
+                    " by the channel's nominal sensitivity, or correct the order of the channels"
+                )
+        return self
+
+
+class PlateConfig(PlateDescription):
+    """The force plate of a cell, with its charge amplifier.
+
+    Attributes:
+        zero: Result of `rid-daq plate zero`.
+        drift_limit_n_s: A period in which a channel drifts faster is not averaged.
+        limits: Load limits of the floor.
+        amplifier: The charge amplifier.
+    """
+
+    zero: PlateZero | None = None
+    drift_limit_n_s: Annotated[Positive, Plausible(1e-4, 1e3, "N/s")] = DRIFT_LIMIT_N_S
+    limits: PlateLimits | None = None
+    amplifier: AmplifierConfig
+
+    @model_validator(mode="after")
+    def _check_zero(self) -> PlateConfig:
+        offsets = () if self.zero is None else self.zero.offset_n
+        ranges = self.amplifier.range_n
+        for name, offset_n, range_n in zip(CHANNEL_NAMES, offsets, ranges, strict=False):
+            if abs(offset_n) > range_n:
+                raise ValueError(
+                    f"zero.offset_n of {name} is {offset_n:g} N, beyond the channel's range_n,"
+                    f" {range_n:g} N: measure the zero again with `plate zero`, or correct range_n"
                 )
         return self

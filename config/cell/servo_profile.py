@@ -31,6 +31,7 @@ Mode = Literal[
 ]
 VelocityUnit = Literal["increments_per_s", "rpm", "0.1rpm"]
 Watch = Literal["heartbeat", "life_guarding"]
+RatingObject = Literal["6075h", "6076h", "608Fh"]
 Units = Annotated[Positive, Plausible(1e-9, 1e9, "")]
 
 BY_POSITION: Final[tuple[Mode, ...]] = ("cyclic_position", "interpolated_position")
@@ -38,6 +39,8 @@ BY_POSITION: Final[tuple[Mode, ...]] = ("cyclic_position", "interpolated_positio
 _STATUSWORD: Final = "6041h:00"
 _MAKERS_STATUS_BITS: Final = 1 << 8 | 1 << 14 | 1 << 15
 _INCREMENTS: Final = ("increments_per_s", 1.0)
+FEWEST_INCREMENTS: Final = 500.0
+"""Smallest plausible number of increments per motor revolution: an encoder of 125 lines."""
 RATINGS_AGREE: Final = 1.6
 """Largest accepted factor between the torque constant and its estimate, the rated torque divided by
 the rated current.
@@ -58,7 +61,7 @@ class TorqueObject(ConfigModel):
             `units` counts per unit.
         units: Counts per unit.
         bits: Size of the object.
-        asked: No PDO can carry the object: it is read by SDO after every SYNC.
+        asked: True if no PDO can carry the object, so that it is read by SDO after every SYNC.
     """
 
     object: ObjectName
@@ -75,7 +78,7 @@ class ExtraSetting(ConfigModel):
         object: Index and subindex, such as `2100h:01`.
         bits: Size of the object.
         value: The value that the object must hold.
-        written: The value is written; false if it is only compared.
+        written: True if the value is written; false if it is only compared.
     """
 
     object: ObjectName
@@ -153,8 +156,8 @@ class ServoProfile(ConfigModel):
             current instead of a torque.
         torque: The measured torque or current, part of every cycle's answer.
         torque_limit: Object that limits the torque; null if the drive has none.
-        torque_limit_written: The cell's `drive_safety` is written to `torque_limit`; false if the
-            limit is only read and shown.
+        torque_limit_written: True if the torque limit of the cell's `drive_safety` is written to
+            the object `torque_limit`; false if the object is only read and shown.
         deceleration_rad_s2: Deceleration of the joint at a stop, if the drive has no object 6085h.
         commands: Commands take effect at the next SYNC or, if the drive's RPDOs ignore SYNC, on
             arrival.
@@ -165,11 +168,15 @@ class ServoProfile(ConfigModel):
             brakes and precharge.
         follows_bit: False if the drive never sets bit 12 of 6041h (drive follows the command
             value).
+        not_compared: Objects of the drive's ratings whose values are known to be wrong. Another
+            rating in the cell file is refused if the drive states a different one.
         referenced: Bits that report that the drive has been homed. A drive whose bits report the
             opposite is refused. Without this key, the program does not know if the drive was homed.
         watch: How drive and computer detect each other's failure: by heartbeats (1016h, 1017h) or,
             for a drive without 1016h, by life guarding (100Ch, 100Dh), in which its state is
             requested.
+        digital_inputs: True if the drive sends its digital inputs (60FDh) in every cycle, in TPDO
+            2. A drive with fixed PDOs sends them if `pdos` carry the signal `inputs`.
         settings: Further objects that must hold a value; a simulated drive has them too.
         lacks: Objects that a simulated drive of the family does not have.
         read_only: Objects that cannot be written.
@@ -178,7 +185,7 @@ class ServoProfile(ConfigModel):
     base: str | None = Field(default=None, min_length=1)
     vendor: Unsigned32 | None = None
     mode: Mode = "cyclic_velocity"
-    encoder_increments: Annotated[Positive, Plausible(4.0, 4.3e9, "")] | None = None
+    encoder_increments: Annotated[Positive, Plausible(FEWEST_INCREMENTS, 4.3e9, "")] | None = None
     velocity_unit: VelocityUnit = "increments_per_s"
     velocity_units: Units = 1.0
     acceleration_unit: VelocityUnit | None = None
@@ -196,8 +203,10 @@ class ServoProfile(ConfigModel):
     cycle_time_written: bool = True
     enable_timeout_s: Annotated[Positive, Plausible(0.1, 60.0, "s")] = 4.0
     follows_bit: bool = True
+    not_compared: tuple[RatingObject, ...] = ()
     referenced: ReferencedBits | None = None
     watch: Watch = "heartbeat"
+    digital_inputs: bool = False
     settings: tuple[ExtraSetting, ...] = ()
     lacks: tuple[FamilyObject, ...] = ()
     read_only: tuple[ObjectName, ...] = ()
@@ -214,6 +223,11 @@ class ServoProfile(ConfigModel):
             raise ValueError("mode makers needs pdos; name the PDO that receives the velocity")
         _check_ratings(self.rated_torque_nm, self.rated_current_a, self.torque_constant_nm_per_a)
         if self.pdos:
+            if self.digital_inputs:
+                raise ValueError(
+                    "digital_inputs does not apply to a drive with fixed pdos; remove it, and name"
+                    " the signal inputs in pdos"
+                )
             _check_pdos(self.pdos, self.torque, complete=self.base is None)
         return self
 
@@ -225,7 +239,14 @@ class ServoProfile(ConfigModel):
     @property
     def spread(self) -> bool:
         """True if the drive's data of one cycle are in more than one frame."""
-        return bool(self.pdos) or self.torque.asked
+        return bool(self.pdos) or self.torque.asked or self.sends_inputs
+
+    @property
+    def sends_inputs(self) -> bool:
+        """True if the drive sends its digital inputs in every cycle."""
+        if self.pdos:
+            return object_of(self.pdos, "inputs") is not None
+        return self.digital_inputs
 
     @property
     def by_ramp(self) -> bool:
@@ -282,6 +303,8 @@ def _check_pdos(pdos: tuple[FixedPdo, ...], torque: TorqueObject, *, complete: b
     wanted: list[Signal] = [*COMMANDS, *ANSWERS]
     if torque.asked:
         wanted.remove("torque")
+    if "inputs" not in carried:
+        wanted.remove("inputs")
     if len({pdo.pdo for pdo in pdos}) < len(pdos) or len(set(carried)) < len(carried):
         raise ValueError("pdos names a PDO or a signal twice; name each once")
     if complete and set(carried) != set(wanted):

@@ -54,7 +54,8 @@ def read_file(path: Path, most_bytes: int, *, follow_link: bool = True) -> bytes
     """
     with open_file(path, most_bytes, follow_link=follow_link) as file:
         size = os.fstat(file.fileno()).st_size
-        content = file.read(size + 1)[:size]  # reading one byte more reveals a bad disk
+        # read one byte more than the file's size: this reveals a bad disk
+        content = file.read(size + 1)[:size]
     require_approved(path, content)
     return content
 

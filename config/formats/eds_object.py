@@ -94,7 +94,7 @@ class EdsValue:
 
 @dataclass(frozen=True, slots=True)
 class EdsFault:
-    """A key of an object that cannot be read, with its line."""
+    """A key of an object whose value cannot be read, with the line of the key."""
 
     line: int
     text: str

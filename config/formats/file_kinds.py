@@ -16,6 +16,8 @@ _KEYS: Final = (
     ("a motion file", {"kind", "robot"}),
     ("an import map file", {"robot", "columns"}),
     ("an import map file", {"robot", "joint_states"}),
+    ("a load file", {"bodies", "loads"}),
+    ("a load-change file", {"changes"}),
 )
 _DOCUMENTS: Final = {
     "rid-daq estimate": "a model by `identify`",
@@ -32,7 +34,12 @@ _BEGINNINGS: Final = (
     ("a page (HTML), as reports are", rb"\s*<(!doctype html|html)"),
     ("a URDF", rb"\s*(<\?xml[^>]*>\s*)?(<!--.*?-->\s*)*<robot"),
     ("a PDF", rb"%PDF"),
-    ("an archive (zip)", rb"PK\x03\x04"),
+    ("an archive (zip), as Excel workbooks are", rb"PK\x03\x04"),
+    ("a compressed file (gzip)", rb"\x1f\x8b"),
+    ("a database (SQLite), as ROS 2 bags are", rb"SQLite format 3"),
+    ("an HDF5 file", rb"\x89HDF"),
+    ("a Parquet file", rb"PAR1"),
+    ("a MAT file", rb"MATLAB 5\.0 MAT"),
 )
 _WANTED: Final = {
     "CellConfig": "a cell file",
@@ -40,6 +47,8 @@ _WANTED: Final = {
     "PlantConfig": "a plant file",
     "MotionFile": "a motion file",
     "ImportMap": "an import map file",
+    "KnownLoads": "a load file",
+    "LoadChanges": "a load-change file",
     "FaultScript": "a fault script file",
     "ServoProfile": "a servo profile file",
     "DriveProfile": "a drive profile file",
@@ -72,10 +81,10 @@ def kind_of_text(data: bytes, *, by_keys: bool = True) -> str | None:
     for kind, beginning in _BEGINNINGS:
         if re.match(beginning, head, re.IGNORECASE | re.DOTALL):
             return kind
-    words = {
-        name.decode(): value.decode()
-        for name, value in re.findall(rb'"(kind|schema|format)"\s*:\s*"([ -~]{1,80})"', head)
-    }
+    found = re.findall(rb'"(kind|schema|format)"\s*:\s*"([ !#-~]{1,80})"', head)
+    words: dict[str, str] = {}
+    for name, value in found:
+        words.setdefault(name.decode(), value.decode())  # later ones belong to parts of the file
     if not by_keys:
         return _kind_of_document(words)
     keys = re.findall(rb"^([A-Za-z_]\w*):", head, re.MULTILINE)
@@ -95,7 +104,10 @@ def _kind_of_document(document: dict[str, Any]) -> str | None:
 
 
 def document_kind(stated: object) -> str | None:
-    """Return the file type for a stated `kind`, any version; None if it is unknown."""
+    """Return the file type that belongs to a stated `kind`, of any version.
+
+    None if it is unknown.
+    """
     return _DOCUMENTS.get(re.sub(r" \d+$", "", stated)) if isinstance(stated, str) else None
 
 

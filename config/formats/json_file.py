@@ -139,7 +139,7 @@ def _refuse_kind(path: Path, data: bytes, model: type[BaseModel], what: str) -> 
 
 
 def _integer(digits: str) -> int | float:
-    """Return an integer; or infinity, which is refused later, if it exceeds 64 bits."""
+    """Return an integer, or infinity if it exceeds 64 bits; infinity is refused later."""
     number = int(digits) if len(digits) <= _LONGEST_INTEGER else math.inf
     return number if abs(number) < _LARGEST_INTEGER else math.inf
 

@@ -42,15 +42,15 @@ class AngleReading:
     def of(cls, angle_rad: float, exact_rad: float = 0.0) -> AngleReading:
         """Return the reading of an angle.
 
-        Two differences decide if the angle is read as the nearest multiple of 15 degrees. Its
-        difference from the multiple, or from the multiple in single precision, must be less than
-        one unit of the angle's last decimal. Its difference from the multiple must be at most 1e-3
-        rad (quarter turns: 5e-3 rad).
+        The angle is read as the nearest multiple of 15 degrees under two conditions. It differs
+        from the multiple, or from the multiple rounded to single precision, by less than one unit
+        of the angle's last decimal. It differs from the multiple by at most 1e-3 rad (quarter
+        turns: 5e-3 rad).
 
         Args:
             angle_rad: The value in the file.
-            exact_rad: A multiple of a quarter turn with at most this error is read as exact, even
-                if it has many decimals [rad].
+            exact_rad: An angle that differs from a multiple of a quarter turn by at most this value
+                is read as the multiple, even if it has many decimals [rad].
         """
         nearest = round(angle_rad / STEP_RAD) * STEP_RAD
         error = abs(angle_rad - nearest)

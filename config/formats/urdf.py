@@ -60,7 +60,7 @@ class UrdfGeometry:
 
     @property
     def is_empty(self) -> bool:
-        """True if it contains nothing."""
+        """True if there are neither primitives nor meshes."""
         return not self.primitives and not self.meshes
 
 
@@ -117,12 +117,12 @@ class UrdfJoint:
 
     @property
     def is_driven(self) -> bool:
-        """True if it moves and does not mimic another joint."""
+        """True if the joint moves and does not mimic another joint."""
         return self.kind in MOVING and self.mimic is None
 
     @property
     def resting_position(self) -> float:
-        """The position within its limits that is closest to zero [rad or m]."""
+        """The joint's position within its limits that is closest to zero [rad or m]."""
         low, high = self.limits.get("lower", 0.0), self.limits.get("upper", 0.0)
         if self.kind not in MOVING or low > high:
             return 0.0
@@ -241,5 +241,6 @@ def rpy_of_rotation(rotation: FloatArray) -> tuple[float, float, float]:
     level = float(np.hypot(rotation[0, 0], rotation[1, 0]))
     pitch = float(np.arctan2(-rotation[2, 0], level))
     yaw = float(np.arctan2(rotation[1, 0], rotation[0, 0])) if level > 1e-15 else 0.0
-    rest = rotation_of_rpy(0.0, pitch, yaw).T @ rotation  # valid for any yaw if pitch is 90 degrees
+    # if the pitch is 90 degrees, any yaw is valid; zero is chosen
+    rest = rotation_of_rpy(0.0, pitch, yaw).T @ rotation
     return float(np.arctan2(rest[2, 1], rest[1, 1])), pitch, yaw

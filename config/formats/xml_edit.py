@@ -94,7 +94,7 @@ class XmlEditor:
         return found.group(), found.group().endswith(b"/>")
 
     def _open(self, element: XmlElement, lines: list[str]) -> None:
-        """Give an element without end tag a first child."""
+        """Insert the first child into an element that has no end tag."""
         tag, _ = self._start_tag(element)
         end = element.start + len(tag)
         close = f"{self.line_break}{self._indent(element)}</{element.tag}>"

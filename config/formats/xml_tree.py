@@ -21,7 +21,8 @@ LARGEST_NUMBER: Final = 1e12
 START_TAG: Final = re.compile(rb"""<(?:[^"'>]|"[^"]*"|'[^']*')*>""")
 _MARKS: Final = (
     (codecs.BOM_UTF8, "utf-8"),
-    (codecs.BOM_UTF32_LE, "utf-32"),  # before UTF-16: its mark begins like that of UTF-16
+    # tested before UTF-16, because the two byte order marks begin alike
+    (codecs.BOM_UTF32_LE, "utf-32"),
     (codecs.BOM_UTF32_BE, "utf-32"),
     (codecs.BOM_UTF16_LE, "utf-16"),
     (codecs.BOM_UTF16_BE, "utf-16"),
@@ -145,10 +146,11 @@ class _Open:
 
 
 def utf8_xml(data: bytes, name: str) -> bytes:
-    """Return XML bytes in UTF-8, or as they are if every character below 128 is one byte.
+    """Return XML bytes in UTF-8; return them unchanged if their encoding extends ASCII.
 
-    A byte order mark, or the first bytes of `<`, determine the encoding; the declaration determines
-    it otherwise. If the text is converted, its declaration becomes `utf-8`.
+    The encoding is that of the byte order mark or, without a mark, of the `<` at the beginning of
+    the file. If these bytes do not show the encoding, the XML declaration states it. If the text is
+    converted, its declaration becomes `utf-8`.
 
     Args:
         data: The file's bytes.
@@ -161,7 +163,7 @@ def utf8_xml(data: bytes, name: str) -> bytes:
     stated = declared[2].decode().lower() if declared else "utf-8"
     proved = next((encoding for mark, encoding in _MARKS if data.startswith(mark)), None)
     if proved is None and stated.startswith(("utf-16", "utf-32")):
-        proved = "utf-8"  # such a file would begin otherwise
+        proved = "utf-8"  # a file in this encoding would begin with other bytes
     encoding = proved or stated
     if encoding == "utf-8":
         return data if stated in ("utf-8", "utf8") else _declared_as_utf8(data)

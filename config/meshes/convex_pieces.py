@@ -17,9 +17,11 @@ from scipy.spatial import ConvexHull, QhullError
 from config.arrays import FloatArray
 
 LEAST_SAVING: Final = 0.08
-"""A cut must save this fraction of the volume of the whole mesh's hull."""
+"""A cut must reduce the volume of the hulls by at least this fraction of the volume of the whole
+mesh's hull."""
 CUTS: Final = (0.15, 0.3, 0.5, 0.7, 0.85)
-"""Places of the tried planes, as fractions of the piece's length in each direction."""
+"""Positions of the cutting planes that are tried, as fractions of the piece's length in each
+direction."""
 SHIFTS: Final = (-0.09, -0.06, -0.03, 0.0, 0.03, 0.06, 0.09)
 """Shifts of the best of these planes that are tried next, as fractions of the same length."""
 _FINE: Final = 20
@@ -128,7 +130,8 @@ def _clipped(corners: FloatArray, height: FloatArray) -> FloatArray:
     kept = [corners[count == 3]]
     for number in (1, 2):
         rows = np.flatnonzero(count == number)
-        # Turn each triangle until its first corner is the only one on its side of the plane.
+        # Reorder the corners of each triangle so that the first corner is alone on its side of the
+        # plane.
         single = above[rows] if number == 1 else ~above[rows]
         turned = (np.argmax(single, axis=1)[:, np.newaxis] + np.arange(3)) % 3
         a, b, c = (corners[rows, turned[:, k]] for k in range(3))

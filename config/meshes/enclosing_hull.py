@@ -15,7 +15,7 @@ from config.arrays import FloatArray
 ROUNDED_M: Final = 1e-4
 """Points are rounded to this length, and the radius is rounded up to it."""
 THINNEST_M: Final = 1e-3
-"""A thinner set of points is thickened to this length."""
+"""A set of points that is thinner than this is made this thick [m]."""
 _TOUCH_M: Final = 1e-6
 
 
@@ -66,7 +66,10 @@ def enclosing_hull(points_m: FloatArray, tolerance_m: float, most: int) -> Enclo
 
 
 def _thickened(points: FloatArray) -> FloatArray:
-    """Return points that span a volume: a flat, straight or single set of points gets corners."""
+    """Return points that span a volume.
+
+    Add corners if they are flat, on a line, or a single point.
+    """
     centre = points.mean(axis=0)
     spread = points - centre
     for axis in np.linalg.eigh(spread.T @ spread)[1].T:

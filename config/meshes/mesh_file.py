@@ -105,9 +105,10 @@ def _refuse_long(path: Path, triangles: int) -> None:
 
 
 def _count_stl(file: BinaryIO, start: bytes) -> int:
-    """Return the number of triangles of an STL file whose first bytes were read, without them.
+    """Return the number of triangles of an STL file without loading them.
 
-    A text file begins with `solid`; so do some binary files, whose size fits their stated count.
+    A text file begins with `solid`, and so do some binary files. A file is binary if its size is
+    that of the number of triangles that it states.
     """
     most = max(0, os.fstat(file.fileno()).st_size - _STL_START) // _STL_TRIANGLE
     stated = int.from_bytes(start[-4:], "little")

@@ -27,8 +27,8 @@ class PackageFolders:
 
     Attributes:
         urdf: The URDF; relative paths begin at its folder. Packages are also searched in all
-            folders above it. If a package is nowhere, the nearest of these folders count as a copy
-            of it with another name.
+            folders above it. If a package is not found anywhere, each of the `RENAMED` folders
+            directly above the URDF is tried as the package's folder, which may have been renamed.
         folders: Folders that the user names. Each contains packages, in itself or at most three
             folders below, or is a package.
         installed: Folders of installed packages; they are searched last.

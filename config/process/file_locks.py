@@ -38,7 +38,8 @@ def held_file(path: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        with contextlib.suppress(OSError):  # another user's file in a shared folder
+        # the file can belong to another user, because the folder is shared
+        with contextlib.suppress(OSError):
             if _is_same_file(path, descriptor):
                 path.unlink()
         os.close(descriptor)
@@ -118,7 +119,7 @@ def _open(path: Path) -> int:
     with contextlib.suppress(FileNotFoundError):
         return os.open(path, _OPEN)
     descriptor = os.open(path, _OPEN | os.O_CREAT | os.O_EXCL, 0o644)
-    os.fchmod(descriptor, 0o644)  # regardless of the umask
+    os.fchmod(descriptor, 0o644)  # set the mode independently of the umask
     return descriptor
 
 

@@ -119,7 +119,8 @@ def signals_blocked(*, suspension: bool = False) -> Iterator[None]:
     interrupted before it has recorded the new process. With `suspension`, for processes that call
     `leave_terminal`, Ctrl-Z is blocked too.
     """
-    resource_tracker.ensure_running()  # its start with the first process would unblock signals
+    # start Python's resource tracker now: its start would unblock the signals again
+    resource_tracker.ensure_running()
     with signals_deferred():
         mask = signal.pthread_sigmask(signal.SIG_BLOCK, SUSPENSION if suspension else ())
         try:
@@ -143,7 +144,8 @@ def signals_deferred() -> Iterator[None]:
         if threading.current_thread() is threading.main_thread():
             for number in TERMINATION:
                 handler = signal.getsignal(number)
-                if handler not in (signal.SIG_IGN, None):  # ignored, for example by nohup
+                # the signal is already ignored, for example by nohup
+                if handler not in (signal.SIG_IGN, None):
                     signal.signal(number, lambda caught, _frame: received.append(caught))
                     at_end.callback(signal.signal, number, handler)
         yield

@@ -36,7 +36,7 @@ class AxisPoses:
 
 
 def rows_of_axes(points_m: FloatArray, directions: FloatArray, last: FloatArray) -> AxisPoses:
-    """Return the modified rows of a chain of joint axes.
+    """Return the modified Denavit-Hartenberg rows of a chain of joint axes.
 
     Frame 0 is the root frame if row 1 can start from it; otherwise it is the root frame translated
     to the first axis, without rotation.
@@ -132,7 +132,8 @@ def _crossing(
     if _sine(z, u) < NEARLY_PARALLEL:
         crossing = p - u * (((p - place) @ z) / (u @ z))
         return crossing, float((crossing - place) @ x)
-    # At the root, x is given and not normal to u. Solve for the point at which the two lines meet.
+    # At the root, x is given and is not normal to u. Solve for the point at which the two lines
+    # intersect.
     system = np.column_stack([x, -u])
     along, back = np.linalg.lstsq(system, p - place, rcond=None)[0]
     return p + back * u, float(along)

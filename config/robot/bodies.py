@@ -23,7 +23,8 @@ class Capsule(ConfigModel):
         kind: Kind of body.
         link: The link in whose frame the points are, 0 for the base.
         name: Name of the body in messages and in `may_touch`; without it, messages show its number.
-        start_m, end_m: Ends of the axis.
+        start_m: First end of the axis.
+        end_m: Second end of the axis.
         radius_m: Radius.
     """
 
@@ -93,7 +94,8 @@ class Box(ConfigModel):
     Attributes:
         name: Name of the box in messages.
         keep: The robot stays `out` of the box or `in` it.
-        min_m, max_m: Two opposite corners.
+        min_m: Corner with the smallest coordinates.
+        max_m: Corner with the largest coordinates.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""`MeshesFile`: the file with the meshes of a robot's links, beside the robot file."""
+"""`MeshesFile`: the file with the meshes of a robot's links, next to the robot file."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from config.model import ConfigModel
-from config.plausible import PhysicalFile, Plausible
+from config.plausible import Derived, PhysicalFile, Plausible
 from config.quantities import (
     MOST_JOINTS,
     NonNegative,
@@ -33,6 +33,7 @@ JointAcceleration = Annotated[
 JointTorque = Annotated[Positive, Plausible(1e-2, 2e5, "N m", Plausible(0.1, 5e5, "N"))]
 
 WORST_COUPLING: Final = 1e6
+CouplingElement = Annotated[float, Plausible(1e-3, 100.0, "")]
 
 _IDENTITY: Final = ("name", "gravity_m_s2", "kinematics", "spring", "coupling")
 _JOINT_IDENTITY: Final = (
@@ -43,15 +44,17 @@ _JOINT_IDENTITY: Final = (
 JointType = Literal["revolute", "prismatic"]
 
 
-class JointLimits(ConfigModel):
+class JointLimits(Derived):
     """Limits of a joint, at the link side.
 
     With a `coupling`, position and acceleration are the joint's, torque is its motor's, and
     velocity limits both.
 
     Attributes:
-        position_min, position_max: [rad or m].
-        velocity, acceleration: [rad or m, per second and per second squared].
+        position_min: Lowest position [rad or m].
+        position_max: Highest position [rad or m].
+        velocity: [rad/s or m/s].
+        acceleration: [rad/s^2 or m/s^2].
         torque: [N m or N].
     """
 
@@ -68,6 +71,16 @@ class JointLimits(ConfigModel):
                 f"position_min {self.position_min} must be below position_max {self.position_max}"
             )
         return self
+
+    def derived(self) -> dict[str, tuple[float, Plausible]]:
+        """Return the joint's range, and the time in which it reaches its largest velocity."""
+        return {
+            "position_range": (
+                self.position_max - self.position_min,
+                Plausible(1e-3, 1e4, "rad or m"),
+            ),
+            "acceleration_time_s": (self.velocity / self.acceleration, Plausible(1e-3, 60.0, "s")),
+        }
 
 
 class Rotor(ConfigModel):
@@ -93,7 +106,7 @@ class Rotor(ConfigModel):
         return self
 
 
-class Joint(ConfigModel):
+class Joint(Derived):
     """One joint: its kind, limits, gear and model terms.
 
     Attributes:
@@ -161,7 +174,7 @@ class Joint(ConfigModel):
     motor_inertia_kg_m2: (
         Annotated[Positive, Plausible(1e-7, 1e4, "kg m²", Plausible(1e-6, 1e6, "kg"))] | None
     ) = None
-    efficiency: Annotated[float, Field(gt=0.0, le=1.0)] | None = None
+    efficiency: Annotated[float, Field(gt=0.0, le=1.0), Plausible(0.05, 1.0, "")] | None = None
 
     @property
     def unit(self) -> str:
@@ -195,6 +208,15 @@ class Joint(ConfigModel):
             raise ValueError("armature and rotor both add the rotor's inertia; remove one")
         return self
 
+    def derived(self) -> dict[str, tuple[float, Plausible]]:
+        """Return the motor's speed and current at the joint's limits."""
+        speed = abs(self.gear_ratio) * self.limits.velocity
+        found = {"motor_speed_rad_s": (speed, Plausible(1e-3, 6e3, "rad/s"))}
+        if self.torque_constant_nm_per_a is not None:
+            current = self.limits.torque / self.torque_constant_nm_per_a
+            found["current_at_torque_limit_a"] = (current, Plausible(1e-2, 3e3, "A"))
+        return found
+
 
 class GravitySpring(ConfigModel):
     """A gravity-compensation spring across one joint (3.36-3.38); at angle zero the link points up.
@@ -203,7 +225,8 @@ class GravitySpring(ConfigModel):
         joint: Name of the joint.
         form: `physical` needs the distances `l_m` and `r_m`; if they are not known, `fourier`
             (3.37) fits three harmonics of the angle.
-        l_m, r_m: Distances of the spring's ends from the axis.
+        l_m: Distance of one end of the spring from the axis.
+        r_m: Distance of the other end of the spring from the axis.
     """
 
     joint: str
@@ -218,7 +241,7 @@ class GravitySpring(ConfigModel):
         return self
 
 
-class RobotDescription(PhysicalFile):
+class RobotDescription(PhysicalFile, Derived):
     """A serial robot: kinematics, joints, rotors, spring, gravity. Its inertias are identified.
 
     Attributes:
@@ -244,7 +267,7 @@ class RobotDescription(PhysicalFile):
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")
-    gravity_m_s2: Annotated[Vector3, Plausible(9.7, 9.9, "m/s²")] = (0.0, 0.0, -9.81)
+    gravity_m_s2: Annotated[Vector3, Plausible(9.7, 9.9, "m/s²", zero=False)] = (0.0, 0.0, -9.81)
     base_offset_m: Place = (0.0, 0.0, 0.0)
     kinematics: Kinematics
     tool_offset_m: Place = (0.0, 0.0, 0.0)
@@ -252,7 +275,7 @@ class RobotDescription(PhysicalFile):
     rated_payload_kg: Annotated[Positive, Plausible(1e-3, 2.5e3, "kg")] | None = None
     joints: tuple[Joint, ...] = Field(min_length=1, max_length=MOST_JOINTS)
     spring: GravitySpring | None = None
-    coupling: tuple[tuple[float, ...], ...] | None = None
+    coupling: tuple[tuple[CouplingElement, ...], ...] | None = None
     cad: tuple[LinkCad, ...] | None = None
     bodies: tuple[Body, ...] = ()
     may_touch: tuple[tuple[str, str], ...] = ()
@@ -314,6 +337,18 @@ class RobotDescription(PhysicalFile):
                     f" the base (0), on a link before its joint, or on its own link {number}"
                 )
         return self
+
+    def derived(self) -> dict[str, tuple[float, Plausible]]:
+        """Return the rated payload relative to the weight of the drawings."""
+        masses_kg = sum(link.mass_kg for link in self.cad or ())
+        if self.rated_payload_kg is None or not masses_kg:
+            return {}
+        return {
+            "rated_payload_by_arm_mass": (
+                self.rated_payload_kg / masses_kg,
+                Plausible(1e-3, 5.0, ""),
+            )
+        }
 
     def differences(self, other: RobotDescription) -> tuple[str, ...]:
         """Return the keys that show that the other description is of a different robot.

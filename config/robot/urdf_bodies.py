@@ -195,7 +195,7 @@ def body_of_primitive(link: int, name: str, part: UrdfPrimitive, place: FloatArr
     if part.shape == "box":
         x, y, z = (0.5 * max(side, thinnest) for side in part.size)
         corners = [(sx * x, sy * y, sz * z) for sx in (-1, 1) for sy in (-1, 1) for sz in (-1, 1)]
-    else:  # a cylinder: the prism that encloses it
+    else:  # replace a cylinder by the prism that encloses it
         radius, length = (max(size, thinnest) for size in part.size)
         angles = 2.0 * np.pi * np.arange(CYLINDER_CORNERS) / CYLINDER_CORNERS
         r = radius / np.cos(np.pi / CYLINDER_CORNERS)

@@ -224,7 +224,7 @@ def _depth(tree: UrdfTree, link: str) -> int:
 
 
 def _is_serious(arm: UrdfArm, longest: UrdfArm) -> bool:
-    """Return whether an arm is long enough to be the intended one instead of the longest."""
+    """Return whether the user may have meant this arm and not the longest one."""
     shared = sum(a is b for a, b in zip(arm.joints, longest.joints, strict=False))
     own, others = len(arm.joints) - shared, len(longest.joints) - shared
     return own >= min(SHORTEST_ARM, others) and 2 * own >= others

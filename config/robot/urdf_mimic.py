@@ -1,9 +1,9 @@
 """Joints of an arm that mimic others: which motors move which joints (`coupling`, 5.18).
 
 Two cases are part of the model exactly. A mimic joint on the axis of a neighbouring driven joint,
-with nothing heavy between them, is one joint with it: in a parallelogram, such a pair sets the
-angle against the base. A mimic joint that its own motor turns through a parallelogram
-(`release_joints`) keeps its place in the chain.
+with no mass between them, is one joint with it. Such a pair occurs in a parallelogram, which keeps
+the angle of the outer link relative to the base. A mimic joint that its own motor turns through a
+parallelogram (`release_joints`) keeps its place in the chain.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ CODE: Final = "RID-URDF-MIMIC"
 SAME_DIRECTION: Final = 1e-6
 SAME_LINE_M: Final = 1e-6
 SPARE: Final = 1e-12
-"""Smallest range that counts, so that 0 is never multiplied by infinity [rad or m]."""
+"""Lower bound of the remaining ranges: 0 times infinity would be NaN [rad or m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,7 +34,8 @@ class MergedMimic:
         driven: The driven joint with the same axis.
         sign: -1 if their axes have opposite directions.
         leader: The driven joint of the arm that it follows.
-        multiplier: Its motion per motion of the leader; `offset` is part of the kinematics.
+        multiplier: Motion of the mimic joint per motion of the leader; the `offset` of <mimic> is
+            part of the kinematics.
         between: Links between the two joints; they have no mass.
     """
 
@@ -47,7 +48,7 @@ class MergedMimic:
 
     @property
     def note(self) -> str:
-        """The choice for the user."""
+        """Note for the user: how the mimic joint is modelled."""
         return (
             f"joint {self.joint.name!r} mimics {self.leader.name!r} on the axis of"
             f" {self.driven.name!r}: both are one joint, and `coupling` adds"
@@ -58,7 +59,7 @@ class MergedMimic:
 
 
 def release_joints(tree: UrdfTree, names: Sequence[str]) -> tuple[UrdfTree, dict[str, Mimic]]:
-    """Return the URDF with some mimic joints as driven joints, and what they mimicked.
+    """Return the URDF with some mimic joints made driven, and the joints that they mimicked.
 
     Args:
         tree: The URDF.
@@ -131,13 +132,13 @@ def coupling_of(
 ) -> tuple[FloatArray, FloatArray] | None:
     """Return two matrices, (n, n) each; None if every motor moves its own joint only.
 
-    The first is C of q = C alpha. The second takes the positions that the URDF's limits apply to
-    (those of its driven joints) to the robot's q.
+    The first is C of q = C alpha. The second converts the positions of the URDF's driven joints, to
+    which the URDF's limits apply, to the robot's q.
 
     Args:
         names: The arm's joints in the URDF.
         merged: Mimic joints that are part of a driven joint.
-        released: What the joints mimicked that have their own motors.
+        released: For each former mimic joint that its own motor turns, its <mimic>.
 
     Raises:
         ConfigError: The motors cannot set the joints independently.
@@ -167,8 +168,8 @@ def coupling_of(
 def box_inside(matrix: FloatArray, low: FloatArray, high: FloatArray) -> tuple[FloatArray, ...]:
     """Return ranges of q = matrix @ u within which every u is between its limits.
 
-    Each limit of u is first shared equally by the q that change it; the rest then goes to the last
-    joints first.
+    Each limit of u is first shared equally by the q that change it. What then remains of the limits
+    is given to the joints one by one, beginning with the last joint.
 
     Args:
         matrix: Shape (n, n).

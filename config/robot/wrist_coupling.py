@@ -54,6 +54,28 @@ class WristCoupling:
         return np.asarray(np.asarray(of_joints) @ self.motors_by_joints.T)
 
 
+def convert_to_motors(robot: RobotDescription, of_joints: Array) -> Array:
+    """Return the motors' positions, velocities or accelerations from the joints'.
+
+    Args:
+        robot: A robot; without a coupled wrist, the values stay unchanged.
+        of_joints: Shape (samples, n). Values of the joints [rad or m, and per second].
+    """
+    coupling = WristCoupling.of_robot(robot)
+    return of_joints if coupling is None else coupling.to_motors(of_joints)
+
+
+def convert_to_joints(robot: RobotDescription, of_motors: Array) -> Array:
+    """Return the joints' positions, velocities or accelerations from the motors'.
+
+    Args:
+        robot: A robot; without a coupled wrist, the values stay unchanged.
+        of_motors: Shape (samples, n). Values of the motors, link side [rad or m, and per second].
+    """
+    coupling = WristCoupling.of_robot(robot)
+    return of_motors if coupling is None else np.asarray(of_motors @ coupling.joints_by_motors.T)
+
+
 def motor_ranges(robot: RobotDescription) -> list[tuple[float, float]]:
     """Return the lowest and highest position of each motor divided by its gear ratio [rad or m].
 

@@ -66,7 +66,8 @@ class FrameFault(TimedFault):
             the same identifier. `corrupt`: one bit is flipped. `wrong_length`: it has `length`
             bytes. `spoof`: another node answers before the drive, with its identifier and changed
             data.
-        frames, joint: Kind of the frames, and joint of their drive; without it, of all drives.
+        frames: Kind of the frames.
+        joint: Joint of the drive whose frames are affected; without it, the frames of all drives.
         at_frame: Number of the first frame of this kind that is affected.
         probability, count: Probability for each frame, and number of affected frames.
         lasting: True if every frame is affected from the start on.
@@ -102,9 +103,7 @@ class FrameFault(TimedFault):
             raise ValueError(f"bit is for corrupt only, this is {self.kind}; remove it")
         adds = bool(self.position_counts or self.torque_permille)
         if adds != (self.kind == "spoof"):
-            raise ValueError(
-                "position_counts or torque_permille is needed for spoof, and allowed only there"
-            )
+            raise ValueError("spoof, and no other kind, needs position_counts or torque_permille")
         if self.kind == "spoof" and self.frames != "answer":
             raise ValueError(f"spoof needs frames: answer, not {self.frames}")
         if self.lasting and self.count is not None:
@@ -128,7 +127,7 @@ class StrangeFrames(TimedFault):
     Attributes:
         kind: Kind of fault.
         identifier, length: Identifier and length of the frames.
-        count, period_s: Number of frames, and their period.
+        count, period_s: Number of frames, and time between two of them.
     """
 
     kind: Literal["strange"]
@@ -188,7 +187,7 @@ class DriveFault(TimedFault):
         joint: The drive's joint; without it, all drives.
         duration_s: Duration of the fault.
         code: Error code of `fault` and `emergency`.
-        count, period_s: Number of messages of `emergency`, and their period.
+        count, period_s: Number of messages of `emergency`, and time between two of them.
         factor, ppm: Speed of `clock` relative to real time: `factor`, or 1 + `ppm` / 10⁶.
     """
 
@@ -266,7 +265,7 @@ class ProgramSignal(TimedFault):
     Attributes:
         kind: Kind of fault.
         signal: `TSTP` is what Ctrl-Z sends: it suspends the program if nothing moves.
-        count, period_s: Number of signals, and their period by the program's clock.
+        count, period_s: Number of signals, and time between two of them on the program's clock.
     """
 
     kind: Literal["signal"]
@@ -308,7 +307,7 @@ class RegisterFault(ConfigModel):
     """A fault of a Modbus request.
 
     Attributes:
-        kind: `late`: the answer to the previous request. `exception`: the exception `code`.
+        kind: `late`: answers the previous request. `exception`: answers with the exception `code`.
         at_request: Number of the request, from 0; without it, all requests.
         code: Exception code.
     """
@@ -331,7 +330,8 @@ class AmplifierFault(ConfigModel):
             `drift`: the drift grows by `count` N/s for `duration_s`; the accumulated offset stays.
         row: Number of the row at which the fault begins, from 0.
         count: Number of bytes or rows; drift [N/s].
-        duration_s, channel: Duration on the cell's clock, and channel of `overload`, from 0.
+        duration_s: Duration of the fault on the cell's clock [s].
+        channel: Channel that `overload` affects, from 0.
     """
 
     kind: Literal[

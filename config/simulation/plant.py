@@ -17,6 +17,7 @@ from config.model import ConfigModel
 from config.plausible import Derived, PhysicalFile, Plausible, radius_of_gyration
 from config.quantities import InertiaElements, Mass, NonNegative, Place, Positive, Temperature
 from config.robot.kinematic_table import Kinematics
+from config.simulation.tracker import SimulatedTracker
 
 
 class LinkInertia(Derived):
@@ -67,14 +68,16 @@ class SimulatedThermal(ConfigModel):
     """Warming of a motor and its effects.
 
     Attributes:
-        initial_k, ambient_k: Temperature of the motor at the start, and of its surroundings.
+        initial_k: Temperature of the motor at the start.
+        ambient_k: Temperature of the surroundings.
         time_constant_s: Time constant of the motor's warming and cooling.
         rise_k_per_w: Rise above the surroundings per watt of heat.
         loss_at_rated_w: Copper loss at rated torque; it grows with the torque's square.
         friction_share: Fraction of the friction's power that also heats the motor.
-        friction_per_k, torque_constant_per_k: Relative changes of friction and torque constant per
-            kelvin away from the joint's reference temperature (robot file); friction never falls
-            below a fifth of its value there.
+        friction_per_k: Relative change of the friction per kelvin above the joint's reference
+            temperature (robot file); the friction is at least a fifth of its value there.
+        torque_constant_per_k: Relative change of the torque constant per kelvin above the joint's
+            reference temperature.
     """
 
     initial_k: Temperature = 298.15
@@ -96,11 +99,13 @@ class SimulatedAxis(ConfigModel):
     Attributes:
         rotor_inertia_kg_m2: Inertia of the rotor at the motor side; with a `gear_ratio` of 1 this
             is also its inertia at the link side.
-        coulomb_nm, viscous_nm_s: Coulomb and viscous friction.
-        velocity_gain_nm_s, velocity_integral_time_s: K_p and T_i of the velocity loop.
+        coulomb_nm: Coulomb friction.
+        viscous_nm_s: Viscous friction.
+        velocity_gain_nm_s: Gain K_p of the velocity loop.
+        velocity_integral_time_s: Integral time T_i of the velocity loop.
         current_loop_bandwidth_hz: Corner frequency of the current loop's lag.
-        rated_motor_torque_nm, peak_motor_torque_nm: Rated torque and largest torque of the motor,
-            at the motor side.
+        rated_motor_torque_nm: Rated torque of the motor, at the motor side.
+        peak_motor_torque_nm: Largest torque of the motor, at the motor side.
         encoder_increments_per_motor_rev: Resolution of the encoder.
         torque_noise_nm: Standard deviation of the noise of each torque sample.
         brake_torque_nm: Holding torque of the brake.
@@ -121,6 +126,15 @@ class SimulatedAxis(ConfigModel):
     brake_torque_nm: Annotated[Positive, Plausible(1e-4, 1e6, "N m")]
     initial_position: Annotated[float, Plausible(0.0, 50.0, "rad or m")] = 0.0
     referenced: bool = True
+
+    @model_validator(mode="after")
+    def _check_torques(self) -> Self:
+        if self.peak_motor_torque_nm < self.rated_motor_torque_nm:
+            raise ValueError(
+                f"peak_motor_torque_nm {self.peak_motor_torque_nm:g} N m is below"
+                f" rated_motor_torque_nm, {self.rated_motor_torque_nm:g} N m; correct one of them"
+            )
+        return self
 
 
 class SimulatedSpring(ConfigModel):
@@ -166,18 +180,19 @@ class UnmodelledAxis(ConfigModel):
     """Effects of one axis that the estimated models do not have.
 
     Attributes:
-        stribeck_nm, stribeck_velocity_rad_s: Friction in addition to Coulomb friction at
-            standstill, and the speed over which it falls.
+        stribeck_nm: Friction at standstill in addition to Coulomb friction (Stribeck friction).
+        stribeck_velocity_rad_s: Speed over which the Stribeck friction falls.
         load_friction: Friction per transmitted torque.
-        cogging_nm, cogging_periods_per_motor_rev: Amplitude and number of periods of the cogging
-            torque.
+        cogging_nm: Amplitude of the cogging torque.
+        cogging_periods_per_motor_rev: Periods of the cogging torque per turn of the motor.
         tachometer_ripple: Relative ripple of the measured velocity.
         friction_drift_per_s: Relative change of friction per second.
         thermal: Warming of the motor.
         presliding_rad: Presliding displacement of the motor, at the link side. At smaller
             displacements friction is a spring with hysteresis.
-        joint_stiffness_nm_rad, joint_damping_nm_s: Spring and parallel damper between motor and
-            link; without a stiffness the gear is rigid.
+        joint_stiffness_nm_rad: Stiffness of the spring between motor and link; without it, the gear
+            is rigid.
+        joint_damping_nm_s: Damping parallel to the spring.
         play_rad: Play of the gear, within which neither spring nor damper acts.
     """
 
@@ -229,6 +244,7 @@ class PlantConfig(PhysicalFile):
         unmodelled: Effects that the estimated models do not have.
         payloads: Bodies for the flange, by name.
         attached: The payload that is mounted when the robot is switched on.
+        tracker: A laser tracker that measures a point on the last link.
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")
@@ -239,6 +255,7 @@ class PlantConfig(PhysicalFile):
     unmodelled: UnmodelledEffects | None = None
     payloads: dict[str, MountedBody] = Field(default_factory=dict)
     attached: str | None = None
+    tracker: SimulatedTracker | None = None
 
     @field_validator("payloads")
     @classmethod
@@ -282,5 +299,5 @@ class PlantConfig(PhysicalFile):
         )
 
     def without_unmodelled(self) -> PlantConfig:
-        """Return the plant without the effects that the models do not have."""
+        """Return the plant without the effects that no model contains (`unmodelled`)."""
         return self.model_copy(update={"unmodelled": None})

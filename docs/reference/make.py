@@ -12,23 +12,23 @@ import json
 import os
 import re
 import typing
-from enum import Enum
 from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 from pydantic import BaseModel
-from pydantic.fields import FieldInfo
 
-from acquisition.imports.import_map import ImportMap
+from acquisition.maps.import_map import ImportMap
+from acquisition.motion.load_changes import LoadChanges
 from acquisition.motion.motion_file import AnyMotion
 from config.cell.amplifier_profile import AmplifierProfile
 from config.cell.cell import CellConfig
 from config.cell.drive_profile import DriveProfile
 from config.cell.servo_profile import ServoProfile
-from config.plausible import Plausible
+from config.key_help import describe_keys, describe_model
 from config.robot.robot import RobotDescription
 from config.simulation.faults import FaultScript
 from config.simulation.plant import PlantConfig
+from identification.model.known_loads import KnownLoads
 
 HERE = Path(__file__).resolve().parent
 GUIDE = HERE.parent / "guide" / "your-own-drives.md"
@@ -45,6 +45,8 @@ PAGES = {
     "robot files": RobotDescription,
     **{f"motion files: {_kind_name(model)}": model for model in MOTIONS},
     "import maps": ImportMap,
+    "load files (known bodies)": KnownLoads,
+    "load-change files": LoadChanges,
     "servo profiles (drives of one manufacturer)": ServoProfile,
     "drive profiles (Modbus registers)": DriveProfile,
     "amplifier profiles (commands and row formats)": AmplifierProfile,
@@ -249,103 +251,18 @@ def _help(arguments: list[str]) -> str:
 
 def _model(model: type[BaseModel], seen: list[type[BaseModel]], parts: list[str]) -> None:
     seen.append(model)
-    text, meanings = _split_docstring(model)
+    text = describe_model(model)
     parts.append(f"### {model.__name__}\n\n{text}\n")
     parts.append("| key | kind | default | meaning |\n|---|---|---|---|")
     inner: list[type[BaseModel]] = []
-    for name, field in model.model_fields.items():
-        kind, models = _kind(field.annotation)
-        parts.append(
-            f"| `{field.alias or name}` | {kind}{_bounds(field.metadata)} | {_default(field)}"
-            f" | {meanings.get(name, '')} |"
-        )
-        inner += models
+    for key in describe_keys(model):
+        meaning = key.meaning.replace("|", "\\|")
+        parts.append(f"| `{key.name}` | {key.kind} | {key.default} | {meaning} |")
+        inner += key.models
     parts.append("")
     for child in inner:
         if child not in seen:
             _model(child, seen, parts)
-
-
-def _split_docstring(model: type[BaseModel]) -> tuple[str, dict[str, str]]:
-    """Return a model's docstring without its attributes, and the attributes' meanings by name."""
-    text, notes = "", ""
-    meanings: dict[str, str] = {}
-    for base in reversed(model.__mro__):
-        text, _, rest = inspect.cleandoc(base.__doc__ or "").partition("\nAttributes:\n")
-        attributes, _, notes = rest.partition("\n\n")
-        for entry in re.split(r"\n(?= {4}\S)", attributes) if attributes else []:
-            names, _, meaning = " ".join(entry.split()).partition(": ")
-            meanings.update(dict.fromkeys(names.split(", "), meaning.replace("|", "\\|")))
-    return "\n\n".join(each.strip() for each in (text, notes) if each.strip()), meanings
-
-
-def _default(field: FieldInfo) -> str:
-    if field.is_required():
-        return "required"
-    if field.default is None:
-        return "left out"
-    if field.default_factory is not None:
-        return "empty"
-    if isinstance(field.default, BaseModel):
-        return "its own defaults"
-    return f"`{json.dumps(field.default, ensure_ascii=False)}`"
-
-
-def _bounds(metadata: list[Any]) -> str:
-    signs = {
-        "ge": "≥ {}",
-        "gt": "> {}",
-        "le": "≤ {}",
-        "lt": "< {}",
-        "min_length": "at least {}",
-        "max_length": "at most {}",
-        "pattern": "like `{}`",
-    }
-    words = [
-        sign.format(getattr(m, key))
-        for m in metadata
-        for key, sign in signs.items()
-        if getattr(m, key, None) is not None
-    ]
-    words += [str(m) for m in metadata if isinstance(m, Plausible)]
-    return f" ({', '.join(words)})" if words else ""
-
-
-_WORDS: Final = {
-    float: "number",
-    int: "whole number",
-    str: "text",
-    bool: "true or false",
-    type(None): "none",
-}
-
-
-def _kind(annotation: Any) -> tuple[str, list[type[BaseModel]]]:
-    """Return a description of a type annotation in words, and the models in the annotation."""
-    if inspect.isclass(annotation) and issubclass(annotation, BaseModel):
-        return annotation.__name__, [annotation]
-    origin = typing.get_origin(annotation)
-    arguments = typing.get_args(annotation)
-    if origin is typing.Literal:
-        words = (str(a) if str(a).isprintable() else json.dumps(a) for a in arguments)
-        return " or ".join(f"`{word}`" for word in words), []
-    if origin is typing.Annotated:
-        word, models = _kind(arguments[0])
-        metadata = [m for a in arguments[1:] for m in getattr(a, "metadata", [a])]
-        return word + _bounds(metadata), models
-    if not arguments:
-        if inspect.isclass(annotation) and issubclass(annotation, Enum):
-            return " or ".join(f"`{member.value}`" for member in annotation), []
-        return _WORDS[annotation], []
-    parts = [_kind(a) for a in arguments if a is not Ellipsis]
-    models = [model for _, found in parts for model in found]
-    if origin is dict:
-        return f"{parts[1][0]} by name", models
-    if origin is tuple:
-        if Ellipsis in arguments:
-            return f"list of {parts[0][0]}", models
-        return f"{len(parts)} of {parts[0][0]}", models
-    return " or ".join(word for word, _ in parts), models
 
 
 def main() -> None:

@@ -1,4 +1,5 @@
-// Order of search results: guides and reference come before decision records, extending and faults.
+// Rank the search results: pages of guides and reference come before decision records and the pages "extending" and
+// "faults".
 var Scorer = {
   score: ([page, title, anchor, words, score]) => (/^(decisions\/|extending|faults)/.test(page) ? score - 40 : score),
   objNameMatch: 11,

@@ -312,4 +312,4 @@ def _end_stream(amplifier: SerialAmplifier, link: SerialLink) -> None:
     try:
         amplifier.stop(link.clock.now_s() + ANSWER_TIMEOUT_S)
     except DriverError:
-        return  # a lost line or amplifier cannot be stopped
+        return  # if the line or the amplifier is lost, the stream cannot be stopped

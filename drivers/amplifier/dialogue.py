@@ -123,7 +123,8 @@ class AmplifierDialogue:
         """End a running stream; return the amplifier's maker, model and serial number."""
         clock = self._link.clock
         self.lines = LineSplitter()
-        # the terminator in front ends a line of noise that may be in the amplifier's input
+        # the terminator at the beginning ends a line of noise that may be in the amplifier's input
+        # buffer
         end = self._profile.terminator.encode("ascii")
         self._link.write(end + self.codec.request("stream", OFF))
         until_s = clock.now_s() + timeout_s

@@ -129,7 +129,10 @@ class PdoMapping:
         yield ObjectWrite(self.communication_index, 1, _u32(self.valid_cob_id))
 
     def read_back(self) -> Iterator[ObjectWrite]:
-        """Yield the values to expect after `writes` (bit 30 of the identifier may differ)."""
+        """Yield the object values that the drive must have after `writes`.
+
+        Bit 30 of the identifier is not compared.
+        """
         yield ObjectWrite(self.mapping_index, 0, bytes((len(self.objects),)))
         for position, item in enumerate(self.objects, start=1):
             yield ObjectWrite(self.mapping_index, position, _u32(item.entry()))
@@ -139,6 +142,16 @@ class PdoMapping:
                 self.communication_index, 5, self.event_timer_ms.to_bytes(2, "little")
             )
         yield ObjectWrite(self.communication_index, 1, _u32(self.valid_cob_id))
+
+    def is_identifier(self, held: ObjectWrite) -> bool:
+        """Return True if an object of this PDO is its identifier."""
+        return (held.index, held.subindex) == (self.communication_index, 1)
+
+    def part_name(self, index: int, subindex: int) -> str:
+        """Return the name of an object of this PDO's records."""
+        if index == self.mapping_index:
+            return f"object {subindex}" if subindex else "number of objects"
+        return {1: "identifier", 2: "transmission type", 5: "event timer [ms]"}[subindex]
 
 
 def is_valid(cob_id_entry: int) -> bool:

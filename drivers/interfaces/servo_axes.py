@@ -118,6 +118,8 @@ class Answers:
         torque_raw: Shape (joints,). Torque as received, in the drive's unit, for the journal.
         statusword: Shape (joints,). Status word as received, for the journal and for messages; the
             program uses `enabled` and `fault`, which are derived from it.
+        inputs: Shape (joints,). Digital inputs as received, 60FDh; 0 of a drive that does not send
+            them.
         late_frames: Number of answers so far that came too late for their cycle; they are not used.
         second_answers: Shape (joints,). Number of cycles so far in which more than one answer came
             with the drive's identifier.
@@ -132,6 +134,7 @@ class Answers:
     torque_raw: NDArray[np.int16]
     statusword: NDArray[np.uint16]
     second_answers: NDArray[np.int64]
+    inputs: NDArray[np.uint32]
     late_frames: int = 0
 
     @classmethod
@@ -147,6 +150,7 @@ class Answers:
             torque_raw=np.zeros(joints, dtype=np.int16),
             statusword=np.zeros(joints, dtype=np.uint16),
             second_answers=np.zeros(joints, dtype=np.int64),
+            inputs=np.zeros(joints, dtype=np.uint32),
         )
 
 

@@ -43,7 +43,8 @@ _EXCEPTIONS = {
 _SHOWN_BYTES = 8
 _PARITY = {"even": "E", "odd": "O", "none": "N"}
 
-logging.getLogger("pymodbus").setLevel(logging.CRITICAL)  # its errors become exceptions here
+# this module raises its errors as exceptions
+logging.getLogger("pymodbus").setLevel(logging.CRITICAL)
 
 
 class Received:

@@ -48,7 +48,7 @@ def open_bus(config: CanBusConfig, *, listening: bool = False) -> can.BusABC:
         if config.interface == "udp_multicast":
             group, _, port = config.channel.partition("@")
             options = {"channel": group, "hop_limit": 0} | ({"port": int(port)} if port else {})
-        elif config.interface == "rid_sim" and not listening:
+        elif config.is_simulated and not listening:
             options["participant"] = True
         bus = can.Bus(interface=config.interface, ignore_config=True, **options)
         if config.interface == "slcan":

@@ -55,8 +55,8 @@ class KernelStamps:
 
     The kernel stamps frames with CLOCK_REALTIME (the date). Its difference from CLOCK_MONOTONIC is
     constant until someone sets the date; slewing affects both clocks. After a change of the date, a
-    frame may have been stamped with the old date or with the new one. The correct one is that by
-    which the frame arrived after all frames that were read earlier. If the date was changed by less
+    frame may have been stamped with the old date or with the new one. The correct date is the one
+    that gives an arrival between the previous read and this one. If the date was changed by less
     than the time between two reads, both dates are possible, and the arrival time may be wrong by
     the amount of the change.
 

@@ -1,9 +1,9 @@
 """Positions of an axis's commands and measured values in its CAN frames; joining of split answers.
 
 Most drives receive all commands in one RPDO and send all measured values in one TPDO. A drive with
-fixed PDOs uses several PDOs for these signals. A torque that cannot be in a PDO is read by SDO
-after every SYNC. `AnswerJoiner` joins the parts of an answer to one frame, so that `CyclicExchange`
-treats all drives in the same way.
+fixed PDOs uses several PDOs for these signals, and digital inputs have a PDO of their own. A torque
+that cannot be in a PDO is read by SDO after every SYNC. `AnswerJoiner` joins the parts of an answer
+to one frame, so that `CyclicExchange` treats all drives in the same way.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from config.cell.fixed_pdo import Signal
+from config.cell.fixed_pdo import ANSWERS, Signal
 from config.cell.servo_profile import ServoProfile
 from drivers.canopen.frames import sdo_answer_cob_id, sdo_request_cob_id, tpdo_cob_id
 from drivers.canopen.pdo import PdoMapping
@@ -24,6 +24,9 @@ from drivers.servo.drive_watch import DriveWatch
 from drivers.servo.requirements import cyclic_pdos, signal_object
 
 ANSWER: Final = struct.Struct("<Hih")
+JOINED_ANSWER: Final = struct.Struct("<HihI")
+"""Statusword, position and torque, in a joined answer followed by the digital inputs."""
+
 MOST_READS = 1024
 
 _UPLOAD, _EXPEDITED, _UNUSED_SHIFT = 0x40, 0x43, 2
@@ -74,6 +77,8 @@ class AxisFrames:
             signal_object(profile, "statusword"): "statusword",
             signal_object(profile, "position"): "position",
         }
+        if profile.sends_inputs:
+            wanted[signal_object(profile, "inputs")] = "inputs"
         sdo_object = None
         if profile.torque.asked:
             sdo_object = signal_object(profile, "torque")
@@ -162,7 +167,7 @@ class AnswerJoiner:
         self._sync_s = 0.0
         self._answer_ids = [tpdo_cob_id(node) for node in node_ids]
         self._places = [
-            [each.places[name] for name in ("statusword", "position", "torque")] for each in frames
+            [each.places[name] for name in ANSWERS if name in each.places] for each in frames
         ]
         self._axis_of: dict[int, int] = {}
         self._ends: dict[int, int] = {}
@@ -237,13 +242,13 @@ class AnswerJoiner:
 
         Without it, the axis counts as not having answered in this cycle.
         """
-        status, position, torque = [
+        status, position, torque, *inputs = [
             int.from_bytes(
-                parts[place.cob_id].data[place.start : place.end], "little", signed=number > 0
+                parts[place.cob_id].data[place.start : place.end], "little", signed=number in (1, 2)
             )
             for number, place in enumerate(self._places[axis])
         ]
         if torque in _INT16:
             oldest_s = min(part.time_s for part in parts.values())
-            data = ANSWER.pack(status, position, torque)
+            data = JOINED_ANSWER.pack(status, position, torque, *(inputs or [0]))
             yield Arrival(self._answer_ids[axis], data, oldest_s)

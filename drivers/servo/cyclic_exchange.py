@@ -4,8 +4,8 @@ Cycle k begins with SYNC. Every drive then applies the set-point of cycle k-1 an
 statusword, position and torque (TPDO 1). Afterwards the next set-point is sent (RPDO 1), which acts
 at SYNC k+1. A drive whose fixed RPDO is asynchronous applies its set-point on arrival instead. In
 the trimmed exchange, controlword and statusword have their own frames (RPDO 2, TPDO 2), which are
-sent when they change. If a drive's PDOs are fixed, or its torque is read by SDO, its answer is
-joined from several frames.
+sent when they change. If a drive's PDOs are fixed, its torque is read by SDO, or it sends its
+digital inputs, its answer is joined from several frames.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from drivers.interfaces.servo_axes import Answers
 from drivers.ports.can_link import CanLink
 from drivers.ports.can_ports import Arrival
 from drivers.servo.axis_frames import ANSWER as _ANSWER
-from drivers.servo.axis_frames import AnswerJoiner, AxisFrames
+from drivers.servo.axis_frames import JOINED_ANSWER, AnswerJoiner, AxisFrames
 from drivers.servo.cia402 import AxisUnits, PowerState, enabling_word, state_of
 from drivers.servo.command_frames import Frames, FullCommands, SpreadCommands, TrimmedCommands
 from drivers.servo.drive_watch import DriveWatch
@@ -109,11 +109,12 @@ class CyclicExchange:
         self.left_enabled = False
         self.sync_time_s = -math.inf
         self._cycle = 0
-        self._missed_in = [-LATE_CYCLES - 1] * count  # per axis: last cycle without an answer
-        self._data = [b""] * count  # per axis: first answer in the last cycle with one
-        self._status = [-1] * count  # per axis: last status word; -1: none yet
-        self._answered_in = [-1] * count  # per axis: cycle of the answer in `_data`
-        self._doubled_in = [-1] * count  # per axis: last cycle with a second answer
+        self._missed_in = [-LATE_CYCLES - 1] * count  # for each axis: last cycle without an answer
+        # for each axis: first answer of the last cycle in which the drive answered
+        self._data = [b""] * count
+        self._status = [-1] * count  # for each axis: last status word; -1 before the first one
+        self._answered_in = [-1] * count  # for each axis: cycle of the answer in `_data`
+        self._doubled_in = [-1] * count  # for each axis: last cycle with a second answer
         self._contradicted_in = [-1] * count
         self._watched_until = -1
         self._slots = {tpdo_cob_id(node): axis for axis, node in enumerate(node_ids)}
@@ -145,6 +146,8 @@ class CyclicExchange:
             )
         self._trimmed = trimmed
         self._answer_bytes = _TRIMMED_ANSWER.size if trimmed else _ANSWER.size
+        if self._joiner is not None:
+            self._answer_bytes = JOINED_ANSWER.size
         self._status_slots = {
             tpdo_cob_id(node, 2): axis for axis, node in enumerate(node_ids) if trimmed
         }
@@ -224,7 +227,9 @@ class CyclicExchange:
             self.contradictions[axis] += 1
         if not self._trimmed:
             for each in (data, self._data[axis]):
-                if len(each) == _ANSWER.size:  # other lengths: not checked yet
+                if (
+                    len(each) == self._answer_bytes
+                ):  # frames of other lengths have not been checked yet
                     state = state_of(_STATUS.unpack_from(each)[0])
                     self.left_enabled |= state is not PowerState.OPERATION_ENABLED
 
@@ -274,7 +279,7 @@ class CyclicExchange:
         if not missing:
             self._update_delay(last_s - sync_s)
         if (missing or cycle <= self._watched_until) and taken < MOST_FRAMES:
-            read_s = max(read_s, deadline_s)  # all frames until then are read
+            read_s = max(read_s, deadline_s)  # all frames that arrived until then have been read
         if self._coupling is not None:
             self._coupling.to_joints(self._motor_position, self.answers.position)
         self._watch.check(read_s if self._stamped else sync_s, self._stop_latency_s)
@@ -291,7 +296,10 @@ class CyclicExchange:
         if self._trimmed:
             counts, torque = _TRIMMED_ANSWER.unpack(data)
         else:
-            status, counts, torque = _ANSWER.unpack(data)
+            if self._joiner is None:
+                status, counts, torque = _ANSWER.unpack(data)
+            else:
+                status, counts, torque, answers.inputs[axis] = JOINED_ANSWER.unpack(data)
             if status != self._status[axis]:
                 self._take_status(axis, status)
         answers.position_counts[axis] = counts

@@ -57,7 +57,9 @@ class RestoredSetting:
 
 
 def read_objects(port: SdoPort, indices: Iterable[int]) -> Iterator[tuple[Address, bytes | str]]:
-    """Yield address and value of all sub-indices of objects; the reason for an unreadable value.
+    """Yield the address and the value of every sub-index of some objects.
+
+    For a value that cannot be read, a text with the reason is yielded instead.
 
     Raises:
         DeviceTimeoutError, TransportError: The drive does not answer, or the bus is lost.
@@ -106,9 +108,9 @@ def refuse_other_drive(port: SdoPort, saved: SavedDrive) -> None:
     differences = saved.identity.differences(port.identity())
     if differences:
         raise PreflightError(
-            f"node {port.node_id}: the drive is not the one that was saved:"
-            f" {', '.join(differences)}; nothing was written. Connect the saved drive, or set"
-            " this one up anew",
+            f"node {port.node_id}: the settings were saved from another drive:"
+            f" {', '.join(differences)}; nothing was written. Connect that drive, or set"
+            " up the connected drive anew",
             code="RID-DRIVE-OTHER",
         )
     state = state_of(port.read_int(0x6041, 0))

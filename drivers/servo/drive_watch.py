@@ -95,7 +95,10 @@ class DriveWatch:
         self.boot_ups = [0] * len(self.boot_ups)
 
     def expect_no_boot_up(self, axis: int) -> None:
-        """Count an axis's boot-ups from 0: from now on each one undoes its configuration."""
+        """Count an axis's boot-ups from 0.
+
+        From now on, each boot-up means that its configuration is lost.
+        """
         self.boot_ups[axis] = 0
 
     def arm(self, now_s: float) -> None:
@@ -218,7 +221,7 @@ class DriveWatch:
     def _report_unexpected(self, cob_id: int, now_s: float) -> None:
         foreign = self.foreign_master(cob_id)
         self.unexpected_frames += 1
-        # identifiers of a master are few, so there is always room for them
+        # a master uses few identifiers, so they are stored even if `_seen` is full
         full = foreign is None and len(self._seen) >= MOST_EVENTS
         if full or cob_id in self._seen:
             return
@@ -229,7 +232,7 @@ class DriveWatch:
             kind = EventKind.UNEXPECTED_FRAME
             text = f"received a frame with identifier {cob_id:03X}h, which no node of the cell has"
         kept = self._append(DriveEvent(kind, "", now_s, text, cob_id))
-        if kept or foreign is None:  # if not kept, report the master later
+        if kept or foreign is None:  # an event about a master that was not stored comes again
             self._seen.add(cob_id)
 
     def _note(self, kind: EventKind, axis: int, now_s: float, text: str, code: int = 0) -> None:
@@ -277,7 +280,8 @@ def other_senders(
     return tuple(notes)
 
 
-@lru_cache(maxsize=MOST_EVENTS)  # a drive that floods the bus repeats few messages
+# a drive that floods the bus sends the same few messages again and again
+@lru_cache(maxsize=MOST_EVENTS)
 def _emergency(data: bytes) -> tuple[int, str]:
     """Return error code and description of an emergency message."""
     emergency = parse_emcy(data)

@@ -31,7 +31,7 @@ _READ = (
     Requirement(0x6041, 0, 2, "statusword", write=False),
 )
 _MODES = 0x6502
-_BY_TRIAL = ": the watchdog test decides"
+_BY_TRIAL = ": the watchdog test must show the reaction"
 _BY_UNITS = (0x6065, 0x6083, 0x6084, 0x6085)  # values depend on the drive's encoder
 _ANY_MOTOR = MotorRatings(1.0, 1.0, 1.0, 1.0)
 _ANY_UNITS = AxisUnits(1.0, 1.0, 1.0, 1.0)

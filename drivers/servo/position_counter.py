@@ -69,7 +69,7 @@ class PositionCounter:
         return (self.lowest, self.highest) != _INT32
 
     def nearest(self, counts: int, to: int) -> int:
-        """Return the count nearest to `to` that the counter shows as `counts`."""
+        """Return the unwrapped position nearest to `to` that the drive shows as `counts`."""
         half = self.size // 2
         return (counts - to + half) % self.size - half + to
 
@@ -121,7 +121,8 @@ def reference_setting(
     if referenced is None:
         stated = "position_zero_counts" in axis.model_fields_set
         found = (
-            f"zero stated in the cell file (position_zero_counts {axis.position_zero_counts})"
+            "not verified: zero stated in the cell file (position_zero_counts"
+            f" {axis.position_zero_counts})"
             if stated
             else "not known"
         )

@@ -13,18 +13,13 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from config.cell.cell import CellConfig
+from config.cell.cycle_time import interpolation_period
 from config.cell.fixed_pdo import FixedPdo, Signal, object_address, object_of
 from config.cell.servo_profile import Mode, ServoProfile
 from config.errors import ConfigError
 from drivers.canopen.frames import rpdo_cob_id, tpdo_cob_id
 from drivers.canopen.heartbeat import consumer_entry
-from drivers.canopen.pdo import (
-    EVERY_SYNC,
-    ON_EVENT,
-    RPDO_COMMUNICATION,
-    MappedObject,
-    PdoMapping,
-)
+from drivers.canopen.pdo import EVERY_SYNC, ON_EVENT, RPDO_COMMUNICATION, MappedObject, PdoMapping
 from drivers.canopen.sdo import object_name
 from drivers.servo.cia402 import (
     CYCLIC_SYNCHRONOUS_POSITION,
@@ -156,25 +151,36 @@ def kind_requirements(profile: ServoProfile) -> tuple[Requirement, ...]:
 
 
 def rating_requirements(profile: ServoProfile) -> tuple[Requirement, ...]:
-    """Return the requirements to read the motor's ratings that the profile does not state."""
+    """Return the requirements to read the motor's ratings.
+
+    A rating that the profile states has its value [counts]. A drive may lack this object.
+    """
     used, limit = {profile.torque.of}, profile.torque_limit
     if limit is not None:
         used.add(limit.of)
     in_amperes = limit is not None and limit.of == "ampere" and profile.torque_limit_written
-    current = "rated_current" in used or in_amperes
     ratings = []
     if profile.encoder_increments is None:
         ratings += [
             Requirement(*INCREMENTS, 4, "encoder increments", write=False),
             Requirement(*REVOLUTIONS, 4, "per motor revolutions", write=False),
         ]
-    if profile.rated_torque_nm is None and "rated_torque" in used:
-        unit = f"1/{profile.rated_torque_units:g} N m"
-        unit = "mN m" if profile.rated_torque_units == _MILLI else unit
-        ratings.append(Requirement(*RATED_TORQUE, 4, f"rated motor torque [{unit}]", write=False))
-    if profile.rated_current_a is None and current:
-        ratings.append(Requirement(*RATED_CURRENT, 4, "rated motor current [mA]", write=False))
+    elif not profile.sets_increments:
+        ratings.append(_rating(INCREMENTS, "encoder increments", profile.encoder_increments, 1.0))
+    if "rated_torque" in used:
+        units = profile.rated_torque_units
+        name = f"rated motor torque [{'mN m' if units == _MILLI else f'1/{units:g} N m'}]"
+        ratings.append(_rating(RATED_TORQUE, name, profile.rated_torque_nm, units))
+    if "rated_current" in used or in_amperes:
+        current_a = profile.rated_current_a
+        ratings.append(_rating(RATED_CURRENT, "rated motor current [mA]", current_a, _MILLI))
     return tuple(ratings)
+
+
+def _rating(at: tuple[int, int], name: str, stated: float | None, units: float) -> Requirement:
+    if stated is None:
+        return Requirement(*at, 4, name, write=False)
+    return Requirement(*at, 4, name, round(stated * units), write=False, lack="shown")
 
 
 def ratings_of(profile: ServoProfile, held: Held) -> MotorRatings:
@@ -202,7 +208,8 @@ def signal_object(profile: ServoProfile, signal: Signal) -> tuple[int, int]:
         return TARGETS[profile.mode]
     if signal == "torque":
         return object_address(profile.torque.object)
-    return {"controlword": (0x6040, 0), "statusword": (0x6041, 0), "position": (0x6064, 0)}[signal]
+    return {"controlword": (0x6040, 0), "statusword": (0x6041, 0), "position": (0x6064, 0),
+            "inputs": (0x60FD, 0)}[signal]  # fmt: skip
 
 
 def cyclic_pdos(
@@ -225,9 +232,12 @@ def cyclic_pdos(
     torque = MappedObject(*signal_object(profile, "torque"), 16)
     if exchange == "full":
         answer = (status, position) if profile.torque.asked else (status, position, torque)
+        inputs = MappedObject(*signal_object(profile, "inputs"), 32)
+        more = (PdoMapping("tpdo", 2, tpdo_cob_id(node_id, 2), (inputs,)),)
         return (
             PdoMapping("rpdo", 1, rpdo_cob_id(node_id), (word, target), acts),
             PdoMapping("tpdo", 1, tpdo_cob_id(node_id), answer),
+            *(more if profile.sends_inputs else ()),
         )
     return (
         PdoMapping("rpdo", 1, rpdo_cob_id(node_id), (target,), acts),
@@ -374,7 +384,12 @@ def _torque_limit(
 def _cycle_time(cell: CellConfig, profile: ServoProfile) -> Iterator[Requirement]:
     if profile.by_ramp:
         return
-    parts = (("cycle time [ms]", cell.cycle_time_ms), ("cycle time, power of ten", -3))
+    period = interpolation_period(cell.cycle_time_ms)
+    if period is None:  # refused by `CellConfig.check_cycle_time` if needed
+        return
+    mantissa, power = period
+    unit = "ms" if power == -3 else f"1e{power} s"
+    parts = ((f"cycle time [{unit}]", mantissa), ("cycle time, power of ten", power))
     written = profile.cycle_time_written
     lack: Literal["red", "shown"] = "red" if written else "shown"
     for subindex, (name, value) in enumerate(parts, 1):

@@ -115,3 +115,8 @@ class SdoPort:
 def is_missing(abort: SdoAbort) -> bool:
     """Return True if the abort code means that the drive does not have the object."""
     return abort.code in MISSING
+
+
+def explain_abort(abort: SdoAbort) -> str:
+    """Return the reason of an abort; a missing object has its own words."""
+    return "not in this drive" if is_missing(abort) else abort_text(abort.code)

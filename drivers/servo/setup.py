@@ -13,6 +13,7 @@ from typing import Literal
 
 from config.cell.cell import CellConfig, DeviceIdentity, DriveAxis
 from config.cell.fixed_pdo import object_address
+from config.cell.servo_profile import FEWEST_INCREMENTS
 from config.errors import ConfigError
 from config.robot.robot import Joint
 from drivers.canopen.emcy import code_text
@@ -23,7 +24,6 @@ from drivers.canopen.pdo import (
     PREDEFINED_NUMBERS,
     RPDO_COMMUNICATION,
     TPDO_COMMUNICATION,
-    ObjectWrite,
     PdoMapping,
     is_valid,
 )
@@ -31,11 +31,19 @@ from drivers.canopen.sdo import SdoAbort, SdoCode, abort_text, object_name
 from drivers.device_text import printable
 from drivers.interfaces.servo_axes import DriveSetting
 from drivers.ports.can_link import CanLink
-from drivers.servo.cia402 import AxisUnits, MotorRatings, PowerState, state_of, torque_setting
+from drivers.servo.cia402 import (
+    AxisUnits,
+    MotorRatings,
+    PowerState,
+    rating_setting,
+    state_of,
+    torque_setting,
+)
 from drivers.servo.position_counter import counter_setting, read_counter, reference_setting
 from drivers.servo.requirements import (
     INCREMENTS,
     LIFE_TIME_FACTOR,
+    REVOLUTIONS,
     Requirement,
     cyclic_pdos,
     identity_requirement,
@@ -44,7 +52,7 @@ from drivers.servo.requirements import (
     ratings_of,
     safety_requirements,
 )
-from drivers.servo.sdo_port import SdoPort, is_missing
+from drivers.servo.sdo_port import SdoPort, explain_abort, is_missing
 from drivers.servo.stop_ramp import QUICK_STOP_DECELERATION, stop_settings
 from drivers.settings.write_log import WriteLog
 
@@ -101,7 +109,7 @@ class DriveSetup:
         self._reach = reach
         self._profile = cell.servo_of(axis)
         self._undefined_reactions: list[str] = []
-        if self._profile.watch == "life_guarding":  # each maker defines the reaction
+        if self._profile.watch == "life_guarding":  # each manufacturer defines the reaction
             self._undefined_reactions.append(object_name(*LIFE_TIME_FACTOR))
         self._port = SdoPort(link, axis.node_id, others, write_log=write_log)
         self._settings: list[DriveSetting] = []
@@ -178,7 +186,10 @@ class DriveSetup:
 
     def _read_units(self) -> tuple[MotorRatings | None, AxisUnits | None]:
         wanted = rating_requirements(self._profile)
-        known = [self._positive(requirement) for requirement in wanted]
+        known = [self._positive(requirement) for requirement in wanted if requirement.value is None]
+        for requirement in wanted:
+            if requirement.value is not None:
+                self._compare_rating(requirement, requirement.value)
         if self._profile.encoder_increments is None and all(known):
             known.append(self._describes_encoder())
         gear = self._gear_ratio()
@@ -199,7 +210,7 @@ class DriveSetup:
         return motor, self._with_counter(units)
 
     def _with_counter(self, units: AxisUnits) -> AxisUnits:
-        """Return units with the range of 6064h (its wrap-around) and the middle of the motor's."""
+        """Return the units with the range of 6064h and the middle of the motor's range [counts]."""
         counter = read_counter(self._port)
         ends = [units.counts_per_rad * end for end in self._reach]
         if counter.is_smaller_than_32_bits:
@@ -210,9 +221,9 @@ class DriveSetup:
     def _describes_encoder(self) -> bool:
         """Return True if 608Fh describes the encoder; drives with scaled units may report 1."""
         increments = ratings_of(self._profile, self._values).increments
-        good = increments >= LEAST_INCREMENTS and not self._profile.sets_increments
+        good = increments >= FEWEST_INCREMENTS and not self._profile.sets_increments
         if not good:
-            required = f"≥ {LEAST_INCREMENTS}, those of the encoder"
+            required = f"≥ {FEWEST_INCREMENTS:g}, those of the encoder"
             self._note(*INCREMENTS, "increments per revolution", required, f"{increments:g}", "red")
         return good
 
@@ -222,7 +233,7 @@ class DriveSetup:
         try:
             value = self._port.read_int(index, subindex)
         except SdoAbort as abort:
-            self._note(index, subindex, name, "a number", _explain_abort(abort), "red")
+            self._note(index, subindex, name, "a number", explain_abort(abort), "red")
             return False
         self._values[index, subindex] = value
         good = value > 0
@@ -230,6 +241,21 @@ class DriveSetup:
             index, subindex, name, "" if good else "above 0", str(value), "shown" if good else "red"
         )
         return good
+
+    def _compare_rating(self, requirement: Requirement, stated: int) -> None:
+        """Compare a rating that the cell file states with that of the drive, if it holds one."""
+        name = object_name(requirement.index, requirement.subindex)
+        least = 1
+        try:
+            held = float(self._port.read_int(requirement.index, requirement.subindex))
+            if (requirement.index, requirement.subindex) == INCREMENTS:
+                held, least = held / max(1, self._port.read_int(*REVOLUTIONS)), LEAST_INCREMENTS
+        except SdoAbort:
+            return
+        compared = held >= least and name[:5] not in self._profile.not_compared
+        self._settings.append(
+            rating_setting(self._axis, name, requirement.name, stated, held, compared=compared)
+        )
 
     def _gear_ratio(self) -> float | None:
         """Return the gear ratio in the robot file; None if the drive's 6091h contradicts it.
@@ -269,12 +295,12 @@ class DriveSetup:
             found = self._port.read_int(r.index, r.subindex, signed=r.signed)
         except SdoAbort as abort:
             verdict = self._fault(r)
-            text = _explain_abort(abort)
+            text = explain_abort(abort)
             if is_missing(abort) and r.lack != "red" and verdict == "red":
                 verdict = "shown"
                 if r.lack == "trial":
                     self._undefined_reactions.append(object_name(r.index, r.subindex))
-                    text += ": the watchdog test decides"
+                    text += ": the watchdog test must show the reaction"
             self._note(r.index, r.subindex, r.name, required, text, verdict)
             return
         self._values[r.index, r.subindex] = found
@@ -296,7 +322,7 @@ class DriveSetup:
                 self._port.write(write.index, write.subindex, write.data)
             except SdoAbort as abort:
                 if abort.code == SdoCode.READ_ONLY and write.index == pdo.communication_index:
-                    continue  # the value that is read back decides
+                    continue  # the value that is read back from the drive is compared
                 wanted = write.data[::-1].hex().upper() + "h"
                 found = f"refused: {abort_text(abort.code)}"
                 self._note(write.index, write.subindex, f"{title} mapping", wanted, found, "red")
@@ -307,10 +333,10 @@ class DriveSetup:
                     held.index,
                     held.subindex,
                     len(held.data),
-                    f"{title} {_pdo_part(pdo, held.index, held.subindex)}",
+                    f"{title} {pdo.part_name(held.index, held.subindex)}",
                     int.from_bytes(held.data, "little"),
                     write=False,
-                    mask=COB_ID_MASK if _is_identifier(pdo, held) else -1,
+                    mask=COB_ID_MASK if pdo.is_identifier(held) else -1,
                     hexadecimal=True,
                 )
             )
@@ -365,22 +391,8 @@ class DriveSetup:
         )
 
 
-def _explain_abort(abort: SdoAbort) -> str:
-    return "not in this drive" if is_missing(abort) else abort_text(abort.code)
-
-
 def _other_pdos(used: set[int]) -> Iterator[int]:
     for number in PREDEFINED_NUMBERS:
         for family in (RPDO_COMMUNICATION, TPDO_COMMUNICATION):
             if (index := family + number - 1) not in used:
                 yield index
-
-
-def _is_identifier(pdo: PdoMapping, held: ObjectWrite) -> bool:
-    return (held.index, held.subindex) == (pdo.communication_index, 1)
-
-
-def _pdo_part(pdo: PdoMapping, index: int, subindex: int) -> str:
-    if index == pdo.mapping_index:
-        return f"object {subindex}" if subindex else "number of objects"
-    return {1: "identifier", 2: "transmission type", 5: "event timer [ms]"}[subindex]

@@ -1,4 +1,4 @@
-"""Order of writes in which a drive accepts that its settings are restored."""
+"""Order of writes that a drive accepts when its settings are restored."""
 
 from __future__ import annotations
 

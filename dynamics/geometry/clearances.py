@@ -246,7 +246,7 @@ def _bound(
         height = centre @ first.shape.n - np.abs(half @ first.shape.n) - first.shape.d
         return np.asarray(height - second.radius)
     if isinstance(first.shape, coal.Box):
-        # From the box to the axis-aligned bounding box of the capsule's line segment.
+        # Distance from the box to the axis-aligned bounding box of the capsule's line segment.
         size = first.shape.halfSide + np.abs(half)
         beyond = np.maximum(np.abs(centre - first.centre) - size, 0.0)
         return np.asarray(np.linalg.norm(beyond, axis=1) - second.radius)

@@ -83,9 +83,10 @@ def _closest_approach(
 
 
 def _travel(levers: FloatArray, q: FloatArray) -> FloatArray:
-    """Return how far two solids of each pair have moved relative to each other, (samples, pairs).
+    """Return a bound of the travel of the solids of each pair relative to each other.
 
-    The difference of two rows is an upper bound of the change of the pair's distance [m].
+    The shape is (samples, pairs). The travel is summed from the first sample on. Between two
+    samples, the distance of a pair cannot change by more than the difference of their values [m].
     """
     moved = np.zeros_like(q)
     moved[1:] = np.abs(np.diff(q, axis=0)).cumsum(axis=0)
@@ -93,11 +94,12 @@ def _travel(levers: FloatArray, q: FloatArray) -> FloatArray:
 
 
 def _levers(clearances: Clearances, q: FloatArray) -> FloatArray:
-    """Return how far each joint can move a pair's solids, (pairs, n) [m/rad, or 1 if it slides]."""
+    """Return a bound of a pair's movement per joint movement, (pairs, n) [m/rad; 1 if sliding]."""
     chain = clearances.chain
     slide = np.where(chain.prismatic, np.abs(q).max(axis=0), 0.0)
     steps = np.abs(chain.rows[:, 3]) + np.abs(chain.rows[:, 4]) + slide
-    beyond = np.append(steps[::-1].cumsum()[::-1], 0.0)  # from the origin of frame i to the last
+    # sum of the offsets from the origin of frame i to the last frame
+    beyond = np.append(steps[::-1].cumsum()[::-1], 0.0)
     levers = np.zeros((len(clearances), chain.n))
     for number, pair in enumerate(clearances.pairs):
         near, far = sorted(pair, key=lambda solid: solid.link)

@@ -95,11 +95,11 @@ def _describe_tool(chain: Chain, pose: FloatArray) -> str:
 
 
 class PathSlopes(NamedTuple):
-    """Joint positions along a path of the tool point, with derivatives by the path length.
+    """Joint positions along a path of the tool point, with derivatives over the path length.
 
     Attributes:
         position, slope, bend: Shape (samples, n). Joint positions [rad or m], and their first and
-            second derivatives by the path length [rad/m and rad/m^2, or 1 and 1/m].
+            second derivatives with respect to the path length [rad/m and rad/m^2, or 1 and 1/m].
     """
 
     position: FloatArray

@@ -59,7 +59,7 @@ class Solid:
 
 
 def body_solid(body: Body, number: int) -> Solid:
-    """Return a body of the robot file as a solid; its name contains the number if it has no own."""
+    """Return a body of the robot file as a solid; a body without name is named by its number."""
     carrier = f"link {body.link}" if body.link else "the base"
     name = f"{carrier}'s body {body.name or number}"
     if isinstance(body, Capsule):
@@ -102,7 +102,7 @@ def _enclosing_capsule(points: FloatArray) -> tuple[FloatArray, FloatArray, floa
 
 
 def ball(name: str, link: int, centre: FloatArray, radius: float, body: str = "") -> Solid:
-    """Return a ball around `centre`, (3,) [m] in the frame of the link."""
+    """Return a ball around `centre`, (3,) [m], in the frame of the link, as a solid."""
     return Solid(name, link, coal.Sphere(radius), np.eye(3), centre, np.zeros(3), radius, body)
 
 

@@ -1,13 +1,14 @@
-"""Gradients of weighted sums of regressor columns by the motion (reverse-mode differentiation).
+"""Gradients of weighted sums of regressor columns over the motion (reverse-mode differentiation).
 
 The kernel passes along the chain three times:
 1. From the base to the tool, it stores the motion of every link.
 2. From the tool to the base, it transforms the weights from link to link, for the screw of each
    row. A screw is the unit motion that belongs to a row (`dynamics.kernels.rigid_body`).
-3. From the tool to the base, it converts derivatives by the links' motions to derivatives by the
-   joints' motions.
+3. From the tool to the base, it converts derivatives with respect to the links' motions to
+   derivatives with respect to the joints' motions.
 
-In this module, the gain of a quantity is the derivative of the weighted sum by that quantity.
+In this module, the gain of a quantity is the derivative of the weighted sum with respect to that
+quantity.
 """
 
 from __future__ import annotations
@@ -50,7 +51,7 @@ from dynamics.kernels.vectors import (
 )
 
 Pair: TypeAlias = tuple[FloatArray, FloatArray]
-"""Two arrays: the first for links or joints, the second for rotors or actuators."""
+"""Two arrays: one for the links or joints, and one for the rotors or actuators."""
 
 Rotor: TypeAlias = tuple[Vector, float, int]
 """A rotor: its axis in the frame of the link that carries it, its ratio, and the index of the joint
@@ -68,7 +69,7 @@ LANES): the derivative of the sum by each joint position.
 
 
 def weights_of(values: FloatArray) -> FloatArray:
-    """Return a read-only view, because numba would compile a second version for writable arrays."""
+    """Return a read-only view; numba would compile a second version for writable arrays."""
     weights = values.view()
     weights.setflags(write=False)
     return weights
@@ -296,7 +297,7 @@ def _carry_back(
 def _sweep_in(
     chain: ChainArrays, motion: FloatArray, samples: Samples, sweep: Sweep, by_joint: FloatArray
 ) -> None:
-    """Convert the gains of the links' motions to derivatives by the joints' motions."""
+    """Convert the gains of the links' motions to those of the joints' motions."""
     _, fixed_rotations, prismatic, _ = chain
     moves, gains, frames, _, by_position = sweep
     for i in range(len(prismatic) - 1, -1, -1):
@@ -346,14 +347,14 @@ def _frame(frames: FloatArray, i: int) -> tuple[Rotation, Vector]:
 
 @kernel
 def _centripetal_derivative(s: Vector, w: Vector, p: Vector) -> Vector:
-    """Return the derivative of s . (w x (w x p)) by w."""
+    """Return the derivative of s . (w x (w x p)) with respect to w."""
     along = add(scale(dot(w, p), s), scale(dot(s, w), p))
     return add(along, scale(-2.0 * dot(s, p), w))
 
 
 @kernel
 def _rotation_derivative(gain: Vector, v: Vector) -> Lanes:
-    """Return the derivative by the angle, if the frame of vector v turns about its z axis."""
+    """Return the derivative with respect to the angle about z of the frame of vector v."""
     return gain[0] * v[1] - gain[1] * v[0]
 
 

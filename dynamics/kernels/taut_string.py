@@ -33,7 +33,7 @@ def pull_taut(time_s: FloatArray, low: FloatArray, high: FloatArray, path: Float
     for i in (0, last):
         path[i] = 0.5 * (low[i] + high[i])
         bounds[0, i], bounds[1, i] = path[i], -path[i]
-    sides = np.zeros((2, last + 1), dtype=np.int64)  # samples on each side, from the corner
+    sides = np.zeros((2, last + 1), dtype=np.int64)  # number of samples on each side of the corner
     begin, end = np.array([0, 0]), np.array([1, 1])
     for i in range(1, last + 1):
         for own in range(2):

@@ -19,8 +19,8 @@ def warm_up(time_s: FloatArray, heat: FloatArray, time_constant_s: float, out: F
         heat: Shape (samples,). Heat flow from each sample until the next one, expressed as the
             steady temperature rise that it would cause [K].
         time_constant_s: Time constant T [s].
-        out: Shape (samples, 2). Output: the temperature rise, and its derivative by the time
-            constant.
+        out: Shape (samples, 2). Output: the temperature rise, and its derivative with respect
+            to the time constant.
     """
     rise = 0.0
     slope = 0.0

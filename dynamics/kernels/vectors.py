@@ -88,13 +88,13 @@ def angular_motion(
 
 @kernel
 def turn(rotation: Rotation, v: Vector) -> Vector:
-    """Transform a vector from the previous link's frame to the frame with this rotation."""
+    """Transform a vector from the previous link's frame to a link's frame by a rotation."""
     return (dot(rotation[0], v), dot(rotation[1], v), dot(rotation[2], v))
 
 
 @kernel
 def turn_back(rotation: Rotation, v: Vector) -> Vector:
-    """Transform a vector from the frame with this rotation to the previous link's frame."""
+    """Transform a vector from a link's frame to the previous link's frame by a rotation."""
     return add(scale(v[0], rotation[0]), add(scale(v[1], rotation[1]), scale(v[2], rotation[2])))
 
 

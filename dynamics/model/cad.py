@@ -54,7 +54,7 @@ def cad_parameters(model: RobotModel, robot: RobotDescription) -> tuple[FloatArr
 
 
 def cad_prior(model: RobotModel, robot: RobotDescription) -> tuple[FloatArray, FloatArray]:
-    """Return `cad_parameters`, which must contain at least one value that is not a guess.
+    """Return `cad_parameters`; refuse CAD data in which every value is a guess.
 
     Raises:
         ConfigError: The robot has no `cad`, or all values in it are guesses.

@@ -52,7 +52,7 @@ def torque_derivatives(
     factors = model.transmission.factors(motion)
     out = np.zeros((n, 3, samples, n))
     for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):
-        # The weights make sum i the torque of actuator i.
+        # With these weights, sum number i is the torque of actuator i.
         one_row = np.eye(n)[:, np.newaxis, :, np.newaxis] * theta[columns]
         weights = np.broadcast_to(one_row, (n, samples, *one_row.shape[2:]))
         by_motion = term.torque_gradient(motion, weights)

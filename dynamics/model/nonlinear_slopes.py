@@ -20,7 +20,7 @@ def nonlinear_slopes(
     parameters: npt.ArrayLike,
     conditions: Conditions | None = None,
 ) -> FloatArray:
-    """Return the torque's derivatives by the nonlinear parameters, (samples, n, parameters).
+    """Return the derivatives of the torque with respect to the nonlinear parameters.
 
     Args:
         model: The robot.
@@ -28,6 +28,9 @@ def nonlinear_slopes(
             per s^2].
         parameters: Shape (parameters,). Values of `model.parameter_names`.
         conditions: Conditions of the motion; `load_nm` is required if gears have losses.
+
+    Returns:
+        Shape (samples, n, parameters).
 
     Raises:
         EstimationError: A shape does not fit the model, or the load is missing.

@@ -87,7 +87,7 @@ class Transmission:
         return factors
 
     def nonlinear_slopes(self, motion: TermMotion) -> FloatArray:
-        """Return the torque's derivatives by the nonlinear parameters, (samples, n, losses)."""
+        """Return the derivatives of the torque with respect to the losses, (samples, n, losses)."""
         slopes = np.zeros((*motion.joint.shape[1:], len(self.losses)))
         if not self.losses:
             return slopes
@@ -119,7 +119,7 @@ class Transmission:
         return [] if memory is None else [x.joint for x in self.losses if x.joint in memory.joints]
 
     def memory_slopes(self, motion: TermMotion) -> FloatArray:
-        """Return the torque's derivative by each joint's hysteretic direction, (samples, n)."""
+        """Return the torque's derivative with respect to the hysteretic direction, (samples, n)."""
         slopes = np.zeros(motion.joint.shape[1:])
         if not self._joints_with_memory(motion):
             return slopes

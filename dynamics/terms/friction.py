@@ -36,7 +36,7 @@ _FUNCTIONS: Final[dict[FrictionTerm, tuple[FrictionFunction, ...]]] = {
     "shear_thinning": ("shear_thinning",),
     "temperature": ("coulomb_by_temperature", "viscous_by_temperature"),
     "load": (),  # a gear loss: see `Transmission`
-    "presliding": (),  # replaces sign(v) in the others: see `Memory`
+    "presliding": (),  # replaces sign(v) in the other terms: see `Memory`
 }
 
 
@@ -173,7 +173,7 @@ class Friction:
         return replace(self, columns=tuple(column for column, own in pairs if own))
 
     def nonlinear_slopes(self, motion: TermMotion, coefficients: FloatArray) -> FloatArray:
-        """Return the torque's derivatives by the nonlinear parameters, (samples, n, parameters)."""
+        """Return the slopes of the torque over the nonlinear parameters (`NonlinearTerm`)."""
         slopes = np.zeros((*motion.joint.shape[1:], len(self.nonlinear)))
         for k, stribeck in enumerate(self.stribeck):
             j, speed = stribeck.joint, stribeck.parameter.value
@@ -196,7 +196,7 @@ class Friction:
         return slopes
 
     def _memory_slopes(self, motion: TermMotion, coefficients: FloatArray) -> FloatArray:
-        """Return the torque's derivative by each joint's hysteretic direction, (samples, n)."""
+        """Return the torque's derivative with respect to the hysteretic direction, (samples, n)."""
         slopes = np.zeros(motion.joint.shape[1:])
         for column, size in zip(self.columns, coefficients, strict=True):
             j, v = column.joint, motion.actuator[1, :, column.joint]

@@ -21,7 +21,7 @@ UNITS: Final = ("kg", *("kg m",) * 3, *("kg m^2",) * 6)
 _NO_INDEX: Final[IntArray] = np.empty(0, dtype=np.int64)
 _NO_ROTORS: Final = (_NO_INDEX, _NO_INDEX, np.empty((0, 3)), np.empty(0))
 for _none in _NO_ROTORS:
-    _none.setflags(write=False)  # read-only as in `Rotors`: one kernel for both
+    _none.setflags(write=False)  # read-only as in `Rotors`, so that one compiled kernel serves both
 
 
 @dataclass(frozen=True, eq=False)

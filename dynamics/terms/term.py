@@ -60,14 +60,14 @@ class Term(Protocol):
 
     @abstractmethod
     def torque_gradient(self, motion: TermMotion, weights: FloatArray) -> FloatArray:
-        """Return the gradient of weighted sums of the torque columns by the motion.
+        """Return the gradient of weighted sums of the torque columns with respect to the motion.
 
         Args:
             weights: Shape (sums, samples, n, parameters). Weights of the elements of the torque
                 columns, for each sum.
 
         Returns:
-            Shape (sums, 3, samples, n). Derivatives by q, v and a of the joints.
+            Shape (sums, 3, samples, n). Derivatives with respect to q, v and a of the joints.
         """
 
 
@@ -86,9 +86,10 @@ class NonlinearTerm(Protocol):
 
     @abstractmethod
     def nonlinear_slopes(self, motion: TermMotion, coefficients: FloatArray) -> FloatArray:
-        """Return the torque's derivatives by the nonlinear parameters, (samples, n, parameters).
+        """Return the derivatives of the torque with respect to the nonlinear parameters.
 
-        `coefficients` are the values of the term's linear parameters, one per column.
+        The shape is (samples, n, parameters). `coefficients` are the values of the term's linear
+        parameters, one per column.
         """
 
     @property

@@ -45,7 +45,7 @@ class WeakParameter:
 
     @property
     def sentence(self) -> str:
-        """The parameter, its interval and the motion to add, in one sentence."""
+        """One sentence: the parameter, its interval, and the motion that would determine it."""
         interval = plus_minus(self.value, 2.0 * self.sigma, self.unit)
         text = f"{self.expression} = {interval} is poorly determined"
         if not self.motion:
@@ -87,7 +87,7 @@ def weak_parameters(estimate: Estimate, most: int = 5) -> tuple[WeakParameter, .
     for words, motion in joint_motions(estimate.robot):
         if np.any(
             motion[1][:, list(still)] != 0.0
-        ):  # moving a joint that was at rest would change the base parameters
+        ):  # a motion of a joint that was at rest would change the base parameters
             continue
         motion[0][:, list(still)] = list(still.values())
         tried.append((words, _information(estimate, motion, noise)))

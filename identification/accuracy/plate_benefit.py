@@ -56,7 +56,7 @@ class ParameterGain:
 
 @dataclass(frozen=True)
 class Improvement:
-    """Improvement of an estimate by a force plate.
+    """Improvement of an estimate's standard deviations by a force plate.
 
     Attributes:
         parameters: The internal model's base parameters, then those that only the plate determines.
@@ -139,7 +139,7 @@ def improvement(fitted: FittedPeriods) -> Improvement:
 
 
 def _functional(base: BaseParameters, i: int, combined: BaseParameters) -> FloatArray:
-    """Return base parameter i of one model as a combination of the combined model's, (b,)."""
+    """Return base parameter i of a model as a combination of those of the combined one, (b,)."""
     return np.asarray(base.combination[i, list(combined.kept)])
 
 

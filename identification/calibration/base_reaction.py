@@ -51,7 +51,7 @@ class BaseLoad:
 
     @property
     def sentence(self) -> str:
-        """The exceeded limits of the base, in words."""
+        """Text that names the exceeded limits of the base."""
         broken = [
             f"{WRENCH_NAMES[k]} reaches {self.peak[k]:.4g} ± {SIGMAS * self.sigma[k]:.2g}"
             f" {WRENCH_UNITS[k]} at {self.at_s[k]:.3g} s, but its limit is {self.limit[k]:.4g}"

@@ -1,6 +1,7 @@
 """`PlateEquations`: the base wrench of some runs, condensed for fast trials of wrench matrices.
 
-The measured wrench is a matrix of shape (6, 8) times the readings of the plate's eight channels.
+The measured wrench is a matrix of shape (6, c) times the plate's readings: eight channels, or the
+six components of a plate that computes the wrench itself.
 Least squares needs only sums of products of regressor columns and readings; they are computed once.
 Therefore the time to try another matrix does not depend on the length of the runs.
 """
@@ -16,7 +17,6 @@ import numpy as np
 from acquisition.processing.periods import PeriodAverage
 from acquisition.signals.bins import filter_response, to_bins
 from config.arrays import FloatArray
-from config.cell.plate import CHANNELS
 from identification.equations.base_wrench import real_rows_of_bins, without_delay
 from identification.equations.bins import BinEquations
 from identification.equations.plate_fit import SMALL_COMPONENT
@@ -31,8 +31,8 @@ class PlateEquations:
 
     Attributes:
         columns: Shape (6, b, b). Phi^T Phi of the regressor Phi of each component of the wrench.
-        crossed: Shape (6, b, 8). Phi^T y of the channels' readings y.
-        channels: Shape (8, 8). y^T y [N^2].
+        crossed: Shape (6, b, c). Phi^T y of the channels' readings y.
+        channels: Shape (c, c). y^T y [N^2].
     """
 
     columns: FloatArray
@@ -66,13 +66,13 @@ class PlateEquations:
             rows = without_delay(real_rows_of_bins(bins).T, wrench.period_s, delay_s)
             channels.append(rows[:, 1:])
             columns.append(wrench.matrix[:, 1:])
-        if len({each.shape[0] for each in channels} | {CHANNELS}) > 1:
+        if len({each.shape[0] for each in channels}) > 1:
             return None
         phi, y = np.concatenate(columns, axis=1), np.concatenate(channels, axis=1)
         return cls(phi.swapaxes(1, 2) @ phi, phi.swapaxes(1, 2) @ y.T, y @ y.T)
 
     def shares(self, matrix: FloatArray) -> FloatArray:
-        """Return the residual of each component relative to its size, for a wrench matrix (6, 8).
+        """Return the residual of each component relative to its size, for a wrench matrix (6, c).
 
         Values below `SMALLEST_SHARE` are replaced by it.
         """
@@ -86,7 +86,7 @@ class PlateEquations:
     def best_parameters(self, matrix: FloatArray, slopes: FloatArray) -> FloatArray:
         """Return theta (k,) for which the wrench matrix `matrix` + theta `slopes` fits best.
 
-        `slopes` (k, 6, 8) is the derivative of the wrench matrix with respect to theta.
+        `slopes` (k, 6, c) is the derivative of the wrench matrix with respect to theta.
         """
         _, size = self._component_sizes(matrix)
         weight, k = 1.0 / size**2, len(slopes)
@@ -98,7 +98,7 @@ class PlateEquations:
         return _solve(gram, np.concatenate([of_columns, of_slopes]))[-k:]
 
     def weight(self, matrix: FloatArray, drawn: FloatArray) -> float:
-        """Return the measured wrench over that of drawn parameters (b,), by projection."""
+        """Return the measured wrench over that of the drawn parameters (b,), by projection."""
         _, size = self._component_sizes(matrix)
         power = self.columns @ drawn @ drawn
         measured = np.einsum("wbc,wc,b->w", self.crossed, matrix, drawn)

@@ -15,13 +15,14 @@ from typing import Final
 
 import numpy as np
 
-from acquisition.recording.plate_geometry import PlateGeometry
+from acquisition.recording.plate_geometry import WRENCH_NAMES, base_wrench_matrix
 from config.arrays import FloatArray
-from config.cell.plate import CHANNEL_NAMES, CHANNELS, PlateConfig
+from config.cell.plate import CHANNEL_NAMES, CHANNELS, PlateDescription, PlatePlace
 from identification.calibration.plate_equations import PlateEquations
 from identification.calibration.plate_mistake import PlateKind
 
 SENSITIVITY_KEY: Final = "amplifier.sensitivity_pc_n"
+ORDER_KEY: Final = "amplifier"
 LEAST_CHANGE: Final = 0.1
 """Smallest relative error of a size or a sensitivity that counts as a mistake."""
 LEAST_SHIFT_M: Final = 0.01
@@ -31,6 +32,8 @@ HORIZONTAL: Final = 4
 """Number of channels for horizontal forces; they precede those for vertical forces."""
 GROUPS: Final = ((0, 1), (2, 3), (0, 1, 2, 3), (4, 5, 6, 7))
 """Sets of channels with one kind of sensor: for x, for y, for x and y, and for z."""
+WRENCH_GROUPS: Final = ((0, 1), (3, 4), (0, 1, 2), (3, 4, 5))
+"""Sets of components of a wrench: horizontal forces and moments, all forces, all moments."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,10 +42,10 @@ class PlateHypothesis:
 
     Attributes:
         kind: Kind of the mistake.
-        key: The wrong key of the cell file's `plate`.
+        key: The wrong key of `plate`.
         stated, right: As in `PlateMistake`.
         words: The mistake in words.
-        matrix: Shape (6, 8). The wrench matrix without the mistake.
+        matrix: Shape (6, c). The wrench matrix without the mistake.
         free: Number of values that were fitted.
     """
 
@@ -55,15 +58,16 @@ class PlateHypothesis:
     free: int = 0
 
 
-def plate_hypotheses(equations: PlateEquations, plate: PlateConfig) -> Iterator[PlateHypothesis]:
+def plate_hypotheses(equations: PlateEquations, plate: PlatePlace) -> Iterator[PlateHypothesis]:
     """Yield possible mistakes; a size, position or sensitivity has the value that fits best.
 
     Args:
         equations: Condensed equations of the wrench.
-        plate: The plate as described in its cell file.
+        plate: The plate as described in its file.
     """
     matrix = wrench_matrix(plate)
-    yield from _sizes(equations, plate, matrix)
+    if isinstance(plate, PlateDescription):
+        yield from _sizes(equations, plate, matrix)
     for axes in ((0,), (1,), (2,), (0, 1), (0, 1, 2)):
         yield from _positions(equations, plate, matrix, axes)
     yield from _rotations(equations, plate)
@@ -72,13 +76,13 @@ def plate_hypotheses(equations: PlateEquations, plate: PlateConfig) -> Iterator[
     yield from _orders(equations, matrix)
 
 
-def wrench_matrix(plate: PlateConfig, **changes: object) -> FloatArray:
-    """Return the base wrench per channel reading, (6, 8); `changes` replace fields of `plate`."""
-    return PlateGeometry.from_config(plate.model_copy(update=changes)).base_wrench_matrix
+def wrench_matrix(plate: PlatePlace, **changes: object) -> FloatArray:
+    """Return the base wrench per reading, (6, c); `changes` replace fields of `plate`."""
+    return base_wrench_matrix(plate.model_copy(update=changes))
 
 
 def _sizes(
-    equations: PlateEquations, plate: PlateConfig, matrix: FloatArray
+    equations: PlateEquations, plate: PlateDescription, matrix: FloatArray
 ) -> Iterator[PlateHypothesis]:
     for key in ("a_m", "b_m", "az0_m"):
         stated = float(getattr(plate, key))
@@ -97,7 +101,7 @@ def _sizes(
 
 
 def _positions(
-    equations: PlateEquations, plate: PlateConfig, matrix: FloatArray, axes: tuple[int, ...]
+    equations: PlateEquations, plate: PlatePlace, matrix: FloatArray, axes: tuple[int, ...]
 ) -> Iterator[PlateHypothesis]:
     stated = np.array(plate.position_m)
     units = [np.eye(3)[axis] for axis in axes]
@@ -112,7 +116,7 @@ def _positions(
         yield PlateHypothesis(PlateKind.POSITION, "position_m", *values, words, wrench, len(axes))
 
 
-def _rotations(equations: PlateEquations, plate: PlateConfig) -> Iterator[PlateHypothesis]:
+def _rotations(equations: PlateEquations, plate: PlatePlace) -> Iterator[PlateHypothesis]:
     """Yield rotations by multiples of 90°, and the best yaw of an upright or inverted plate."""
     stated = rotation_of(plate)
 
@@ -143,14 +147,16 @@ def _rotations(equations: PlateEquations, plate: PlateConfig) -> Iterator[PlateH
 
 def _sensitivities(equations: PlateEquations, matrix: FloatArray) -> Iterator[PlateHypothesis]:
     """Yield wrong sensitivities of each channel, of each of `GROUPS`, and of each two channels."""
-    for channels in (*((each,) for each in range(CHANNELS)), *GROUPS):
-        slope = np.zeros((1, 6, CHANNELS))
+    count = matrix.shape[1]
+    groups = GROUPS if count == CHANNELS else WRENCH_GROUPS
+    for channels in (*((each,) for each in range(count)), *groups):
+        slope = np.zeros((1, 6, count))
         slope[0][:, list(channels)] = matrix[:, list(channels)]
         factor = 1.0 + float(equations.best_parameters(matrix, slope)[0])
         if abs(factor - 1.0) >= LEAST_CHANGE:
             yield _scale(matrix, channels, (factor,) * len(channels), 1)
-    for pair in combinations(range(CHANNELS), 2):
-        slopes = np.zeros((2, 6, CHANNELS))
+    for pair in combinations(range(count), 2):
+        slopes = np.zeros((2, 6, count))
         for k, channel in enumerate(pair):
             slopes[k, :, channel] = matrix[:, channel]
         first, second = (1.0 + equations.best_parameters(matrix, slopes)).tolist()
@@ -160,17 +166,19 @@ def _sensitivities(equations: PlateEquations, matrix: FloatArray) -> Iterator[Pl
 
 def _signs(matrix: FloatArray) -> Iterator[PlateHypothesis]:
     """Yield reversed readings of every set of channels, except of all channels together."""
-    for size in range(1, CHANNELS):
-        for channels in combinations(range(CHANNELS), size):
+    count = matrix.shape[1]
+    for size in range(1, count):
+        for channels in combinations(range(count), size):
             yield _scale(matrix, channels, (-1.0,) * size, 0)
 
 
 def _scale(
     matrix: FloatArray, channels: tuple[int, ...], factors: tuple[float, ...], free: int
 ) -> PlateHypothesis:
-    scale = np.ones(CHANNELS)
+    scale = np.ones(matrix.shape[1])
     scale[list(channels)] = factors
-    names = ", ".join(CHANNEL_NAMES[channel] for channel in channels)
+    of_readings = reading_names(matrix)
+    names = ", ".join(of_readings[channel] for channel in channels)
     shown = " and ".join(f"{each:.3g}" for each in dict.fromkeys(factors))
     words = (
         f"the readings of {names} have the wrong sign"
@@ -187,7 +195,7 @@ def _orders(equations: PlateEquations, matrix: FloatArray) -> Iterator[PlateHypo
     This best order is improved by exchanges of two channels until no exchange reduces the
     residuals.
     """
-    identity = tuple(range(CHANNELS))
+    identity = tuple(range(matrix.shape[1]))
     swaps = [_swap(identity, *pair) for pair in combinations(identity, 2)]
     for order in swaps:
         yield _reorder(matrix, order)
@@ -195,10 +203,11 @@ def _orders(equations: PlateEquations, matrix: FloatArray) -> Iterator[PlateHypo
     def cost(order: Sequence[int]) -> float:
         return float(np.sum(np.log(equations.shares(matrix[:, list(order)]))))
 
-    orders = [identity[start:] + identity[:start] for start in range(1, CHANNELS)]
+    orders = [identity[start:] + identity[:start] for start in identity[1:]]
     orders += [each[::-1] for each in (identity, *orders)]
-    for horizontal in permutations(identity[:HORIZONTAL]):
-        orders += [horizontal + each for each in permutations(identity[HORIZONTAL:])]
+    parts = HORIZONTAL if len(identity) == CHANNELS else 3  # forces and moments
+    for first in permutations(identity[:parts]):
+        orders += [first + each for each in permutations(identity[parts:])]
     best = min((each for each in orders if each != identity), key=cost)
     lowest = cost(best)
     while True:
@@ -219,15 +228,16 @@ def _swap(order: tuple[int, ...], first: int, second: int) -> tuple[int, ...]:
 def _reorder(matrix: FloatArray, order: tuple[int, ...]) -> PlateHypothesis:
     """Return the hypothesis that the reading of channel i is that of channel `order[i]`."""
     moved = [i for i, other in enumerate(order) if i != other]
-    names = [CHANNEL_NAMES[i] for i in moved]
-    right = [CHANNEL_NAMES[order[i]] for i in moved]
+    of_readings = reading_names(matrix)
+    names = [of_readings[i] for i in moved]
+    right = [of_readings[order[i]] for i in moved]
     words = (
         f"the channels {names[0]} and {names[1]} are swapped"
         if len(moved) == 2
         else f"the readings of {', '.join(names)} belong to {', '.join(right)}, in this order"
     )
     values = (tuple(float(i) for i in moved), tuple(float(order[i]) for i in moved))
-    return PlateHypothesis(PlateKind.ORDER, "amplifier", *values, words, matrix[:, list(order)])
+    return PlateHypothesis(PlateKind.ORDER, ORDER_KEY, *values, words, matrix[:, list(order)])
 
 
 def _yaw(degrees: float) -> FloatArray:
@@ -235,12 +245,15 @@ def _yaw(degrees: float) -> FloatArray:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def rotation_of(plate: PlateConfig) -> FloatArray:
+def reading_names(matrix: FloatArray) -> tuple[str, ...]:
+    """Return the names of the readings of a wrench matrix (6, c)."""
+    return CHANNEL_NAMES if matrix.shape[1] == CHANNELS else WRENCH_NAMES
+
+
+def rotation_of(plate: PlatePlace) -> FloatArray:
     """Return the plate's axes in the base's frame, as columns (3, 3)."""
-    turned = plate.model_copy(update={"sensitivity": None, "position_m": (0.0, 0.0, 0.0)})
-    straight = turned.model_copy(update={"rotation_rad": (0.0, 0.0, 0.0)})
-    forces, back = (wrench_matrix(each) for each in (turned, straight))
-    return np.asarray(forces[:3] @ np.linalg.pinv(back[:3]))
+    place = PlatePlace(position_m=(0.0, 0.0, 0.0), rotation_rad=plate.rotation_rad)
+    return np.asarray(-wrench_matrix(place)[:3, :3])
 
 
 def angles_of(rotation: FloatArray) -> tuple[float, float, float]:

@@ -9,17 +9,19 @@ channels: it is found by comparing the measured weight of the arm with its drawi
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from acquisition.processing.periods import PeriodAverage
 from config.arrays import FloatArray
-from config.cell.plate import CHANNELS, PlateConfig
+from config.cell.plate import PlatePlace
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel
 from identification.calibration.plate_equations import PlateEquations
 from identification.calibration.plate_hypotheses import (
+    ORDER_KEY,
     SENSITIVITY_KEY,
     PlateHypothesis,
     plate_hypotheses,
@@ -38,14 +40,34 @@ WORSE: Final = 1.2
 ONE_MORE_FREE: Final = 0.1
 
 
+@dataclass(frozen=True)
+class FileNames:
+    """Names in the file that describes a plate.
+
+    Attributes:
+        file: The file, in words.
+        sensitivity, order: Keys under `plate` of the sensitivities, and of the order of readings.
+    """
+
+    file: str
+    sensitivity: str
+    order: str
+
+
+CELL_NAMES: Final = FileNames("cell file", SENSITIVITY_KEY, ORDER_KEY)
+MAP_NAMES: Final = FileNames("import map", "scale", "channels")
+WRENCH_MAP_NAMES: Final = FileNames("import map", "scale", "wrench")
+
+
 def find_plate_mistake(
     averages: Sequence[PeriodAverage],
     equations: Sequence[BinEquations],
     delays_s: Sequence[float],
-    plate: PlateConfig,
+    plate: PlatePlace,
     robot: RobotDescription,
     model: RobotModel,
     base: BaseParameters,
+    names: FileNames = CELL_NAMES,
 ) -> PlateMistake | None:
     """Return the mistake that explains the plate's wrench far better, or None.
 
@@ -53,30 +75,33 @@ def find_plate_mistake(
         averages: The runs' mean periods.
         equations: Equations of the mean periods, of the external or the combined model.
         delays_s: Delay of the plate's signals in each run [s].
-        plate: The plate as described in its cell file.
+        plate: The plate as described in its file.
         robot: The robot, for its drawings.
         base: The parameters of the equations.
+        names: Names in the file that describes the plate.
     """
     found = PlateEquations.of(averages, equations, delays_s)
     if found is None:
         return None
     drawn = base.from_standard(drawn_parameters(model, robot))
-    return best_mistake(found, plate, drawn, plausible_weight(robot))
+    return best_mistake(found, plate, drawn, plausible_weight(robot), names)
 
 
 def best_mistake(
     equations: PlateEquations,
-    plate: PlateConfig,
+    plate: PlatePlace,
     drawn: FloatArray,
     plausible: tuple[float, float],
+    names: FileNames = CELL_NAMES,
 ) -> PlateMistake | None:
     """Return the mistake whose correction explains condensed equations far better, or None.
 
     Args:
         equations: Condensed equations of the wrench.
-        plate: The plate as described in its cell file.
+        plate: The plate as described in its file.
         drawn: Shape (b,). The parameters from the robot's drawings.
         plausible: Smallest and largest ratio of a real arm's weight to the drawn one.
+        names: Names in the file that describes the plate.
     """
     matrix = wrench_matrix(plate)
     before = equations.shares(matrix)
@@ -95,13 +120,15 @@ def best_mistake(
             "This correction reduces the residual of the wrench by a factor of up to"
             f" {times_better:.2g}"
         )
-        return _mistake(best.kind, best.key, best.stated, best.right, times_better, best.words, why)
+        return _mistake(best, times_better, why, names)
     if np.any(before > EXPLAINED_SHARE):
         return None
-    return _of_all_channels(equations.weight(matrix, drawn), plausible)
+    return _of_all_channels(equations.weight(matrix, drawn), plausible, matrix, names)
 
 
-def _of_all_channels(weight: float, plausible: tuple[float, float]) -> PlateMistake | None:
+def _of_all_channels(
+    weight: float, plausible: tuple[float, float], matrix: FloatArray, names: FileNames
+) -> PlateMistake | None:
     """Return the mistake of a sign or a factor that is common to all channels.
 
     A wrench with such a mistake fits another arm equally well; only the weight in the robot's
@@ -118,29 +145,32 @@ def _of_all_channels(weight: float, plausible: tuple[float, float]) -> PlateMist
         else f"the readings of all channels must be multiplied by about {factor:.2g}"
     )
     why = f"Otherwise the arm has {weight:.2g} times the weight expected from `cad` or its size"
-    key, stated, right = SENSITIVITY_KEY, (1.0,) * CHANNELS, (factor,) * CHANNELS
-    return _mistake(PlateKind.SENSITIVITY, key, stated, right, 1.0, words, why)
+    count = matrix.shape[1]
+    found = PlateHypothesis(
+        PlateKind.SENSITIVITY,
+        SENSITIVITY_KEY,
+        (1.0,) * count,
+        (factor,) * count,
+        words,
+        factor * matrix,
+    )
+    return _mistake(found, 1.0, why, names)
 
 
 def _mistake(
-    kind: PlateKind,
-    key: str,
-    stated: tuple[float, ...],
-    right: tuple[float, ...],
-    times_better: float,
-    words: str,
-    why: str,
+    found: PlateHypothesis, times_better: float, why: str, names: FileNames
 ) -> PlateMistake:
+    key = {SENSITIVITY_KEY: names.sensitivity, ORDER_KEY: names.order}.get(found.key, found.key)
     sentence = (
-        f"The description of the force plate is probably wrong: {words}. {why}. Correct"
-        f" `plate.{key}` in the cell file. Until then, torque constants are not compared with the"
-        " plate."
+        f"The description of the force plate is probably wrong: {found.words}. {why}. Correct"
+        f" `plate.{key}` in the {names.file}. Until then, torque constants are not compared with"
+        " the plate."
     )
     return PlateMistake(
-        kind=kind,
+        kind=found.kind,
         key=key,
-        stated=stated,
-        right=right,
+        stated=found.stated,
+        right=found.right,
         times_better=times_better,
         sentence=sentence,
     )

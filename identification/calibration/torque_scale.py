@@ -66,7 +66,7 @@ class TorqueConsistency:
 
     @property
     def sentence(self) -> str:
-        """The axes that do not agree with the plate, in words."""
+        """Text that names the axes that do not agree with the plate."""
         wrong = [axis for axis in self.axes if axis.wrong]
         if not wrong:
             ratios = ", ".join(f"{a.ratio:.4f} ± {2.0 * a.sigma:.4f}" for a in self.axes)

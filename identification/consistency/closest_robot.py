@@ -74,7 +74,7 @@ class ConsistentEstimate:
 
     @property
     def sentence(self) -> str:
-        """Result of the test, and the parameter that the consistent robot changes most."""
+        """Text: result of the test, and the parameter that the consistent robot changes most."""
         moved = self.moved_sigmas
         worst = int(np.argmax(np.abs(moved)))
         most = abs(float(moved[worst]))

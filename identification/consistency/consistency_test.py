@@ -99,7 +99,7 @@ class ConsistencyTest:
 
     @property
     def sentence(self) -> str:
-        """The result, with the largest single violations."""
+        """Text with the result and the largest violations by single parameters."""
         p = f"p = {self.p_value:.2g}" if self.p_value >= SHOWN_P else f"p < {SHOWN_P:g}"
         if self.is_consistent:
             return f"The parameters are physically consistent ({p}): {self._largest}."
@@ -221,7 +221,7 @@ def cannot_be_negative(parameters: JudgedParameters, cone: ConsistencyProgramme)
 
 
 def _constrained(cone: ConsistencyProgramme) -> tuple[BoolArray, BoolArray]:
-    """Return masks (p,): parameters constrained alone, and those constrained only together."""
+    """Return two masks (p,): parameters constrained singly, and those constrained only jointly."""
     involved = cone.not_negative != 0.0
     single = np.count_nonzero(involved, axis=1) == 1
     alone = np.any(involved[single], axis=0)
@@ -269,7 +269,7 @@ def _simulated_tail(
 
 
 def _upper_bound_of_tail(distance: float, count: int, clusters: int | None) -> float:
-    """Return an upper bound of the p-value: its value if only one robot were consistent."""
+    """Return an upper bound of the p-value: its value if the cone were a single point."""
     if clusters is None:
         return float(chdtrc(count, distance))
     return float(fdtrc(count, clusters - 1, distance * widening(clusters) ** 2 / count))

@@ -142,7 +142,8 @@ class ConsistencyProgramme:
         settings.max_threads = 1
         settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = TOLERANCE
         statuses: list[str] = []
-        for unit in UNITS_SIGMAS:  # far from the cone, the solver needs a larger unit
+        # if the parameters are far from the cone, the solver needs a larger unit
+        for unit in UNITS_SIGMAS:
             solution = DefaultSolver(
                 self._quadratic,
                 linear / unit,

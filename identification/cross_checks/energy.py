@@ -95,7 +95,7 @@ def _intervals(
 def _energies(
     estimate: Estimate, run: TimeRun, rows: slice
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return energy per unit parameter, the actuators' work and the noise's power, row by row.
+    """Return each row's energy per unit parameter, actuators' work and noise power.
 
     The energy is kinetic energy, plus the energy that gravity, springs and friction took since the
     first row. Work and noise power are summed from the first row on.

@@ -8,17 +8,19 @@ parameters sample by sample.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
 
-from config.arrays import FloatArray
+from acquisition.processing.smoothing import SmoothedSignals
+from config.arrays import BoolArray, FloatArray
 from config.errors import EstimationError
 from dynamics.model.inverse_dynamics import torque_derivatives
 from dynamics.model.standstill import standstill_speed as standstill_of
 from dynamics.terms.conditions import Conditions
+from identification.equations.parallel_filter import ParallelFilter
 from identification.equations.time_domain import TimeRun
 from identification.estimation.estimate import Estimate
 from identification.model.torque_columns import torque_columns
@@ -36,8 +38,12 @@ def estimate_by_kalman_filter(
 
     The filter starts at the estimate with a tenth of its information. It processes the recordings
     twice, the second time with a tenth of its own information, so that the start has little effect.
-    It may not converge from a more distant start, because light wrists with friction make the
+    From a more distant start it can fail to converge, because light wrists with friction make the
     simulation stiff.
+
+    A joint that sticks at a reversal has a friction that the model does not know, and the filters
+    of the torque spread it over the neighbouring rows. The torque of these rows has a large
+    uncertainty.
 
     Args:
         estimate: The model, and the size of each joint's residuals, which is the torques' noise.
@@ -60,10 +66,17 @@ def estimate_by_kalman_filter(
         )
     values = estimate.values
     covariance = estimate.covariance_jackknife + estimate.covariance_residual
+    simulations = [
+        _Simulation(
+            estimate,
+            replace(run, signals=_as_recorded(run.signals)),
+            _known_friction(estimate, run),
+        )
+        for run in runs
+    ]
     for _ in range(PASSES):
         covariance = FORGETTING * covariance
-        for run in runs:
-            simulation = _Simulation(estimate, run)
+        for run, simulation in zip(runs, simulations, strict=True):
             for segment in range(int(run.signals.segment[-1]) + 1):
                 rows = np.flatnonzero(run.signals.segment == segment)
                 with np.errstate(over="ignore", invalid="ignore"):
@@ -76,12 +89,46 @@ def estimate_by_kalman_filter(
     return values, np.asarray(covariance * np.outer(colour, colour))
 
 
+def _known_friction(estimate: Estimate, run: TimeRun) -> BoolArray:
+    """Return True for each row and joint away from standstill and reversals, (rows, n)."""
+    shared = ParallelFilter(run.signals)
+    conditions = shared.conditions(estimate.model, run.conditions)
+    return shared.usable_rows(estimate.model, conditions, estimate.standstill_rad_s)[0]
+
+
+def _as_recorded(signals: SmoothedSignals) -> SmoothedSignals:
+    """Return signals with positions and torques that are not low-passed, if these are known.
+
+    Friction jumps when a joint reverses. The simulation reproduces this jump, but a low-passed
+    torque does not contain it.
+    """
+    source, rows = signals.unfiltered, signals.unfiltered_row
+    if source is None or rows is None:
+        return signals
+    from scipy import ndimage  # a large import that only this method needs
+
+    width = max(1, round(signals.sample_period_s / source.sample_period_s))
+    mean_nm = ndimage.uniform_filter1d(source.torque_nm, width, axis=0, mode="nearest")
+    return replace(
+        signals,
+        position=source.position[rows],
+        velocity=source.velocity[rows],
+        torque_nm=mean_nm[rows],
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class _Simulation:
-    """One recording, simulated from measured torques; the state is q, v and the parameters."""
+    """One recording, simulated from measured torques; the state is q, v and the parameters.
+
+    Attributes:
+        estimate, run: The model, and the recording.
+        known: Shape (rows, n). True for rows at which a joint's friction is known.
+    """
 
     estimate: Estimate
     run: TimeRun
+    known: BoolArray
 
     def filter_segment(
         self, rows: np.ndarray, values: FloatArray, covariance: FloatArray
@@ -151,6 +198,7 @@ class _Simulation:
         slope[n : 2 * n] += step_s * by_state
         # At standstill friction can have any value, so the joint's torque has a large uncertainty.
         slow = np.abs(model.actuator_speed(v[np.newaxis])[0]) < standstill
+        slow |= ~(self.known[row] & self.known[following])
         sigma = np.where(slow, loudest, 0.0)
         sigma = np.maximum(sigma, self.estimate.residual_nm)
         entry = np.zeros((len(state), n))

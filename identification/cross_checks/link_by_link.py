@@ -90,7 +90,10 @@ def _condense(
     basis: FloatArray,
     values: FloatArray,
 ) -> Cluster:
-    """Return a cluster of rows of all joints, reduced to the combinations that each determines."""
+    """Return the rows of all joints as one cluster.
+
+    Of each joint's rows, only the combinations of parameters that this joint determines are kept.
+    """
     gram, score = [], []
     for (matrix, rhs), directions in zip(rows, own, strict=True):
         seen = (matrix @ directions).T

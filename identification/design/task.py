@@ -133,9 +133,9 @@ def _base_limits(
 
 
 def _torque_share(robot: RobotDescription, planned: RobotModel, model: Estimate) -> float:
-    """Return the fraction of the torque limits that friction of `model` alone leaves free.
+    """Return the fraction of the torque limits that additional friction of `model` leaves free.
 
-    This friction is that of the terms which the robot file does not have.
+    Additional friction is that of the terms that the robot file does not have.
     """
     if model.options.kind == "external":
         return 1.0

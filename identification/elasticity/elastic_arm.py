@@ -148,7 +148,7 @@ class ElasticArm:
         return found
 
     def _with_motor_of(self, motion: ElasticMotion, joint: int) -> TermMotion:
-        """Return a rigid motion in which one joint moves as its motor does."""
+        """Return the motion of a rigid arm in which one joint moves as its motor does."""
         v, a = motion.v.copy(), motion.a.copy()
         v[:, joint], a[:, joint] = motion.motor_v[:, joint], motion.motor_a[:, joint]
         return self.links.motion(motion.q, v, a)
@@ -156,8 +156,8 @@ class ElasticArm:
     def _own_reaction(self, joint: int) -> float:
         """Return mu (e . z) of a motor that is mounted on the link that it moves; otherwise 0.
 
-        Such a motor turns relative to its own link, so that its reaction acts on this link and its
-        carrier turns as the link does, not as the motor.
+        Such a motor accelerates with the link that it moves, in addition to its own rotation, and
+        its reaction acts on this link.
         """
         description = self.robot.joints[joint]
         if description.rotor is None or self._carriers[joint] != joint + 1:

@@ -18,7 +18,9 @@ from acquisition.signals.bins import Bins
 from config.arrays import BoolArray, FloatArray
 from dynamics.model.robot_model import regressor
 from identification.elasticity.elastic_arm import ElasticArm
-from identification.elasticity.elastic_runs import ExcitationBins, MultisineBins
+from identification.elasticity.elastic_runs import ExcitationBins, MultisineBins, multisine_torque
+from identification.elasticity.instrument_unknowns import InstrumentUnknowns
+from identification.elasticity.levenberg_marquardt import Minimum
 from identification.elasticity.link_motion import Gears, solve_links
 
 LOSS_S: Final = 1e-3
@@ -33,8 +35,8 @@ class Channel:
 
     Attributes:
         run: Index of the run.
-        name: `torque` or `plate`.
-        index: Index of the joint or of the component of the wrench.
+        name: `torque`, `plate`, `tracker` or `encoder` (on the link side).
+        index: Index of the joint, of the component of the wrench, or of the instrument's channel.
         size: Number of residuals.
     """
 
@@ -42,6 +44,11 @@ class Channel:
     name: str
     index: int
     size: int
+
+    @property
+    def is_link_side(self) -> bool:
+        """True for an instrument on the link side of the gears."""
+        return self.name in ("tracker", "encoder")
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +66,7 @@ class ElasticProblem:
         sigma: Standard deviation of the residuals of each channel, in the order of `channels`.
         scale: Shape (b,). Size of a typical change of each base parameter.
         inertia: Shape (n,). Mean inertia of the links about each joint at the start.
+        instruments: Unknowns of the instruments on the link side of the gears.
     """
 
     arm: ElasticArm
@@ -68,6 +76,7 @@ class ElasticProblem:
     sigma: FloatArray
     scale: FloatArray
     inertia: FloatArray
+    instruments: InstrumentUnknowns
 
     @classmethod
     def of(
@@ -99,6 +108,7 @@ class ElasticProblem:
             _channel_noise(excitations, multisines),
             torque / np.maximum(size, 1e-3 * size.max()),
             np.array(inertia),
+            InstrumentUnknowns.of(excitations),
         )
 
     @property
@@ -133,7 +143,16 @@ class ElasticProblem:
             found += [Channel(number, "torque", j, size) for j in range(self.arm.n)]
             if isinstance(run, ExcitationBins) and run.plate is not None:
                 found += [Channel(number, "plate", c, size) for c in range(6)]
+            if isinstance(run, ExcitationBins):
+                for each in run.link_side:
+                    size, width = 2 * len(each.bins), each.bins.shape[1]
+                    found += [Channel(number, each.name, c, size) for c in range(width)]
         return tuple(found)
+
+    @cached_property
+    def link_side_rows(self) -> BoolArray:
+        """Mask of the residuals of instruments on the link side; the priors are not included."""
+        return np.concatenate([np.full(each.size, each.is_link_side) for each in self.channels])
 
     @cached_property
     def run_rows(self) -> tuple[BoolArray, ...]:
@@ -164,7 +183,7 @@ class ElasticProblem:
         parts: list[FloatArray] = []
         for number, run in enumerate(self.excitations):
             start = bent[number] if bent else None
-            predicted, wrench, deflection = self._excitation(run, gears, start)
+            predicted, wrench, deflection, q = self._excitation(run, gears, start)
             if bent:
                 bent[number] = deflection
             parts += self._without_friction(number, run.torque - predicted)
@@ -172,6 +191,8 @@ class ElasticProblem:
                 omega = 2.0 * math.pi / run.period_s * np.arange(1, len(run.torque) + 1)
                 late = np.exp(-1j * omega * 1e-3 * next(delays))
                 parts += list(_rows(run.plate.wrench - wrench * late[:, np.newaxis]).T)
+            for each in run.link_side:
+                parts += list(_rows(each.bins - each.predicted(q, run.period_s)).T)
         for number, multisine in enumerate(self.multisines, start=len(self.excitations)):
             left = multisine.torque - multisine_torque(multisine, gears)
             parts += self._without_friction(number, left)
@@ -180,23 +201,83 @@ class ElasticProblem:
             (x[n : 2 * n] - 1.0) / LOSS_WIDTH,
             x[2 * n : 3 * n] / ROTOR_WIDTH,
         ]
-        weighted = [part / sigma for part, sigma in zip(parts, self.sigma, strict=True)]
-        return np.concatenate([*weighted, *prior])
+        weighted = np.concatenate(
+            [part / sigma for part, sigma in zip(parts, self.sigma, strict=True)]
+        )
+        if self._instruments.size:
+            left = weighted[self.link_side_rows]
+            weighted[self.link_side_rows] = left - self._instruments @ (self._instruments.T @ left)
+        return np.concatenate([weighted, *prior])
 
-    def reweighted(self, residuals: FloatArray) -> ElasticProblem:
-        """Return the problem with channel weights of the residuals, if these exceed the noise."""
+    def renewed(self, found: Minimum) -> ElasticProblem:
+        """Return the problem with the instruments' unknowns at a minimum, and with its weights.
+
+        A weight is that of the residuals, if these exceed the noise.
+        """
         noises = _channel_noise(self.excitations, self.multisines)
         sigma, first = [], 0
         for each, old, noise in zip(self.channels, self.sigma, noises, strict=True):
-            rms = float(np.sqrt(np.mean(residuals[first : first + each.size] ** 2)))
+            rms = float(np.sqrt(np.mean(found.residuals[first : first + each.size] ** 2)))
             first += each.size
             sigma.append(max(noise, old * rms))
-        return replace(self, sigma=np.array(sigma))
+        excitations = self.excitations
+        if self.link_side_rows.any():
+            left = self._link_side_residual(self.gears(found.x))
+            excitations = self.instruments.renewed(excitations, left, self._link_side_sigma)
+        return replace(self, sigma=np.array(sigma), excitations=excitations)
+
+    def tool_residual_m(self, found: Minimum) -> float | None:
+        """Return the RMS distance of trackers from the fitted points [m]; None without a tracker.
+
+        The unknowns of the instruments have the values that fit best. The constant part of the
+        distance is not included.
+        """
+        power, periods, first = 0.0, 0, 0
+        for each, sigma in zip(self.channels, self.sigma, strict=True):
+            own = found.residuals[first : first + each.size] * sigma
+            first += each.size
+            if each.name == "tracker":
+                power += 2.0 * float(own @ own)
+                periods += each.index == 0
+        return math.sqrt(power / periods) if periods else None
+
+    def link_side_mismatch(self, found: Minimum) -> float:
+        """Return the largest share of a deflection that the fit does not explain.
+
+        The share is the RMS residual of an instrument in a run, without the instrument's noise,
+        divided by the RMS deflection that the fit predicts for this instrument. Without an
+        instrument the share is 0.
+        """
+        if not self.link_side_rows.any():
+            return 0.0
+        gears = self.gears(found.x)
+        deflections: list[FloatArray] = []
+        for run in self.excitations:
+            q, theta = self._excitation(run, gears, None)[3], run.motors
+            for each in run.link_side:
+                bins = each.predicted(theta, run.period_s) - each.predicted(q, run.period_s)
+                deflections.append(_rows(bins).T.ravel())
+        bent = np.concatenate(deflections) / self._link_side_sigma
+        bent -= self._instruments @ (self._instruments.T @ bent)
+        left = found.residuals[: len(self.link_side_rows)][self.link_side_rows]
+        noises = _channel_noise(self.excitations, self.multisines)
+        sizes: list[list[float]] = []
+        first = 0
+        for channel, sigma, noise in zip(self.channels, self.sigma, noises, strict=True):
+            if not channel.is_link_side:
+                continue
+            if channel.index == 0:
+                sizes.append([0.0, 0.0])
+            rows = slice(first, first + channel.size)
+            first += channel.size
+            sizes[-1][0] += float(bent[rows] @ bent[rows])
+            sizes[-1][1] += float(left[rows] @ left[rows]) - channel.size * (noise / sigma) ** 2
+        return max(math.sqrt(max(more, 0.0) / max(seen, 1e-300)) for seen, more in sizes)
 
     def _excitation(
         self, run: ExcitationBins, gears: Gears, start: Bins | None
-    ) -> tuple[Bins, Bins | None, Bins]:
-        """Return motor torques and base wrench on the bins 1 to H, and the deflection's bins."""
+    ) -> tuple[Bins, Bins | None, Bins, FloatArray]:
+        """Return torques and base wrench on bins 1 to H, deflection's bins, and link positions."""
         motion, bent, torque, _ = solve_links(
             self.arm, gears, run.theta, run.period_s, run.rows, self.inertia, start
         )
@@ -207,7 +288,35 @@ class ElasticProblem:
         if run.plate is not None:
             values = self.arm.base_wrench(motion, gears.body, gears.rotor)
             wrench = np.asarray(np.fft.rfft(values, axis=0)[used] / run.rows)
-        return predicted, wrench, bent
+        return predicted, wrench, bent, motion.q
+
+    def _link_side_residual(self, gears: Gears) -> FloatArray:
+        """Return measured minus predicted values of the instruments, without projection."""
+        parts: list[FloatArray] = []
+        for run in self.excitations:
+            q = self._excitation(run, gears, None)[3]
+            parts.extend(
+                _rows(each.bins - each.predicted(q, run.period_s)).T.ravel()
+                for each in run.link_side
+            )
+        return np.concatenate(parts)
+
+    @cached_property
+    def _link_side_sigma(self) -> FloatArray:
+        return np.concatenate(
+            [
+                np.full(each.size, sigma)
+                for each, sigma in zip(self.channels, self.sigma, strict=True)
+                if each.is_link_side
+            ]
+        )
+
+    @cached_property
+    def _instruments(self) -> FloatArray:
+        """Orthonormal basis of the weighted residuals that the instruments' unknowns can cause."""
+        if not self.link_side_rows.any():
+            return np.zeros((0, 0))
+        return self.instruments.basis(self.excitations, self._link_side_sigma)
 
     def friction_of(self, run: int, joint: int, left: Bins) -> Bins:
         """Return the part of a joint's residual (H,) that friction can explain."""
@@ -260,26 +369,6 @@ class ElasticProblem:
         return tuple(found)
 
 
-def multisine_torque(run: MultisineBins, gears: Gears) -> Bins:
-    """Return the motor torques without friction at the lines of a multisine, shape (F, n).
-
-    q = [s^2 M + K + s D + K_g]^-1 [K + s D - s^2 S] theta, and
-    tau = s^2 (I theta + C q) + (K + s D) (theta - q), with the matrices of `SmallMotion`. If
-    stiffness and damping have the shape (tries, n), the result has the shape (tries, F, n).
-    """
-    small = run.small
-    s = 2j * math.pi * run.frequency_hz[:, np.newaxis]
-    stiffness, damping = (each[..., np.newaxis, :] for each in (gears.stiffness, gears.damping))
-    gear = stiffness + s * damping
-    mass, slope = small.mass @ gears.body, small.slope @ gears.body
-    reaction, carried = small.reaction @ gears.rotor, small.carried @ gears.rotor
-    left = s[:, np.newaxis] ** 2 * mass + slope + gear[..., np.newaxis] * np.eye(len(mass))
-    right = gear * run.theta - s**2 * (run.theta @ reaction.T)
-    link = np.linalg.solve(left, right[..., np.newaxis])[..., 0]
-    own = np.diagonal(small.own) * gears.rotor
-    return np.asarray(s**2 * (own * run.theta + link @ carried.T) + gear * (run.theta - link))
-
-
 def _channel_noise(
     excitations: Sequence[ExcitationBins], multisines: Sequence[MultisineBins]
 ) -> FloatArray:
@@ -289,6 +378,7 @@ def _channel_noise(
         sigma.append(run.sigma)
         if run.plate is not None:
             sigma.append(run.plate.sigma)
+        sigma += [each.sigma for each in run.link_side]
     return np.concatenate([*sigma, *(run.sigma for run in multisines)])
 
 

@@ -13,12 +13,17 @@ from acquisition.processing.periods import PeriodAverage
 from acquisition.processing.realisations import realisation_starts
 from acquisition.recording.recording import Recording
 from acquisition.signals.bins import Bins, filter_response, from_bins, to_bins
+from acquisition.tracker.link_file import LinkPositions
+from acquisition.tracker.tracker_file import TrackedPoint
 from config.arrays import FloatArray, IntArray
 from config.cell.torque_filter import ButterworthFilter
 from config.errors import DataQualityError
 from config.robot.robot import RobotDescription
+from dynamics.geometry.kinematics import Chain
 from identification.elasticity.elastic_arm import ElasticArm, SmallMotion
 from identification.elasticity.friction_shapes import friction_shapes
+from identification.elasticity.link_motion import Gears
+from identification.elasticity.link_side import LinkSideBins, encoded_bins, tracked_bins
 from identification.equations.base_wrench import average_neighbouring_bins
 from identification.equations.bins import harmonics_below
 
@@ -53,6 +58,7 @@ class ExcitationBins:
         sigma: Shape (n,). RMS of the torque noise of a bin's real part [N m or N].
         friction: Shape (H, n, functions). Bins of `friction_shapes`.
         plate: Base wrench; None without a force plate.
+        link_side: Measurements on the link side of the gears.
     """
 
     run_id: str
@@ -62,11 +68,31 @@ class ExcitationBins:
     sigma: FloatArray
     friction: Bins
     plate: WrenchBins | None = None
+    link_side: tuple[LinkSideBins, ...] = ()
 
     @property
     def rows(self) -> int:
         """Samples per period at which the dynamics are computed."""
         return int(2 ** math.ceil(math.log2(6 * len(self.theta))))
+
+    @property
+    def motors(self) -> FloatArray:
+        """One period of the motors' positions, shape (rows, n) [rad or m]."""
+        return from_bins(self.theta, self.rows)
+
+    def with_tracker(
+        self, tracked: TrackedPoint, recording: Recording, chain: Chain
+    ) -> ExcitationBins:
+        """Return the run with a point that a tracker measured; see `tracked_bins`."""
+        found = tracked_bins(
+            tracked, recording, self.motors, len(self.torque), self.period_s, chain
+        )
+        return replace(self, link_side=(*self.link_side, found))
+
+    def with_link_encoders(self, links: LinkPositions, recording: Recording) -> ExcitationBins:
+        """Return the run with positions of encoders on the link side; see `encoded_bins`."""
+        found = encoded_bins(links, recording, self.motors, len(self.torque), self.period_s)
+        return replace(self, link_side=(*self.link_side, found))
 
     def below(self, band_hz: float) -> ExcitationBins:
         """Return the bins up to a frequency [Hz], at least four."""
@@ -78,6 +104,7 @@ class ExcitationBins:
             torque=self.torque[:count],
             friction=self.friction[:count],
             plate=None if plate is None else replace(plate, wrench=plate.wrench[:count]),
+            link_side=tuple(replace(each, bins=each.bins[:count]) for each in self.link_side),
         )
 
 
@@ -188,6 +215,26 @@ def multisine_bins(
             )
         )
     return tuple(found)
+
+
+def multisine_torque(run: MultisineBins, gears: Gears) -> Bins:
+    """Return the motor torques without friction at the lines of a multisine, shape (F, n).
+
+    q = [s^2 M + K + s D + K_g]^-1 [K + s D - s^2 S] theta, and
+    tau = s^2 (I theta + C q) + (K + s D) (theta - q), with the matrices of `SmallMotion`. If
+    stiffness and damping have the shape (tries, n), the result has the shape (tries, F, n).
+    """
+    small = run.small
+    s = 2j * math.pi * run.frequency_hz[:, np.newaxis]
+    stiffness, damping = (each[..., np.newaxis, :] for each in (gears.stiffness, gears.damping))
+    gear = stiffness + s * damping
+    mass, slope = small.mass @ gears.body, small.slope @ gears.body
+    reaction, carried = small.reaction @ gears.rotor, small.carried @ gears.rotor
+    left = s[:, np.newaxis] ** 2 * mass + slope + gear[..., np.newaxis] * np.eye(len(mass))
+    right = gear * run.theta - s**2 * (run.theta @ reaction.T)
+    link = np.linalg.solve(left, right[..., np.newaxis])[..., 0]
+    own = np.diagonal(small.own) * gears.rotor
+    return np.asarray(s**2 * (own * run.theta + link @ carried.T) + gear * (run.theta - link))
 
 
 def _unfiltered(

@@ -35,7 +35,7 @@ def first_gears(
     excitations: Sequence[ExcitationBins],
     multisines: Sequence[MultisineBins],
 ) -> Gears:
-    """Return parameters near enough to the solution for the fit.
+    """Return parameters that are close enough to the solution to start the fit.
 
     Raises:
         EstimationError: The excitation runs do not determine the arm with rigid gears.
@@ -46,7 +46,7 @@ def first_gears(
     inertia = [f"Im{j + 1}" if f"Im{j + 1}" in names else f"Ia{j + 1}" for j in range(arm.n)]
 
     def split(rotor: FloatArray) -> FloatArray:
-        """Return the links' parameters if the motors have these inertias."""
+        """Return the parameters of the links if the motors have the inertias `rotor`."""
         columns = [(j, names.index(name)) for j, name in enumerate(inertia) if name in names]
         rest = values - sum(base.combination[:, column] * rotor[j] for j, column in columns)
         standard = base.to_standard(rest)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Final
 
@@ -21,14 +21,15 @@ from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from identification.elasticity.elastic_arm import ElasticArm
-from identification.elasticity.elastic_problem import ElasticProblem, multisine_torque
-from identification.elasticity.elastic_runs import ExcitationBins, MultisineBins
+from identification.elasticity.elastic_problem import ElasticProblem
+from identification.elasticity.elastic_runs import ExcitationBins, MultisineBins, multisine_torque
 from identification.elasticity.first_stiffness import first_gears
 from identification.elasticity.levenberg_marquardt import Minimum, minimise
 from identification.elasticity.link_motion import Gears, solve_links
 
 SHARE_OF_RESONANCE: Final = 0.5
-"""Band of the excitation runs over the lowest resonance of a link on a locked motor."""
+"""Ratio of the band of the excitation runs to the lowest resonance frequency of a link on a
+locked motor."""
 ROUNDS: Final = 3
 ITERATIONS: Final = 15
 MODEL_ERROR: Final = 0.01
@@ -38,6 +39,8 @@ LARGEST_DAMPING_SIGMA: Final = 0.5
 LEAST_BEND_RAD: Final = 2e-5
 LARGEST_RESIDUAL: Final = 0.15
 """Simulated cells have 0.09 to 0.12; runs with different loads have more."""
+LARGEST_MISMATCH: Final = 0.3
+"""The bundled cell `ir361_elastic` has 0.02; an instrument that sees no deflection has about 1."""
 FEWEST_RUNS: Final = 3
 ONLY_THIS_RUN: Final = 1e-9
 STEPS: Final = {"stiffness": 1e-4, "loss": 1e-2, "rotor": 1e-4, "body": 1e-3, "delay": 1e-2}
@@ -59,6 +62,11 @@ class GearEstimate:
             lines of the multisines.
         responses: Measured and predicted frequency response of each axis.
         has_plate: True if a force plate was used.
+        tool_residual_m: RMS distance of the tracker's points from the fitted path, without its
+            constant part; None without a tracker.
+        has_link_encoders: True if encoders on the link side were used.
+        link_side_mismatch: Largest share of a deflection that an instrument saw and the fit does
+            not explain.
     """
 
     joint_names: tuple[str, ...]
@@ -71,10 +79,13 @@ class GearEstimate:
     residual_share: FloatArray
     responses: tuple[GearResponse, ...]
     has_plate: bool
+    tool_residual_m: float | None = None
+    has_link_encoders: bool = False
+    link_side_mismatch: float = 0.0
 
     @property
     def shows_damping(self) -> tuple[bool, ...]:
-        """For each joint, if the data show its damping and not only its prior."""
+        """For each joint: True if the data determine stiffness and damping."""
         shown = self.damping_sigma <= LARGEST_DAMPING_SIGMA * self.gears.damping
         return tuple(
             bool(each) and reason is None for each, reason in zip(shown, self.reasons, strict=True)
@@ -82,7 +93,9 @@ class GearEstimate:
 
     @property
     def reasons(self) -> tuple[str | None, ...]:
-        """For each joint, why the data do not show its stiffness; None if they do.
+        """For each joint: the reason why the data do not determine its stiffness.
+
+        None if they determine it.
 
         The axes are fitted together. Therefore no stiffness is shown if one residual is too large.
         """
@@ -95,6 +108,14 @@ class GearEstimate:
                 f" most {100.0 * LARGEST_RESIDUAL:.0f} %); all runs need the same load"
             )
             return (unexplained,) * len(self.joint_names)
+        if self.link_side_mismatch > LARGEST_MISMATCH:
+            contradicted = (
+                "the instrument on the link side contradicts the motors:"
+                f" {100.0 * self.link_side_mismatch:.0f} % of the deflection is not explained (at"
+                f" most {100.0 * LARGEST_MISMATCH:.0f} %); check that its channels have the signs,"
+                " units and places that you stated, and that all runs have the same load"
+            )
+            return (contradicted,) * len(self.joint_names)
         found: list[str | None] = []
         for sigma, bend, minimum_hz, response in zip(
             self.relative_sigma, self.bend_rad, self.minimum_hz, self.responses, strict=True
@@ -165,17 +186,20 @@ def estimate_gears(
     band_hz = SHARE_OF_RESONANCE * float(resonance_hz.min())
     below = [run.below(band_hz) for run in excitations]
     problem = ElasticProblem.of(arm, below, multisines, start)
-    x, steps = problem.at_start, _steps(problem)
+    steps = _steps(problem)
     bent: list[Bins | None] = [None] * len(excitations)
-    for turn in range(ROUNDS):
-        found = minimise(
-            partial(problem.residuals, bent=bent),
-            x,
-            steps,
-            ITERATIONS if turn == 0 else ITERATIONS // 2,
-        )
-        x, problem = found.x, problem.reweighted(found.residuals)
-    return _result(problem, found)
+    found = minimise(partial(problem.residuals, bent=bent), problem.at_start, steps, ITERATIONS)
+    for _ in range(ROUNDS - 1):
+        problem = problem.renewed(found)
+        residuals = partial(problem.residuals, bent=bent)
+        found = minimise(residuals, found.x, steps, ITERATIONS // 2)
+    weighed, problem = problem, problem.renewed(found)
+    result = _result(problem, found)
+    return replace(
+        result,
+        tool_residual_m=weighed.tool_residual_m(found),
+        link_side_mismatch=weighed.link_side_mismatch(found),
+    )
 
 
 def _steps(problem: ElasticProblem) -> FloatArray:
@@ -213,6 +237,7 @@ def _result(problem: ElasticProblem, found: Minimum) -> GearEstimate:
         np.array(shares),
         responses,
         problem.delays > 0,
+        has_link_encoders=any(each.name == "encoder" for each in problem.channels),
     )
 
 
@@ -220,7 +245,7 @@ def _require_settled(is_settled: bool, what: str) -> None:
     """Refuse a result of an iteration that has not converged.
 
     Raises:
-        EstimationError: The iteration ended before.
+        EstimationError: The iteration ended before it had converged.
     """
     if not is_settled:
         raise EstimationError(
@@ -243,7 +268,8 @@ def jackknife_variance(problem: ElasticProblem, found: Minimum) -> FloatArray:
         return changes
     for rows in problem.run_rows:
         own = jacobian[rows]
-        # The pseudo-inverse leaves out what only this run shows, such as its plate's delay.
+        # The pseudo-inverse leaves out parameters that belong to this run only, such as the delay
+        # of its plate.
         rest = np.linalg.pinv(whole - own.T @ own, rcond=ONLY_THIS_RUN, hermitian=True)
         changes += (rest @ (own.T @ found.residuals[rows]) / size) ** 2
     return changes * (count - 1) / count

@@ -85,13 +85,22 @@ class BinEquations:
         """Return the equations with delays `delay_s` (n,) of the joints' torques compensated."""
         return replace(self, rhs=without_delay(self.rhs, self.period_s, delay_s[:, np.newaxis]))
 
+    def without_loads(self, known: FloatArray) -> BinEquations:
+        """Return the equations without known bodies, which add `known` (b,) to the parameters."""
+        b, reaction = len(known), self.reaction
+        if reaction is not None:
+            carried = reaction.matrix[..., :b] @ known
+            reaction = replace(reaction, rhs=reaction.rhs - carried)
+        rhs = self.rhs - self.matrix[..., :b] @ known
+        return replace(self, rhs=rhs, reaction=reaction)
+
     def delay_columns(self, predicted: FloatArray) -> FloatArray:
         """Return the derivative of rows (n, 2 H + 1) by each joint's delay, (n, 2 H + 1, n)."""
         late = rows_per_delay(predicted, self.period_s)
         return np.asarray(late[:, :, np.newaxis] * np.eye(len(late))[:, np.newaxis])
 
     def to_time(self, rows: FloatArray, samples: int) -> FloatArray:
-        """Return one period of (samples, n) values from rows of shape (n, 2 H + 1)."""
+        """Return the values (samples, n) of one period from rows of shape (n, 2 H + 1)."""
         time = np.arange(samples) / samples * self.period_s
         return np.asarray(_projection(time, self.period_s, self.harmonics).T @ rows.T)
 
@@ -279,7 +288,15 @@ def _projection(times: FloatArray, period_s: float, harmonics: int) -> FloatArra
 
 
 def _on_bins(projection: FloatArray, columns: FloatArray) -> FloatArray:
-    """Project columns (samples, outputs, any) on the rows of the bins, (outputs, rows, any)."""
+    """Return the real and imaginary parts of columns on the DFT bins.
+
+    Args:
+        projection: Shape (2 H + 1, samples). Cosines and sines.
+        columns: Shape (samples, outputs, any).
+
+    Returns:
+        Shape (outputs, 2 H + 1, any).
+    """
     projected = projection @ columns.reshape(len(columns), -1)
     return np.asarray(projected.reshape(-1, *columns.shape[1:]).transpose(1, 0, 2))
 
@@ -319,7 +336,7 @@ def _free_columns(slow: BoolArray, period_s: float, harmonics: int) -> FloatArra
         return np.eye(2 * harmonics + 1)
     start = int(
         np.argmin(slow)
-    )  # start at a sample with motion, so that no slow interval crosses the period's end
+    )  # start at a sample with motion, so that no slow interval extends over the end of the period
     edges = np.flatnonzero(np.diff(np.roll(slow, -start).astype(np.int8), append=0))
     step_s = period_s / samples
     columns: list[FloatArray] = []

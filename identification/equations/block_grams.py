@@ -37,7 +37,7 @@ def term_of_column(column: Column) -> FrictionTerm:
 
 
 def columns_of_terms(terms: Sequence[Column]) -> Terms:
-    """Return the columns of some terms; a Stribeck term adds its derivative by speed."""
+    """Return the columns of friction terms; each Stribeck speed adds a derivative (`slope`)."""
     return (*terms, *(("slope", speed) for speed in speeds_of(terms, "stribeck")))
 
 
@@ -63,12 +63,12 @@ class Fit:
     errors: FloatArray
 
     def sigmas_from_zero(self, joint: int, column: Column) -> float:
-        """Return the value of a joint's column, divided by its standard deviation."""
+        """Return the coefficient of a joint's column, divided by its standard deviation."""
         at = self.places[joint, column]
         return float(self.values[at] / max(self.sigma[at], 1e-300))
 
     def value(self, joint: int, column: Column) -> float:
-        """Return the value of a joint's column."""
+        """Return the coefficient of a joint's column."""
         return float(self.values[self.places[joint, column]])
 
 

@@ -1,4 +1,6 @@
-"""Torque delays too long for any bus; they are reported, and the model does not use them.
+"""Torque delays too long for any bus, and filters too slow to estimate: `RefusedChannel`.
+
+They are reported, and the model does not use them.
 
 A bus and a logger can delay a torque relative to the position:
 - A drive samples torque and position in the same cycle or in two consecutive cycles, and may send
@@ -13,13 +15,13 @@ A longer delay comes from a wrong clock, or from an effect that the model does n
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from acquisition.processing.torque_channel import TorqueChannel
-from config.arrays import FloatArray
+from config.arrays import BoolArray, FloatArray
 
 SLOWEST_BUS_CYCLE_S: Final = 0.01
 CYCLES: Final = 2.0
@@ -34,41 +36,85 @@ def longest_delay_s(sample_period_s: float) -> float:
     return CYCLES * (SLOWEST_BUS_CYCLE_S + sample_period_s)
 
 
-def split_implausible_delays(
+@dataclass(frozen=True)
+class RefusedChannel:
+    """Delays and filters of recorded torques that the model does not use.
+
+    Attributes:
+        delay_s: Each joint's delay that no bus explains or that is at the end of its search range;
+            0 for the other joints [s].
+        filter_s: Time constant of each joint's filter that is at the end of its search range; 0 for
+            the other joints [s].
+        is_bound: True for each joint whose delay is at the end of its search range, so that the
+            true delay can be longer.
+    """
+
+    delay_s: tuple[float, ...] = ()
+    filter_s: tuple[float, ...] = ()
+    is_bound: tuple[bool, ...] = ()
+
+    def __bool__(self) -> bool:
+        return any(self.delay_s) or any(self.filter_s)
+
+    def findings(self, joint_names: Sequence[str]) -> tuple[str, ...]:
+        """Return a sentence for each refused delay, and one for the refused filters."""
+        delays = tuple(
+            f"The recorded torque of {name} seems to be {'at least ' if is_bound else ''}"
+            f"{1e3 * abs(delay_s):.3g} ms {'late' if delay_s > 0.0 else 'early'}. No bus explains"
+            " this delay, so the model does not use it. Check the recording's clock, or add terms"
+            " that the model may lack."
+            for name, delay_s, is_bound in zip(
+                joint_names, self.delay_s, self.is_bound, strict=False
+            )
+            if delay_s
+        )
+        slow = {
+            name: filter_s
+            for name, filter_s in zip(joint_names, self.filter_s, strict=False)
+            if filter_s
+        }
+        if not slow:
+            return delays
+        slowest_hz = 1.0 / (2.0 * np.pi * max(slow.values()))
+        return (
+            *delays,
+            f"The recorded torque of {', '.join(slow)} seems to be low-passed at"
+            f" {slowest_hz:.2g} Hz or below. This is the slowest filter that can be estimated, so"
+            " the model does not use it, and its parameters contain the filter's effect. Record the"
+            " torque without this filter, or with a faster one.",
+        )
+
+
+def split_implausible_channel(
     channel: TorqueChannel, sample_period_s: float
-) -> tuple[TorqueChannel, FloatArray]:
-    """Split the delays of a torque channel into plausible and implausible ones.
+) -> tuple[TorqueChannel, RefusedChannel]:
+    """Split a torque channel into its plausible and its refused part.
+
+    A value whose standard deviation is not smaller is at the end of its search range.
 
     Args:
         channel: The estimated channel.
         sample_period_s: Time between rows of the recording [s].
-
-    Returns:
-        `channel`. The channel with a delay of 0 for the joints whose delay is implausible.
-        `refused_s`, shape (n,). The delays that were removed; 0 for the other joints [s].
     """
-    refused = np.abs(channel.delay_s) > longest_delay_s(sample_period_s)
+    is_bound = _is_bound(channel.delay_s, channel.delay_sigma_s)
+    late = is_bound | (np.abs(channel.delay_s) > longest_delay_s(sample_period_s))
+    slow = _is_bound(channel.lag_s, channel.lag_sigma_s)
+    wide = _is_bound(channel.width_s, channel.width_sigma_s)
     kept = replace(
         channel,
-        delay_s=np.where(refused, 0.0, channel.delay_s),
-        delay_sigma_s=np.where(refused, 0.0, channel.delay_sigma_s),
+        delay_s=np.where(late, 0.0, channel.delay_s),
+        delay_sigma_s=np.where(late, 0.0, channel.delay_sigma_s),
+        lag_s=np.where(slow, 0.0, channel.lag_s),
+        lag_sigma_s=np.where(slow, 0.0, channel.lag_sigma_s),
+        width_s=np.where(wide, 0.0, channel.width_s),
+        width_sigma_s=np.where(wide, 0.0, channel.width_sigma_s),
     )
-    return kept, np.where(refused, channel.delay_s, 0.0)
-
-
-def refused_delay_findings(
-    joint_names: Sequence[str], refused_s: Sequence[float]
-) -> tuple[str, ...]:
-    """Return a sentence for each delay that no bus explains.
-
-    Args:
-        joint_names: The joints.
-        refused_s: The joints' removed delays, 0 if none; empty if no joint has one [s].
-    """
-    return tuple(
-        f"The recorded torque of {name} seems to be {1e3 * abs(delay_s):.3g} ms"
-        f" {'late' if delay_s > 0.0 else 'early'}. No bus explains this delay, so the model does"
-        " not use it. Check the recording's clock, or add terms that the model may lack."
-        for name, delay_s in zip(joint_names, refused_s, strict=False)
-        if delay_s
+    filters_s = np.maximum(np.where(slow, channel.lag_s, 0.0), np.where(wide, channel.width_s, 0.0))
+    delays_s = np.where(late, channel.delay_s, 0.0)
+    return kept, RefusedChannel(
+        tuple(delays_s.tolist()), tuple(filters_s.tolist()), tuple(is_bound.tolist())
     )
+
+
+def _is_bound(value_s: FloatArray, sigma_s: FloatArray) -> BoolArray:
+    return np.asarray((value_s != 0.0) & (sigma_s >= np.abs(value_s)))

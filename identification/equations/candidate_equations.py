@@ -45,7 +45,7 @@ factor."""
 
 Source = SmoothedSignals | UnfilteredSignals
 Rigid = Literal["rigid"]
-"""Name that stands for all columns without friction."""
+"""Name for all columns that are not friction columns."""
 
 
 class Reach(NamedTuple):
@@ -271,7 +271,8 @@ class CandidateEquations:
         slow = _long_runs(
             piece.slow[:, joint : joint + 1], math.floor(reach.passed_s / piece.step_s)
         )
-        # Standstill affects all rows within half the low-pass and the channel's response.
+        # A standstill affects all rows within half the length of the low-pass and of the channel's
+        # response.
         kernel_s = KERNEL_PERIODS / 2.0 / self.cutoff_hz
         clear = _rows_away_from(
             piece, slow, Reach(kernel_s + reach.before_s, kernel_s + reach.after_s)
@@ -348,7 +349,7 @@ def _piece(
     low_pass = _hann(frequency_hz * kernel_s)
     torque = np.fft.rfft(with_padding(run.torque_nm[rows], length * stride), axis=0)
     speed = model.actuator_speed(run.velocity[thin])
-    # Reversals count as slow only in an unfiltered velocity: a low-passed one has them at a wrong
+    # Reversals are found in the unfiltered velocity: in a low-passed velocity they are at a wrong
     # time.
     of_rows = moving_without_reversal if isinstance(run, UnfilteredSignals) else moving_actuators
     return Piece(

@@ -53,7 +53,8 @@ def without_torque_filter(recording: Recording) -> Recording:
     if recording.sample_period_s is None:
         raise EstimationError(
             "the recording's torques passed an anti-alias filter, but its time stamps are not"
-            " uniform, so the filter cannot be divided out: record with a constant sample period",
+            " uniform, so the filter's effect cannot be removed: record with a constant sample"
+            " period",
             code="RID-RECORDING-CLOCK",
         )
     torque = without_filter(recording.torque_nm, recording.sample_period_s, recording.torque_filter)

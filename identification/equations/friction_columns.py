@@ -22,6 +22,11 @@ THINNING_RAD_S: Final = (
 LINEAR: Final[tuple[Column, ...]] = (
     "coulomb", "viscous", "offset", "cubic", "load",
 )  # fmt: skip
+FLEXIBLE: Final[tuple[Column, ...]] = (
+    *LINEAR,
+    ("stribeck", 0.045), ("stribeck", 0.1), ("stribeck", 0.23),
+)  # fmt: skip
+"""Friction columns of every joint before its terms are known, to estimate the torque channel."""
 ALL_COLUMNS: Final[tuple[Column, ...]] = (
     *LINEAR,
     *(("stribeck", speed) for speed in SPEEDS_RAD_S),

@@ -27,7 +27,7 @@ from identification.model.torque_columns import (
 )
 
 MOST_BYTES: Final = 2**27
-"""Largest size of a recording's cache; columns of further blocks are computed every time."""
+"""Largest size of a recording's cache; columns that do not fit in it are computed every time."""
 
 
 @dataclass(eq=False)
@@ -53,7 +53,7 @@ class ColumnCache:
             self.blocks.clear()
 
     def keep(self, place: tuple[int, int], seen: BoolArray, values: FloatArray) -> None:
-        """Store a block if the cache has room for it."""
+        """Store a block of columns in the cache if the cache has room for it."""
         if values.nbytes + sum(kept.nbytes for _, kept in self.blocks.values()) <= MOST_BYTES:
             self.blocks[place] = seen, values
 

@@ -180,14 +180,14 @@ class ParallelFilter:
         return unheld and source.smoothing_s == 0.0
 
     def _known(self, moves: BoolArray) -> BoolArray:
-        """Return a mask of source rows: the joint moves, also when the torque was updated."""
+        """Return a mask of rows: the joint moves, and moved when its torque was updated."""
         source = self.signals.unfiltered
         if source is None or source.torque_row is None:
             return moves
         return np.asarray(moves & np.take_along_axis(moves, source.torque_row, axis=0))
 
     def _channel_reach(self) -> tuple[int, int]:
-        """Return the rows before and after an event in which any recorded torque depends on it."""
+        """Return how many rows before and after an event have a torque that depends on it."""
         channel = self.signals.channel
         if channel is None or not channel.changes:
             return 0, 0

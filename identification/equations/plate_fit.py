@@ -20,7 +20,7 @@ SMALL_COMPONENT: Final = 0.05
 
 @dataclass(frozen=True, eq=False)
 class PlateFit:
-    """The force plate's part of an estimate.
+    """The part of an estimate that concerns the force plate.
 
     Attributes:
         residual: Shape (6,). RMS of measured minus predicted base wrench inside the band, without

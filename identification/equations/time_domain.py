@@ -27,10 +27,15 @@ EVENT_PERIODS = 2.0
 
 @dataclass(frozen=True, eq=False)
 class TimeRun:
-    """One smoothed recording with its conditions, and a cache of its columns."""
+    """One smoothed recording with its conditions, and a cache of its columns.
+
+    Attributes:
+        known: Shape (b,). Contribution of known bodies to the base parameters; None without any.
+    """
 
     signals: SmoothedSignals
     conditions: Conditions
+    known: FloatArray | None = None
     kept: ColumnCache = field(default_factory=ColumnCache, init=False)
 
     @property
@@ -98,9 +103,18 @@ def rows_by_event(blocks: Iterable[TimeBlock]) -> Iterator[list[tuple[TimeBlock,
 
 
 def time_runs(
-    model: RobotModel, signals: Sequence[SmoothedSignals], payload: Sequence[bool]
+    model: RobotModel,
+    signals: Sequence[SmoothedSignals],
+    payload: Sequence[bool],
+    known: FloatArray | None = None,
 ) -> tuple[TimeRun, ...]:
     """Combine recordings with their conditions.
+
+    Args:
+        model: The robot.
+        signals: The recordings.
+        payload: For each recording, True if the robot carried the unknown payload.
+        known: Shape (recordings, b). Contribution of known bodies to the base parameters.
 
     Raises:
         EstimationError: The joints are not those of the model, or `payload` does not have one value
@@ -119,9 +133,10 @@ def time_runs(
                 f" {', '.join(model.joint_names)}: use the recording's own robot",
                 code="RID-ROBOT-OTHER",
             )
+    carried = [None] * len(signals) if known is None else list(known)
     return tuple(
-        TimeRun(smoothed, Conditions(temperature_k=smoothed.temperature_k, payload=loaded))
-        for smoothed, loaded in zip(signals, payload, strict=True)
+        TimeRun(smoothed, Conditions(temperature_k=smoothed.temperature_k, payload=loaded), own)
+        for smoothed, loaded, own in zip(signals, payload, carried, strict=True)
     )
 
 
@@ -161,9 +176,12 @@ def time_blocks(
                 rows = slice(rows.start, rows.stop, stride)
             else:
                 columns = narrowed.unfiltered(rows)
+            torque = shared.torque(np.arange(len(signals))[rows])
+            if run.known is not None:
+                torque = torque - columns[..., : len(base)] @ run.known
             yield TimeBlock(
                 columns=columns,
-                rhs=shared.torque(np.arange(len(signals))[rows]),
+                rhs=torque,
                 use=use[rows],
                 moving=moves[rows],
                 event=event[rows],

@@ -146,7 +146,7 @@ class Estimate:
 
     @property
     def sigma(self) -> FloatArray:
-        """Standard deviations to report, shape (b,): cluster-robust, at least the noise's."""
+        """Standard deviations for reports, (b,): cluster-robust, but at least those from noise."""
         clustered, noise = _sigma(self.covariance_jackknife), self.sigma_noise
         return clustered if noise is None else np.maximum(noise, clustered)
 
@@ -304,7 +304,7 @@ def predict_base_wrench(
 
 
 def _refuse_other_positions(estimate: Estimate, q: FloatArray) -> None:
-    """Refuse positions of unmoved joints that differ from those of the identification."""
+    """Refuse a motion if a joint that no run moved has another position than in the runs."""
     names = estimate.robot.joint_names
     refuse_unmoved_joints(
         [each for each in estimate.still if not each.has_position(q[:, names.index(each.joint)])],

@@ -21,6 +21,7 @@ from config.formats.whole_file import write_whole
 from config.model import ConfigModel
 from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import RobotDescription
+from config.sealed_model import SealedModel
 from identification.equations.plate_fit import PlateFit
 from identification.equations.warming import Warming
 from identification.estimation.estimate import Estimate
@@ -106,11 +107,11 @@ class _Warming(ConfigModel):
     viscous_nm_s: Row
 
 
-class EstimateDocument(ConfigModel):
+class EstimateDocument(SealedModel):
     """Content of an estimate file; see `Estimate` for the meaning of the fields."""
 
     kind: Literal["rid-daq estimate"]
-    format: Literal[3]
+    format: Literal[4]
     software: str
     cell: str
     runs: tuple[str, ...]
@@ -143,6 +144,7 @@ class EstimateDocument(ConfigModel):
     position_range: Matrix | None
     model: _Options
     robot: RobotDescription
+    sha256: str
 
 
 def write_estimate(path: Path, estimate: Estimate) -> None:
@@ -171,6 +173,7 @@ def estimate_content(data: bytes, path: Path) -> Estimate:
     try:
         estimate = _to_estimate(document)
         refuse_contradictions(estimate, _deviations(document))
+        document.refuse_edited(UNSOUND_MODEL, "restore the file, or identify the model again")
         return estimate
     except ConfigError as error:
         raise ConfigError(f"{path}: {error}", code=error.refusal) from None
@@ -200,7 +203,7 @@ def estimate_document(estimate: Estimate) -> EstimateDocument:
     return EstimateDocument.from_attributes(
         estimate,
         kind="rid-daq estimate",
-        format=3,
+        format=4,
         software=f"rid-daq {version('rid-daq')}",
         cell=estimate.cell_name,
         runs=estimate.run_ids,
@@ -229,11 +232,12 @@ def estimate_document(estimate: Estimate) -> EstimateDocument:
         warming=None if estimate.warming is None else _Warming.from_attributes(estimate.warming),
         still=tuple(_Still.from_attributes(each) for each in estimate.still),
         model=_Options.from_attributes(estimate.options),
-    )
+        sha256="",
+    ).with_digest()
 
 
 def _deviations(document: EstimateDocument) -> dict[str, list[float]]:
-    """Return the standard deviations that the file contains in addition to covariances."""
+    """Return standard deviations, which the file contains in addition to the covariances."""
     rows = document.parameters
     noise = [row.sigma_noise for row in rows if row.sigma_noise is not None]
     return {

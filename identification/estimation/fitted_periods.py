@@ -27,6 +27,7 @@ from identification.estimation.periodic_fit import PeriodicFit, PeriodicProblem
 from identification.estimation.prior import prior_rows
 from identification.model.base_parameters import BaseParameters, base_parameters
 from identification.model.inertia import base_inertia_squares, inertia_size
+from identification.model.known_loads import Bodies, known_values
 from identification.model.options import ModelOptions
 from identification.model.still_joints import StillJoint, still_joints
 from identification.regression.intervals import covariance_at_least
@@ -123,6 +124,7 @@ def fit_periodic(
     options: EstimationOptions | None = None,
     *,
     payload: Sequence[bool] | None = None,
+    bodies: Sequence[Bodies] | None = None,
 ) -> FittedPeriods:
     """Solve the equations of averaged periods.
 
@@ -136,14 +138,18 @@ def fit_periodic(
         averages: Mean period of each run.
         options: The model's terms and the weighting of the rows.
         payload: For each run, True if it carried the unknown payload; all False by default.
+        bodies: For each run, the known bodies that it carried; none by default.
 
     Raises:
         EstimationError: The joints are not those of the robot, the motion does not determine the
-            parameters, or a plate that the model needs is missing.
+            parameters, a plate that the model needs is missing, or the model's friction depends on
+            known bodies.
     """
     options = options or EstimationOptions()
     problem, model, terms, still = _set_up_problem(robot, averages, options, payload)
     base = problem.base
+    if bodies is not None:
+        problem = replace(problem, known=known_values(model, base, bodies))
     equations = problem.equations(model, None)
     values = problem.fit(model, None, equations).solution.values
     # The torque noise due to position noise depends on the inertia, which is known only now.
@@ -188,7 +194,7 @@ def _set_up_problem(
     options: EstimationOptions,
     payload: Sequence[bool] | None,
 ) -> tuple[PeriodicProblem, RobotModel, ModelOptions, tuple[StillJoint, ...]]:
-    """Return the problem before inertia and delays are known, its model and its terms."""
+    """Return the problem before inertia and delays are known, with its model and its terms."""
     motions = [mean_motion(average, options.band_hz) for average in averages]
     model, base, terms, still = build_model(robot, options.model, motions, options.standstill_rad_s)
     n, runs = len(robot.joints), len(averages)
@@ -249,8 +255,8 @@ def build_model(
         `model`. The model.
         `base`. Its base parameters.
         `options`. The options, without terms that this kind of model does not have.
-        `still`. The joints that none of the motions, each q and v, moves during more than the
-        fraction `moving_share` of its samples.
+        `still`. The joints that stand still in every motion, except in at most the fraction
+        `moving_share` of its samples.
     """
     options = options or ModelOptions()
     if options.kind == "external":  # internal torques have no effect on the base

@@ -25,6 +25,7 @@ from identification.estimation.smoothed_fit import (
     fit_with_nonlinear,
 )
 from identification.model.base_parameters import BaseParameters
+from identification.model.known_loads import Bodies, known_values
 from identification.model.options import ModelOptions
 from identification.model.still_joints import JERK_SHARE, StillJoint
 from identification.regression.intervals import covariance_at_least
@@ -112,6 +113,7 @@ def fit_smoothed(
     options: EstimationOptions | None = None,
     *,
     payload: Sequence[bool] | None = None,
+    bodies: Sequence[Bodies] | None = None,
 ) -> FittedSignals:
     """Solve the equations of recordings that are not periodic, in the time domain.
 
@@ -124,10 +126,11 @@ def fit_smoothed(
         signals: Smoothed recording of each run.
         options: The model's terms and the weighting of the rows.
         payload: For each run, True if it carried the unknown payload; all False by default.
+        bodies: For each run, the known bodies that it carried; none by default.
 
     Raises:
-        EstimationError: The joints are not those of the robot, or the motion does not determine the
-            parameters.
+        EstimationError: The joints are not those of the robot, the motion does not determine the
+            parameters, or the model's friction depends on known bodies.
     """
     options = options or EstimationOptions()
     motions = [(run.position, run.velocity) for run in signals]
@@ -140,9 +143,10 @@ def fit_smoothed(
             " motion, or use --model internal",
             code="RID-MODEL-KIND",
         )
+    known = None if bodies is None else known_values(model, base, bodies)
     problem = SmoothedProblem(
         base=base,
-        runs=time_runs(model, signals, payload or [False] * len(signals)),
+        runs=time_runs(model, signals, payload or [False] * len(signals), known),
         standstill_rad_s=options.standstill_rad_s,
         weighting=options.weighting,
         prior=prior_rows(base, options.prior),

@@ -100,7 +100,8 @@ class PeriodicProblem:
     `inertia` (averages, n, n) is the magnitude of the joint-space inertia, through which the noise
     of the positions becomes torque noise. `base_inertia` (averages, n, 6, 6) is the same for the
     base wrench (`base_inertia_squares`). Both are zero before they are known. `kind` selects the
-    outputs, and `delays_s` are the delays of the plate's signals in each run.
+    outputs, and `delays_s` are the delays of the plate's signals in each run. `known` (averages, b)
+    is the contribution of known bodies to the base parameters of each run.
     """
 
     base: BaseParameters
@@ -114,6 +115,7 @@ class PeriodicProblem:
     kind: ModelKind = "internal"
     base_inertia: FloatArray = field(default_factory=lambda: np.zeros(0))
     delays_s: FloatArray = field(default_factory=lambda: np.zeros(0))
+    known: FloatArray | None = None
 
     def __post_init__(self) -> None:
         if self.kind != "internal":
@@ -127,7 +129,7 @@ class PeriodicProblem:
 
     def equations(self, model: RobotModel, standard: FloatArray | None) -> tuple[BinEquations, ...]:
         """Return the equations of every average; `standard` as in `torque_columns`."""
-        return tuple(
+        found = tuple(
             bin_equations(
                 model,
                 self.base,
@@ -140,6 +142,10 @@ class PeriodicProblem:
             )
             for average, loaded in zip(self.averages, self.payload, strict=True)
         )
+        if self.known is None:
+            return found
+        pairs = zip(found, self.known, strict=True)
+        return tuple(each.without_loads(known) for each, known in pairs)
 
     def _check_plates(self) -> None:
         runs = len(self.averages)

@@ -96,7 +96,7 @@ class SmoothedProblem:
     def fit(
         self, model: RobotModel, standard: FloatArray | None, scale: FloatArray | None = None
     ) -> SmoothedFit:
-        """Solve for the columns of `torque_columns` with these arguments.
+        """Solve for the parameters of the columns that `torque_columns` returns for the arguments.
 
         Each joint's rows are divided by `scale`, shape (n,), if it is given, otherwise as selected
         by `weighting`.

@@ -28,7 +28,7 @@ from identification.export.text import (
 
 @dataclass(frozen=True, eq=False)
 class _Place:
-    """A frame relative to the previous one, as text for the formats."""
+    """A frame relative to the previous frame, as text for the file formats."""
 
     frame: FloatArray
 
@@ -42,7 +42,7 @@ class _Place:
 
     @property
     def xyaxes(self) -> str:
-        """The x axis and the y axis."""
+        """The x axis and the y axis of the frame."""
         return numbers(self.frame[:3, :2].T.ravel(), " ")
 
     @property
@@ -56,7 +56,7 @@ class _Place:
 
 @dataclass(frozen=True, eq=False)
 class _Link:
-    """A link and the joint that moves it, as text for the formats."""
+    """A link and the joint that moves it, as text for the file formats."""
 
     name: str
     parent: str

@@ -53,7 +53,7 @@ def kdl_parameters(model: ExportModel, matched: MatchedArm, notes: tuple[str, ..
 def rest_of_model(
     estimate: Estimate, model: ExportModel, bodies: FloatArray
 ) -> tuple[ExportModel, float]:
-    """Return a model with the bodies of a file, and rotors and friction that fit to them best.
+    """Return a model with a file's bodies, and the rotors and friction that fit them best.
 
     Torques determine sums of links' inertias and rotors' inertias. If the links are given, the
     rotors are the rest.
@@ -77,7 +77,7 @@ def rest_of_model(
 
 
 def kdl_notes(model: ExportModel, matched: MatchedArm) -> Iterator[str]:
-    """Yield what the solver leaves out."""
+    """Yield descriptions of what the solver does not compute."""
     tip = _tip(model, matched)
     tree = matched.tree
     on_chain = {matched.arm.base, *(each.child for each in tree.path(matched.arm.base, tip))}

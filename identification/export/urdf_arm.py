@@ -53,7 +53,7 @@ class MatchedArm:
     distance_m: float
 
     def notes(self, model: ExportModel) -> Iterator[str]:
-        """Yield what the comparison of the axes cannot prove, and differences below its limits."""
+        """Yield notes: facts that the axes do not prove, and small differences of the axes."""
         names = [joint.name for joint in self.arm.joints]
         if tuple(names) != model.robot.joint_names:
             pairs = zip(names, model.robot.joint_names, strict=True)
@@ -116,7 +116,7 @@ def match_arm(tree: UrdfTree, model: ExportModel, tip: str | None = None) -> Mat
 
     Raises:
         ConfigError: No arm has the robot's axes (RID-URDF-KINEMATICS), several arms have them
-            (RID-URDF-ARM), or the arm contains a joint that mimics another (RID-URDF-MIMIC).
+            (RID-URDF-ARM).
     """
     if tip is not None and tip not in tree.links:
         raise ConfigError(
@@ -238,7 +238,7 @@ class _Comparison:
 
     @property
     def words(self) -> str:
-        """The deviations of every joint that is not equal."""
+        """Texts on the deviations of every joint whose axes are not equal."""
         words = []
         rows = zip(self.arm.joints, self.kinds, self.angles, self.distances, strict=True)
         for joint, is_same_kind, angle, distance in rows:
@@ -277,7 +277,7 @@ def _is_behind(tree: UrdfTree, arm: UrdfArm, tip: str) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _Lines:
-    """Joint axes: points (n, 3), directions (n, 3), and whether the joint slides (n,)."""
+    """Joint axes as lines: points (n, 3), directions (n, 3), and True for sliding joints (n,)."""
 
     points: FloatArray
     directions: FloatArray

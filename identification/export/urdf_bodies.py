@@ -1,4 +1,4 @@
-"""`MovingBodies`: the bodies that move with each joint of a URDF's arm, and their links' shares.
+"""`MovingBodies`: for each joint of a URDF's arm, the links that move with it.
 
 A joint moves its child link and all links that are fixed to it. Torques depend on the sum of these
 links. One of them, the changed link, takes the difference between the identified body and this sum;
@@ -60,7 +60,7 @@ class MovingBodies:
 
     @property
     def nominal(self) -> NominalLinks:
-        """The nominal values, with the parts that keep the URDF's values."""
+        """The nominal values; links that keep the URDF's values are included."""
         return NominalLinks(self.links.cad, self.unchanged)
 
     @cached_property
@@ -77,7 +77,7 @@ class MovingBodies:
 
     @cached_property
     def stated(self) -> FloatArray:
-        """Sum of all links as the URDF states them, in the model's frames, (n, 10)."""
+        """Sum of the values that the URDF states for all links, in the model's frames, (n, 10)."""
         return np.array([self._sum(i, list(names)) for i, names in enumerate(self.carried[1:])])
 
     def unchanged_links(self, number: int) -> list[str]:

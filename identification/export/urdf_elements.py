@@ -1,6 +1,6 @@
 """Changes of `<inertial>` and `<dynamics>` in a URDF's text.
 
-An attribute that already has the wanted value keeps its text.
+The text of an attribute that already has the new value is not changed.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ def _write(editor: XmlEditor, parent: XmlElement, tag: str, values: _Values) -> 
 
 
 def _has(element: XmlElement, name: str, wanted: FloatArray, tolerance: float) -> bool:
-    """Return True if an attribute has the wanted numbers; a missing one counts as zero."""
+    """Return True if an attribute already has the new numbers; a missing number counts as zero."""
     if name not in element.attributes:
         return not np.any(wanted)
     try:

@@ -73,7 +73,10 @@ class FrictionCurve:
 
 
 def join_curves(curves: Sequence[FrictionCurve]) -> FrictionCurve:
-    """Join curves of one joint, ordered by speed; `even` only if all curves have it."""
+    """Join the curves of one joint, ordered by speed.
+
+    The result has `even` only if all curves have it.
+    """
     speed = np.concatenate([curve.speed for curve in curves])
     order = np.argsort(speed, kind="stable")
     evens = [curve.even for curve in curves if curve.even is not None]

@@ -1,4 +1,4 @@
-"""Friction measured separately: `FrictionCurve`s from the two motions designed for it.
+"""Friction alone: `FrictionCurve`s from the two motions that are designed to measure friction.
 
 These are runs at constant speed in both directions over the same positions, and a path that is
 driven forwards and then backwards in time. In both, gravity and inertia torques do not change when
@@ -210,7 +210,7 @@ def _curve(
     speeds: FloatArray,
     blocks: Sequence[_Blocks],
 ) -> FrictionCurve:
-    """Subtract gravity from the even part, for all speeds together."""
+    """Subtract gravity from the even part of the torques, for all speeds together."""
     turns = _motor_turns(robot, joint)
     gravity = _gravity_functions(robot, motion, joint, [b.position for b in blocks])
     k, g = len(speeds), gravity[0].shape[1]
@@ -220,7 +220,8 @@ def _curve(
         matrix[rows, row] = 1.0
         matrix[rows, k:] = functions
     even = np.concatenate([b.even for b in blocks])
-    # Gravity is at most the torque limit: this prior bounds functions that resemble a constant.
+    # A gravity function that is nearly constant cannot be distinguished from the even part of
+    # friction. Therefore its coefficient has a prior: zero, with the torque limit as deviation.
     largest = robot.joints[joint].limits.torque
     prior = np.hstack([np.zeros((g, k)), np.eye(g)]) / largest
     sigma, freedom = 1.0, max(1, k * (BLOCKS - 1) - g)

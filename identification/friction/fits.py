@@ -227,7 +227,7 @@ def _speed(model: RobotModel, name: str) -> float:
 
 
 def _at_speed(model: RobotModel, name: str, speed: float) -> RobotModel:
-    """Return the model with `speed` as its Stribeck speed `name`."""
+    """Return the model with its Stribeck speed, the parameter `name`, set to `speed`."""
     values = model.nonlinear_values
     values[model.nonlinear_names.index(name)] = speed
     return model.with_nonlinear(values)

@@ -87,7 +87,7 @@ def reversed_motion(forward: FourierMotion) -> ReversedMotion:
 
 
 def _fastest(stretch: float, joint: Joint) -> float:
-    """Return the speed at which both ramps and half a second between them just fill the range."""
+    """Return the speed at which two ramps and half a second between them fill the range."""
     per_speed = 1.875 / (ACCELERATION_FRACTION * joint.limits.acceleration)
     return float(
         (np.sqrt(AT_SPEED_S**2 + 4.0 * per_speed * stretch) - AT_SPEED_S) / (2.0 * per_speed)

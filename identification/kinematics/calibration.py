@@ -45,7 +45,7 @@ SHOWN: Final = 2.0
 PRECISE: Final = 0.2
 """Relative standard deviation up to which a compliance counts as identified."""
 SUSPICIOUS: Final = 5.0
-"""Held-out error over the median, above which a pose is listed as suspicious."""
+"""Held-out error, as a multiple of the median, above which a pose is listed as suspicious."""
 _PROBES: Final = 200
 
 
@@ -93,15 +93,19 @@ class Calibration:
 
     @property
     def widening(self) -> float:
-        """Factor by which held-out errors exceed their prediction; intervals are widened by it."""
+        """Factor by which errors at held-out poses exceed their prediction.
+
+        All intervals are widened by it.
+        """
         return max(1.0, self.after.excess)
 
     @property
     def sigmas(self) -> FloatArray:
         """Standard deviations of the parameters, (p,).
 
-        They contain the residuals, the excess of the held-out errors, and, as a factor of the
-        normal distribution's interval, the few degrees of freedom.
+        They are enlarged for three reasons: residuals above the stated errors, held-out errors
+        above their prediction (`widening`), and few degrees of freedom (Student's t relative to the
+        normal distribution).
         """
         scale = self.fit.scale
         if self.poses.sigma_m is not None:
@@ -195,10 +199,10 @@ def calibrate(
     one = fit.scale * (1.0 if poses.sigma_m is None else float(np.median(poses.sigma_m)))
     if spread > LARGEST_SPREAD * one:
         raise DataQualityError(
-            f"{poses.name}: with these {len(poses)} poses, the error of the point would reach"
-            f" {1e3 * spread:.3g} mm within the joints' ranges,"
-            f" {spread / one:.3g} times the error of a measured position ({1e3 * one:.3g} mm):"
-            " measure poses that are spread over the ranges",
+            f"{poses.name}: a calibration with these {len(poses)} poses would predict the measured"
+            f" point with an uncertainty of up to {1e3 * spread:.3g} mm (1 sigma) in other poses"
+            f" within the joints' ranges, {spread / one:.3g} times that of one measurement"
+            f" ({1e3 * one:.3g} mm): measure poses that are spread over the ranges",
             code="RID-KINEMATICS-POSES",
         )
     has_gears = any(each.kind == "compliance" for each in fit.parameters)

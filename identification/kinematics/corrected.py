@@ -23,9 +23,10 @@ def corrected_robot(calibration: Calibration, *, is_tool: bool) -> RobotDescript
     """Return the robot with the results of a calibration.
 
     The offsets of the rows are added to `kinematics.calibration`. A table in the standard
-    convention is first written in the modified one, which has Hayati's angle; its frames are those
-    of `cad`, rotors and bodies. Precisely identified compliances become `stiffness_nm_rad`; a joint
-    with an imprecise one keeps what its file states.
+    convention is first rewritten in the modified convention with the same geometry, because only
+    this convention has Hayati's angle (`beta_rad`). `cad`, rotors and bodies need no change: their
+    frames are those of the modified convention. Precisely identified compliances become
+    `stiffness_nm_rad`; a joint with an imprecise one keeps what its file states.
 
     Args:
         calibration: The calibration.

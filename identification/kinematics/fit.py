@@ -50,7 +50,7 @@ class ArmFit:
         return float(np.sqrt(np.sum(self.weighted**2) / self.freedom))
 
     def point_sigma(self, position: FloatArray, load_kg: FloatArray) -> FloatArray:
-        """Return the standard deviation of fitted coordinates, (samples, 3), for `scale` 1."""
+        """Return the standard deviation of fitted coordinates, (samples, 3), if `scale` is 1."""
         slopes = self.arm.slopes(position, load_kg, self.parameters)
         return np.asarray(np.sqrt(np.einsum("sip,pq,siq->si", slopes, self.covariance, slopes)))
 

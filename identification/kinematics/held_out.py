@@ -62,7 +62,7 @@ class HeldOut:
 
     @property
     def excess(self) -> float:
-        """RMS of the errors over their predicted standard deviations; about 1 if all is well."""
+        """RMS of the errors divided by their predicted standard deviations; ideally about 1."""
         return float(np.sqrt(np.mean((self.error_m / self.sigma) ** 2)))
 
 
@@ -90,7 +90,8 @@ def cross_validate(
 def distinct_poses(position: FloatArray) -> IntArray:
     """Return for each row the number of its pose, (rows,), counted from 0 by first occurrence.
 
-    Rows within `SAME_POSE` of a row are of its pose, and so are the rows near those.
+    Two rows have the same pose if they differ by at most `SAME_POSE`, or if a chain of such rows
+    connects them.
 
     Args:
         position: Shape (rows, n). Joint positions [rad or m].

@@ -54,7 +54,7 @@ class PoseDesign:
     middle: FloatArray
 
     def stops(self, rows: BoolArray, clearances: Clearances) -> FloatArray:
-        """Return some of the poses, with the middle pose between two that have an obstacle between.
+        """Return some of the poses in order; if an obstacle is between two, insert the middle pose.
 
         Args:
             rows: Shape (poses,). True for the poses to visit.
@@ -226,14 +226,14 @@ def _choose(slopes: FloatArray, is_loaded: BoolArray, quota: tuple[int, int]) ->
 
 
 def _gains(slopes: FloatArray, information: FloatArray) -> FloatArray:
-    """Return by how much each candidate increases the log determinant, (candidates,)."""
+    """Return the increase of the log determinant by each candidate, (candidates,)."""
     inverse = np.linalg.inv(information)
     inner = np.einsum("kip,pq,kjq->kij", slopes, inverse, slopes, optimize=True)
     return np.asarray(np.linalg.slogdet(np.eye(3) + inner)[1])
 
 
 def _short_way(position: FloatArray, rows: Sequence[int], start: FloatArray) -> list[int]:
-    """Return rows in an order with short moves: always the nearest next one."""
+    """Return the rows in an order with short moves: the nearest remaining row comes next."""
     left, here, order = list(rows), start, []
     while left:
         nearest = min(left, key=lambda row: float(np.abs(position[row] - here).max()))

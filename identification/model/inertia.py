@@ -48,7 +48,7 @@ def _per_acceleration(
     values: FloatArray,
     columns_of: Callable[..., FloatArray],
 ) -> FloatArray:
-    """Return outputs per unit acceleration of each joint, (n, poses, outputs)."""
+    """Return the outputs for a unit acceleration of each joint, (n, poses, outputs)."""
     q = position[:: max(1, len(position) // POSES)]
     rest = np.zeros_like(q)
     conditions = Conditions(temperature_k=np.full(q.shape[1], 300.0))

@@ -46,7 +46,7 @@ class StillJoint:
 
     @property
     def words(self) -> str:
-        """Name and positions of the joint."""
+        """Text with the name and the positions of the joint."""
         return f"{self.joint} (at {', '.join(f'{p:.3g}' for p in self.positions)})"
 
 

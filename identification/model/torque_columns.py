@@ -24,7 +24,7 @@ def torque_columns(
     conditions: Conditions | None = None,
     standard: FloatArray | None = None,
 ) -> FloatArray:
-    """Return the base regressor, followed by derivatives by the nonlinear parameters.
+    """Return the base regressor and the derivatives with respect to the nonlinear parameters.
 
     Near nonlinear parameters xi0 and standard parameters theta0 the torque is, to first order,
     Phi(xi0) theta + S (xi - xi0) with S = d(Phi theta0)/d xi: Gauss-Newton's equations.

@@ -21,7 +21,7 @@ from identification.payload.estimate import PayloadEstimate
 
 
 def contains_payload(estimate: Estimate) -> bool:
-    """Return True if an estimate has the parameters of a payload beside those of the robot."""
+    """Return True if an estimate has parameters of a payload in addition to those of the robot."""
     return estimate.options.payload
 
 
@@ -99,6 +99,6 @@ def _without_columns(estimate: Estimate, *, carries: bool) -> Estimate:
 
 
 def _last_link(estimate: Estimate) -> slice:
-    """Return the place of the last link's ten parameters among the standard parameters."""
+    """Return the position of the last link's ten parameters among the standard parameters."""
     end = estimate.model.parameter_groups["rigid_body"].stop
     return slice(end - PARAMETERS_PER_LINK, end)

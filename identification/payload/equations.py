@@ -211,7 +211,7 @@ class PayloadEquations:
 
     @property
     def payload_columns(self) -> tuple[FloatArray, ...]:
-        """R of the payload's columns in each joint's torque, scaled to mean squares."""
+        """QR factor R of the payload's columns in each joint's torque, scaled to mean squares."""
         ten, loaded = PARAMETERS_PER_LINK, np.sqrt(np.maximum(self.divisors[1], 1.0))
         own = (factor[:, :ten] / s for factor, s in zip(self.joints, loaded, strict=True))
         return self.carried or tuple(own)
@@ -279,7 +279,7 @@ def robot_prior(layout: Layout, robot: Estimate | None) -> FloatArray:
 
 
 def independent_unknowns(whole: FloatArray, unknowns: int, first: int) -> IntArray:
-    """Return the unknowns from `first` on that are linearly independent.
+    """Return the unknowns from index `first` on that are linearly independent.
 
     Args:
         whole: Shape (any, unknowns + any). Equations.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from importlib.metadata import version
 from pathlib import Path
 from typing import Annotated, Final, Literal
@@ -15,6 +14,7 @@ from config.formats.json_file import json_content, read_content
 from config.formats.whole_file import write_whole
 from config.model import ConfigModel
 from config.robot.robot import RobotDescription
+from config.sealed_model import SealedModel
 from identification.payload.body import PARAMETERS
 from identification.payload.equations import Procedure
 from identification.payload.estimate import PayloadEstimate
@@ -46,7 +46,7 @@ class _Check(ConfigModel):
     passed: bool
 
 
-class PayloadDocument(ConfigModel):
+class PayloadDocument(SealedModel):
     """Content of a payload file; see `PayloadEstimate` for the meaning of the fields.
 
     Mass, centre of gravity and inertia are only in `values`, in the order of `parameters`: moments
@@ -77,12 +77,7 @@ class PayloadDocument(ConfigModel):
     equations: Annotated[int, Field(ge=1)]
     checks: tuple[_Check, ...]
     robot: RobotDescription
-    sha256: str = ""
-
-    @property
-    def digest(self) -> str:
-        """SHA-256 of the rest of the file."""
-        return hashlib.sha256(self.model_dump_json(exclude={"sha256"}).encode()).hexdigest()
+    sha256: str
 
 
 def write_payload(path: Path, payload: PayloadResult) -> None:
@@ -103,8 +98,8 @@ def write_payload(path: Path, payload: PayloadResult) -> None:
         known=tuple(_Known.from_attributes(known) for known in estimate.known),
         parameters=PARAMETERS,
         checks=tuple(_Check.from_attributes(line) for line in payload.checks),
-    )
-    document = document.model_copy(update={"sha256": document.digest})
+        sha256="",
+    ).with_digest()
     write_whole(path, (document.model_dump_json(indent=1) + "\n").encode())
 
 
@@ -122,10 +117,7 @@ def payload_content(data: bytes, path: Path) -> PayloadResult:
     what = "a payload file written by `rid-daq payload identify`"
     document = json_content(data, path, PayloadDocument, what)
     try:
-        if document.sha256 != document.digest:
-            raise EstimationError(
-                "the content does not match its sha256: was the file edited?", code=UNSOUND_PAYLOAD
-            )
+        document.refuse_edited(UNSOUND_PAYLOAD, "restore the file, or identify the payload again")
         estimate = document.to_dataclass(
             PayloadEstimate,
             unseen=np.array(document.unseen).reshape(
@@ -135,6 +127,8 @@ def payload_content(data: bytes, path: Path) -> PayloadResult:
             cell_name=document.cell,
             run_ids=document.runs,
         )
+    except ConfigError as error:
+        raise ConfigError(f"{path}: {error}", code=error.refusal) from None
     except (EstimationError, ValueError) as error:  # numpy raises ValueError for a ragged matrix
         words = f"{path}: the payload file contradicts itself: {error}"
         raise ConfigError(words, code=UNSOUND_PAYLOAD) from error

@@ -21,7 +21,7 @@ from identification.payload.equations import PayloadEquations, PayloadModel, Pro
 
 @dataclass(frozen=True, eq=False)
 class MeasuredRuns(ABC):
-    """Runs as input of the procedures, as `PeriodicRuns` or `SmoothedRuns`.
+    """Runs with and without a payload, in the form of `PeriodicRuns` or `SmoothedRuns`.
 
     Attributes:
         sources: Data of each run.

@@ -56,7 +56,7 @@ DECIMALS: Final = 6
 
 @dataclass(frozen=True)
 class PayloadSearch:
-    """Task of the search.
+    """Task of the search for a motion.
 
     Attributes:
         robot: The robot with its limits and bodies.

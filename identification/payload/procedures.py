@@ -83,7 +83,7 @@ def identify_payload(
     equations = equations_of(robot, runs, how)
     solution = solve_payload(equations, how.known)
     slopes = solution.gain_slopes
-    if equations.procedure == "apart":  # the joints' parts of the torque are not known
+    if equations.procedure == "apart":  # has no gain slopes
         if how.torque_constant_sigma > 0.0:
             raise EstimationError(
                 "the procedure `apart` cannot include the uncertainty of torque constants: use"
@@ -263,7 +263,7 @@ def _subtract_two_robots(
 
 
 def _payload_columns_of_loaded_runs(runs: MeasuredRuns, robot: Estimate) -> tuple[FloatArray, ...]:
-    """Return the payload's columns in the torques of the loaded runs, joint by joint."""
+    """Return the payload's columns in the torques of the loaded runs, for each joint."""
     part = runs.part([i for i, carried in enumerate(runs.loaded) if carried])
     model = PayloadModel.of(robot.robot, robot.options)
     standard = np.zeros(len(model.model.parameter_names)) if robot.model.nonlinear_names else None

@@ -1,4 +1,4 @@
-"""Largest plausible payload of a robot: its rated payload, or the mass of its own links."""
+"""Limits of a payload that follow from the robot: largest plausible mass, negligible errors."""
 
 from __future__ import annotations
 
@@ -9,6 +9,10 @@ from config.errors import LimitError
 from config.robot.robot import RobotDescription
 
 TOO_HEAVY: Final = "RID-PAYLOAD-HEAVY"
+NEGLIGIBLE_SHARE: Final = 0.005
+"""Errors of a payload that change a joint's torque by less than this fraction of its limit, or the
+mass by less than this fraction of the rated payload, are negligible for the robot.
+"""
 
 
 @dataclass(frozen=True)
@@ -29,6 +33,36 @@ class HeaviestPayload:
         if robot.cad is None or not robot.is_drawn:
             return None
         return cls(sum(link.mass_kg for link in robot.cad), "the arm's own mass from its drawings")
+
+
+@dataclass(frozen=True)
+class NegligibleErrors:
+    """Absolute limits of a verdict below which an error does not matter to the robot.
+
+    They are alternatives to limits in percent, which a light tool cannot satisfy.
+
+    Attributes:
+        mass_kg: Fraction `NEGLIGIBLE_SHARE` of the rated payload [kg]; None if it is not stated.
+        inertia_kg_m2: Inertia that needs the fraction `NEGLIGIBLE_SHARE` of the torque limit at the
+            acceleration limit, for the weakest revolute joint [kg m²]; None without such a joint.
+        residual_nm: Fraction `NEGLIGIBLE_SHARE` of the torque limit of the weakest revolute joint
+            [N m]; None without such a joint.
+    """
+
+    mass_kg: float | None
+    inertia_kg_m2: float | None
+    residual_nm: float | None
+
+    @classmethod
+    def of(cls, robot: RobotDescription) -> NegligibleErrors:
+        """Return the negligible errors of a payload on a robot."""
+        rated, share = robot.rated_payload_kg, NEGLIGIBLE_SHARE
+        turning = [joint.limits for joint in robot.joints if joint.type == "revolute"]
+        return cls(
+            None if rated is None else share * rated,
+            min((share * each.torque / each.acceleration for each in turning), default=None),
+            min((share * each.torque for each in turning), default=None),
+        )
 
 
 def refuse_heavier(robot: RobotDescription, mass_kg: float) -> None:

@@ -110,7 +110,7 @@ def solve_payload(
 
 @dataclass(frozen=True, eq=False)
 class _Measured:
-    """Result of the equations alone: values, and covariances in the determined coordinates."""
+    """Result without known quantities: values, and covariances in determined coordinates."""
 
     subspace: IdentifiableSubspace
     values: FloatArray
@@ -121,7 +121,7 @@ class _Measured:
 
     @property
     def spread(self) -> FloatArray:
-        """L of the covariance L L^T, with cluster-robust sigmas and averaged correlations.
+        """Cholesky factor of the covariance with cluster-robust sigmas and averaged correlations.
 
         The correlations are the mean of those of both covariances, because the cluster-robust
         covariance comes from few clusters and may not have full rank (Ledoit and Wolf 2004:
@@ -356,7 +356,10 @@ class _System:
         return self.all_unknowns(np.concatenate([payload, others]))
 
     def all_unknowns(self, values: FloatArray) -> FloatArray:
-        """Return all unknowns, shape (p,), from payload's and `kept` ones; the rest is zero."""
+        """Return all unknowns, shape (p,), from the payload's and the `kept` ones.
+
+        The rest are zero.
+        """
         unknowns = np.zeros(self.matrix.shape[1])
         unknowns[:PARAMETERS_PER_LINK] = values[:PARAMETERS_PER_LINK]
         unknowns[self.kept] = values[PARAMETERS_PER_LINK:]

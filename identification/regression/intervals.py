@@ -25,7 +25,7 @@ FEW_CLUSTERS: Final = 30
 
 @dataclass(frozen=True, eq=False)
 class Cluster:
-    """The weighted equations of one cluster, condensed.
+    """The weighted equations of one cluster, condensed to sums of products of their rows.
 
     Attributes:
         gram: Shape (p, p). A^T W A of its rows.
@@ -37,13 +37,13 @@ class Cluster:
 
     @classmethod
     def of(cls, matrix: FloatArray, residual: FloatArray) -> Cluster:
-        """Condense whitened rows (rows, p) and their residuals (rows,)."""
+        """Condense the whitened rows (rows, p) of a cluster and their residuals (rows,)."""
         return cls(matrix.T @ matrix, matrix.T @ residual)
 
 
 @dataclass(frozen=True, eq=False)
 class Scatter:
-    """Result of leaving out one cluster after the other.
+    """Result of the jackknife: each cluster was left out in turn.
 
     Attributes:
         covariance: Shape (p, p). Covariance of the estimate.

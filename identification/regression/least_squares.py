@@ -31,7 +31,7 @@ def triangular_factor(matrix: FloatArray) -> FloatArray:
 
 
 def _factor_in_place(work: FloatArray) -> FloatArray:
-    """Return R of a Fortran-ordered matrix; the matrix is overwritten."""
+    """Return the factor R of a Fortran-ordered matrix, and overwrite the matrix."""
     rows, columns = work.shape
     if rows == 0:
         return work

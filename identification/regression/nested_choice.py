@@ -53,7 +53,7 @@ class Gain:
 
     @classmethod
     def between(cls, simpler: FloatArray, richer: FloatArray) -> Gain:
-        """Return the gain of the richer model.
+        """Return the gain of the richer model over the simpler one.
 
         Args:
             simpler, richer: Mean squared errors of the blocks; NaN for blocks that are not used.
@@ -92,7 +92,7 @@ def simplest_model(errors: Sequence[FloatArray], sigmas: float = 1.0, least: flo
 def joints_that_gain(
     simpler: FloatArray, richer: FloatArray, sigmas: float = 1.0, least: float = LEAST_GAIN
 ) -> BoolArray:
-    """Return a mask of the joints whose held-out error falls enough, shape (n,).
+    """Return a mask of the joints whose held-out error falls by enough, shape (n,).
 
     Args:
         simpler, richer: Shape (blocks, n). Mean squared errors; NaN for blocks that are not used.

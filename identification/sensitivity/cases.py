@@ -170,15 +170,17 @@ def sensitivity_row(
     problems: dict[Motion, SensitivityProblem],
     against: Comparison | None = None,
 ) -> SensitivityRow:
-    """Return a row of the table.
+    """Simulate a wrong assumption; return its row of the sensitivity table (thesis, table 5.3).
 
     Args:
-        problems: The robot with its payload, on the motion of the axes from 3 on and on that of all
-            axes.
-        against: Comparison that separates the payload from the robot; that of the case by default.
+        case: The wrong assumption.
+        problems: The robot with its payload for each of the two motions: of the axes from 3 on, and
+            of all axes.
+        against: What is subtracted to obtain the payload's torque: a model of the robot, or a run
+            without payload. By default, the comparison of the case.
 
     Raises:
-        EstimationError: The motion does not determine all ten parameters.
+        EstimationError: The motion does not determine all ten parameters of the payload.
     """
     problem, against = problems[case.motion], against or case.against
     percent = deviation_percent(problem, estimate_under_assumption(problem, case.assumed, against))

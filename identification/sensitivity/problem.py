@@ -59,7 +59,7 @@ class Assumptions:
 
 @dataclass(frozen=True, eq=False)
 class SampledMotion:
-    """A sampled motion: q, v, a of shape (samples, n)."""
+    """A motion as samples: q, v, a of shape (samples, n)."""
 
     q: FloatArray
     v: FloatArray
@@ -279,7 +279,7 @@ def estimate_under_assumption(
 def compared_torque(
     problem: SensitivityProblem, assumed: Assumptions, against: Comparison
 ) -> FloatArray:
-    """Return the torques (samples, n) that the payload is estimated from [N m or N].
+    """Return the torques (samples, n) from which the payload is estimated [N m or N].
 
     They are the torques of the loaded robot. If `against` is "difference", the torques of the
     unloaded robot are subtracted.

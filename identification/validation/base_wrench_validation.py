@@ -7,7 +7,8 @@ estimation of a model.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -20,7 +21,9 @@ from config.errors import DataQualityError, EstimationError
 from dynamics.terms.conditions import Conditions
 from identification.choices import BAND_HZ
 from identification.equations.deconvolution import without_filter
+from identification.equations.plate_fit import SMALL_COMPONENT
 from identification.estimation.estimate import Estimate, predict_base_wrench
+from identification.regression.fit_grade import BAD_SHARE
 
 STEPS = 4
 MOTION_CUTOFFS = 1.5
@@ -58,6 +61,20 @@ class BaseWrenchValidation:
 
     def __post_init__(self) -> None:
         freeze(self, EstimationError, (None, 6), "measured", "predicted")
+
+    @property
+    def limit_percent(self) -> FloatArray:
+        """Largest relative error of each component for a passed verdict, shape (6,) [%].
+
+        As for torques, it is `BAD_SHARE` of the component, combined with the noise. A small
+        component counts as `SMALL_COMPONENT` of the largest force or moment.
+        """
+        size = np.maximum(100.0 * self.rms / np.maximum(self.relative_percent, 1e-12), 1e-12)
+        counted = size.copy()
+        for part in (slice(0, 3), slice(3, 6)):
+            counted[part] = np.maximum(size[part], SMALL_COMPONENT * size[part].max())
+        noise = np.zeros(6) if self.noise is None else self.noise
+        return np.asarray(100.0 * np.hypot(BAD_SHARE * counted, noise) / size)
 
     @property
     def sentence(self) -> str:
@@ -126,6 +143,37 @@ def validate_base_wrench(
         noise=noise,
         delay_s=delay_s,
         cutoff_hz=cutoff_hz,
+    )
+
+
+def pool_base_wrenches(parts: Sequence[BaseWrenchValidation]) -> BaseWrenchValidation:
+    """Return the errors of several recordings together, each counted sample with the same weight.
+
+    Args:
+        parts: Comparisons of one model with each recording, at least one.
+
+    Returns:
+        The size of a component is the RMS around the mean of its own recording, the delay the mean
+        of the delays. The noise is unknown if that of one recording is.
+    """
+    counts = np.array([np.count_nonzero(each.counted) for each in parts], dtype=float)
+
+    def pooled(values: Sequence[FloatArray]) -> FloatArray:
+        return np.asarray(np.sqrt(counts @ np.square(values) / counts.sum()))
+
+    rms = pooled([each.rms for each in parts])
+    size = pooled([100.0 * each.rms / each.relative_percent for each in parts])
+    noises = [each.noise for each in parts if each.noise is not None]
+    return replace(
+        parts[0],
+        time_s=np.concatenate([each.time_s for each in parts]),
+        measured=np.concatenate([each.measured for each in parts]),
+        predicted=np.concatenate([each.predicted for each in parts]),
+        counted=np.concatenate([each.counted for each in parts]),
+        rms=rms,
+        relative_percent=100.0 * rms / size,
+        noise=pooled(noises) if len(noises) == len(parts) else None,
+        delay_s=float(np.mean([each.delay_s for each in parts])),
     )
 
 

@@ -56,6 +56,8 @@ LEAST_KIND_GAIN: Final = 0.01
 """Smallest reduction of the held-out RMS error for which a richer kind is chosen: 1 %."""
 LONGEST_DELAY_S: Final = 0.05
 LONGEST_LAG_S: Final = 0.08
+END_SHARE: Final = 0.98
+"""A value above this fraction of its longest value is at the end of its search range."""
 SHORTEST_LAG_S: Final = 1e-4
 START_S: Final[dict[ChannelValue, float]] = {"delay": 0.0, "lag": 0.004, "width": 0.006}
 LARGEST_STEP_S: Final = 0.01
@@ -66,11 +68,6 @@ AFTER_STANDSTILL_S: Final = 0.16
 FILTER_SHARE: Final = 0.65
 """Largest ratio of squared errors with and without a filter for which a joint shows it."""
 RANK: Final = 1e-7
-FLEXIBLE: Final[tuple[Column, ...]] = (
-    "coulomb", "viscous", "offset", "cubic", "load",
-    ("stribeck", 0.045), ("stribeck", 0.1), ("stribeck", 0.23),
-)  # fmt: skip
-"""Friction columns of every joint for the first estimate of the channel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,13 +148,17 @@ def _choose_kind(errors: dict[ChannelKind, FloatArray]) -> ChannelKind:
 
 
 def accepted_channel(fits: Sequence[JointChannel], none: Sequence[JointChannel]) -> TorqueChannel:
-    """Return the channel with only those values that are distinct from zero and inside a range.
+    """Return the channel with only those values that are distinct from zero.
 
-    A filter is a setting of the drives or of the logger. Therefore the channel changes nothing if
-    fewer than half of the joints show a filter: then the cause is another effect. A joint shows a
-    filter if the filter also lowers the error at the jumps of friction. An elastic joint looks like
-    a zero-phase filter, but only away from reversals. A joint that sticks for long does not show
-    the jumps; it keeps its lag if at least half of the joints show a filter.
+    A value at the upper end of its search range is only a bound: its standard deviation is set to
+    the value itself. It is left out if it does not lower the joint's held-out error.
+
+    A filter is a setting of the drives or of the logger, the same for all joints. If only some
+    joints, fewer than half, show a filter, it has another cause: then a channel without delays and
+    filters is returned. A joint shows a filter if the filter also lowers the error at the jumps of
+    friction. An elastic joint looks like a zero-phase filter, but only away from reversals. A joint
+    that sticks for long does not show the jumps; it keeps its lag if at least half of the joints
+    show a filter.
     """
     found = np.zeros((6, len(fits)))
     passes_jumps = np.zeros(len(fits), dtype=np.bool_)
@@ -167,8 +168,11 @@ def accepted_channel(fits: Sequence[JointChannel], none: Sequence[JointChannel])
             continue
         for place, key in enumerate(VALUES):
             value, sigma = fit.values_s.get(key, 0.0), fit.sigma_s.get(key, 0.0)
-            inside = key != "delay" or abs(value) < 0.98 * LONGEST_DELAY_S
-            if inside and abs(value) > DISTINCT_SIGMAS * sigma:
+            longest_s = LONGEST_DELAY_S if key == "delay" else LONGEST_LAG_S
+            if abs(value) >= END_SHARE * longest_s:
+                if Gain.between(none[j].errors, fit.errors).exceeds(KIND_SIGMAS, 0.0):
+                    found[2 * place : 2 * place + 2, j] = value, abs(value)
+            elif abs(value) > DISTINCT_SIGMAS * sigma:
                 found[2 * place : 2 * place + 2, j] = value, sigma
     delay, delay_sigma, lag, lag_sigma, width, width_sigma = found
     channel = TorqueChannel(delay, delay_sigma, lag, lag_sigma, width, width_sigma)
@@ -324,7 +328,7 @@ def _responses(frequency_hz: FloatArray, values: dict[ChannelValue, float]) -> l
 
 
 def _independent_columns(columns: FloatArray) -> IntArray:
-    """Return the indices of linearly independent columns, in their order."""
+    """Return the indices of the linearly independent columns, in the order of the columns."""
     size = np.linalg.norm(columns, axis=0)
     live = np.flatnonzero(size > 1e-9 * size.max(initial=1e-300))
     triangle, order = qr(columns[:, live] / size[live], mode="r", pivoting=True)
@@ -335,7 +339,7 @@ def _independent_columns(columns: FloatArray) -> IntArray:
 def _leave_blocks_out(
     columns: FloatArray, torque_nm: FloatArray, block: IntArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the change of the solution without each block, and the block's mean squared error."""
+    """Return, for each block, the change of the solution without it, and its mean squared error."""
     gram = columns.T @ columns
     residual = torque_nm - columns @ np.linalg.solve(gram, columns.T @ torque_nm)
     moved, errors = [], []

@@ -1,4 +1,4 @@
-"""Diagnosis of prediction errors: for each joint a sentence and its numbers."""
+"""Diagnosis of prediction errors: one sentence for each joint, and its numbers."""
 
 from __future__ import annotations
 

@@ -188,7 +188,7 @@ def _closest_thinning(
 
 
 def _terms_with_thinning(speed: float) -> Terms:
-    """Return `BESIDE_THINNING` with shear thinning at `speed` instead of viscous friction."""
+    """Return `BESIDE_THINNING` and shear thinning at `speed`, instead of viscous friction."""
     return _with_terms(BESIDE_THINNING, (("shear_thinning", speed),))
 
 
@@ -198,11 +198,11 @@ def remove_weak_terms(
     """Return the terms after removing those that do not improve the fit, and their solution.
 
     Args:
-        kept: Term that all joints share, which is not removed. The other terms are then removed,
-            the weakest first, until the held-out error of all joints grows distinctly. The error of
-            all joints counts, because a term of one joint also lowers the errors of the others
-            through the links' parameters. A term within `CLEAR_SIGMAS` of zero, or with the wrong
-            sign, is always removed.
+        kept: Term that all joints have, which is not removed. If it is given, the other terms are
+            removed, the weakest first, until the held-out error of all joints together grows
+            distinctly. All joints count, because a term of one joint also lowers the errors of the
+            other joints through the links' parameters. A term within `CLEAR_SIGMAS` of zero, or
+            with the wrong sign, is always removed.
     """
     chosen, first = list(start), fit
     while (worst := _weakest_term(grams, chosen, fit, kept)) is not None:

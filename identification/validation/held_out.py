@@ -128,7 +128,7 @@ def _seconds(
 def _triangles(
     fit: FittedSignals, stretch: Sequence[tuple[TimeBlock, IntArray]]
 ) -> tuple[Triangle, ...]:
-    """Return the equations of a time interval as one triangle per joint."""
+    """Return the equations of a time interval, condensed to one triangle per joint."""
     structure = torque_structure(fit.model, fit.base, False)
     triangles = [Triangle.empty(len(fit.base), columns) for columns in structure]
     for block, rows in stretch:
@@ -140,7 +140,7 @@ def _triangles(
 
 
 def _join(triangles: Sequence[Triangle]) -> Triangle:
-    """Return the triangles of one joint, stacked to one triangle."""
+    """Return the triangles of one joint as one triangle."""
     factor = np.vstack([triangle.factor for triangle in triangles])
     rows = sum(triangle.rows for triangle in triangles)
     first = triangles[0]

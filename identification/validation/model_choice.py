@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -27,14 +27,16 @@ from identification.equations.block_grams import (
     speeds_of,
     term_of_column,
 )
+from identification.equations.bus_delay import RefusedChannel
 from identification.equations.candidate_equations import CandidateEquations
+from identification.equations.friction_columns import FLEXIBLE
 from identification.equations.segments import thin_rows
 from identification.equations.warming import Warming
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.model.base_parameters import base_parameters
 from identification.regression.nested_choice import joints_that_gain
-from identification.validation.channel_choice import FLEXIBLE, KINDS, choose_channel
+from identification.validation.channel_choice import KINDS, choose_channel
 from identification.validation.friction_choice import FrictionChoice, choose_terms
 from identification.validation.held_out import held_out_errors, identified_values
 from identification.validation.presliding_choice import PreslidingChoice, choose_presliding
@@ -72,8 +74,7 @@ class ModelChoice:
         channel: Delay and filter of the recorded torque.
         presliding: Joints with presliding; None if the data do not identify it.
         warming: Joints that warm up; None if no joint shows it.
-        refused_delay_s: Delays of each joint's torque that no bus explains and that are not in
-            `channel`, 0 for the other joints [s]; empty if there are no such delays.
+        refused: Delays and filters of the torques that are implausible and not in `channel`.
     """
 
     joint_names: tuple[str, ...]
@@ -84,7 +85,7 @@ class ModelChoice:
     channel: TorqueChannel
     presliding: PreslidingChoice | None = None
     warming: Warming | None = None
-    refused_delay_s: tuple[float, ...] = ()
+    refused: RefusedChannel = field(default_factory=RefusedChannel)
 
     def robot(self, robot: RobotDescription) -> RobotDescription:
         """Return a robot with the chosen friction."""

@@ -11,7 +11,7 @@ A joint's delay is accepted under three conditions:
 - The logarithm of the error on left-out bins falls by more than two standard errors.
 - It is below a quarter of the shortest period in the band. A longer delay shifts the highest bins
   by more than a right angle. Gauss-Newton steps, which are linear in the delay, then do not
-  converge.
+  converge. A delay at this limit is only a bound, and its standard deviation is set to the delay.
 """
 
 from __future__ import annotations
@@ -53,7 +53,9 @@ def choose_period_delays(
     averages: Sequence[PeriodAverage],
     options: EstimationOptions | None = None,
 ) -> TorqueChannel:
-    """Return the delay of each joint's torque, zero if the data do not determine it.
+    """Return the delay of each joint's torque, zero if the data do not show one.
+
+    The standard deviation of a delay at the end of the search range is set to the delay.
 
     Args:
         robot: The robot with all its terms; presliding determines how far from a reversal friction
@@ -77,9 +79,9 @@ def choose_period_delays(
         _left_out_errors(fitted, equations, each) for each in (np.zeros_like(delay_s), delay_s)
     ]
     shown = np.abs(delay_s) > DISTINCT_SIGMAS * sigma_s
-    shown &= np.abs(delay_s) < longest_s
+    sigma_s = np.where(np.abs(delay_s) < longest_s, sigma_s, np.abs(delay_s))
     shown &= joints_that_gain(errors[0], errors[1], sigmas=DISTINCT_SIGMAS, least=0.0)
-    return TorqueChannel.of_delays(delay_s * shown, sigma_s * shown)
+    return TorqueChannel.of_delays(np.where(shown, delay_s, 0.0), np.where(shown, sigma_s, 0.0))
 
 
 def _estimate_delays(

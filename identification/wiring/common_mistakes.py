@@ -17,9 +17,13 @@ from identification.wiring.mistakes import (
     ORDERS,
     Mistake,
     MistakeKind,
+    factor_of_one,
     order_mistake,
+    position_factor,
+    reversed_joint,
     robot_mistake,
     scale_mistake,
+    torque_factor,
     zero_mistake,
 )
 
@@ -118,22 +122,14 @@ def torque_units(robot: RobotDescription) -> Iterator[Mistake]:
 
 def _of_joint(robot: RobotDescription, j: int) -> Iterator[Mistake]:
     n, gear = len(robot.joints), robot.joints[j].gear_ratio
-
-    def alone(factor: float) -> FloatArray:
-        values = np.ones(n)
-        values[j] = factor
-        return values
-
-    reversed_ = alone(-1.0)
-    yield scale_mistake(MistakeKind.POSITION_SIGN, (j,), -1.0, n=n, position=reversed_)
-    yield scale_mistake(
-        MistakeKind.DIRECTION, (j,), -1.0, n=n, position=reversed_, torque=reversed_
-    )
+    signs = factor_of_one(n, j, -1.0)
+    yield scale_mistake(MistakeKind.POSITION_SIGN, (j,), -1.0, n=n, position=signs)
+    yield reversed_joint(n, j)
     own = {abs(gear), 1.0 / abs(gear)} - {1.0}
     for factor in (*FACTORS, DEGREES, 1.0 / DEGREES, *sorted(own)):
-        yield scale_mistake(MistakeKind.POSITION_FACTOR, (j,), factor, n=n, position=alone(factor))
+        yield position_factor(n, j, factor)
     for factor in (*TORQUE_FACTORS, *sorted(own)):
-        yield scale_mistake(MistakeKind.TORQUE_FACTOR, (j,), factor, n=n, torque=alone(factor))
+        yield torque_factor(n, j, factor)
     if robot.joints[j].type == "revolute":
         for step in range(1, OFFSET_STEPS):
             angle = math.remainder(2.0 * math.pi * step / OFFSET_STEPS, 2.0 * math.pi)
@@ -177,7 +173,7 @@ def _orders(n: int) -> Iterator[Mistake]:
 
 
 def _conventions(robot: RobotDescription) -> Iterator[RobotDescription]:
-    """Yield the robot with its kinematic table in the other convention."""
+    """Yield the robot for the case that its kinematic table uses the other convention."""
     table = robot.kinematics
     other = "standard_dh" if table.convention == "modified_dh" else "modified_dh"
     if any(row.beta_rad for row in table.calibrated_rows):

@@ -18,12 +18,16 @@ import numpy as np
 from config.robot.kinematic_table import KinematicRow
 from config.robot.robot import RobotDescription
 from identification.wiring.flexible_fit import FlexibleFit
+from identification.wiring.golden_section import golden_section
 from identification.wiring.mistakes import (
     Mistake,
     MistakeKind,
+    factor_of_one,
     order_mistake,
+    position_factor,
     robot_mistake,
     scale_mistake,
+    torque_factor,
 )
 from identification.wiring.possible import keeps_limits
 from identification.wiring.signals import WiredSignals
@@ -32,7 +36,12 @@ from identification.wiring.trial import CondensedEquations
 LENGTHS: Final = (0.5, 0.625, 0.8, 1.25, 1.6, 2.0)
 LINKS: Final = (0.625, 0.8, 1.25, 1.6)
 OFFSETS: Final = (0.625, 1.6)
-FACTORS: Final = (0.5, 2.0)
+TORQUES: Final = (0.5, 0.67, 0.8, 1.25, 1.5, 2.0)
+POSITIONS: Final = (0.5, 0.8, 1.25, 2.0)
+NEAR: Final = math.log(1.3)
+FACTOR_STEP: Final = 0.01
+"""Accuracy of a factor that is named in a finding, relative."""
+
 CLOCKS: Final = (0.5, 2.0)
 ABOUT: Final = 1e-6
 FITTED_RATIO: Final = 0.97
@@ -91,7 +100,28 @@ def find_fine_mistake(signals: WiredSignals) -> FineMistake | None:
     found.sort(key=lambda each: each[0])
     ratio, best, explains = found[0]
     near = tuple(mistake for other, mistake, _ in found[1:] if other - ratio < AS_GOOD * ratio)
-    return FineMistake(best, near[:2], ratio, explains)
+    return FineMistake(_refine_factor(best, signals, stated), near[:2], ratio, explains)
+
+
+def _refine_factor(mistake: Mistake, signals: WiredSignals, stated: FlexibleFit) -> Mistake:
+    """Return the mistake; the best factor of a joint replaces the factor from the list."""
+    makers = {
+        MistakeKind.TORQUE_FACTOR: torque_factor,
+        MistakeKind.POSITION_FACTOR: _gear_factor if mistake.what else position_factor,
+    }
+    make = makers.get(mistake.kind)
+    if make is None:
+        return mistake
+    n, (joint,) = len(signals.robot.joints), mistake.joints
+
+    def cost(logarithm: float) -> float:
+        other = make(n, joint, math.exp(logarithm))
+        return float(stated.fit_other(other.correct(signals), other.torque).held_out.sum())
+
+    middle = math.log(mistake.factor)
+    best = math.exp(golden_section(cost, middle - NEAR, middle + NEAR, FACTOR_STEP))
+    refined = make(n, joint, best)
+    return refined if keeps_limits(refined, signals, refined.correct(signals)) else mistake
 
 
 def table_mistake(signals: WiredSignals) -> Mistake:
@@ -106,19 +136,11 @@ def fine_mistakes(robot: RobotDescription) -> Iterator[Mistake]:
     yield from _lengths(robot)
     yield from _axes(robot)
     for j in range(n):
-        for factor in FACTORS:
-            alone = np.ones(n)
-            alone[j] = factor
-            yield scale_mistake(MistakeKind.POSITION_FACTOR, (j,), factor, n=n, position=alone)
-            yield scale_mistake(MistakeKind.TORQUE_FACTOR, (j,), factor, n=n, torque=alone)
-            gear = scale_mistake(
-                MistakeKind.POSITION_FACTOR, (j,), factor, n=n, position=alone, torque=1.0 / alone
-            )
-            gear_words = (
-                f"computed with another gear ratio: multiply the position by {factor:g} and the"
-                f" torque by {1.0 / factor:g}"
-            )
-            yield replace(gear, what=gear_words)
+        for factor in POSITIONS:
+            yield position_factor(n, j, factor)
+            yield _gear_factor(n, j, factor)
+        for factor in TORQUES:
+            yield torque_factor(n, j, factor)
     for j in range(n - 1):
         order = list(range(n))
         order[j], order[j + 1] = j + 1, j
@@ -127,18 +149,29 @@ def fine_mistakes(robot: RobotDescription) -> Iterator[Mistake]:
         yield replace(scale_mistake(MistakeKind.CLOCK, (), clock, n=n), clock=clock)
 
 
+def _gear_factor(n: int, j: int, factor: float) -> Mistake:
+    mistake = replace(
+        position_factor(n, j, factor), torque=np.diag(factor_of_one(n, j, 1.0 / factor))
+    )
+    what = (
+        f"computed with another gear ratio: multiply the position by {factor:.3g} and the torque by"
+        f" {1.0 / factor:.3g}"
+    )
+    return replace(mistake, what=what)
+
+
 def _lengths(robot: RobotDescription) -> Iterator[Mistake]:
     rows = range(len(robot.kinematics.rows))
     for factor in LENGTHS:
         what = f"the lengths in the kinematic table must be about {factor:g} times what is stated"
-        yield _table(robot, (), what, {i: {"a_m": factor, "d_m": factor} for i in rows})
+        yield table_factors(robot, (), what, {i: {"a_m": factor, "d_m": factor} for i in rows})
     for i in rows:
         for key, factors in (("a_m", LINKS), ("d_m", OFFSETS if i else ())):
             if abs(getattr(robot.kinematics.rows[i], key)) < ABOUT:
                 continue
             for factor in factors:
                 what = f"{key} of row {i + 1} must be about {factor:g} times what is stated"
-                yield _table(robot, (i,), what, {i: {key: factor}})
+                yield table_factors(robot, (i,), what, {i: {key: factor}})
 
 
 def _axes(robot: RobotDescription) -> Iterator[Mistake]:
@@ -150,15 +183,23 @@ def _axes(robot: RobotDescription) -> Iterator[Mistake]:
     for own in sets:
         named = " and ".join(str(i + 1) for i in own)
         what = f"alpha_rad of row {named} has the wrong sign"
-        yield _table(robot, own, what, {i: {"alpha_rad": -1.0} for i in own})
+        yield table_factors(robot, own, what, {i: {"alpha_rad": -1.0} for i in own})
 
 
-def _table(
+def table_factors(
     robot: RobotDescription,
     joints: tuple[int, ...],
     what: str,
     factors: dict[int, dict[str, float]],
 ) -> Mistake:
+    """Return the mistake of wrong numbers in the kinematic table.
+
+    Args:
+        robot: The robot as described in its file.
+        joints: The rows concerned, from 0; empty for all rows.
+        what: The mistake in words.
+        factors: Factors of the stated numbers, by row and key.
+    """
     table = robot.kinematics
 
     def right(i: int, row: KinematicRow) -> KinematicRow:

@@ -136,6 +136,31 @@ def scale_mistake(
     )
 
 
+def position_factor(n: int, joint: int, factor: float) -> Mistake:
+    """Return the mistake of a factor in the position of one of n joints."""
+    factors = factor_of_one(n, joint, factor)
+    return scale_mistake(MistakeKind.POSITION_FACTOR, (joint,), factor, n=n, position=factors)
+
+
+def torque_factor(n: int, joint: int, factor: float) -> Mistake:
+    """Return the mistake of a factor in the torque of one of n joints."""
+    factors = factor_of_one(n, joint, factor)
+    return scale_mistake(MistakeKind.TORQUE_FACTOR, (joint,), factor, n=n, torque=factors)
+
+
+def reversed_joint(n: int, joint: int) -> Mistake:
+    """Return the mistake of a wrong sign of position and torque of one of n joints."""
+    signs = factor_of_one(n, joint, -1.0)
+    return scale_mistake(MistakeKind.DIRECTION, (joint,), -1.0, n=n, position=signs, torque=signs)
+
+
+def factor_of_one(n: int, joint: int, factor: float) -> FloatArray:
+    """Return the factors of n joints, (n,), of which only one differs from 1."""
+    factors = np.ones(n)
+    factors[joint] = factor
+    return factors
+
+
 def zero_mistake(robot: RobotDescription, joint: int, offset_rad: float) -> Mistake:
     """Return the mistake of a wrong zero position."""
     n = len(robot.joints)

@@ -1,4 +1,4 @@
-"""`wrong_scale`, `copied_motion`: torques in a wrong unit, or columns that are not torques.
+"""`wrong_scale`, `wrong_quantity`: torques in a wrong unit, or columns that are not torques.
 
 Such data can fit a robot well. Torques scaled by a common factor fit an arm that is heavier by this
 factor. Torques without gravity fit an arm without weight. Accelerations fit an arm of inertia 1.
@@ -13,6 +13,7 @@ from typing import Final
 
 import numpy as np
 
+from config.arrays import BoolArray
 from identification.wiring.common_mistakes import torque_units
 from identification.wiring.gravity import GravitySearch
 from identification.wiring.mistakes import Mistake, MistakeKind, robot_mistake, scale_mistake
@@ -25,6 +26,11 @@ KNOWN_SIGMAS: Final = 5.0
 """Smallest ratio of weight to standard deviation for which a torque factor is proposed."""
 COPY_SHARE: Final = 0.15
 COPY_FACTOR: Final = 0.05
+ABSOLUTE: Final = "absolute value"
+FEWEST_UNSIGNED: Final = 2
+BELOW_ZERO: Final = 0.05
+"""A filter can make an unsigned torque negative, up to this fraction of its largest value."""
+NEAR_ZERO: Final = 0.1
 
 
 def wrong_scale(
@@ -66,10 +72,13 @@ def wrong_scale(
     return (every,) if keeps_limits(every, signals, every.correct(signals)) else ()
 
 
-def copied_motion(signals: WiredSignals) -> Mistake | None:
-    """Return the mistake of torque columns that contain position, velocity or acceleration."""
+def wrong_quantity(signals: WiredSignals) -> Mistake | None:
+    """Return the mistake of torque columns that contain no torques, or torques without sign."""
     use = rows_used(signals)
     joints = np.flatnonzero(use.any(axis=0))
+    if _are_unsigned(signals, use):
+        unsigned = scale_mistake(MistakeKind.TORQUE_QUANTITY, (), 1.0, n=use.shape[1])
+        return replace(unsigned, what=ABSOLUTE)
     for what, motion in (
         ("acceleration", signals.acceleration),
         ("velocity", signals.velocity),
@@ -94,3 +103,13 @@ def copied_motion(signals: WiredSignals) -> Mistake | None:
             )
             return replace(mistake, what=what)
     return None
+
+
+def _are_unsigned(signals: WiredSignals, use: BoolArray) -> bool:
+    """Return True if no torque is negative, although two joints that turn back reach zero."""
+    joints = np.flatnonzero(use.any(axis=0))
+    torque, speed = signals.torque_nm[:, joints], signals.velocity[:, joints]
+    most, least = torque.max(axis=0), torque.min(axis=0)
+    back = (speed.min(axis=0) < 0.0) & (speed.max(axis=0) > 0.0)
+    reach_zero = int(np.sum(back & (least < NEAR_ZERO * most)))
+    return reach_zero >= FEWEST_UNSIGNED and bool(np.all(least > -BELOW_ZERO * most))

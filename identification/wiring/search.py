@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -12,15 +11,22 @@ import numpy as np
 from config.arrays import FloatArray
 from identification.wiring.common_mistakes import OFFSET_STEPS, common_mistakes
 from identification.wiring.fine_search import find_fine_mistake, table_mistake
+from identification.wiring.golden_section import golden_section
 from identification.wiring.gravity import GravitySearch
 from identification.wiring.mistakes import Mistake, MistakeKind, zero_mistake
 from identification.wiring.possible import keeps_limits
-from identification.wiring.scale import copied_motion, wrong_scale
+from identification.wiring.scale import wrong_quantity, wrong_scale
 from identification.wiring.signals import WiredSignals
 from identification.wiring.trial import CondensedEquations, WiringTrial, plain_model
 from identification.wiring.weight import ArmWeight
 
 AS_GOOD: Final = 0.1
+OBLIQUE_GAIN: Final = 0.3
+"""Decrease of the cost from which an oblique gravity excludes a wrong zero of the first joint.
+
+Such a zero turns gravity around the first axis, so an oblique gravity, which has one more unknown,
+always fits at least as well.
+"""
 MOST_MISTAKES: Final = 3
 MOST_ALTERNATIVES: Final = 3
 ANGLE_STEP_RAD: Final = 1e-3
@@ -51,13 +57,13 @@ class FoundMistake:
 
     @property
     def times_better(self) -> FloatArray:
-        """Factor by which each joint's residual falls, shape (n,)."""
+        """Factor by which each joint's residual falls after the correction, shape (n,)."""
         return np.asarray(self.before.residual_share / self.after.residual_share)
 
 
 @dataclass(frozen=True, eq=False)
 class _CorrectedMistake:
-    """A corrected mistake, with the fit and the prediction of held-out parts."""
+    """A corrected mistake; the fit and the prediction of held-out parts afterwards."""
 
     mistake: Mistake
     after: WiringTrial
@@ -83,10 +89,10 @@ def find_mistakes(signals: WiredSignals, *, fine: bool = True) -> tuple[FoundMis
     fits = False
     while len(found) < MOST_MISTAKES:
         stated = CondensedEquations.of(signals)
-        copied = copied_motion(signals)
-        if copied is not None:
+        wrong = wrong_quantity(signals)
+        if wrong is not None:
             before = stated.trial(np.eye(len(signals.robot.joints)))
-            return (*found, FoundMistake(copied, (), before, before))
+            return (*found, FoundMistake(wrong, (), before, before))
         gravity = GravitySearch.of(signals, stated)
         better = None if fits else _best_common_mistake(signals, stated, gravity)
         better = better or _scale_mistake_found(signals, stated, gravity)
@@ -124,7 +130,7 @@ def _add_fine_mistake(
 
 
 def find_impossibilities(signals: WiredSignals) -> tuple[tuple[str, ...], ArmWeight | None]:
-    """Return the joints with driving friction, and the arm's weight.
+    """Return the joints whose friction drives instead of braking, and the arm's weight.
 
     Args:
         signals: The signals and the robot as stated in the files.
@@ -185,7 +191,8 @@ def _best_common_mistake(
                 for each in tried[1:]
                 if gravity.is_turned(best.mistake, each.mistake)
                 or (
-                    each.mistake.is_first_zero and each.held_out.cost - best.held_out.cost < AS_GOOD
+                    each.mistake.is_first_zero
+                    and each.held_out.cost - best.held_out.cost < OBLIQUE_GAIN
                 )
             ),
             best,
@@ -215,7 +222,7 @@ def _scale_mistake_found(
 
 
 def _refine_zero_positions(signals: WiredSignals, mistakes: list[Mistake]) -> list[Mistake]:
-    """Return the mistakes; the best zero position of each joint replaces the joint's grid."""
+    """Return the mistakes; each joint's best zero position replaces the tried grid."""
     still, model = np.eye(len(signals.robot.joints)), plain_model(signals)
     grids: dict[int, list[Mistake]] = {}
     for mistake in mistakes:
@@ -232,7 +239,7 @@ def _refine_zero_positions(signals: WiredSignals, mistakes: list[Mistake]) -> li
 
 
 def _best_zero(signals: WiredSignals, near: Mistake, within_rad: float) -> Mistake:
-    """Return the wrong zero position that fits best near another one."""
+    """Return the wrong zero position that fits best, starting from another one."""
     still, model = np.eye(len(signals.robot.joints)), plain_model(signals)
     (joint,), middle = near.joints, near.factor
 
@@ -240,28 +247,8 @@ def _best_zero(signals: WiredSignals, near: Mistake, within_rad: float) -> Mista
         undone = zero_mistake(signals.robot, joint, angle).correct(signals)
         return CondensedEquations.of(undone, model).trial(still).cost
 
-    angle = _minimise(cost, middle - within_rad, middle + within_rad)
+    angle = golden_section(cost, middle - within_rad, middle + within_rad, ANGLE_STEP_RAD)
     return zero_mistake(signals.robot, joint, angle)
-
-
-def _minimise(cost: Callable[[float], float], low: float, high: float) -> float:
-    """Return the place of the minimum of a cost that has only one, by golden section search.
-
-    `scipy.optimize` provides this, but its import takes more memory and time than all trials.
-    """
-    share = 0.5 * (math.sqrt(5.0) - 1.0)
-    left, right = high - share * (high - low), low + share * (high - low)
-    of_left, of_right = cost(left), cost(right)
-    while high - low > ANGLE_STEP_RAD:
-        if of_left < of_right:
-            high, right, of_right = right, left, of_left
-            left = high - share * (high - low)
-            of_left = cost(left)
-        else:
-            low, left, of_left = left, right, of_right
-            right = low + share * (high - low)
-            of_right = cost(right)
-    return 0.5 * (low + high)
 
 
 def _distinct_alternatives(best: Mistake, near: list[Mistake]) -> tuple[Mistake, ...]:

@@ -22,7 +22,7 @@ MOVING_RAD_S: Final = 0.005
 
 @dataclass(frozen=True, eq=False)
 class WiredSignals:
-    """Motion and torque of the motors, and the robot, as stated in the files.
+    """Motion and torque of the motors, and the robot, as the user's files describe them.
 
     Attributes:
         position, velocity, acceleration: Shape (rows, n). The motors' motion on the link side,

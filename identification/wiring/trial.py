@@ -23,7 +23,7 @@ SLOW_SHARE: Final = 0.05
 FEWEST_ROWS: Final = 20
 RIDGE: Final = 1e-9
 UNSEEN_RISE: Final = 0.01
-"""Relative rise of the squared residuals from which a wrong weight is visible (2 sigma)."""
+"""Smallest relative rise of the squared residuals that reveals a wrong weight (2 sigma)."""
 PARTS: Final = 5
 LEAST_GAIN: Final = 0.2
 FAR_BETTER_TIMES: Final = 2.0
@@ -86,12 +86,12 @@ class WiringTrial:
         return possible or bool(np.any(times >= SCREEN_TIMES))
 
     def overfits(self, held_out: WiringTrial) -> bool:
-        """Return True if held-out parts show that there are too few data for the fit."""
+        """Return True if errors on held-out parts show that the fit has too few data."""
         return bool(np.nanmedian(held_out.residual_share / self.residual_share) > FEW_DATA_TIMES)
 
     @property
     def impossible(self) -> int:
-        """Number of joints with driving friction, plus one for a negative weight of the arm."""
+        """Number of joints with driving friction, plus one if the arm's weight is negative."""
         return int(np.sum(self.driving)) + int(self.weight < 0.0)
 
     @property

@@ -47,7 +47,7 @@ class ArmWeight:
 
     @property
     def sentence(self) -> str:
-        """The arm's weight compared with the known one, in words."""
+        """Sentence that compares the arm's weight with the known weight."""
         drawn = "of `cad` in the robot file" if self.is_drawn else "expected for an arm of its size"
         return (
             f"the torques as stated give the arm {self.share:.2g} ± {2.0 * self.sigma:.2g} times"
@@ -97,7 +97,7 @@ class DrawnWeight:
         return bool(np.any(self.drawn > 0.0))
 
     def share(self, values: FloatArray) -> float:
-        """Return `ArmWeight.share` for some parameters (p,)."""
+        """Return `ArmWeight.share` for the parameters of a fit (p,)."""
         if not self.is_visible:
             return float("nan")
         return float(np.sum(self.columns @ values) / np.sum(self.drawn))

@@ -5,12 +5,14 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 from config.errors import DriverError
 from drivers.ports.can_ports import Arrival
 from drivers.ports.python_can import can
 from mock_hw.bus.arbitration import FOREVER_NS, WireFrame
+from mock_hw.bus.embedded_master import EmbeddedMaster, find_hosted_hub
 from mock_hw.bus.hub_client import HubClient
 from mock_hw.bus.hub_protocol import OWN_PORT, HubRole
 from mock_hw.bus.wire_time import (
@@ -76,8 +78,7 @@ class RidSimBus(can.BusABC):
         del kwargs  # bit rate and such: the hub has its own
         try:
             path = socket_path(str(channel))
-            role = HubRole.MASTER if participant else HubRole.OBSERVER
-            self._client = HubClient(path, role, own_frames=receive_own_messages)
+            self._client = _join_hub(path, participant, receive_own_messages)
         except DriverError as error:
             raise can.CanInitializationError(str(error)) from error
         self.channel_info = f"rid_sim {path}"
@@ -109,10 +110,11 @@ class RidSimBus(can.BusABC):
         if msg.is_remote_frame:
             can_id |= REMOTE_FLAG
         try:
-            if self._client.lockstep:
-                self._client.post(can_id, bytes(msg.data), msg.dlc)
+            client = self._client
+            if isinstance(client, EmbeddedMaster) or client.lockstep:
+                client.post(can_id, bytes(msg.data), msg.dlc)
             else:
-                self._client.send(can_id, bytes(msg.data), msg.dlc)
+                client.send(can_id, bytes(msg.data), msg.dlc)
         except DriverError as error:
             raise can.CanOperationError(str(error)) from error
 
@@ -151,7 +153,7 @@ class RidSimBus(can.BusABC):
         """
         client = self._client
         try:
-            if client.lockstep:
+            if isinstance(client, EmbeddedMaster) or client.lockstep:
                 for cob_id, data in frames:
                     client.post(cob_id, bytes(data), len(data))
             else:
@@ -188,6 +190,7 @@ class RidSimBus(can.BusABC):
         return arrivals
 
     def _receive_realtime(self, timeout_s: float) -> Sequence[Arrival] | None:
+        assert isinstance(self._client, HubClient)
         try:
             frames = self._client.take_all(timeout_s)
         except DriverError as error:
@@ -251,6 +254,15 @@ class RidSimBus(can.BusABC):
             data=None if remote else frame.data[: frame.length],
             is_rx=frame.port != OWN_PORT,
         )
+
+
+def _join_hub(path: Path, participant: bool, own_frames: bool) -> HubClient | EmbeddedMaster:
+    """Connect to a hub, by function calls if this process hosts it for masters."""
+    if not participant:
+        return HubClient(path, HubRole.OBSERVER, own_frames=own_frames)
+    if (hosted := find_hosted_hub(path)) is not None:
+        return EmbeddedMaster(hosted, own_frames=own_frames)
+    return HubClient(path, HubRole.MASTER, own_frames=own_frames)
 
 
 def _nanoseconds(time_s: float) -> int:

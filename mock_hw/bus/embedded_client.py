@@ -13,7 +13,7 @@ from config.errors import TransportError
 from mock_hw.bus.arbitration import FOREVER_NS, WireFrame
 from mock_hw.bus.hub import CanHub
 from mock_hw.bus.hub_member import HubMember
-from mock_hw.bus.hub_protocol import PacketKind
+from mock_hw.bus.hub_protocol import HubRole, PacketKind
 
 _DATA_BYTES = 8
 _LOOK_S = 0.1
@@ -32,6 +32,7 @@ class EmbeddedClient(HubMember):
             client ends.
 
     Attributes:
+        hub: The hub.
         lockstep: Always True.
         now_ns: The simulated time at the end of the last wait [ns].
     """
@@ -41,13 +42,13 @@ class EmbeddedClient(HubMember):
     def __init__(self, hub: CanHub, urgent: Iterable[int], ended: Callable[[], bool]) -> None:
         super().__init__()
         self.urgent = frozenset(urgent)
-        self._hub = hub
+        self.hub = hub
         self._ended = ended
         self._outbox: list[WireFrame] = []
         self._received: list[WireFrame] = []
         self._received_s = 0.0
         self.now_ns = 0
-        hub.add_devices(self)
+        hub.add(self, HubRole.DEVICE)
 
     def send(self, kind: PacketKind, flag: int, now_ns: int) -> None:
         """Store the frames of the inbox, which `end_wait` returns."""
@@ -77,20 +78,24 @@ class EmbeddedClient(HubMember):
     def begin_wait(self, until_ns: int = FOREVER_NS, on_frames: bool = True) -> None:
         """Begin a `wait`: until its end, the devices do not stop simulated time."""
         outbox, self._outbox = self._outbox, []
-        self._hub.begin_wait(self, outbox, until_ns, on_frames=on_frames)
+        self.hub.begin_wait(self, outbox, until_ns, on_frames=on_frames)
 
-    def serve(self, fds: Sequence[int]) -> bool:
+    def serve(self, fds: Sequence[int], master: HubMember | None = None) -> bool:
         """Run the hub; return True when the wait is over, False when one of `fds` is readable.
+
+        Args:
+            fds: File descriptors that end the call.
+            master: Master in this process; the call also ends when its wait is over.
 
         Raises:
             TransportError: `ended` returned True: the client must end.
         """
-        hub, now_s = self._hub, time.monotonic()
+        hub, now_s = self.hub, time.monotonic()
         if now_s - self._received_s > _UNHEARD_S and self._receive(fds, now_s):
             return False
         while not self._ended():
             hub.advance(now_s)
-            if not self.idle:
+            if not self.idle or (master is not None and not master.idle):
                 return True
             if self._receive(fds, now_s + _LOOK_S):
                 return False
@@ -98,7 +103,7 @@ class EmbeddedClient(HubMember):
         raise TransportError("the simulated bus has ended", code="RID-MOCK-ENDED")
 
     def _receive(self, fds: Sequence[int], until_s: float) -> bool:
-        readable = self._hub.receive(fds, until_s)
+        readable = self.hub.receive(fds, until_s)
         self._received_s = time.monotonic()
         return bool(readable)
 

@@ -43,8 +43,8 @@ class CanHub:
     A client is another process, connected by a socket, or, in lock-step, the hub's own process.
 
     In real time, a frame is delivered when its transmission time is over. A device gives each frame
-    a time of sending. If it is recent and the bus was free then, the transmission starts at this
-    time, so that the computing time of a device does not delay its frames.
+    a time of sending. If this time is recent and the bus was free then, the transmission starts at
+    this time. Therefore the computing time of a device does not delay its frames.
 
     In lock-step, the hub controls simulated time, as a conservative discrete-event simulation: time
     moves to the next event only while every master and device waits. Therefore order and times of
@@ -138,11 +138,10 @@ class CanHub:
             self._accept()
         return []
 
-    def add_devices(self, member: HubMember) -> None:
-        """Add the devices of this process; simulated time stands still until their first wait."""
+    def add(self, member: HubMember, role: HubRole) -> None:
+        """Add a client of this process; simulated time stands still until its first wait."""
         self._add(member)
-        member.role = HubRole.DEVICE
-        self._welcome(member)
+        self._join(member, role)
 
     def begin_wait(
         self, member: HubMember, frames: Iterable[WireFrame], until_ns: int, *, on_frames: bool
@@ -163,7 +162,7 @@ class CanHub:
 
     def close(self) -> None:
         """Disconnect every client and close the listening socket."""
-        for member in self._members.values():
+        for member in [*self._members.values()]:
             member.close()
         self._members.clear()
         self._sockets.clear()
@@ -275,9 +274,9 @@ class CanHub:
             member.send(kind, flag, self._now_ns)
         except BlockingIOError:
             if member in self._timed:
-                self._drop(member)
+                self.drop(member)
         except OSError:
-            self._drop(member)
+            self.drop(member)
         member.inbox.clear()
 
     # Clients
@@ -304,15 +303,16 @@ class CanHub:
         except BlockingIOError:
             return
         except (OSError, ProtocolError, ValueError):
-            self._drop(member)
+            self.drop(member)
             return
-        self._drop(member)
+        self.drop(member)
 
     def _handle(self, member: SocketMember, packet: bytes) -> None:
         kind, flag, number, time_ns = unpack_header(packet)
         if kind == PacketKind.HELLO and member.role is None:
             member.own_frames = bool(number)
-            self._join(member, HubRole(flag), packet)
+            member.urgent = unpack_identifiers(packet[HEADER.size :])
+            self._join(member, HubRole(flag))
         elif kind in (PacketKind.SEND, PacketKind.IDLE) and member.role is not None:
             now_ns = time.monotonic_ns() if self._realtime else self._now_ns
             frames = unpack_frames(packet)
@@ -348,7 +348,7 @@ class CanHub:
             faults.unplugged = False
             for each_member in [*self._members.values()]:
                 if each_member.role == HubRole.MASTER:
-                    self._drop(each_member)
+                    self.drop(each_member)
 
     def _send_to_masters(self, frame: WireFrame) -> None:
         """Send every master an error frame from its adapter, without transmission on the bus."""
@@ -358,12 +358,11 @@ class CanHub:
                 if member.on_frames:
                     member.due_ns = min(member.due_ns, frame.time_ns)
 
-    def _join(self, member: HubMember, role: HubRole, packet: bytes) -> None:
+    def _join(self, member: HubMember, role: HubRole) -> None:
         now_ns = time.monotonic_ns() if self._realtime else self._now_ns
         if role == HubRole.MASTER and self._faults and now_ns < self._faults.unplugged_until_ns:
-            self._drop(member)
+            self.drop(member)
             return
-        member.urgent = unpack_identifiers(packet[HEADER.size :])
         member.role = role
         if role == HubRole.MASTER and not self._realtime and not self._masters:
             self._joining.append(member)
@@ -379,7 +378,8 @@ class CanHub:
         member.inbox.clear()
         self._send_inbox(member, PacketKind.WELCOME, flag=not self._realtime)
 
-    def _drop(self, member: HubMember) -> None:
+    def drop(self, member: HubMember) -> None:
+        """Disconnect a client."""
         if self._members.pop(member.key, None) is None:
             return
         member.close()

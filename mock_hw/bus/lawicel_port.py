@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import fcntl
 import os
@@ -58,6 +59,7 @@ class LawicelPort:
                 f"{path}: cannot create an slcan adapter here ({error})", code="RID-SOCKET-PATH"
             ) from None
         os.set_blocking(self._fd, False)
+        self._unsent = b""
         self._poll = select.poll()
         self._poll.register(self._fd, select.POLLIN)
 
@@ -76,11 +78,13 @@ class LawicelPort:
 
     def receive_frames(self, timeout_s: float) -> Sequence[Arrival] | None:
         """Return the frames that the computer sends; None if no byte arrives in `timeout_s` [s]."""
+        self._write(b"")
         if not self._poll.poll(max(timeout_s, 0.0) * 1000.0):
             return None
         was_open = self._adapter.open
         answers, frames = self._adapter.feed(os.read(self._fd, _READ_BYTES))
         if was_open != self._adapter.open:
+            self._unsent = b""
             termios.tcflush(self._other, termios.TCIFLUSH)
         self._write(answers)
         return [
@@ -96,13 +100,18 @@ class LawicelPort:
         os.close(self._fd)
 
     def _write(self, data: bytes) -> None:
-        """Write lines to the computer; lose them if the adapter's memory is full."""
-        if not data:
-            return
-        if len(data) + _unread_bytes(self._other) > _MEMORY_BYTES:
+        """Write lines to the computer; lose them if the adapter's memory is full.
+
+        The kernel can accept a part of a line only, or none, before the unread bytes show it. The
+        rest is sent with the next call.
+        """
+        if data and len(self._unsent) + len(data) + _unread_bytes(self._other) > _MEMORY_BYTES:
             self._adapter.overrun = True
-            return
-        os.write(self._fd, data)
+        else:
+            self._unsent += data
+        if self._unsent:
+            with contextlib.suppress(BlockingIOError):
+                self._unsent = self._unsent[os.write(self._fd, self._unsent) :]
 
 
 def _unread_bytes(descriptor: int) -> int:

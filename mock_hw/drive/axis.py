@@ -37,6 +37,10 @@ class AxisPort(Protocol):
     def torque_permille(self) -> int:
         """Return the motor torque, 6077h [0.1 % of its rated torque]."""
 
+    @abstractmethod
+    def digital_inputs(self) -> int:
+        """Return the levels of the digital inputs, 60FDh."""
+
 
 class MotorCommand(NamedTuple):
     """Command of a drive to its motor for an interval of time.
@@ -166,6 +170,7 @@ class DrivenAxis:
         objects[od.VELOCITY] = _clip(velocity, _INT32_MAX)
         torque = round(port.torque_permille() * self._torque_per_permille)
         objects[self._torque] = _clip(torque, _INT16_MAX)
+        objects[od.DIGITAL_INPUTS] = port.digital_inputs()
         objects[od.FOLLOWING_ERROR] = _clip(round(self.following.counts), _INT32_MAX)
 
 

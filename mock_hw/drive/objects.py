@@ -62,6 +62,7 @@ TORQUE_OFFSET = (0x60B2, 0)
 INTERPOLATION_PERIOD = (0x60C2, 1)
 INTERPOLATION_INDEX = (0x60C2, 2)
 FOLLOWING_ERROR = (0x60F4, 0)
+DIGITAL_INPUTS = (0x60FD, 0)
 TARGET_VELOCITY = (0x60FF, 0)
 TARGET_OF = {MODES[mode]: TARGETS[mode] for mode in BY_POSITION}
 
@@ -387,6 +388,7 @@ def _profile_entries(identity: SimulatedIdentity) -> Iterator[ObjectEntry]:
         *INTERPOLATION_INDEX, "power of ten of the period [s]", "b", -3, "rw", "", range(-4, -1)
     )
     yield ObjectEntry(*FOLLOWING_ERROR, "following error", "i", 0, mapping="t")
+    yield ObjectEntry(*DIGITAL_INPUTS, "digital inputs", "I", 0, mapping="t")
     yield ObjectEntry(*TARGET_VELOCITY, "target velocity", "i", 0, "rw", "rt")
     listed = 1 << mode - 1 if mode > 0 else 0
     yield ObjectEntry(0x6502, 0, "supported modes", "I", listed)

@@ -53,6 +53,21 @@ class DeviceProcess:
         finally:
             theirs.close()
 
+    @property
+    def pid(self) -> int | None:
+        """Process id."""
+        return self._process.pid
+
+    def kill(self) -> None:
+        """Kill the process."""
+        self._process.kill()
+        self._process.join()
+
+    def wait_for_end(self, patience_s: float) -> int | None:
+        """Wait at most `patience_s` [s]; return the exit code, or None if the process runs."""
+        self._process.join(patience_s)
+        return self._process.exitcode
+
     def end(self) -> None:
         """Terminate the process; kill it if it does not end; close the pipe."""
         process = self._process

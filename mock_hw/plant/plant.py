@@ -9,6 +9,8 @@ with errors far below the torque noise.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -20,7 +22,14 @@ from config.robot.robot import RobotDescription
 from config.simulation.plant import PlantConfig
 from mock_hw.plant import servo_loops as rows
 from mock_hw.plant.axis_rows import axis_rows, spring_entries
-from mock_hw.plant.rigid_bodies import BaseWrench, build_rigid_bodies, output_columns
+from mock_hw.plant.load_transfer import LoadTransfer
+from mock_hw.plant.rigid_bodies import (
+    BaseWrench,
+    build_rigid_bodies,
+    last_body,
+    output_columns,
+    set_last_body,
+)
 from mock_hw.plant.thermal import MotorTemperatures
 from mock_hw.plant.torque_filter import discretise, filter_poles
 
@@ -74,6 +83,7 @@ class Plant:
         self._heat = MotorTemperatures(robot, plant)
         self._spring = spring_entries(robot, plant)
 
+        self._transfers: list[LoadTransfer] = []
         self.attach(plant.attached)
         self._joint_of = np.eye(count) if robot.coupling is None else np.array(robot.coupling)
         self._coupled = robot.coupling is not None
@@ -154,6 +164,15 @@ class Plant:
         self._entries = bodies.entries()
         self._base_wrench = BaseWrench(self._robot, self._truth)
 
+    def transfer(self, transfers: Sequence[LoadTransfer], origin_s: float) -> None:
+        """Schedule changes of the payload, which replace the ones that have not begun.
+
+        Args:
+            transfers: The changes, in the order of time.
+            origin_s: Time of the plant from which they count [s].
+        """
+        self._transfers = [replace(each, begin_s=origin_s + each.begin_s) for each in transfers]
+
     def watch_base(self, watched: bool) -> None:
         """Start or stop recording the base wrench for `take_base_wrenches`."""
         if watched != (self._watched is not None):
@@ -223,6 +242,8 @@ class Plant:
         actuators = rows.Actuators(self._axes, command, self._spring)
         torque_filter = rows.TorqueFilter(self._gains(inner_s), self._filter_state)
         for step in range(outer_steps):
+            if self._transfers:
+                self._transfer_load(self._time_s + (step + 0.5) * outer_s)
             self._renew_rigid_bodies(0.5 * outer_s)
             before = self._state[: rows.ACCELERATION].copy() if self._watched is not None else None
             rows.advance_servo_loops(
@@ -271,6 +292,23 @@ class Plant:
         permille = np.rint(self.measured_torque() / self._torque_per_permille)
         clipped: NDArray[np.int16] = np.clip(permille, -_INT16_MAX, _INT16_MAX).astype(np.int16)
         return clipped
+
+    def _transfer_load(self, time_s: float) -> None:
+        """Set the last link's inertia to that at a time of the present transfer."""
+        transfer = self._transfers[0]
+        if time_s < transfer.begin_s:
+            return
+        share = min((time_s - transfer.begin_s) / transfer.duration_s, 1.0)
+        before, after = (
+            last_body(self._robot, self._truth, payload)
+            for payload in (self._truth.attached, transfer.payload)
+        )
+        parameters = before + share * (after - before)
+        set_last_body(self._model, self._robot, parameters)
+        self._base_wrench.set_last_body(parameters)
+        if share == 1.0:
+            self._truth = self._truth.with_payload(transfer.payload)
+            del self._transfers[0]
 
     def _apply_temperatures(self, command: Vector) -> None:
         """Scale friction and torque constants by the effects of the motors' temperatures."""

@@ -79,9 +79,7 @@ def build_rigid_bodies(
     """
     count = len(robot.joints)
     _check(robot, plant)
-    kinematics = robot.kinematics
-    if plant.unmodelled is not None and plant.unmodelled.kinematics is not None:
-        kinematics = plant.unmodelled.kinematics
+    joints = _joints(robot, plant)
     model: Any = pin.Model()
     model.gravity.linear = np.array(robot.gravity_m_s2)
     parent = 0
@@ -96,9 +94,7 @@ def build_rigid_bodies(
     # Pinocchio requires this order: a link, its rotors, then the next link.
     for number in range(count + 1):
         if number > 0:
-            joint, row = robot.joints[number - 1], kinematics.modified_rows()[number - 1]
-            kind = pin.JointModelRZ() if joint.type == "revolute" else pin.JointModelPZ()
-            parent = model.addJoint(parent, kind, _joint_placement(row), joint.name)
+            parent = model.addJoint(parent, *joints[number - 1])
             model.appendBodyToJoint(parent, _inertia(plant.links[number - 1]), pin.SE3.Identity())
             if number == count and plant.attached is not None:
                 payload = plant.payloads[plant.attached]
@@ -117,6 +113,37 @@ def build_rigid_bodies(
     return GearedModel(model, np.array(gearing))
 
 
+def last_body(robot: RobotDescription, plant: PlantConfig, payload: str | None) -> Vector:
+    """Return the ten inertial parameters of the last link with a payload, in Pinocchio's order.
+
+    They are linear in the bodies: parameters of a part of the payload are a weighted mean.
+    """
+    found = np.array(_inertia(plant.links[len(robot.joints) - 1]).toDynamicParameters())
+    if payload is not None:
+        found += _inertia(plant.payloads[payload]).toDynamicParameters()
+    return found
+
+
+def set_last_body(model: Any, robot: RobotDescription, parameters: Vector) -> None:
+    """Set the inertial parameters of the last link in a model, as returned by `last_body`."""
+    number = model.getJointId(robot.joints[-1].name)
+    model.inertias[number] = pin.Inertia.FromDynamicParameters(parameters)
+
+
+def build_links(robot: RobotDescription, plant: PlantConfig) -> Any:
+    """Return a Pinocchio model of the true kinematics: n joints, without bodies and rotors.
+
+    Raises:
+        ConfigError: Plant and robot do not fit each other.
+    """
+    _check(robot, plant)
+    model: Any = pin.Model()
+    parent = 0
+    for joint in _joints(robot, plant):
+        parent = model.addJoint(parent, *joint)
+    return model
+
+
 class BaseWrench:
     """Computes the wrench of the base on a robot from the motion of its actuators.
 
@@ -130,6 +157,7 @@ class BaseWrench:
     """
 
     def __init__(self, robot: RobotDescription, plant: PlantConfig) -> None:
+        self._robot = robot
         bodies = build_rigid_bodies(robot, plant, floating=True)
         self._model = bodies.model
         self._data: Any = self._model.createData()
@@ -157,6 +185,10 @@ class BaseWrench:
         )
         return np.array(forces[:6])
 
+    def set_last_body(self, parameters: Vector) -> None:
+        """Set the inertial parameters of the last link, as returned by `last_body`."""
+        set_last_body(self._model, self._robot, parameters)
+
     def over_step(self, before: Vector, after: Vector, step_s: float) -> Vector:
         """Return the wrench (6,) in the middle of a step, with the mean acceleration of the step.
 
@@ -168,6 +200,21 @@ class BaseWrench:
         """
         motion = np.array([*(0.5 * (before + after)), (after[1] - before[1]) / step_s])
         return self(motion)
+
+
+def _joints(robot: RobotDescription, plant: PlantConfig) -> list[tuple[Any, Any, str]]:
+    """Return kind, true placement and name of each joint, base to flange."""
+    kinematics = robot.kinematics
+    if plant.unmodelled is not None and plant.unmodelled.kinematics is not None:
+        kinematics = plant.unmodelled.kinematics
+    return [
+        (
+            pin.JointModelRZ() if joint.type == "revolute" else pin.JointModelPZ(),
+            _joint_placement(row),
+            joint.name,
+        )
+        for joint, row in zip(robot.joints, kinematics.modified_rows(), strict=True)
+    ]
 
 
 def _add_rotor(model: Any, carrier: int, axis: Vector3, inertia_kg_m2: float, name: str) -> None:

@@ -2,7 +2,8 @@
 
 The drives' process writes the state into a small file after every step of the simulation; tests and
 checks read it. These data are not on the bus, and a real robot has no such file. In the opposite
-direction, readers write one number into the file: that of the payload to mount on the flange.
+direction, readers write two numbers into the file: that of the payload to mount on the flange, and
+that of a motion's row.
 """
 
 from __future__ import annotations
@@ -20,9 +21,9 @@ from numpy.typing import ArrayLike, NDArray
 from config.errors import TransportError
 
 # Header of 8-byte words, each written atomically: sequence number (odd during a write), number of
-# axes, time, payload.
-_SEQUENCE, _AXES, _TIME, _PAYLOAD = 0, 1, 2, 3
-_HEADER_WORDS = 4
+# axes, time, payload, announced row of a motion plus 1 (0: none).
+_SEQUENCE, _AXES, _TIME, _PAYLOAD, _ROW = 0, 1, 2, 3, 4
+_HEADER_WORDS = 5
 _ROWS = 5
 _PATIENCE_S = 2.0
 """Longest wait for the end of a write [s]; after it, the writing process counts as ended."""
@@ -72,6 +73,14 @@ class SnapshotWriter:
     @payload.setter
     def payload(self, number: int) -> None:
         self._words[_PAYLOAD] = number
+
+    def take_row(self) -> int | None:
+        """Return the row that was announced since the last call; None without one."""
+        announced = int(self._words[_ROW])
+        if not announced:
+            return None
+        self._words[_ROW] = 0
+        return announced - 1
 
     def write(
         self,
@@ -137,8 +146,14 @@ class SnapshotReader:
 
     def request_payload(self, number: int) -> None:
         """Request that the simulation mounts a payload by its number; 0 for an empty flange."""
-        start = 8 * _PAYLOAD
-        self._memory[start : start + 8] = number.to_bytes(8, sys.byteorder)
+        self._write_word(_PAYLOAD, number)
+
+    def announce_row(self, row: int) -> None:
+        """Announce that the next SYNC belongs to a row of a motion."""
+        self._write_word(_ROW, row + 1)
+
+    def _write_word(self, word: int, number: int) -> None:
+        self._memory[8 * word : 8 * word + 8] = number.to_bytes(8, sys.byteorder)
 
     def _sequence(self) -> int:
         return int.from_bytes(self._memory[:8], sys.byteorder)

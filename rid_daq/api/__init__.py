@@ -18,8 +18,8 @@ major version. Everything else in rid-daq may change at any time.
   with the name of the step, the amount done and the total.
 - Nothing is written except by `save` and by `Cell`. Ctrl-C leaves nothing half-written.
 
-`model.py`, `recording.py` and `robot.py` hold the objects; begin with `estimation.py`. No logic is
-here: it is in `rid_daq.operations` and below.
+`model.py`, `recording.py` and `robot.py` contain the classes; begin to read with `estimation.py`.
+This package computes nothing itself: it calls `rid_daq.operations` and the packages below.
 """
 
 from rid_daq.own_packages import hidden_package
@@ -36,6 +36,7 @@ from rid_daq.api.motion import Motion, design, retime
 from rid_daq.api.parameter import Parameter
 from rid_daq.api.payload import Payload, identify_payload
 from rid_daq.api.plotting import plot
+from rid_daq.api.proposed_map import ProposedMap, propose_map
 from rid_daq.api.recording import Recording, read_recording
 from rid_daq.api.robot import Robot
 from rid_daq.api.validation import Validation
@@ -50,6 +51,7 @@ __all__ = [
     "Motion",
     "Parameter",
     "Payload",
+    "ProposedMap",
     "Recording",
     "RidDaqError",
     "Robot",
@@ -59,7 +61,13 @@ __all__ = [
     "identify",
     "identify_payload",
     "plot",
+    "propose_map",
     "read_recording",
     "retime",
     "validate",
 ]
+
+
+def __dir__() -> list[str]:
+    """Return the public names only; modules of this package are not public."""
+    return list(__all__)

@@ -10,11 +10,14 @@ from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import Any, Final, Self
 
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import MANIFEST
 from config.errors import ConfigError
+from config.formats.whole_file import write_new
+from rid_daq.api.arguments import as_path, require, with_options
+from rid_daq.api.compensation import Feedforward
 from rid_daq.api.console import ProgressCallback
 from rid_daq.api.motion import Motion
 from rid_daq.api.recording import Recording, TemporaryFolder
@@ -22,6 +25,8 @@ from rid_daq.service.client import JobResult, LeasedCell, ServiceClient
 from rid_daq.service.records import CellStatus, Job
 from rid_daq.service.remote_jobs import raise_job_error
 from rid_daq.terminal.job_events import AnyEvent, ProgressEvent
+
+_ENDINGS: Final = {"motion": ".yaml", "feedforward": ".json"}
 
 
 @dataclass
@@ -48,10 +53,9 @@ class Cell:
 
     def __enter__(self) -> Self:
         with ExitStack() as stack:
-            self._client = stack.enter_context(ServiceClient.at(self.service, self.token))
-            self._leased: LeasedCell = stack.enter_context(
-                self._client.lease(self.name, note="rid_daq.api")
-            )
+            client = stack.enter_context(ServiceClient.at(self.service, self.token))
+            leased = stack.enter_context(client.lease(self.name, note="rid_daq.api"))
+            self._open = client, leased
             self._stack = stack.pop_all()
         return self
 
@@ -61,6 +65,7 @@ class Cell:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        del self._open
         self._stack.__exit__(kind, error, trace)
 
     @property
@@ -107,6 +112,7 @@ class Cell:
         self,
         motion: Motion,
         *,
+        feedforward: Feedforward | None = None,
         label: str = "",
         cleared: bool = False,
         options: Mapping[str, object] | None = None,
@@ -118,6 +124,7 @@ class Cell:
 
         Args:
             motion: The motion.
+            feedforward: Result of `compensate` for this motion, which the drives then add.
             label: Label of the run.
             cleared: As for `run`.
             options: Further fields of the request `record`, as in docs/reference/openapi.json.
@@ -126,11 +133,15 @@ class Cell:
         Raises:
             RidDaqError: As for `run`; SafetyStop if the motion was stopped.
         """
+        files: dict[str, Motion | Feedforward] = {"motion": require("motion", motion, Motion)}
+        if feedforward is not None:
+            files["feedforward"] = require("feedforward", feedforward, Feedforward)
+        names = {kind: f"{kind}-{uuid.uuid4().hex[:12]}{_ENDINGS[kind]}" for kind in files}
         with tempfile.TemporaryDirectory(prefix="rid-daq-") as folder:
-            name = f"motion-{uuid.uuid4().hex[:12]}.yaml"
-            motion.save(Path(folder) / name)
-            self._client.put_file(Path(folder) / name, name)
-        request = {**(options or {}), "motion": name, **({"label": label} if label else {})}
+            for kind, name in names.items():
+                files[kind].save(Path(folder) / name)
+                self._client.put_file(Path(folder) / name, name)
+        request = {**with_options(names, options), **({"label": label} if label else {})}
         return self.recording(self._run_job("record", request, cleared, progress).job.run or "")
 
     def recording(self, run: str) -> Recording:
@@ -151,6 +162,32 @@ class Cell:
         (place / MANIFEST).write_text(json.dumps(manifest), encoding="utf-8")
         return Recording.from_run(RunFolder.open(place), kept)
 
+    def download(self, name: str, path: str | Path) -> None:
+        """Save a file of the service's folder, such as the velocity loops that a job wrote.
+
+        Args:
+            name: Name in the service's folder, such as the `output` of the job.
+            path: The new file.
+
+        Raises:
+            RidDaqError: The service has no such file (RID-FILE-UNKNOWN), or the new file exists
+                already (RID-FILE-EXISTS).
+        """
+        write_new(as_path("path", path), self._client.get_file(name))
+
+    @property
+    def _connection(self) -> tuple[ServiceClient, LeasedCell]:
+        try:
+            return self._open
+        except AttributeError:
+            raise ConfigError(
+                f"cell {self.name} is not leased: use it in a `with`", code="RID-API-ARGUMENT"
+            ) from None
+
+    @property
+    def _client(self) -> ServiceClient:
+        return self._connection[0]
+
     def _run_job(
         self,
         kind: str,
@@ -158,16 +195,12 @@ class Cell:
         cleared: bool,
         progress: ProgressCallback | None,
     ) -> JobResult:
+        _, leased = self._connection
+
         def watch(_job: Job, event: AnyEvent) -> None:
             if progress is not None and isinstance(event, ProgressEvent):
                 progress(f"{event.title}: {event.line}", event.done, event.total)
 
-        try:
-            leased = self._leased
-        except AttributeError:
-            raise ConfigError(
-                f"cell {self.name} is not leased: use it in a `with`", code="RID-API-ARGUMENT"
-            ) from None
         try:
             result = leased.run(kind, request, cleared=cleared, watch=watch)
         except KeyboardInterrupt:

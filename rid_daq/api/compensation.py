@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,10 +13,14 @@ from config.arrays import FloatArray
 from config.formats.json_file import read_content
 from config.formats.whole_file import write_whole
 from config.load import to_yaml
+from rid_daq.api.arguments import as_path, require
 from rid_daq.api.console import text_of
 from rid_daq.api.model import Model
-from rid_daq.api.motion import MODEL, MOTION, Motion, cell_reference
-from rid_daq.blocks.block import AnyBlock, Next
+from rid_daq.api.motion import Motion, cell_reference, public_blocks
+from rid_daq.api.payload import Payload
+from rid_daq.api.payload_argument import to_request_payload
+from rid_daq.api.temporary_files import MODEL, MOTION, request_folder
+from rid_daq.blocks.block import AnyBlock
 from rid_daq.operations.path.compensate import CompensateRequest, CompensateResult
 from rid_daq.operations.path.feedforward import compensate_motion
 from rid_daq.runs import made_file
@@ -64,6 +67,9 @@ class Feedforward:
     def __str__(self) -> str:
         return text_of(self.blocks())
 
+    def __repr__(self) -> str:
+        return str(self)
+
 
 def compensate(
     motion: Motion,
@@ -71,6 +77,8 @@ def compensate(
     loops: str | Path,
     *,
     reference: str | Path | None = None,
+    payload: Payload | str | None = None,
+    load_changes: str | Path | None = None,
     temperature: str | None = None,
 ) -> Feedforward:
     """Compute the velocity feedforward with which the drives produce the torques of a motion.
@@ -84,25 +92,36 @@ def compensate(
         loops: File of velocity loops that `rid-daq loop` wrote.
         reference: Run folder of a periodic motion. Scale and delay of each joint's feedforward are
             tuned to this run.
+        payload: Payload on the flange: an identified payload, `model` (the model's own payload) or
+            `none`; with `load_changes`, the payload before the first change.
+        load_changes: Load-change file: payloads that the robot takes up or puts down during the
+            motion, with their times (docs/reference/files.md).
         temperature: Temperature of the joints, if the friction of the model depends on it; see
             `Model.at_temperature`.
 
     Raises:
-        ConfigError: Motion, model, loops and reference run are of different robots or cells.
-        LimitError: The motion exceeds the torque limits.
+        ConfigError: Motion, model, loops and reference run are of different robots or cells; the
+            model contains a payload, but `payload` is None (RID-PAYLOAD-UNSTATED); or a load
+            changes after the motion's end (RID-LOAD-CHANGE-TIME).
+        EstimationError: The payload did not pass its verdict, or is not fully determined.
+        LimitError: The motion exceeds the torque limits with the load at some time.
     """
-    with tempfile.TemporaryDirectory(prefix="rid-daq-") as name:
-        folder = Path(name)
-        (folder / MOTION).write_text(to_yaml(motion.description), encoding="utf-8")
-        model.save(folder / MODEL)
+    with request_folder() as folder:
+        described = require("motion", motion, Motion).description
+        (folder / MOTION).write_text(to_yaml(described), encoding="utf-8")
+        require("model", model, Model).save(folder / MODEL)
         request = CompensateRequest.of(
             {
                 "cell": cell_reference(motion.cell, folder),
                 "motion": folder / MOTION,
                 "model": folder / MODEL,
-                "loop": Path(loops),
+                "loop": as_path("loops", loops),
                 "output": folder / MADE,
                 "reference": None if reference is None else str(reference),
+                "payload": to_request_payload(payload, model, folder),
+                "load_changes": None
+                if load_changes is None
+                else as_path("load_changes", load_changes),
                 "temperature": temperature,
             },
             shown="compensate",
@@ -110,5 +129,5 @@ def compensate(
         result = CompensateResult(request, compensate_motion(request))
         content = read_content(folder / MADE, LARGEST_FILE_BYTES)
         rows = np.array(feedforward_content(content, folder / MADE).feedforward)
-        shown = tuple(each for each in result.blocks() if not isinstance(each, Next))
+        shown = public_blocks(result.blocks(), folder)
     return Feedforward(motion, rows, shown, content)

@@ -16,7 +16,7 @@ def curves_plot(
     x: FloatArray,
     parts: tuple[tuple[Axis, FloatArray], ...],
 ) -> Plot:
-    """Return a panel for each quantity with a line for each joint."""
+    """Return one panel for each quantity, with a line for each joint."""
     every = slice(None, None, max(1, len(x) // _POINTS))
     return Plot(
         name="curves",

@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from config.errors import ConfigError
+from rid_daq.api.arguments import as_numbers, require, require_each, with_options
 from rid_daq.api.console import ProgressCallback, SilentConsole
 from rid_daq.api.model import Model
-from rid_daq.api.recording import Recording
+from rid_daq.api.recording import Recording, named_recordings
 from rid_daq.api.robot import Robot
 from rid_daq.api.validation import Validation
 from rid_daq.operations.identify.identified_runs import identify_robot
@@ -54,7 +57,7 @@ def identify(
             are periodic (RID-RUN-KINDS-MIXED), or an option is invalid (RID-REQUEST-INVALID).
         DataQualityError, EstimationError: The recordings do not determine the parameters.
     """
-    recordings = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    recordings = require_each("recordings", recordings, Recording)
     if not recordings:
         raise ConfigError("identify needs a recording: give at least one", code="RID-API-ARGUMENT")
     if robot is not None:
@@ -63,13 +66,14 @@ def identify(
         "names": [each.run.folder.run_id for each in recordings],
         "choose": choose,
         "diagnose": diagnose,
-        **(options or {}),
     }
+    asked = with_options(asked, options)
     if friction is not None:
         asked["how"] = _with_friction(asked.get("how"), friction)
     request = IdentifyRequest.of(asked, shown="identify")
     console = SilentConsole(callback=progress)
-    found = identify_robot(request, tuple(each.run for each in recordings), console)
+    with named_recordings(recordings):
+        found = identify_robot(request, tuple(each.run for each in recordings), console)
     return Model(found.estimate, found.section)
 
 
@@ -97,22 +101,30 @@ def validate(
 
     A model that contains a payload is refused (RID-PAYLOAD-UNSTATED): see `Model.with_payload`.
     """
-    runs = [recording.run] if isinstance(recording, Recording) else [r.run for r in recording]
+    require("model", model, Model)
+    recordings = require_each("recording", recording, Recording)
+    runs = [each.run for each in recordings]
     if not runs:
         raise ConfigError("give at least one recording", code="RID-API-ARGUMENT")
     asked: dict[str, object] = {
         "model": Path("the model"),
         "run": runs[0].folder.run_id,
-        **(options or {}),
     }
+    asked = with_options(asked, options)
     if limits_percent is not None:
-        limits = limits_percent if isinstance(limits_percent, Sequence) else [limits_percent]
+        limits = np.atleast_1d(as_numbers("limits_percent", limits_percent))
+        if limits.ndim > 1 or not (limits > 0.0).all():
+            raise ConfigError(
+                f"limits_percent: {limits.tolist()} %; give positive numbers, one or one per joint",
+                code="RID-API-ARGUMENT",
+            )
         asked["limits"] = ",".join(f"{each:.12g}" for each in limits)
     request = ValidateRequest.of(asked, shown="validate")
     estimate = state_payload(model.estimate, request.model, request.payload, request.runs).estimate
-    if len(runs) == 1:
-        return Validation(validate_recording(request, estimate, runs[0]), runs[0].robot)
-    of_runs, judged = validate_together(request, estimate, runs)
+    with named_recordings(recordings):
+        if len(runs) == 1:
+            return Validation(validate_recording(request, estimate, runs[0]), runs[0].robot)
+        of_runs, judged = validate_together(request, estimate, runs)
     return Validation(judged, runs[0].robot, of_runs)
 
 

@@ -17,12 +17,12 @@ from config.errors import ConfigError, EstimationError
 from dynamics.model.memory import with_presliding_history
 from dynamics.model.robot_model import torque
 from identification.estimation.estimate import Estimate, base_regressor, predict
-from identification.estimation.file import read_estimate, write_estimate
+from identification.estimation.file import write_estimate
 from identification.export.description import mjcf, pinocchio_model
 from identification.export.description import urdf as description_urdf
 from identification.export.model import ExportModel
 from identification.friction.curve import friction_columns
-from identification.payload.carried import contains_payload
+from rid_daq.api.arguments import ARGUMENT, as_numbers, require_stated_payload
 from rid_daq.api.console import text_of
 from rid_daq.api.curves import curves_plot
 from rid_daq.api.parameter import Parameter
@@ -36,6 +36,7 @@ from rid_daq.report.section_blocks.estimate import estimate_blocks, fit_blocks, 
 from rid_daq.report.sections.estimate import EstimateSection
 from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
+from rid_daq.runs.run_model import read_model
 from rid_daq.terminal.choices import DEFAULT_RUNS, NO_PAYLOAD, PAYLOAD_OF_MODEL, Format
 
 if TYPE_CHECKING:
@@ -52,7 +53,6 @@ class Model:
     torques determine. Torques are those of the actuators at the link side; without a coupled wrist
     they are the torques of the joints. Arrays have the shape (samples, joints), or (joints,) for
     one sample. Friction with hysteresis depends on the order of samples.
-
     `print` shows the parameters, the fit of each joint, and the findings.
 
     Attributes:
@@ -68,9 +68,9 @@ class Model:
         """Return the model of a file that `save` or `rid-daq identify` wrote.
 
         Raises:
-            ConfigError: The file cannot be read or is not a model.
+            ConfigError, RecordingError: The file is not a model, or is in another run's folder.
         """
-        estimate = read_estimate(Path(path))
+        estimate = read_model(Path(path))
         return cls(estimate, EstimateSection.of(estimate))
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
@@ -113,8 +113,7 @@ class Model:
     @property
     def residual_percent(self) -> FloatArray:
         """Shape (joints,). RMS residual over RMS torque of the identification [%]."""
-        found = (fit.percent for fit in self.estimate.fit)
-        return np.array([np.nan if each is None else each for each in found])
+        return np.array([np.nan if f.percent is None else f.percent for f in self.estimate.fit])
 
     @property
     def problems(self) -> tuple[str, ...]:
@@ -147,11 +146,11 @@ class Model:
             The same shape. Torques [N m or N].
 
         Raises:
-            EstimationError: A shape does not fit (RID-API-ARGUMENT), or a joint that stood still
-                when the robot was identified is at another position; friction depends on
+            ConfigError, EstimationError: An array does not fit (RID-API-ARGUMENT); a joint that
+                stood still in the identification is at another position; friction depends on
                 temperature (`at_temperature`); or the model contains a payload (`with_payload`).
         """
-        self._require_stated_payload()
+        require_stated_payload(self.estimate)
         q, v, a = self._motion(position, velocity, acceleration)
         return predict(self.estimate, q, v, a).reshape(np.shape(position))
 
@@ -170,9 +169,9 @@ class Model:
             Shape (samples, joints, b) or (joints, b). N m or N per unit of each base parameter.
 
         Raises:
-            EstimationError: As for `inverse_dynamics`.
+            ConfigError, EstimationError: As for `inverse_dynamics`.
         """
-        self._require_stated_payload()
+        require_stated_payload(self.estimate)
         q, v, a = self._motion(position, velocity, acceleration)
         found = base_regressor(
             self.estimate, q, v, a, with_presliding_history(self.estimate.model, q)
@@ -192,10 +191,10 @@ class Model:
             Shape (samples, joints, joints) or (joints, joints) [kg m², kg m or kg].
 
         Raises:
-            EstimationError: A shape does not fit (RID-API-ARGUMENT), or the model contains a
-                payload (`with_payload`).
+            ConfigError, EstimationError: An array does not fit (RID-API-ARGUMENT), or the model
+                contains a payload (`with_payload`).
         """
-        self._require_stated_payload()
+        require_stated_payload(self.estimate)
         (q,) = self._motion(position)
         own = self.estimate.model
         bare = replace(self.estimate.options, friction=False, nonlinear=None)
@@ -222,7 +221,7 @@ class Model:
             The same shape. Torques [N m or N]; zero without friction in the model.
 
         Raises:
-            EstimationError: A shape does not fit (RID-API-ARGUMENT).
+            ConfigError, EstimationError: An array does not fit (RID-API-ARGUMENT).
         """
         (v,) = self._motion(velocity)
         model = self.estimate.model
@@ -246,7 +245,7 @@ class Model:
             ConfigError: The friction does not depend on temperature (RID-OPTION-NO-EFFECT), or the
                 temperature does not fit the model (RID-MODEL-TEMPERATURE).
         """
-        motion = None if velocity is None else np.asarray(velocity, dtype=np.float64)
+        motion = None if velocity is None else as_numbers("velocity", velocity)
         found = at_operating_temperature(self.estimate, str(temperature), motion).estimate
         return replace(self, estimate=found, section=EstimateSection.of(found))
 
@@ -261,14 +260,15 @@ class Model:
             ConfigError, EstimationError: `payload` is `model`, but the model contains no payload;
                 or the payload is of another robot, failed its verdict, or is not fully determined.
         """
-        if not isinstance(payload, str):
+        from rid_daq.api.payload import Payload
+
+        if isinstance(payload, Payload):
             found = carry_judged(self.estimate, payload.result, Path("the payload"))
         elif payload in (NO_PAYLOAD, PAYLOAD_OF_MODEL):
             found = state_payload(self.estimate, "the model", payload, DEFAULT_RUNS).estimate
         else:
             raise ConfigError(
-                f"payload {payload!r}: give a Payload, {PAYLOAD_OF_MODEL!r} or {NO_PAYLOAD!r}",
-                code="RID-API-ARGUMENT",
+                f"payload {payload!r}: give a Payload, 'model' or 'none'", code=ARGUMENT
             )
         return replace(self, estimate=found, section=EstimateSection.of(found))
 
@@ -281,7 +281,7 @@ class Model:
     ) -> str:
         """Return a URDF of the robot with the closest physically consistent parameters.
 
-        What a URDF cannot express is listed in it as a comment.
+        A comment in the URDF lists the properties of the model that a URDF cannot express.
 
         Args:
             urdf: Your URDF of the robot, in UTF-8. The result is this file with the identified
@@ -375,20 +375,11 @@ class Model:
             despite_misfit=despite_misfit,
         )
 
-    def _require_stated_payload(self) -> None:
-        """Refuse a model that contains a payload, because nothing states what the robot carries."""
-        if contains_payload(self.estimate):
-            raise EstimationError(
-                "the model contains a payload: use model.with_payload('model') for the robot with"
-                " it, or model.with_payload('none') for the robot alone",
-                code="RID-PAYLOAD-UNSTATED",
-            )
-
     def _motion(self, *arrays: npt.ArrayLike) -> list[FloatArray]:
         """Return arrays with one row per sample; a single sample becomes one row."""
         n, found = len(self.robot.joint_names), []
         for each in arrays:
-            table = np.asarray(each, dtype=np.float64)
+            table = as_numbers("array", each)
             if table.shape != np.shape(arrays[0]) or table.shape[-1:] != (n,) or table.ndim > 2:
                 raise EstimationError(
                     f"array of shape {table.shape}: give (samples, {n}) or ({n},), the same shape"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,11 +17,27 @@ from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.formats.whole_file import write_whole
 from config.load import LoadedCell, load_cell, to_yaml
+from rid_daq.api.arguments import (
+    as_numbers,
+    require,
+    require_stated_payload,
+    validated,
+    with_options,
+)
 from rid_daq.api.console import ProgressCallback, SilentConsole, text_of
 from rid_daq.api.curves import curves_plot
 from rid_daq.api.model import Model
 from rid_daq.api.payload import Payload
+from rid_daq.api.payload_argument import to_request_payload
 from rid_daq.api.robot import Robot
+from rid_daq.api.temporary_files import (
+    CELL,
+    MADE,
+    MODEL,
+    MOTION,
+    request_folder,
+    without_files,
+)
 from rid_daq.blocks.block import AnyBlock, Next, Text
 from rid_daq.blocks.plot import Axis
 from rid_daq.operations.experiment.design import DesignRequest
@@ -33,8 +48,7 @@ from rid_daq.operations.start.starting_cell import starting_cell
 from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
 
-CELL, MOTION, MODEL, PAYLOAD = "cell.yaml", "motion.yaml", "model.json", "payload.json"
-MADE = "made.yaml"
+PERIOD_S, PERIODS = 10.0, 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +82,8 @@ class Motion:
         Raises:
             ConfigError: The file is not a motion file, or the motion exceeds a limit.
         """
-        with tempfile.TemporaryDirectory(prefix="rid-daq-") as folder:
-            loaded = load_cell(cell_reference(cell, Path(folder)))
+        with request_folder() as folder:
+            loaded = load_cell(cell_reference(cell, folder))
         return cls._plan(load_motion(path), loaded, cell)
 
     @classmethod
@@ -90,18 +104,17 @@ class Motion:
         Raises:
             ConfigError: The curve exceeds a limit, or a pose does not have one value per joint.
         """
-        rows = np.asarray(points, dtype=np.float64)
+        rows = as_numbers("points", points)
         if rows.ndim != 2:
             raise ConfigError(
                 f"points of shape {rows.shape}: give (poses, joints)", code="RID-API-ARGUMENT"
             )
-        with tempfile.TemporaryDirectory(prefix="rid-daq-") as folder:
-            loaded = load_cell(cell_reference(cell, Path(folder)))
-        motion = JointPathMotion(
-            kind="joint_path",
-            robot=loaded.robot.name,
-            points=tuple(map(tuple, rows.tolist())),
-            speed_fraction=speed_fraction,
+        with request_folder() as folder:
+            loaded = load_cell(cell_reference(cell, folder))
+        own = {"kind": "joint_path", "robot": loaded.robot.name}
+        table = tuple(map(tuple, rows.tolist()))
+        motion = validated(
+            JointPathMotion, {**own, "points": table, "speed_fraction": speed_fraction}
         )
         return cls._plan(motion, loaded, cell)
 
@@ -162,13 +175,16 @@ class Motion:
     def __str__(self) -> str:
         return text_of(self.blocks())
 
+    def __repr__(self) -> str:
+        return str(self)
+
 
 def design(
     cell: Robot | str | Path,
     *,
     kind: str = "excitation",
-    period_s: float = 10.0,
-    periods: int = 16,
+    period_s: float = PERIOD_S,
+    periods: int = PERIODS,
     model: Model | None = None,
     options: Mapping[str, object] | None = None,
     progress: ProgressCallback | None = None,
@@ -196,15 +212,20 @@ def design(
         ConfigError: No motion keeps every limit (RID-DESIGN-NONE), or an option is invalid.
         KeyboardInterrupt: Ctrl-C before any motion was found.
     """
-    asked = dict(options or {})
+    asked = with_options({}, options)
     if kind in ("excitation", "reversed"):
-        excitation = asked.get("excitation", {})
-        assert isinstance(excitation, Mapping)
-        asked["excitation"] = {"period_s": period_s, "periods": periods, **excitation}
-    with tempfile.TemporaryDirectory(prefix="rid-daq-") as name:
-        folder = Path(name)
+        own = {"period_s": period_s, "periods": periods}
+        asked["excitation"] = {**own, **with_options({}, asked.get("excitation"))}
+    elif (period_s, periods) != (PERIOD_S, PERIODS):
+        raise ConfigError(
+            f"period_s and periods have no effect on a motion of kind {kind!r}; leave them out, or"
+            " give the fields of this kind as options",
+            code="RID-OPTION-NO-EFFECT",
+        )
+    with request_folder() as folder:
         asked |= {"cell": cell_reference(cell, folder), "output": folder / MADE, "kind": kind}
         if model is not None:
+            require_stated_payload(require("model", model, Model).estimate)
             model.save(folder / MODEL)
             asked["model"] = folder / MODEL
         request = DesignRequest.of(asked, shown="design")
@@ -212,7 +233,7 @@ def design(
             result = run_design(request, SilentConsole(callback=progress))
         except SystemExit:
             raise KeyboardInterrupt from None
-        shown = _public_blocks(result.blocks(), folder)
+        shown = public_blocks(result.blocks(), folder)
     return Motion(result.designed.motion, result.designed.samples.whole(), cell, shown)
 
 
@@ -220,7 +241,7 @@ def retime(
     motion: Motion,
     model: Model,
     *,
-    payload: Payload | None = None,
+    payload: Payload | str | None = None,
     confidence: float = 0.95,
     margin: float = 0.0,
     options: Mapping[str, object] | None = None,
@@ -234,7 +255,8 @@ def retime(
     Args:
         motion: A motion along a path, such as `Motion.through`.
         model: The identified robot.
-        payload: Payload on the flange.
+        payload: Payload on the flange: an identified payload, `model` (the model's own payload) or
+            `none`.
         confidence: Probability with which each torque keeps its limit; 0 uses the model without a
             margin.
         margin: Additional fraction of the torque limits that is kept free.
@@ -245,27 +267,27 @@ def retime(
         EstimationError: The payload did not pass its verdict.
         LimitError: A limit cannot be kept; the text names the joint and the pose.
     """
-    with tempfile.TemporaryDirectory(prefix="rid-daq-") as name:
-        folder = Path(name)
-        (folder / MOTION).write_text(to_yaml(motion.description), encoding="utf-8")
-        model.save(folder / MODEL)
-        if payload is not None:
-            payload.save(folder / PAYLOAD)
+    with request_folder() as folder:
+        described = require("motion", motion, Motion).description
+        (folder / MOTION).write_text(to_yaml(described), encoding="utf-8")
+        require("model", model, Model).save(folder / MODEL)
         request = RetimeRequest.of(
-            {
-                **(options or {}),
-                "cell": cell_reference(motion.cell, folder),
-                "motion": folder / MOTION,
-                "model": folder / MODEL,
-                "output": folder / MADE,
-                "payload": None if payload is None else folder / PAYLOAD,
-                "confidence": confidence,
-                "margin": margin,
-            },
+            with_options(
+                {
+                    "cell": cell_reference(motion.cell, folder),
+                    "motion": folder / MOTION,
+                    "model": folder / MODEL,
+                    "output": folder / MADE,
+                    "payload": to_request_payload(payload, model, folder),
+                    "confidence": confidence,
+                    "margin": margin,
+                },
+                options,
+            ),
             shown="retime",
         )
         result = RetimeResult(request, retime_motion(request))
-        loaded, shown = load_cell(request.cell), _public_blocks(result.blocks(), folder)
+        loaded, shown = load_cell(request.cell), public_blocks(result.blocks(), folder)
     planned = Motion._plan(result.made.timed.motion, loaded, motion.cell)
     return replace(planned, shown=shown)
 
@@ -277,6 +299,7 @@ def cell_reference(cell: Robot | str | Path, folder: Path) -> str:
     """
     if isinstance(cell, str | Path):
         return str(cell)
+    require("cell", cell, Robot)
     config = starting_cell(cell.description)
     config = config.model_copy(update={"simulated": False, "plant": None})
     cell.save(folder / "robot.yaml")
@@ -284,11 +307,10 @@ def cell_reference(cell: Robot | str | Path, folder: Path) -> str:
     return str(folder / CELL)
 
 
-def _public_blocks(blocks: Iterator[AnyBlock], folder: Path) -> tuple[AnyBlock, ...]:
-    """Return an operation's blocks, without temporary file names and next commands."""
-    place = f"{folder}/"
+def public_blocks(blocks: Iterator[AnyBlock], folder: Path) -> tuple[AnyBlock, ...]:
+    """Return an operation's blocks, without temporary files and next commands."""
     return tuple(
-        each.model_copy(update={"text": each.text.replace(place, "")})
+        each.model_copy(update={"text": without_files(each.text, folder)})
         if isinstance(each, Text)
         else each
         for each in blocks

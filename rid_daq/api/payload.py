@@ -13,10 +13,11 @@ from identification.choices import REPORTED, LoadFormat
 from identification.payload.body import REPORTED_UNITS
 from identification.payload.file import read_payload, write_payload
 from identification.payload.verdict import PayloadResult
+from rid_daq.api.arguments import require, require_each, with_options
 from rid_daq.api.console import text_of
 from rid_daq.api.model import Model
 from rid_daq.api.parameter import Parameter
-from rid_daq.api.recording import Recording
+from rid_daq.api.recording import Recording, named_recordings
 from rid_daq.blocks.block import AnyBlock, Text, Verdict
 from rid_daq.operations.cell_files import refuse_other_robot
 from rid_daq.operations.payload.load_data import load_text
@@ -132,6 +133,9 @@ class Payload:
     def __str__(self) -> str:
         return text_of(self.blocks())
 
+    def __repr__(self) -> str:
+        return str(self)
+
 
 def identify_payload(
     loaded: Recording | Sequence[Recording],
@@ -160,25 +164,35 @@ def identify_payload(
             invalid.
         DataQualityError, EstimationError: The recordings do not determine a payload.
     """
-    groups = [[each] if isinstance(each, Recording) else list(each) for each in (unloaded, loaded)]
-    names = [[each.run.folder.run_id for each in group] for group in groups]
-    quantities = [
-        {"name": name, "value": value, "sigma": sigma}
-        for name, (value, sigma) in (known or {}).items()
+    groups = [
+        require_each("unloaded", unloaded, Recording),
+        require_each("loaded", loaded, Recording),
     ]
+    names = [[each.run.folder.run_id for each in group] for group in groups]
+    quantities = []
+    for name, pair in (known or {}).items():
+        if not isinstance(pair, Sequence) or len(pair) != 2:
+            raise ConfigError(
+                f"known: {name}: {pair!r}; give value and standard deviation, such as (2.805,"
+                " 0.005), or (2.805, 0.0) for an exact value",
+                code="RID-API-ARGUMENT",
+            )
+        quantities.append({"name": name, "value": pair[0], "sigma": pair[1]})
     request = PayloadIdentifyRequest.of(
-        {**(options or {}), "unloaded": names[0], "loaded": names[1], "known": quantities},
+        with_options({"unloaded": names[0], "loaded": names[1], "known": quantities}, options),
         shown="identify_payload",
     )
     stated = tuple(each.known() for each in request.known)
-    data = [each.run for group in groups for each in group]
+    recordings = [each for group in groups for each in group]
+    data = [each.run for each in recordings]
     flags = [carried for carried, group in enumerate(groups) for _ in group]
     require_torques(data)
     robot = None
     if model is not None:
-        robot = model.estimate
+        robot = require("model", model, Model).estimate
         refuse_other_robot(Path("the model"), robot.robot, data[0].robot)
-    result, repeats = estimate_payload(
-        data, list(map(bool, flags)), payload_request_of(request, robot, stated)
-    )
+    with named_recordings(recordings):
+        result, repeats = estimate_payload(
+            data, list(map(bool, flags)), payload_request_of(request, robot, stated)
+        )
     return Payload(result, PayloadSection.of(result, repeats))

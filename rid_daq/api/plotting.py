@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from config.errors import ConfigError
 from rid_daq.blocks.block import AnyBlock
@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+@runtime_checkable
 class Shown(Protocol):
     """A result of the API that consists of blocks."""
 
@@ -36,7 +37,9 @@ def plot(result: Shown) -> Figure:
     Raises:
         ConfigError: The result has no plot (RID-API-ARGUMENT).
     """
-    found = next((each for each in result.blocks() if isinstance(each, Plot)), None)
+    given: object = result  # a notebook has no type checker
+    blocks = given.blocks() if isinstance(given, Shown) else ()
+    found = next((each for each in blocks if isinstance(each, Plot)), None)
     if found is None:
         raise ConfigError(
             f"{type(result).__name__}: this result has no plot", code="RID-API-ARGUMENT"

@@ -5,7 +5,8 @@ from __future__ import annotations
 import shutil
 import tempfile
 import weakref
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Self
@@ -13,16 +14,20 @@ from typing import Self
 import numpy as np
 import numpy.typing as npt
 
-from acquisition.imports.import_joint import ImportJoint
-from acquisition.imports.import_map import ImportMap
-from acquisition.imports.time_column import TimeColumn
+from acquisition.maps.import_joint import ImportJoint
+from acquisition.maps.import_map import ImportMap
+from acquisition.maps.time_column import TimeColumn
+from acquisition.maps.torque_meaning import MEANINGS, MOTOR_CURRENT, TorqueMeaning
 from acquisition.runs.folder import RunFolder
-from acquisition.runs.manifest import MANIFEST
+from acquisition.runs.manifest import MANIFEST, require_label
 from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.load import load_bundled_or_path, to_yaml
+from rid_daq.api.arguments import as_numbers, as_path, require, validated
 from rid_daq.api.curves import curves_plot
+from rid_daq.api.proposed_map import ProposedMap
 from rid_daq.api.robot import Robot
+from rid_daq.api.temporary_files import changed_text
 from rid_daq.blocks.block import AnyBlock
 from rid_daq.blocks.plot import Axis
 from rid_daq.operations.experiment.import_ import ImportRequest
@@ -33,7 +38,7 @@ MAP = "map.yaml"
 
 
 class TemporaryFolder:
-    """A folder that is deleted with the last object that refers to it, or when the program ends."""
+    """A folder that is deleted when no object refers to it any more, or when the program ends."""
 
     def __init__(self) -> None:
         self.path = Path(tempfile.mkdtemp(prefix="rid-daq-"))
@@ -61,6 +66,7 @@ class Recording:
         torque_nm: npt.ArrayLike,
         *,
         robot: Robot,
+        torques: TorqueMeaning | None = None,
         velocity: npt.ArrayLike | None = None,
         period_s: float | None = None,
         name: str = "arrays",
@@ -72,19 +78,31 @@ class Recording:
             position: Shape (samples, joints). Measured positions, link side [rad or m].
             torque_nm: Shape (samples, joints). Torques of the actuators, link side [N m or N].
             robot: The robot that moved.
+            torques: Meaning of the torques: motor_torque, joint_torque (of sensors behind the
+                gear), model_based or gravity_compensated. Left out, motor torques are assumed.
             velocity: Shape (samples, joints). Measured velocities [rad/s or m/s]. They are
                 compared with the positions, so that a wrong unit or clock is found.
             period_s: Period [s], if the motion is periodic; the arrays then contain whole periods.
             name: Name of the recording in messages.
 
         Raises:
-            ConfigError: An array has a wrong shape (RID-API-ARGUMENT).
+            ConfigError: An array has a wrong shape, or not real numbers; or the period is not
+                positive (RID-API-ARGUMENT); or the name is invalid (RID-FILE-NAME).
             DataQualityError: Too many rows are damaged, or the values are impossible for a robot.
         """
-        n = len(robot.joint_names)
-        tables = [position, torque_nm] if velocity is None else [position, torque_nm, velocity]
-        columns = [np.asarray(time_s, dtype=np.float64)]
-        for table in (np.asarray(each, dtype=np.float64) for each in tables):
+        n = len(require("robot", robot, Robot).joint_names)
+        require_label(name)
+        if torques == MOTOR_CURRENT or torques not in (None, *MEANINGS):
+            others = ", ".join(each for each in MEANINGS if each != MOTOR_CURRENT)
+            raise ConfigError(
+                f"torques={torques!r}: the arrays have torques [N m or N]: use one of {others}",
+                code="RID-API-ARGUMENT",
+            )
+        given = {"position": position, "torque_nm": torque_nm}
+        if velocity is not None:
+            given["velocity"] = velocity
+        columns = [as_numbers("time_s", time_s, finite=False)]
+        for table in (as_numbers(key, each, finite=False) for key, each in given.items()):
             if columns[0].ndim != 1 or table.shape != (len(columns[0]), n):
                 raise ConfigError(
                     f"{name}: arrays of shape {columns[0].shape} (time_s) and {table.shape}: give"
@@ -92,22 +110,18 @@ class Recording:
                     code="RID-API-ARGUMENT",
                 )
             columns += list(table.T)
-        layout = ImportMap(
-            name="arrays",
-            robot="robot.yaml",
-            columns=len(columns),
-            time=TimeColumn(column=0, unit="s"),
-            joints=tuple(
-                ImportJoint(
-                    joint=joint,
-                    position=1 + i,
-                    torque=1 + n + i,
-                    velocity=None if velocity is None else 1 + 2 * n + i,
-                )
-                for i, joint in enumerate(robot.joint_names)
-            ),
-            period_s=period_s,
+        joints = tuple(
+            ImportJoint(
+                joint=joint,
+                position=1 + i,
+                torque=1 + n + i,
+                velocity=None if velocity is None else 1 + 2 * n + i,
+            )
+            for i, joint in enumerate(robot.joint_names)
         )
+        own = {"name": "arrays", "robot": "robot.yaml", "columns": len(columns), "torques": torques}
+        time = TimeColumn(column=0, unit="s")
+        layout = validated(ImportMap, {**own, "time": time, "joints": joints, "period_s": period_s})
         with tempfile.TemporaryDirectory(prefix="rid-daq-") as folder:
             file = Path(folder) / f"{name}.csv"
             np.savetxt(file, np.column_stack(columns), fmt="%.17g", delimiter=",")
@@ -141,7 +155,12 @@ class Recording:
 
     @classmethod
     def from_run(cls, folder: RunFolder, files: TemporaryFolder | None = None) -> Self:
-        """Return the recording in a run folder; the recording later deletes the folder `files`."""
+        """Return the recording in a run folder.
+
+        Args:
+            folder: The run folder.
+            files: Temporary folder that contains the run folder; it is deleted with the recording.
+        """
         run = RunData.load(folder)
         return cls(run, tuple(all_defects([run])), files)
 
@@ -187,7 +206,7 @@ class Recording:
         Raises:
             ConfigError: The joints have other names (RID-ROBOT-OTHER).
         """
-        if robot.joint_names != self.joint_names:
+        if require("robot", robot, Robot).joint_names != self.joint_names:
             raise ConfigError(
                 f"robot {robot.name} has the joints {', '.join(robot.joint_names)}, the recording"
                 f" {', '.join(self.joint_names)}: use the same names",
@@ -203,11 +222,33 @@ class Recording:
         head = f"{self.run.folder.manifest().label}: {len(self)} samples in {span_s:.1f} s"
         return "\n".join((f"{head}, robot {self.run.robot.name}", *self.notes))
 
+    def __repr__(self) -> str:
+        return str(self)
+
+
+@contextmanager
+def named_recordings(recordings: Sequence[Recording]) -> Iterator[None]:
+    """Name recordings in the text of an error by their labels instead of temporary folders.
+
+    Raises:
+        RidDaqError: As raised by the caller, with the new text.
+    """
+
+    def change(text: str) -> str:
+        for each in recordings:
+            if each._files is not None:
+                name = f"recording {each.run.folder.manifest().label}"
+                text = text.replace(str(each.run.folder.path), name)
+        return text
+
+    with changed_text(change):
+        yield
+
 
 def read_recording(
     source: str | Path,
     *further: str | Path,
-    map: str | Path = "",  # named as the option --map; this function does not use the builtin
+    map: str | Path | ProposedMap = "",  # as the option --map; the builtin is not used here
     rows: str = "",
     robot: Robot | None = None,
 ) -> Recording:
@@ -221,16 +262,17 @@ def read_recording(
         source: A file, or a run folder.
         further: Further files of the same motion, if the map has `further_files`.
         map: Meaning of the columns, arrays or messages: a bundled name (ur10e_31, ur10e_19,
-            ur10_ros) or the path of an import map. A run folder needs none.
+            ur10_ros), the path of an import map, or the result of `propose_map`, which you confirm
+            in this way. A run folder needs none.
         rows: Rows to use, such as 355-5090, counted from 1; all if empty.
-        robot: The robot; by default the one that the map names.
+        robot: The robot; by default the one that the map names, or for which it was proposed.
 
     Raises:
         ConfigError: A file or the map cannot be read, or the map does not describe the file.
         DataQualityError: Too many rows are damaged, or the values are impossible for a robot.
         RecordingError: The run folder is damaged.
     """
-    path = Path(source)
+    path = as_path("source", source)
     if (path / MANIFEST).is_file():
         if map or rows or further:
             raise ConfigError(
@@ -241,7 +283,11 @@ def read_recording(
         return found if robot is None else found.with_robot(robot)
     if not map:
         raise ConfigError(
-            f"{path}: is not a run folder: give `map`, which defines the columns",
+            f"{path}: is not a run folder: give `map`, which defines the columns;"
+            f" propose_map({str(path)!r}, robot=...) proposes one",
             code="RID-OPTION-NEEDS",
         )
-    return Recording._import_files((path, *(Path(each) for each in further)), str(map), robot, rows)
+    layout: str | ImportMap = str(map)
+    if isinstance(map, ProposedMap):
+        layout, robot = map.to_import_map(), robot or map.robot
+    return Recording._import_files((path, *(Path(each) for each in further)), layout, robot, rows)

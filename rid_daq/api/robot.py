@@ -96,8 +96,15 @@ class Robot:
             RecordingError: The file cannot be written.
         """
         require_writable(Path(path))
+        write_whole(Path(path), self.to_text().encode())
+
+    def to_text(self) -> str:
+        """Return the robot file (YAML) without meshes."""
         description = self.description.model_copy(update={"meshes": None})
-        write_whole(Path(path), to_yaml(description, f"Robot {self.name}.").encode())
+        return to_yaml(description, f"Robot {self.name}.")
 
     def __str__(self) -> str:
         return f"{self.name}: {len(self.joint_names)} joints ({', '.join(self.joint_names)})"
+
+    def __repr__(self) -> str:
+        return str(self)

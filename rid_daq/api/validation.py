@@ -1,4 +1,4 @@
-"""`Validation`: predicted against measured torque of a recording."""
+"""`Validation`: predicted torque of a recording, compared with its measured torque."""
 
 from __future__ import annotations
 
@@ -84,3 +84,6 @@ class Validation:
 
     def __str__(self) -> str:
         return text_of(self.blocks())
+
+    def __repr__(self) -> str:
+        return str(self)

@@ -26,11 +26,19 @@ class Heading(ConfigModel):
 
 
 class Text(ConfigModel):
-    """Paragraph; a note is displayed smaller."""
+    """Paragraph.
+
+    Attributes:
+        text: The paragraph.
+        is_note: True to display it smaller.
+        is_for_terminal: True if it contains a path or a command: pages leave it out, because they
+            have links and buttons instead.
+    """
 
     kind: Literal["text"] = "text"
     text: str
     is_note: bool = False
+    is_for_terminal: bool = False
 
 
 class Verdict(ConfigModel):

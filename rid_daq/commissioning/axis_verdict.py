@@ -101,7 +101,10 @@ def _axis_of(motion: AxisMotion, cell: CellConfig) -> DriveAxis:
 
 
 def _wrong_joint(motion: AxisMotion, observed: ObservedMotion, cell: CellConfig) -> list[str]:
-    """Return a problem if no joint moved, or if another joint moved."""
+    """Return the problem that no joint moved, or that another joint moved.
+
+    None if neither is so.
+    """
     axis = _axis_of(motion, cell)
     if not observed.joint or observed.amount == 0.0:
         return [

@@ -38,7 +38,7 @@ BAND_HZ: Final = (0.75, 15.0)
 
 
 class PathRecorder(Protocol):
-    """Records a motion, as its file describes it or with given samples and files."""
+    """Records a motion as its file describes it, or with given samples and files."""
 
     @abstractmethod
     def __call__(
@@ -156,7 +156,7 @@ def run_path_chapter(
     excited = record("multisine", motions.multisine)
     responses = frequency_responses(excited.measured.recording, motions.multisine, robot)
     fitted = [fit_velocity_loop(response) for response in responses]
-    write_loops(root.path / "loops.json", fitted, robot.name, excited.folder.run_id)
+    write_loops(root.path / "loops.json", fitted, robot.name, excited.folder.run_id, cell.name)
     loops = in_order(robot.joint_names, estimate.robot.joint_names, fitted)
     runs: list[tuple[str, AnyMotion, RecordedRun]] = [("Multisine", motions.multisine, excited)]
     pairs: list[tuple[MotionRun, MotionRun]] = []
@@ -165,7 +165,7 @@ def run_path_chapter(
         planned = motion.plan(robot, cell.cycle_time_s).whole()
         plain = record(f"{name}-plain", motion, planned)
         if by is None:
-            measured = repeated_error(planned, [plain.measured.recording])
+            measured = repeated_error(robot, planned, [plain.measured.recording])
             tuning = tune(planned, measured, estimate, loops, cell.position_gain_per_s)
             by = Precompensation(estimate, loops, tuning, plain.folder.run_id)
         ahead, files = by.with_feedforward(motion, planned, same_motion=motion is motions.circle)
@@ -177,7 +177,7 @@ def run_path_chapter(
     more = f" {_loop_sentence(loops, by.tuning)}"
     return PathChapter(
         tracking=TrackingSection.of(
-            [compare_with_motion(*pair, robot) for pair in pairs], robot, more
+            [compare_with_motion(*pair, robot, {}) for pair in pairs], robot, more
         ),
         precompensation=by,
         runs=tuple(

@@ -214,8 +214,8 @@ def _main_part(recording: Recording) -> Recording:
 def _largest_base_wrench(recording: Recording, model: Estimate) -> FloatArray:
     """Return the largest base wrench of a motion, shape (6,).
 
-    The zero of a force plate is unknown. The result is the model's base wrench at rest plus the
-    change of the measured wrench since that rest before the motion.
+    The zero of a force plate is unknown. The result is therefore a sum: the model's base wrench at
+    rest before the motion, plus the change of the measured wrench since then.
 
     Raises:
         DataQualityError: The force plate was not valid all the time.

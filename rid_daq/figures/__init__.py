@@ -1,6 +1,5 @@
-"""Interactive figures: declared plots as Bokeh layouts, their JSON and their CSV.
+"""Interactive figures: a declared plot as JSON for the browser, and its table as CSV.
 
-A figure is made from a `Plot` and contains a Bokeh layout; this package computes only the
-appearance. Pages, routes and files are in other packages. Begin with `embedding.py`, which
-describes how a layout reaches a browser, then read `plot_figure.py` and `panel.py`.
+This package computes only the appearance. Pages, routes and files are in other packages. Begin with
+`figure_item.py`, which describes what the browser receives, and `figure.js`, which draws it.
 """

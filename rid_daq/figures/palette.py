@@ -7,85 +7,69 @@ grey.
 
 from __future__ import annotations
 
-from typing import Any, Final, NamedTuple
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final, Literal, NamedTuple
 
-from rid_daq.blocks.plot import Colour, Dash
+from rid_daq.blocks.plot import Colour, Dash, Line
 
-INK: Final = "#1b2530"
-SOFT: Final = "#5b6875"
-FAINT: Final = "#a9b4bf"
-GRID: Final = "#e1e7ed"
-PAPER: Final = "#ffffff"
-BLUE: Final = "#0072b2"
-SKY: Final = "#3a9bd6"
-ORANGE: Final = "#e69f00"
-GREEN: Final = "#00805e"
-RED: Final = "#c8500a"
-PURPLE: Final = "#a8558a"
+LIGHT: Final[Mapping[Colour | Literal["grid", "paper"], str]] = MappingProxyType(
+    {
+        "ink": "#1b2530",
+        "soft": "#5b6875",
+        "faint": "#a9b4bf",
+        "grid": "#e1e7ed",
+        "paper": "#ffffff",
+        "blue": "#0072b2",
+        "sky": "#3a9bd6",
+        "orange": "#e69f00",
+        "green": "#00805e",
+        "red": "#c8500a",
+        "purple": "#a8558a",
+    }
+)
+"""Colours of light pages by name."""
 
-NAMED: Final[dict[Colour, str]] = {
-    "ink": INK,
-    "soft": SOFT,
-    "faint": FAINT,
-    "blue": BLUE,
-    "sky": SKY,
-    "orange": ORANGE,
-    "green": GREEN,
-    "red": RED,
-    "purple": PURPLE,
-}
-"""Colours by their names in declared plots."""
-
-_DARK: Final = {
-    INK: "#e9eef3",
-    SOFT: "#a3b0bd",
-    FAINT: "#65727f",
-    GRID: "#2c3743",
-    PAPER: "#141b22",
-    BLUE: "#4aa8e0",
-    SKY: "#8accf5",
-    ORANGE: "#b87700",
-    GREEN: "#2fb891",
-    RED: "#ff7f3f",
-    PURPLE: "#d68fbc",
-}
+DARK: Final[Mapping[Colour | Literal["grid", "paper"], str]] = MappingProxyType(
+    {
+        "ink": "#e9eef3",
+        "soft": "#a3b0bd",
+        "faint": "#65727f",
+        "grid": "#2c3743",
+        "paper": "#141b22",
+        "blue": "#4aa8e0",
+        "sky": "#8accf5",
+        "orange": "#b87700",
+        "green": "#2fb891",
+        "red": "#ff7f3f",
+        "purple": "#d68fbc",
+    }
+)
+"""Colours of dark pages by name."""
 
 
 class Stroke(NamedTuple):
-    """Line style of a joint: colour and dash."""
+    """Colour and dash of a line."""
 
-    color: str
+    colour: Colour
     dash: Dash
 
 
-_STROKES: Final = (
-    Stroke(BLUE, "solid"),
-    Stroke(ORANGE, "solid"),
-    Stroke(INK, "dashed"),
-    Stroke(GREEN, "dotdash"),
-    Stroke(RED, "dotted"),
-    Stroke(PURPLE, "dashed"),
-    Stroke(SOFT, "solid"),
-    Stroke(SKY, "dotdash"),
+_OF_JOINTS: Final = (
+    Stroke("blue", "solid"),
+    Stroke("orange", "solid"),
+    Stroke("ink", "dashed"),
+    Stroke("green", "dotdash"),
+    Stroke("red", "dotted"),
+    Stroke("purple", "dashed"),
+    Stroke("soft", "solid"),
+    Stroke("sky", "dotdash"),
 )
 
 
-def joint_stroke(number: int) -> Stroke:
-    """Return the line style of a joint by its number, from 0."""
-    return _STROKES[number % len(_STROKES)]
-
-
-def dark_colours() -> dict[str, str]:
-    """Return the dark colour of every light colour."""
-    return dict(_DARK)
-
-
-def to_dark(value: Any) -> Any:
-    """Return a JSON value in which dark colours replace the light colours of this palette."""
-    if isinstance(value, str):
-        return _DARK.get(value, value)
-    if isinstance(value, dict):
-        return {key: to_dark(child) for key, child in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [to_dark(child) for child in value]
-    return value
+def line_stroke(line: Line) -> Stroke:
+    """Return colour and dash of a line; those of a joint repeat after eight joints."""
+    if isinstance(line.stroke, int):
+        own = _OF_JOINTS[line.stroke % len(_OF_JOINTS)]
+        return own._replace(dash=line.dash or own.dash)
+    return Stroke(line.stroke, line.dash or "solid")

@@ -77,7 +77,7 @@ def live_page(options: Live) -> Iterator[LivePage | None]:
 
 
 def listen_on(access: Access) -> socket.socket:
-    """Return a listening socket at the address and port of `access`.
+    """Return a listening socket at the address and port that `access` states.
 
     Raises:
         ConfigError: The address cannot be used.

@@ -1,4 +1,4 @@
-// Data of the server are shown as text only, never as markup.
+// Show data of the server as plain text only, never as HTML.
 "use strict";
 const OLD_MS = 500, HISTORY_MS = 60000;
 const byId = (id) => document.getElementById(id);
@@ -168,7 +168,7 @@ events.onmessage = (event) => {
   unknown = false;
   show(JSON.parse(event.data));
   look();
-  // stop.js repeats its request until it receives an answer; this event may arrive before that answer
+  // stop.js repeats a stop request until the server answers; this event may arrive before the answer
   if (shown.stop_asked) document.dispatchEvent(new CustomEvent("stop-answered", { detail: { sentence: "Stop requested." } }));
 };
 events.onerror = () => { unknown = events.readyState === EventSource.CLOSED && shown === null; look(); };

@@ -1,12 +1,12 @@
-// STOP: the first script of a page, without imports. It works even if no other script loads.
-// Its script element names the cell ("*" for all), the address of the stop request, and the WebSocket.
+// The STOP button: the first script of each page, without imports. The button works even if no other script loads. The
+// script element names the cell ("*" for all cells), the address for the stop request, and the WebSocket.
 "use strict";
 (() => {
-  window.endStop?.(); // ends stop.js of the page that this page replaces; this page repeats its open stop request
+  window.endStop?.(); // ends the script of the previous page; this page takes over its unanswered stop request
   const AGAIN_MS = 250; // time between two attempts to send the stop request
   const REFUSED_MS = 1000; // time between two attempts if the service refuses the stop request
   const LATE_MS = 2000; // time after which the page shows that the stop request has no answer
-  const TWICE_MS = 1000; // within this time, all events of a press count once, and two presses of Escape request a stop
+  const TWICE_MS = 1000; // events within this time count as one press; two presses of Escape within this time request a stop
   const SHOWN_MS = 8000;
   const SILENT_MS = 1500; // a WebSocket without a heartbeat for this time is replaced
   const STOOD_MS = 800; // a longer time between two calls of watch() means that this page was suspended
@@ -18,9 +18,9 @@
   const KEY = "rid-daq stop";
   const here = document.currentScript.dataset;
 
-  let asked = null; // the press of STOP that is not acknowledged yet
+  let asked = null; // the last press of STOP, until the service has acknowledged it
   let number = Math.floor(Math.random() * 1e9);
-  let answer = null; // class and text of the acknowledgement; null once it is no longer displayed
+  let answer = null; // class and text of the acknowledgement; null if none is displayed
   const lines = new Set();
   const requests = new Set();
 
@@ -40,7 +40,7 @@
     words.className = text && `banner ${kind}`;
   }
 
-  // ---- the stop request of a press is repeated until it is acknowledged
+  // ---- repeat the stop request of a press until the service acknowledges the request
   function stop() {
     begin({ number: ++number, cell: here.cell, request: here.request, at: Date.now() });
   }
@@ -99,7 +99,7 @@
     }
   }
 
-  // ---- STOP by HTTP requests, each on a new connection
+  // ---- send the stop request by HTTP, each attempt on a new connection
   async function request(press) {
     if (requests.size >= MOST_REQUESTS) return;
     const ending = new AbortController();
@@ -124,7 +124,7 @@
     }
   }
 
-  // ---- STOP by a separate WebSocket, which is opened in advance
+  // ---- send the stop request by a separate WebSocket, which is opened in advance
   let newest = null;
   let failures = 0;
   let openAgain = null;
@@ -170,15 +170,16 @@
     const at = performance.now();
     const stood = at - watchedAt;
     watchedAt = at;
-    if (newest && stood > STOOD_MS) newest.heardAt = at; // after a suspension, received heartbeats are still unread
+    if (newest && stood > STOOD_MS) newest.heardAt = at; // after a suspension of the page, received heartbeats have not been read yet
     if (!newest || at - newest.heardAt < SILENT_MS) return;
     const silent = newest;
     later();
-    // keep an open WebSocket: it may still deliver the stop or its answer; a connecting one would delay the next
+    // keep an open WebSocket, because it may still deliver the stop request or its answer; drop a WebSocket that is
+    // still connecting, because it would delay the next one
     if (!asked || silent.readyState !== WebSocket.OPEN) drop(silent);
   }
 
-  // ---- keys and pointers: the press of the button requests the stop, not its release
+  // ---- keys and pointers: the stop is requested when the button is pressed, not when it is released
   let pressedAt = -Infinity;
   let escapedAt = -Infinity;
 
@@ -200,10 +201,10 @@
     } else escapedAt = event.timeStamp;
   }, true);
 
-  // ---- other scripts report answers that arrive on the page's main WebSocket, or the end of a motion
+  // ---- other scripts call this if the main WebSocket delivers the service's answer, or when a motion ends
   document.addEventListener("stop-answered", (event) => acknowledge(event.detail));
 
-  // ---- the button appears as soon as it is parsed; a failed part of the page is reported
+  // ---- show the button as soon as the browser has read it; show a warning if a script or style sheet fails to load
   let broken = false;
   function appear() {
     if (broken && find("page-broken")) find("page-broken").hidden = false;
@@ -234,7 +235,7 @@
     newest = null;
     for (const line of lines) {
       if (line.readyState === WebSocket.OPEN) line.close();
-      else line.addEventListener("open", () => line.close()); // closing it before it is open causes a warning
+      else line.addEventListener("open", () => line.close()); // a close() before the WebSocket is open causes a warning in the browser's console
     }
   };
   const unanswered = kept();

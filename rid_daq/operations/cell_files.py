@@ -2,20 +2,42 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
+from acquisition.motion.load_changes import LoadChanges
 from acquisition.motion.motion_file import AnyMotion, read_motion
 from acquisition.motion.samples import MotionSamples
 from compensation.feedforward.file import LARGEST_FILE_BYTES, feedforward_content
 from compensation.loops import loop_file
 from compensation.loops.velocity_loop import VelocityLoop
+from config.cell.cell import CellConfig
 from config.errors import ConfigError
 from config.formats.json_file import read_content
 from config.load import LoadedCell
 from config.robot.robot import RobotDescription
-from identification.estimation import file as estimate_file
 from identification.estimation.estimate import Estimate
 from identification.model.still_joints import refuse_unmoved_joints
+from rid_daq.runs.run_model import read_model_and_bytes
+
+MISFIT: Final = 0.001
+"""Probability of a loop's misfit below which it is reported."""
+
+
+@dataclass(frozen=True)
+class LoopsForCell:
+    """Velocity loops of a cell's robot.
+
+    Attributes:
+        loops: The loops.
+        content: Bytes of their file.
+        notes: Reasons to doubt that they are the loops of this cell.
+    """
+
+    loops: tuple[VelocityLoop, ...]
+    content: bytes
+    notes: tuple[str, ...]
 
 
 def read_motion_for(path: Path, loaded: LoadedCell) -> AnyMotion:
@@ -30,6 +52,21 @@ def read_motion_for(path: Path, loaded: LoadedCell) -> AnyMotion:
 def read_motion_and_bytes(path: Path, loaded: LoadedCell) -> tuple[AnyMotion, bytes]:
     """Return the motion of a file and the file's bytes; checks are those of `read_motion_for`."""
     motion, text = read_motion(path)
+    refuse_other_robot_motion(path, motion, loaded)
+    return motion, text
+
+
+def refuse_other_robot_motion(path: Path, motion: AnyMotion, loaded: LoadedCell) -> None:
+    """Raise an error for the motion of another robot.
+
+    Args:
+        path: File of the motion.
+        motion: The motion.
+        loaded: Cell that will execute it.
+
+    Raises:
+        ConfigError: The motion names another robot than the cell's.
+    """
     if motion.robot != loaded.robot.name:
         raise ConfigError(
             f"{path}: robot: the motion is for {motion.robot!r}, but cell {loaded.config.name} has"
@@ -37,7 +74,6 @@ def read_motion_and_bytes(path: Path, loaded: LoadedCell) -> tuple[AnyMotion, by
             " change the name in the motion file if the robots are the same",
             code="RID-ROBOT-OTHER",
         )
-    return motion, text
 
 
 def read_estimate_for(path: Path, robot: RobotDescription) -> Estimate:
@@ -46,6 +82,7 @@ def read_estimate_for(path: Path, robot: RobotDescription) -> Estimate:
     Raises:
         ConfigError: The file is no model file, or is of another robot, even one with the same joint
             names.
+        RecordingError: The file is in the folder of a run, and is not the model of this run.
         EstimationError: A joint stood still when the model was identified.
     """
     return read_estimate_and_bytes(path, robot)[0]
@@ -53,8 +90,7 @@ def read_estimate_for(path: Path, robot: RobotDescription) -> Estimate:
 
 def read_estimate_and_bytes(path: Path, robot: RobotDescription) -> tuple[Estimate, bytes]:
     """Return the model of a file and the file's bytes; checks are those of `read_estimate_for`."""
-    data = read_content(path, estimate_file.LARGEST_FILE_BYTES)
-    estimate = estimate_file.estimate_content(data, path)
+    estimate, data = read_model_and_bytes(path)
     refuse_other_robot(path, estimate.robot, robot)
     refuse_unmoved_joints(estimate.still, str(path))
     return estimate, data
@@ -74,34 +110,53 @@ def refuse_other_robot(path: Path, found: RobotDescription, robot: RobotDescript
     differences = robot.differences(found)
     if differences:
         raise ConfigError(
-            f"{path}: is of robot {found.name!r}, which differs from this {robot.name!r} in"
-            f" {', '.join(differences)}. Identify it on this robot, or correct the robot's file"
-            " (for an import: `robot` in the map)",
+            f"{path}: belongs to robot {found.name!r}, but robot {robot.name!r} is used here; their"
+            f" descriptions differ in {', '.join(differences)}. Identify again with the robot used"
+            " here, or correct the wrong robot file (for an imported run: `robot` in the map)",
             code="RID-ROBOT-OTHER",
         )
 
 
-def read_loops_and_bytes(path: Path, loaded: LoadedCell) -> tuple[tuple[VelocityLoop, ...], bytes]:
-    """Return the velocity loops of a file, and the file's bytes.
+def read_loops_for(path: Path, robot: RobotDescription, cell: CellConfig) -> LoopsForCell:
+    """Return the velocity loops of a file; they must be of the cell's robot.
 
     Raises:
-        ConfigError: The file is no loop file, or is of another robot than the cell's.
+        ConfigError: The file is no loop file, has a loop of a joint that the robot does not have,
+            or is of another robot.
     """
     data = read_content(path, loop_file.LARGEST_FILE_BYTES)
-    robot, loops = loop_file.loops_content(data, path)
-    if robot != loaded.robot.name:
+    file, loops = loop_file.loops_content(data, path)
+    foreign = [loop.joint_name for loop in loops if loop.joint_name not in robot.joint_names]
+    if file.robot != robot.name or foreign:
+        also = f", with loops of {', '.join(foreign)}" if foreign else ""
         raise ConfigError(
-            f"{path}: is of robot {robot!r}, but the cell has {loaded.robot.name!r}: measure the"
-            " loops of this cell with `rid-daq loop`",
+            f"{path}: is of robot {file.robot!r}{also}, but the cell has {robot.name!r} with"
+            f" {', '.join(robot.joint_names)}: measure the loops of this cell with `rid-daq loop`",
             code="RID-ROBOT-OTHER",
         )
-    return loops, data
+    notes = []
+    if file.cell and file.cell != cell.name:
+        notes.append(
+            f"{path} was measured in cell {file.cell}, but cell {cell.name} is used here: if its"
+            " drives have other settings, measure their loops with `rid-daq loop`"
+        )
+    misfits = [f"{one.joint_name} (p = {one.p_value:.2g})" for one in loops if one.p_value < MISFIT]
+    if misfits:
+        notes.append(
+            f"{path}: a proportional-integral controller does not explain the measured loop of"
+            f" {', '.join(misfits)}, so the feedforward of these joints can be wrong: look for"
+            " filters in the drive, and run `rid-daq loop` again"
+        )
+    return LoopsForCell(loops, data, tuple(notes))
 
 
 def add_feedforward(
     path: Path, motion: AnyMotion, samples: MotionSamples
-) -> tuple[MotionSamples, bytes]:
-    """Add the feedforward of a file to a planned motion; return the motion and the file's bytes.
+) -> tuple[MotionSamples, bytes, LoadChanges | None]:
+    """Add the feedforward of a file to a planned motion.
+
+    Returns:
+        The motion, the file's bytes, and the changes of the payload during the motion.
 
     Raises:
         ConfigError: The file is of another motion, or for another cell.
@@ -114,4 +169,4 @@ def add_feedforward(
             " again with `rid-daq compensate`",
             code="RID-FEEDFORWARD-OTHER-MOTION",
         )
-    return file.onto(samples), data
+    return file.onto(samples), data, file.origin.load_changes

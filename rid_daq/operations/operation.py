@@ -61,6 +61,8 @@ class Operation:
         run: Function that takes a request and a context, and returns the result.
         examples: At least two command lines, without the program's name.
         opens_cell: True if the operation opens the bus of a cell.
+        is_of_cells: True if the operation needs cells of this computer, or their sessions, without
+            opening a bus of its own.
         moves: True if the robot moves.
         is_held: True if the robot moves only while a key is held. Such an operation needs no passed
             axis test.
@@ -74,9 +76,15 @@ class Operation:
     run: Callable[[Any, Context], OperationResult]
     examples: tuple[str, ...]
     opens_cell: bool = False
+    is_of_cells: bool = False
     moves: bool = False
     is_held: bool = False
     module: str = ""
+
+    @property
+    def needs_linux(self) -> bool:
+        """True if the operation runs on Linux only: buses, simulated cells and sessions."""
+        return self.opens_cell or self.is_of_cells
 
     @property
     def needs_axis_test(self) -> bool:

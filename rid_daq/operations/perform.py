@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from config.process.linux import require_linux
 from rid_daq.operations.operation import FailedResult, Operation
 from rid_daq.requests.request import Request
 from rid_daq.terminal.console import Console
@@ -14,9 +15,12 @@ def perform(operation: Operation, request: Request, console: Console) -> None:
         console: Console that shows the result; a worker's console writes events instead.
 
     Raises:
+        ConfigError: The operation needs Linux, and this system is another (RID-SYSTEM-LINUX).
         RidDaqError: The failure of the result, if the result has a failure.
         SystemExit: Exit code of the result, if it is not 0.
     """
+    if operation.needs_linux:
+        require_linux(f"`rid-daq {operation.name}`")
     operation.load()
     result = operation.run(request, console)
     console.result(result.document(), result.blocks())

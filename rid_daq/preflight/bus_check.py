@@ -171,8 +171,9 @@ def sender_lines(opened: Cell, cycles: int) -> list[CheckLine]:
 def load_line(cell: CellConfig) -> CheckLine:
     """Return the line on the load of a cell's bus."""
     load = bus_load(cell)
+    bus = cell.can
     return CheckLine(
-        where=f"{cell.can.interface}:{cell.can.channel}",
+        where="simulated bus" if bus.is_simulated else f"{bus.interface}:{bus.channel}",
         what="bus load",
         required=f"≤ {100.0 * LOAD_LIMIT:.0f} %",
         found=f"{100.0 * load:.1f} %",

@@ -12,7 +12,7 @@ _WORDS = {"red": "RED", "allowed": "allowed", "ok": "ok", "shown": "-"}
 
 
 def show_devices(context: Context, lines: Sequence[CheckLine]) -> None:
-    """Write one line per device, with its headline, and below it each red or allowed line.
+    """Write the headline of each device, and below it the device's red and allowed lines.
 
     Args:
         context: Output for people.

@@ -19,13 +19,14 @@ WRITE_BYTES = 4 << 20
 SLOWEST_BYTES_S = 1e6
 LONGEST_WRITE_S = 5.0
 FIRST_YEAR = 2025
+RUNS_FOLDER = "folder of the runs"
 _CLOCK_SOURCE = Path("/sys/devices/system/clocksource/clocksource0/current_clocksource")
 
 
 def disk_lines(runs: Path) -> list[CheckLine]:
     """Return the lines on the runs' folder; a test file is written into it and removed."""
     folder = next(path for path in (runs.absolute(), *runs.absolute().parents) if path.exists())
-    return [_free_disk_line(runs, folder), _disk_speed_line(runs, folder)]
+    return [_free_disk_line(folder), _disk_speed_line(folder)]
 
 
 def time_lines() -> list[CheckLine]:
@@ -33,10 +34,10 @@ def time_lines() -> list[CheckLine]:
     return [*_clock_lines(), *_privilege_lines()]
 
 
-def _free_disk_line(runs: Path, folder: Path) -> CheckLine:
+def _free_disk_line(folder: Path) -> CheckLine:
     free = shutil.disk_usage(folder).free
     return CheckLine(
-        where=str(runs),
+        where=RUNS_FOLDER,
         what="free disk",
         required=f"≥ {FREE_BYTES >> 20} MB",
         found=f"{free >> 20} MB",
@@ -45,7 +46,7 @@ def _free_disk_line(runs: Path, folder: Path) -> CheckLine:
     )
 
 
-def _disk_speed_line(runs: Path, folder: Path) -> CheckLine:
+def _disk_speed_line(folder: Path) -> CheckLine:
     """Write some megabytes, wait until they are on the disk, and return the line on the speed."""
     required = f"≥ {SLOWEST_BYTES_S / 1e6:.0f} MB/s, ≤ {LONGEST_WRITE_S:g} s"
     action = (
@@ -56,11 +57,11 @@ def _disk_speed_line(runs: Path, folder: Path) -> CheckLine:
         taken_s = write_seconds(folder, WRITE_BYTES)
     except RecordingError as error:
         other = "choose another folder with --runs, or give this user write permission"
-        return CheckLine(str(runs), "writing to disk", required, str(error), "red", other)
+        return CheckLine(RUNS_FOLDER, "writing to disk", required, str(error), "red", other)
     rate = WRITE_BYTES / taken_s
     good = rate >= SLOWEST_BYTES_S and taken_s <= LONGEST_WRITE_S
     return CheckLine(
-        where=str(runs),
+        where=RUNS_FOLDER,
         what="writing to disk",
         required=required,
         found=f"{rate / 1e6:.0f} MB/s, {taken_s:.2f} s",

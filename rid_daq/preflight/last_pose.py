@@ -8,6 +8,7 @@ and are not compared.
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Sequence
 from datetime import UTC, datetime
 from enum import Enum
@@ -24,7 +25,7 @@ from config.process.own_state import own_state_folder
 from rid_daq.preflight.bus_check import CheckLine
 
 LARGEST_FILE_BYTES: Final = 1 << 16
-LAST_POSE: Final = "pose since the last run"
+LAST_POSE: Final = "pose compared with the last pose"
 """Name of the preflight's line on the last pose."""
 
 CHECK: Final = "the last check"
@@ -126,7 +127,9 @@ def pose_lines(loaded: LoadedCell, position: Sequence[float], rule: PoseRule) ->
                 "robot",
                 LAST_POSE,
                 "",
-                "first check: there is no earlier pose to compare with",
+                "not verified: first check, without an earlier pose. The drives report"
+                f" {_pose_text(loaded, position)}; compare this pose with the marks of the joints"
+                " before the first motion",
                 "shown",
             )
         ]
@@ -148,6 +151,19 @@ def pose_lines(loaded: LoadedCell, position: Sequence[float], rule: PoseRule) ->
             next_action=ADVICE if red else "",
         )
     ]
+
+
+def _pose_text(loaded: LoadedCell, position: Sequence[float]) -> str:
+    """Return the joints' positions in degrees or millimetres."""
+    shown = []
+    for joint, value in zip(loaded.robot.joints, position, strict=True):
+        linear = joint.type == "prismatic"
+        shown.append(
+            f"{joint.name} {1e3 * value:.1f} mm"
+            if linear
+            else f"{joint.name} {math.degrees(value):.1f}°"
+        )
+    return ", ".join(shown)
 
 
 def _pose_file(loaded: LoadedCell) -> Path:

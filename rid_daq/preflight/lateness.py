@@ -50,5 +50,5 @@ def sleep_like_the_task(pipe: Connection) -> None:
         due_s = clock.now_s() + _SLEEP_S
         clock.sleep_until(due_s)
         late_s.append(clock.now_s() - due_s)
-    with contextlib.suppress(OSError):  # an interrupted program no longer reads the result
+    with contextlib.suppress(OSError):  # if the parent process was interrupted, the pipe is closed
         pipe.send(late_s[_LEARNING:])

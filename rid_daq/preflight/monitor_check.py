@@ -36,7 +36,7 @@ def monitor_lines(
             where,
             "drive monitor, encryption",
             "",
-            "none: keep this network separate from other networks"
+            "not used: keep this network separate from other networks"
             if plain
             else "not needed or in use",
             "shown",

@@ -18,6 +18,7 @@ from config.cell.plate import CHANNEL_NAMES, PlateConfig, PlateZero
 from rid_daq.preflight.bus_check import CheckLine
 
 POSE_RAD = 0.02
+PLATE = "force plate"
 
 _ZERO = "measure the offsets with `rid-daq plate zero`"
 
@@ -61,9 +62,7 @@ class PlateCheck:
         )
         ready = prepare_plate(plate, profile, operate=self._cell.simulated)
         self._ready = ready
-        self.lines.append(
-            CheckLine(plate.amplifier.address, "amplifier", "", ready.identity, "shown")
-        )
+        self.lines.append(CheckLine(PLATE, "amplifier", "", ready.identity, "shown"))
         wrong = [s for s in ready.settings if s.verdict == "red"]
         self._add_check(
             "settings read back",
@@ -131,15 +130,12 @@ class PlateCheck:
         )
 
     def _add_information(self, what: str, found: str) -> None:
-        plate = self._cell.plate
-        where = "force plate" if plate is None else plate.amplifier.address
-        self.lines.append(CheckLine(where, what, "", found, "shown"))
+        self.lines.append(CheckLine(PLATE, what, "", found, "shown"))
 
     def _add_check(self, what: str, required: str, found: str, good: bool, action: str) -> None:
-        plate = self._cell.plate
         self.lines.append(
             CheckLine(
-                where="force plate" if plate is None else plate.amplifier.address,
+                where=PLATE,
                 what=what,
                 required=required,
                 found=found,

@@ -29,7 +29,10 @@ def _ignore_lines(_lines: Sequence[CheckLine]) -> None:
 def lines_before_bus(
     loaded: LoadedCell, runs: Path, axis_test: AxisTestRule = AxisTestRule.REQUIRED
 ) -> list[CheckLine]:
-    """Return the results of checks that need no connection: bus load, disk, axis test, geometry."""
+    """Return the results of checks that need no connection to the cell.
+
+    These are bus load, disk, axis test, geometry, and the drives' torque filter.
+    """
     geometry = [
         CheckLine("robot file", "angles of the kinematics", "exact", note, "ok")
         for note in loaded.robot.kinematics.notes
@@ -39,7 +42,22 @@ def lines_before_bus(
         *disk_lines(runs),
         axis_test_line(loaded, axis_test),
         *geometry,
+        *_filter_lines(loaded.config),
     ]
+
+
+def _filter_lines(cell: CellConfig) -> list[CheckLine]:
+    """Return a line if frequencies above half the cycle frequency pass the torque filter."""
+    half_hz = 0.5 / cell.cycle_time_s
+    if cell.torque_filter is None or cell.torque_filter.cutoff_hz <= half_hz:
+        return []
+    found = (
+        f"{cell.torque_filter.cutoff_hz:g} Hz: frequencies above {half_hz:g} Hz alias in the"
+        " recorded torque; shorten cycle_time_ms, or set a lower filter in the drives"
+    )
+    required = f"≤ {half_hz:g} Hz, half the cycle frequency"
+    what = "torque_filter.cutoff_hz"
+    return [CheckLine("cell file", what, required, found, "shown", headline="Aliased torque")]
 
 
 def preflight(

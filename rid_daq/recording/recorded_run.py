@@ -43,6 +43,7 @@ _WHAT_TO_DO = {
     StopCode.POINTS_LOST: "Make sure that the program sends its points fast enough, then start"
     " it again.",
     StopCode.POINTS_REFUSED: "Correct the path that the program sends, then start again.",
+    StopCode.LOAD_SIGNAL: "Check if the robot carries the part before you start again.",
     StopCode.LATE_CYCLE: "Reduce the load of this computer, or allow real-time scheduling; then"
     " start again.",
 }
@@ -124,8 +125,8 @@ class RecordedRun:
     def as_step(self) -> RecordedRun:
         """Return this run as a step of a sequence of motions.
 
-        A stop request that arrived after the end of this motion then counts as its stop, so that
-        the sequence ends.
+        A stop request that arrived after the end of this motion is then treated as a stop of this
+        motion, so that the sequence ends.
         """
         late = self.outcome.late_stop
         return self if late is None else replace(self, outcome=replace(self.outcome, stop=late))
@@ -178,10 +179,11 @@ class RecordedRun:
             yield Text(text=sentence)
         if self.trouble:
             yield Verdict(passed=False, text=self.trouble)
-            yield Text(text=f"{self.outcome.rows} rows are kept in {self.folder.path}")
+            yield Text(text=f"{self.outcome.rows} rows are kept.")
         else:
-            yield Verdict(passed=True, text=f"Recorded: {self.folder.path}")
-        yield Text(text=f"Report: {self.report}")
+            yield Verdict(passed=True, text="Recorded")
+        yield Text(text=f"Run: {self.folder.path}", is_for_terminal=True)
+        yield Text(text=f"Report: {self.report}", is_for_terminal=True)
 
 
 def stop_words(outcome: RecordOutcome) -> str:

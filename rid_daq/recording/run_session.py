@@ -27,7 +27,6 @@ from acquisition.task.set_points import SetPointSource
 from config.cell.cell import CellConfig
 from config.errors import RecordingError, TransportError
 from config.load import LoadedCell
-from config.simulation.faults import NO_SCRIPT, FaultScript
 from rid_daq.live.live_page import LivePage, live_page
 from rid_daq.preflight.axis_test import AxisTestRule, require_axis_test
 from rid_daq.preflight.last_pose import known_pose, store_pose
@@ -44,6 +43,7 @@ from rid_daq.runs.origins import write_cell_origin
 from rid_daq.runs.run_data import RunData
 from rid_daq.runs.run_quality import run_quality
 from rid_daq.session.cells import hold_reachable_cell
+from rid_daq.session.scenario import Scenario
 from rid_daq.session.session import mark_unfinished
 from rid_daq.session.versions import software_versions
 from rid_daq.terminal.clearance import require_cleared
@@ -229,11 +229,12 @@ class RunSession:
     def _drive(
         self, folder: RunFolder, request: RunRequest, motion: MotionSamples | SetPointSource
     ) -> RecordOutcome:
-        """Perform a motion, show its progress, and return its outcome."""
         robot, samples, watch = self.loaded.robot, request.samples, request.watch
-        pose = self._known_pose(request)
-        observer = None
-        rows, per_period = 0, None
+        pose, simulated, task = self._known_pose(request), self.simulated, None
+        if simulated and simulated.runs_masters and isinstance(motion, MotionSamples):
+            task = simulated.create_master  # other sources wait for a person or a program
+        marker = simulated.motion_marker if simulated else None
+        observer, rows, per_period = None, 0, None
         if samples is not None:
             rows, per_period = len(samples), samples.samples_per_period
             if self.page is not None:
@@ -264,7 +265,7 @@ class RunSession:
                 ),
                 enough=None if watch is None else enough,
                 profiles=DeviceProfiles(self.loaded.amplifier_profile, self.loaded.drive_profile),
-                context=MotionContext(observer, self.service, pose),
+                context=MotionContext(observer, self.service, pose, task, marker),
             )
         for note in outcome.notes:
             self.display.say(f"note: {note}")
@@ -275,7 +276,7 @@ class RunSession:
     ) -> RecordedRun:
         """Read the recording once, and evaluate it."""
         robot = self.loaded.robot
-        data = RunData.load(folder, unfinished=True) if outcome.rows else None
+        data = RunData.load(folder, unfinished=True, changing_load=True) if outcome.rows else None
         quality = section = average = None
         if data is not None:
             stop = None if outcome.stop is None else outcome.stop.text
@@ -354,7 +355,7 @@ def open_session(
     axis_test: AxisTestRule,
     *,
     simulation: Simulation | None = None,
-    faults: FaultScript = NO_SCRIPT,
+    scenario: Scenario | None = None,
     live: Live | None = None,
 ) -> Iterator[RunSession]:
     """Yield a session on a cell; the cell is locked until the `with` block ends.
@@ -366,7 +367,7 @@ def open_session(
         clearance: Data for the question if the cell is clear; None if each step of the session asks
             this question itself.
         simulation: Options of a simulated cell that this program starts.
-        faults: Fault script of such a cell.
+        scenario: Faults and instruments of such a cell.
         live: Options of the live page.
 
     Raises:
@@ -383,7 +384,7 @@ def open_session(
         context.say(f"note: axis test: {tested}")
     with (
         live_page(live or Live()) as page,
-        hold_reachable_cell(loaded, simulation, faults) as (cell, simulated),
+        hold_reachable_cell(loaded, simulation, scenario) as (cell, simulated),
     ):
         yield RunSession(
             loaded,

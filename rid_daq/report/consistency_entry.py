@@ -14,8 +14,8 @@ class ViolationEntry(Section):
     """A parameter that is never negative for a real robot, but whose estimate is below zero.
 
     Attributes:
-        name, expression: Name of the parameter, and its expression: the combination of standard
-            parameters.
+        name: Name of the parameter.
+        expression: The parameter as a combination of standard parameters.
         sigmas: Distance of the estimate below zero [standard deviations].
         p_value: Probability of such an estimate if the true value is zero, corrected for the number
             of tested parameters (Holm).
@@ -35,9 +35,10 @@ class ConsistencyEntry(Section):
         p_value: p-value of the two statistics together: the largest single violation, and the
             distance.
         single_p_value: p-value of the largest single violation.
-        distance_p_value, distance: p-value of the squared distance from the nearest consistent
-            robot, and the distance itself in decorrelated standard deviations. None if a single
-            violation already refutes consistency.
+        distance_p_value: p-value of the squared distance from the nearest consistent robot. None if
+            a single violation already refutes consistency.
+        distance: Distance from the nearest consistent robot, in decorrelated standard deviations.
+            None if a single violation already refutes consistency.
         tested: Number of parameters that cannot be negative.
         largest: The largest single violation; None if no tested estimate is below zero.
         violations: All tested estimates below zero, the largest violation first.

@@ -89,10 +89,14 @@ class DrivenTiming(Section):
                 "%",
             ),
             VerdictCheck.of(
-                "mean path error, relative to that before", mean, "≤", CLOSE_AS_BEFORE, "times"
+                "mean path error, relative to that before retiming",
+                mean,
+                "≤",
+                CLOSE_AS_BEFORE,
+                "times",
             ),
             VerdictCheck.of(
-                "largest path error, relative to that before",
+                "largest path error, relative to that before retiming",
                 largest,
                 "≤",
                 CLOSE_AS_BEFORE,

@@ -2,16 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Final
+
+from identification.wiring.file_entries import (
+    POSITION_FACTOR,
+    SCALE_ERROR,
+    ZERO_ERROR_DEG,
+    EntryKind,
+    UnconfirmedEntry,
+)
 from identification.wiring.mistakes import MistakeKind
 from rid_daq.report.sections.section import Numbers, Section, Texts
+
+if TYPE_CHECKING:
+    from identification.wiring.weight import ArmWeight
+
+DRAWN_ERROR: Final = 0.2
+"""Relative difference between the weights of an arm and of its drawings that is not mentioned."""
 
 
 class PlaceToChange(Section):
     """A line of a file that states a wrong value, or to which a missing key belongs.
 
     Attributes:
-        file, line: Position of the key. If the key is missing: first line of the object that it
-            belongs to.
+        file: File that contains the key, or the object to which the key must be added.
+        line: Line of the key; if the key is missing, the first line of that object.
         stated: True if the file contains the key; False if the key must be added.
         text: Text of the line. Left out if the key must be added, or if the file has changed since
             the run.
@@ -81,3 +97,55 @@ class ArmWeightEntry(Section):
     plausible: Numbers
     is_drawn: bool
     is_plausible: bool
+
+    @classmethod
+    def of(cls, weight: ArmWeight) -> ArmWeightEntry:
+        """Return the section of an arm's weight."""
+        return cls.from_attributes(weight, std=weight.sigma)
+
+    @property
+    def differs(self) -> bool:
+        """True if the weight is possible, but distinctly differs from that of `cad`."""
+        low, high = self.share - 2.0 * self.std, self.share + 2.0 * self.std
+        far = low > 1.0 + DRAWN_ERROR or high < 1.0 / (1.0 + DRAWN_ERROR)
+        return self.is_drawn and self.is_plausible and far
+
+
+class UnconfirmedSection(Section):
+    """Entries of the files of one kind that the recordings do not confirm.
+
+    Attributes:
+        kind: Kind of the entries.
+        joints: Joints concerned; empty for entries of the whole robot.
+        words: The entries, and the size of the error that would not be noticed, in words.
+    """
+
+    kind: EntryKind
+    joints: Texts
+    words: str
+
+    @classmethod
+    def of(cls, entry: UnconfirmedEntry, joint_names: Sequence[str]) -> UnconfirmedSection:
+        """Return the section of some entries."""
+        names = tuple(joint_names[number] for number in entry.numbers)
+        every = len(names) == len(joint_names)
+        listed = "every joint" if every else join_words(names)
+        rows = " and ".join(f"row {number + 1}" for number in entry.numbers)
+        scale, zero = f"error of {100.0 * SCALE_ERROR:g} %", f"error of {ZERO_ERROR_DEG:g}°"
+        factor = f"factor of {POSITION_FACTOR:g}"
+        words = {
+            EntryKind.LENGTHS: f"the lengths in the kinematic table ({scale})",
+            EntryKind.TWISTS: f"the sign of `alpha_rad` in {rows}",
+            EntryKind.DIRECTION: f"the direction of {listed}",
+            EntryKind.ZERO_POSITION: f"the zero position of {listed} ({zero})",
+            EntryKind.POSITION_SCALE: f"the scale of the position of {listed} ({factor})",
+            EntryKind.TORQUE_SCALE: f"the scale of the torque of {listed} ({scale})",
+            EntryKind.COMMON_TORQUE_SCALE: "a common factor of all torques, because the robot file"
+            " has no `cad`",
+        }
+        return cls(kind=entry.kind, joints=names, words=words[entry.kind])
+
+
+def join_words(words: Sequence[str]) -> str:
+    """Return words as an enumeration."""
+    return " and ".join([*([", ".join(words[:-1])] if words[:-1] else []), *words[-1:]])

@@ -55,7 +55,8 @@ class Result(Section):
 
     Attributes:
         format: Version of this document, under the key `schema`.
-        title, robot: Title of the report, and name of the robot.
+        title: Title of the report.
+        robot: Name of the robot.
         verdict: The verdict: passed, failed, or not judged.
         software: Versions of the software that made the result, by name.
         notes: Deficiencies of the runs that the result is based on.
@@ -63,6 +64,10 @@ class Result(Section):
         model: Model that the sections `validation`, `curves`, `estimate`, `plate`, `comparison`,
             `reaction` and `base_load` refer to.
         seed: Random seed of the demo.
+        payload, validation, curves, estimate, plate: Section of the report with the key's name.
+        comparison, truth, tracking, plate_zero: Section of the report with the key's name.
+        reaction, base_load, friction, retiming: Section of the report with the key's name.
+        velocity_loops, gears, runs, average: Section of the report with the key's name.
         without_unmodelled: Results of the demo on a robot without unmodelled effects.
         timing: All values that differ from one execution to the next.
     """

@@ -15,9 +15,12 @@ class ToolDeflection(Section):
     """Estimated deflection at the tool point, from the gears whose stiffness is known.
 
     Attributes:
-        rms_m, max_m: RMS and largest deflection over the motion [m].
-        tool_mean_m, tool_max_m: Mean and largest distance of the tool from its path, estimated from
-            encoders and deflection [m].
+        rms_m: RMS deflection over the motion [m].
+        max_m: Largest deflection over the motion [m].
+        tool_mean_m: Mean distance of the tool from its path, estimated from encoders and
+            deflection [m].
+        tool_max_m: Largest distance of the tool from its path, estimated from encoders and
+            deflection [m].
     """
 
     rms_m: float

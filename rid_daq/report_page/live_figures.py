@@ -1,8 +1,8 @@
 """`LiveFigures`: the interactive figures of a report, compressed in its page with their scripts.
 
-A page contains BokehJS once and one item per figure, all compressed; `report.js` decompresses a
-figure when it becomes visible. The page loads nothing from a network. Its content security policy
-names its two scripts by their hashes, so that no injected script can run.
+A page contains the plot library once and one item per figure; `report.js` decompresses a figure
+when it becomes visible. The page loads nothing from a network. Its content security policy names
+its two scripts by their hashes, so that no injected script can run.
 """
 
 from __future__ import annotations
@@ -14,12 +14,13 @@ import hashlib
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from markupsafe import Markup
 
 from rid_daq.blocks.plot import Plot
-from rid_daq.figures.palette import dark_colours
+from rid_daq.figures.figure_item import figure_item, figure_script
+from rid_daq.web.bundled_modules import bundled_modules
 
 STILL_POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 
@@ -43,12 +44,9 @@ class LiveFigures:
         Args:
             plot: Declaration of the figure.
         """
-        from rid_daq.figures.embedding import as_item  # imported late, because Bokeh loads slowly
-        from rid_daq.figures.plot_figure import plot_figure
-
-        item = as_item(plot_figure(plot), dark=False)
         name = f"{plot.name}-{len(self._packed) + 1}"
-        self._packed[name] = compress_text(json.dumps(item, allow_nan=False, separators=(",", ":")))
+        text = json.dumps(figure_item(plot), allow_nan=False, separators=(",", ":"))
+        self._packed[name] = compress_text(text)
         return name
 
     @property
@@ -56,26 +54,26 @@ class LiveFigures:
         """Content security policy of a page with these figures."""
         if not self._packed:
             return STILL_POLICY
-        allowed = " ".join(f"'sha256-{_hash(text)}'" for text in (_library(), script()))
-        return f"{STILL_POLICY} blob:; script-src {allowed}"
-
-
-def dark_map() -> Markup:
-    """Return the dark colour of every light colour, as JSON."""
-    return Markup(json.dumps(dark_colours()))
+        allowed = " ".join(f"'sha256-{_hash(text)}'" for text in (library(), script()))
+        return f"{STILL_POLICY}; script-src {allowed}"
 
 
 @functools.cache
 def library() -> Markup:
-    """Return BokehJS, compressed."""
-    return compress_text(_library())
+    """Return the plot library, a JavaScript module."""
+    return Markup(bundled_modules()["uplot.js"].decode("utf-8"))
+
+
+@functools.cache
+def library_style() -> Markup:
+    """Return the CSS of the plot library and of the figures."""
+    own = figure_script().with_suffix(".css").read_text(encoding="utf-8")
+    return Markup(bundled_modules()["uplot.css"].decode("utf-8") + own)
 
 
 @functools.cache
 def script() -> Markup:
     """Return the page's JavaScript module, which shows each figure when it becomes visible."""
-    from rid_daq.figures.embedding import figure_script
-
     own = Path(__file__).with_name("report.js").read_text(encoding="utf-8")
     return Markup(figure_script().read_text(encoding="utf-8") + own)
 
@@ -85,11 +83,5 @@ def compress_text(text: str) -> Markup:
     return Markup(base64.b64encode(gzip.compress(text.encode(), 9, mtime=0)).decode("ascii"))
 
 
-def _library() -> str:
-    from rid_daq.figures.embedding import bokeh_script
-
-    return bokeh_script().read_text(encoding="utf-8")
-
-
-def _hash(text: Any) -> str:
-    return base64.b64encode(hashlib.sha256(str(text).encode()).digest()).decode("ascii")
+def _hash(text: str) -> str:
+    return base64.b64encode(hashlib.sha256(text.encode()).digest()).decode("ascii")

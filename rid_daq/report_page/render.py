@@ -20,7 +20,7 @@ from rid_daq.report.section_blocks.certificate import certificate_evidence, cert
 from rid_daq.report.section_blocks.sections import BLOCKS_BY_SECTION
 from rid_daq.report.section_blocks.verdict import check_tables
 from rid_daq.report_page.drawings.page_colours import colours
-from rid_daq.report_page.live_figures import LiveFigures, dark_map, library, script
+from rid_daq.report_page.live_figures import LiveFigures, library, library_style, script
 from rid_daq.terminal.console import make_printable
 
 
@@ -124,7 +124,7 @@ def _environment() -> jinja2.Environment:
     )
     for show in (number, duration, format_utc):
         environment.filters[show.__name__] = show
-    for function in (_plot_svg, colours, dark_map, library, script):
+    for function in (_plot_svg, colours, library, library_style, script):
         environment.globals[function.__name__] = function
     return environment
 

@@ -120,6 +120,17 @@ CarriedPayloadOfModel = Annotated[
 ]
 """As `CarriedPayload`, for a request whose model is optional; without a model it has no effect."""
 
+_LoadChanges = Annotated[
+    Path | None,
+    Field(
+        description="Load-change file: payloads that the robot takes up or puts down during the"
+        " motion, with their times and load-transfer times. --payload states the payload before"
+        " the first change."
+    ),
+]
+LoadChangeFile = Annotated[_LoadChanges, Option(metavar="FILE", file="input")]
+LoadChangeFileOfModel = Annotated[_LoadChanges, Option(metavar="FILE", file="input", needs="model")]
+
 Coordinate = Annotated[float, Field(ge=-100.0, le=100.0), Plausible(0.0, 20.0, "m")]
 MeasuredPoint = Annotated[
     tuple[Coordinate, Coordinate, Coordinate] | None,

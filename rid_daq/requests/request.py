@@ -137,8 +137,9 @@ class ShownField:
 
 
 def option_of(info: FieldInfo) -> Option:
-    """Return the presentation of a field."""
-    return next((each for each in info.metadata if isinstance(each, Option)), Option())
+    """Return the presentation of a field; its own replaces that of a shared type."""
+    own_last = reversed(info.metadata)
+    return next((each for each in own_last if isinstance(each, Option)), Option())
 
 
 def shown_fields(request: type[BaseModel], path: tuple[str, ...] = ()) -> Iterator[ShownField]:

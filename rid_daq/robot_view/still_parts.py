@@ -70,7 +70,7 @@ class DrawnPart:
 
 @dataclass(frozen=True, eq=False)
 class Label:
-    """A text at a place.
+    """A text at a place in the picture.
 
     Attributes:
         text: The text.
@@ -126,7 +126,7 @@ def _sorted(made: Iterator[DrawnPart | Label]) -> StillParts:
 
 
 def size_of(scene: RobotScene) -> float:
-    """Return the length from which the sizes of arrows follow [m]."""
+    """Return the length from which the sizes of all arrows are computed [m]."""
     ends = [*(joint.origin[:3, 3] for joint in scene.joints), scene.tool[:3, 3]]
     return 0.1 * max(sum(float(np.linalg.norm(end)) for end in ends), 0.05)
 

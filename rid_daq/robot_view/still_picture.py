@@ -130,7 +130,7 @@ def _views(
     Args:
         parts: Parts and labels.
         views: Title of each view, and direction towards the viewer.
-        words: Origin of the shape.
+        words: Text that states the origin of the robot's shape.
         falls: True to show the direction of gravity, which is -z.
     """
     turns = {title: _turn(np.array(back)) for title, back in views.items()}

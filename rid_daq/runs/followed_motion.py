@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from acquisition.motion.samples import Phase
@@ -12,6 +14,7 @@ from compensation.feedforward.deflection import (
 )
 from compensation.feedforward.file import FeedforwardFile
 from compensation.feedforward.tracking_error import TrackingError, tracking_error
+from compensation.ramped_load import RampedLoad
 from config.arrays import BoolArray, FloatArray
 from config.errors import DataQualityError
 from config.robot.robot import RobotDescription
@@ -26,7 +29,7 @@ def compare_with_motion(
     after: MotionRun,
     before: MotionRun | None,
     robot: RobotDescription,
-    estimate: Estimate | None = None,
+    estimates: Mapping[str, Estimate | RampedLoad],
 ) -> FollowedMotion:
     """Compare measured with commanded positions, in one or two runs of a motion.
 
@@ -34,8 +37,8 @@ def compare_with_motion(
         after: The run, usually with compensation.
         before: A run of the same motion to compare with; None without one.
         robot: Robot with the stiffness of its gears.
-        estimate: Model from which the transmitted torques of the gears are computed; None to use
-            the measured motor torques instead.
+        estimates: Model of each run by its id, from which the transmitted torques of the gears are
+            computed; for a run without model, the measured motor torques are used instead.
 
     Raises:
         DataQualityError: A run has no commanded positions.
@@ -48,7 +51,7 @@ def compare_with_motion(
             path_error_of_run(data, run.file),
             _last_period(data),
             step_s,
-            deflection_of_run(data, robot, estimate, run.file),
+            deflection_of_run(data, robot, estimates.get(run.run_id), run.file),
         )
 
     return FollowedMotion.of(
@@ -79,7 +82,7 @@ def path_error_of_run(data: RunData, file: FeedforwardFile | None = None) -> Tra
 def deflection_of_run(
     data: RunData,
     robot: RobotDescription,
-    estimate: Estimate | None = None,
+    estimate: Estimate | RampedLoad | None = None,
     file: FeedforwardFile | None = None,
 ) -> Deflection | None:
     """Return the estimated deflection of the gears in a run's main part; None if unknown."""

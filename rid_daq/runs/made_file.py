@@ -59,6 +59,9 @@ POSES: Final = MadeFile(
     "an unfilled table by `calibrate poses`",
     re.compile(rb"\Apose,[^\n]*,nominal_z_m\n([^\n]*,,,,[^\n]*\n?)+\Z"),
 )
+TRACKED: Final = MadeFile(
+    "measurements of a simulated tracker", re.compile(rb"\Atime_s,x_m,y_m,z_m\n")
+)
 BACKUP: Final = MadeFile(
     "a backup by `drives backup`", re.compile(rb'\A\s*\{\s*"format":(?s:.*)"cell":(?s:.*)"drives":')
 )
@@ -66,7 +69,8 @@ LOAD_DATA: Final = MadeFile("load data by `payload export`", re.compile(rb"writt
 EXPORT: Final = MadeFile(
     "an export",
     re.compile(
-        rb'written by rid-daq|"software": "rid-daq|\AMATLAB 5.0 MAT-file, rid-daq'
+        rb'written by rid-daq \d|\A\s*\{\s*"kind":\s*"rid-daq parameters"'
+        rb"|\AMATLAB 5.0 MAT-file, rid-daq"
         rb"|\APAR1(?s:.*)rid-daq|\AMDF (?s:.*)rid-daq|\Atime_s,|\Akind,name,words,value,unit,"
     ),
 )

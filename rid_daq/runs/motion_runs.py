@@ -56,7 +56,7 @@ class MotionRun:
 
     @property
     def use(self) -> str:
-        """Phrase: was the feedforward computed from runs of this same motion?
+        """Phrase that states whether the feedforward was computed from runs of this same motion.
 
         "tuned on it", "refined N times", or "never used" if its runs were not used; "plain" without
         a feedforward; "streamed" if the compensation was computed online.
@@ -74,13 +74,15 @@ class MotionRun:
         return "never used"
 
 
-def read_motion_run(folder: RunFolder, *, unfinished: bool = False) -> MotionRun:
-    """Read a run with its motion; `unfinished` is passed to `RunData.load`.
+def read_motion_run(
+    folder: RunFolder, *, unfinished: bool = False, changing_load: bool = False
+) -> MotionRun:
+    """Read a run with its motion; the options are passed to `RunData.load`.
 
     Raises:
         ConfigError, DataQualityError, RecordingError: The run has no motion, or cannot be read.
     """
-    data = RunData.load(folder, unfinished=unfinished)
+    data = RunData.load(folder, unfinished=unfinished, changing_load=changing_load)
     cell, motion = data.cell, folder.file(MOTION)
     if cell is None or not motion.exists():
         raise DataQualityError(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from pathlib import Path
 from typing import Final
@@ -32,7 +33,8 @@ def refuse_output(output: Path | None, overwrite: bool, made: MadeFile) -> None:
     if output.exists() and output.is_file():
         if not overwrite:
             raise ConfigError(
-                f"{output}: the file exists already; give another name, or --overwrite",
+                f"{output}: the file exists already; give another name, or overwrite it"
+                " (`--overwrite`; in Python `overwrite=True`)",
                 code="RID-OUTPUT-EXISTS",
             )
         _refuse_part_of_run(output)
@@ -99,3 +101,14 @@ def _refuse_part_of_run(output: Path) -> None:
             " name",
             code="RID-OUTPUT-RUN",
         )
+
+
+def register_output(folder: RunFolder, output: Path) -> None:
+    """Add an output file to the manifest, if it is in the run's folder.
+
+    Raises:
+        RecordingError: The file cannot be read or added.
+    """
+    if output.resolve().parent == folder.path.resolve():
+        with contextlib.suppress(ConfigError):  # the name is not allowed for a run's file
+            folder.write(output.name, output.read_bytes())

@@ -17,6 +17,22 @@ from config.load import validate
 
 FALLBACK_INDENT = 2
 
+ZERO_FILE = "zero.yaml"
+"""File of a run with the measured zero, as lines of a cell file."""
+
+_SOURCE = "measured by `rid-daq plate zero`, run "
+
+
+def zero_source(run_id: str) -> str:
+    """Return the comment behind a zero that a run has measured."""
+    return f"{_SOURCE}{run_id}"
+
+
+def run_of_zero(text: str) -> str:
+    """Return the run that measured the zero in a cell file's text; empty without its comment."""
+    _, source, after = text.partition(_SOURCE)
+    return after.split()[0] if source and after.strip() else ""
+
 
 def zero_lines(zero: PlateZero, comment: str = "", indent: int = FALLBACK_INDENT) -> str:
     """Return `plate.zero` as lines of a cell file.

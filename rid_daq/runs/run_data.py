@@ -6,17 +6,16 @@ accepts an unfinished run only if requested.
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 
 from acquisition.clock.repeat_counter import RepeatCounter
 from acquisition.clock.report import ClockReport
 from acquisition.imports.report import ImportReport
 from acquisition.journal.cycle_reader import CycleReader
 from acquisition.journal.header import JournalHeader
+from acquisition.journal.imported_plate import read_imported_plate
 from acquisition.journal.mcap_writer import is_being_written
 from acquisition.journal.monitor import (
     MONITOR,
@@ -25,6 +24,7 @@ from acquisition.journal.monitor import (
     with_temperature_compensation,
 )
 from acquisition.journal.plate import PLATE_RECORDING, read_plate_journal
+from acquisition.maps.import_map import ImportMap
 from acquisition.processing.periods import PeriodAverage, average_table
 from acquisition.processing.plate_alignment import with_plate
 from acquisition.processing.recording_tally import RecordingTally
@@ -34,13 +34,16 @@ from acquisition.runs.catalogue import list_runs
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING, RunStatus
 from config.cell.cell import CellConfig
-from config.errors import ConfigError, DataQualityError, LockedError, RecordingError
-from config.load import load_bundled_or_path, load_robot
+from config.cell.plate import PlatePlace
+from config.errors import DataQualityError, LockedError, RecordingError
+from config.formats.yaml_tree import parse_yaml
+from config.load import load_bundled_or_path, load_robot, validate
 from config.robot.robot import RobotDescription
 from rid_daq.report.result import Result
 from rid_daq.report.result_file import RESULT, read_result
 from rid_daq.report.sections.runs import ClockSection, RunSection
 from rid_daq.report.sections.timing import Timing
+from rid_daq.runs.changed_load import LOAD_CHANGES, load_change_notes, refuse_changed_load
 from rid_daq.terminal.context import Context
 
 SOURCES = ("source.csv", "source_2.csv", "source_3.csv", "source_4.csv")
@@ -60,6 +63,7 @@ SESSION = "session.json"
 READ = (
     *(RECORDING, PLATE_RECORDING, MONITOR, *SOURCES, MAP, IMPORT),
     *(ROBOT, CELL, MOTION, FEEDFORWARD, ONLINE_MODEL, ONLINE_LOOPS, ONLINE_PAYLOAD, PLANT, ORIGINS),
+    LOAD_CHANGES,
 )
 """Files of a run that operations read; they must be unchanged since the run."""
 
@@ -117,7 +121,9 @@ class RunData:
         return cls(folder, robot, RecordingTally(recording), import_report, held=recording)
 
     @classmethod
-    def load(cls, folder: RunFolder, *, unfinished: bool = False) -> RunData:
+    def load(
+        cls, folder: RunFolder, *, unfinished: bool = False, changing_load: bool = False
+    ) -> RunData:
         """Read a run's recording and robot, once and in parts.
 
         If the drives reported temperatures, the torques are corrected for warm torque constants.
@@ -125,15 +131,19 @@ class RunData:
         Args:
             folder: The run.
             unfinished: True to accept a run that was never finished.
+            changing_load: True to accept a run during which the payload changed.
 
         Raises:
             RecordingError: The folder contains no recording, the recording cannot be read, or a
                 file does not belong to the run.
             LockedError: The run is still being recorded.
-            DataQualityError: The run was never finished, and `unfinished` is False.
+            DataQualityError: The run was never finished, and `unfinished` is False; or its payload
+                changed, and `changing_load` is False.
         """
         _require_readable(folder, unfinished)
         require_own(folder)
+        if not changing_load:
+            refuse_changed_load(folder)
         robot = load_robot(str(folder.file(ROBOT)))
         with CycleReader(folder.file(RECORDING)) as reader:
             parts = reader.recordings()
@@ -142,7 +152,8 @@ class RunData:
             assert first is not None  # a journal with a header has at least one row
             if first.source == "import":
                 report = ImportReport.from_json(folder.read(IMPORT), str(folder.file(IMPORT)))
-                data = cls.of(folder, concatenate_recordings([first, *parts]), robot, report)
+                recording = _with_imported_plate(folder, concatenate_recordings([first, *parts]))
+                data = cls.of(folder, recording, robot, report)
                 return replace(data, damage=reader.damage.notes)
             monitor, cold = read_run_temperatures(first, folder.path)
             repeats = RepeatCounter()
@@ -184,6 +195,30 @@ class RunData:
         """
         path = self.folder.file(CELL)
         return load_bundled_or_path(str(path), "cells", CellConfig) if path.exists() else None
+
+    @cached_property
+    def import_map(self) -> ImportMap | None:
+        """The map with which the run was imported; None for a run of a cell.
+
+        Raises:
+            ConfigError: The map is damaged.
+        """
+        path = self.folder.file(MAP)
+        if not path.exists():
+            return None
+        return validate(parse_yaml(self.folder.read(MAP), str(path)), ImportMap)
+
+    @cached_property
+    def plate(self) -> PlatePlace | None:
+        """Description of the force plate in the cell file or the import map; None without any.
+
+        Raises:
+            ConfigError: The file is damaged.
+        """
+        if self.cell is not None:
+            return self.cell.plate
+        plate = None if self.import_map is None else self.import_map.plate
+        return None if plate is None else plate.description
 
     @cached_property
     def average(self) -> PeriodAverage:
@@ -293,6 +328,7 @@ def data_defects(runs: Sequence[RunData]) -> list[str]:
             case RunStatus.RECOVERED:
                 lost = manifest.facts.get("rows_lost", 0)
                 said.append(f"{name}: the run was recovered; {lost} rows are known to be lost")
+        said += load_change_notes(data.folder, name)
         found = () if data.import_report is None else data.import_report.findings
         held = repeated_torque_sentence(next(data.parts()))
         said += [f"{name}: {note}" for note in (*data.damage, *found, *([held] if held else ()))]
@@ -312,6 +348,15 @@ def show_defects(context: Context, runs: Sequence[RunData]) -> list[str]:
     return said
 
 
+def _with_imported_plate(folder: RunFolder, recording: Recording) -> Recording:
+    """Return an imported recording with its force plate, if it has one."""
+    path = folder.file(PLATE_RECORDING)
+    if not path.exists():
+        return recording
+    reaction = read_imported_plate(path, len(recording), folder.run_id)
+    return replace(recording, reaction=reaction)
+
+
 def _with_plate(folder: RunFolder, recording: Recording) -> tuple[Recording, tuple[str, ...]]:
     """Return a recording with its force plate data, and the defects of these data."""
     path = folder.file(PLATE_RECORDING)
@@ -322,17 +367,6 @@ def _with_plate(folder: RunFolder, recording: Recording) -> tuple[Recording, tup
         return recording, (f"force plate: not used: {error}",)
     _require_run(folder, PLATE_RECORDING, rows.header.run_id)
     return both, tuple(f"force plate: {note}" for note in rows.damage.notes)
-
-
-def register_output(folder: RunFolder, output: Path) -> None:
-    """Add an output file to the manifest, if it is in the run's folder.
-
-    Raises:
-        RecordingError: The file cannot be read or added.
-    """
-    if output.resolve().parent == folder.path.resolve():
-        with contextlib.suppress(ConfigError):  # the name is not allowed for a run's file
-            folder.write(output.name, output.read_bytes())
 
 
 def result_of(data: RunData, notes: Sequence[str] = ()) -> Result:

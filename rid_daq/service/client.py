@@ -187,6 +187,11 @@ class ServiceClient:
             self._http.build_request("PUT", _api_path(f"/files/{quote(name)}"), content=content)
         )
 
+    def get_file(self, name: str) -> bytes:
+        """Return a file of the service's folder."""
+        path = _api_path(f"/files/{quote(name)}")
+        return self._send_checked(self._http.build_request("GET", path)).content
+
     def get_run_file(self, run: str, name: str) -> bytes:
         """Return a file of a run."""
         path = _api_path(f"/runs/{quote(run)}/files/{quote(name)}")

@@ -12,7 +12,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from acquisition.motion.motion_file import MOTION_KINDS
-from config.errors import ConfigError
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import MANIFEST
+from config.errors import ConfigError, RidDaqError
 from config.formats.bounded_file import open_file, read_file
 from config.formats.json_file import parse_json
 from rid_daq.service.records import FilesOfCell, NamedFile
@@ -32,11 +34,13 @@ _MOTION = re.compile(rf"^kind:\s*[\"']?({_KINDS})\b".encode(), re.MULTILINE)
 _ROBOT = re.compile(rb"^robot:\s*[\"']?([\w.-]+)", re.MULTILINE)
 _JSON: Final = (
     (b'"rid-daq estimate"', "models"),
-    (b'"rid-daq velocity loops 1"', "loops"),
+    (b'"rid-daq velocity loops 2"', "loops"),
     (b'"rid-daq feedforward 1"', "feedforwards"),
     (b'"rid-daq payload"', "payloads"),
 )
 _OF_A_ROBOT: Final = frozenset({"models", "payloads"})
+_RESULT_STEMS: Final = frozenset({"model", "loops", "payload"})
+"""Usual names of a run's results; another name is shown with the run."""
 _NOT_CHOSEN: Final = frozenset({"manifest.json", "result.json", "session.json"})
 
 
@@ -61,9 +65,33 @@ def folder_files(service: CellService, robot: str) -> FilesOfCell:
             if mark in head and (
                 sort not in _OF_A_ROBOT or _robot_named_in(path, _changed_s(path)) == robot
             ):
-                found[sort].append(NamedFile(path=inside, words=inside))
+                of_robot = robot if sort in _OF_A_ROBOT else ""
+                found[sort].append(_named_result(service, path, inside, of_robot))
                 break
     return FilesOfCell(**{sort: tuple(files) for sort, files in found.items()})
+
+
+def _named_result(service: CellService, path: Path, inside: str, robot: str) -> NamedFile:
+    """Return the entry of a result; that of a run is named by the run's label and robot."""
+    run = path.parent
+    if run.parent != service.runs:
+        return NamedFile(path=inside, words=inside)
+    label, created_utc = _head_of_run(run, _changed_s(run / MANIFEST))
+    if not label:
+        return NamedFile(path=inside, words=inside)
+    more = [*([robot] if robot else []), *([] if path.stem in _RESULT_STEMS else [path.name])]
+    words = f"{label} ({', '.join(more)})" if more else label
+    return NamedFile(path=inside, words=words, made_utc=created_utc)
+
+
+@functools.lru_cache(maxsize=1 << 16)
+def _head_of_run(run: Path, _changed_s: float) -> tuple[str, str]:
+    """Return label and start of a run; empty if its manifest cannot be read."""
+    try:
+        manifest = RunFolder(run, run.name).manifest()
+    except RidDaqError:
+        return "", ""
+    return manifest.label or manifest.kind, manifest.created_utc
 
 
 def motion_kind(path: Path) -> str:

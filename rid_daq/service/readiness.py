@@ -79,7 +79,7 @@ class Readiness:
             return f"the cell's files have errors: {cell.problem}"
         found = self._store.preflight(cell.name)
         if found is None:
-            return "the cell has had no preflight yet: run the preflight."
+            return "the cell has had no preflight yet: check the cell."
         return self._void_reason(cell, *found, kind=kind)
 
     def void_all(self, why: str) -> None:

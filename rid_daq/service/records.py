@@ -199,7 +199,8 @@ class NamedFile(Record):
     """A file of the service's folder that requests may name."""
 
     path: str = Field(description="Path relative to the service's folder.")
-    words: str = Field(description="Label of the file in lists.")
+    words: str = Field(description="Label of the file in lists; without the time `made_utc`.")
+    made_utc: str = Field(default="", description="Start of the run with this file; empty outside.")
     kind: str = Field(default="", description="Kind of the motion; empty for other files.")
 
 

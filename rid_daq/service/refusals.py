@@ -20,6 +20,10 @@ class UnknownError(ServiceError):
     """The service has no such cell, job, run or file."""
 
 
+class FileChangedError(ServiceError):
+    """A file is not in the version that the caller wants to replace."""
+
+
 class NotKnownError(ServiceError):
     """The sender is unknown: the request needs a token."""
 
@@ -32,6 +36,7 @@ _STATUS: tuple[tuple[type[RidDaqError], HTTPStatus], ...] = (
     (NotKnownError, HTTPStatus.UNAUTHORIZED),
     (NotAllowedError, HTTPStatus.FORBIDDEN),
     (UnknownError, HTTPStatus.NOT_FOUND),
+    (FileChangedError, HTTPStatus.PRECONDITION_FAILED),
     (StoreBusyError, HTTPStatus.SERVICE_UNAVAILABLE),
     (errors.LockedError, HTTPStatus.CONFLICT),
     (errors.PreflightError, HTTPStatus.CONFLICT),
@@ -45,7 +50,7 @@ _STATUS: tuple[tuple[type[RidDaqError], HTTPStatus], ...] = (
 )
 
 _REFUSALS: Final[dict[str, type[RidDaqError]]] = {
-    each.__name__: each for each in (NotAllowedError, NotKnownError, UnknownError)
+    each.__name__: each for each in (FileChangedError, NotAllowedError, NotKnownError, UnknownError)
 }
 
 

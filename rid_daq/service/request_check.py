@@ -227,7 +227,7 @@ def hash_named_files(request: dict[str, Any], folder: Path) -> dict[str, str]:
         path = waiting.pop()
         try:
             content = read_file(path, MOST_HASHED)
-        except OSError:  # not a file, or a file that the job itself refuses
+        except OSError:  # most texts name no file; the job itself refuses a file that is unreadable
             continue
         found[os.path.abspath(path)] = sha256_of(content)
         table = _table_of(content, path.name)
@@ -258,7 +258,7 @@ def _table_of(content: bytes, name: str) -> str | None:
 
 
 def _refuse_unreadable(kind: JobKind, value: Any, path: tuple[str, ...]) -> None:
-    """Raise an error for values that a schema may accept: NaN, infinity, lone surrogates."""
+    """Raise an error for NaN, infinity or lone surrogates, which a schema may accept."""
     if isinstance(value, str) and not value.isascii():
         try:
             value.encode()

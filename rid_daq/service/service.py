@@ -19,6 +19,8 @@ from acquisition.runs.run_id import new_run_id
 from acquisition.task.service_beat import SERVICE_LIMIT_S
 from config.errors import ConfigError, LockedError, PreflightError
 from config.process.safety_clock import safety_now_s
+from rid_daq.service.files.edited_file import FileLocks
+from rid_daq.service.files.editors import Editors
 from rid_daq.service.folder_files import Uploads
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.job_runner import JobRunner
@@ -95,7 +97,7 @@ class CellService:
             readiness=self.readiness,
             live=self.live,
         )
-        self.uploads = Uploads()
+        self.uploads, self.file_locks, self.editors = Uploads(), FileLocks(), Editors()
         self.started_s, self.began_s = time.time(), safety_now_s()
         self.stops = 0
         self._published: dict[str, str] = {}

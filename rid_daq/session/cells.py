@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 from config.cell.cell import CellConfig
 from config.errors import ConfigError, TransportError
 from config.load import LoadedCell
-from config.simulation.faults import NO_SCRIPT, FaultScript
 from rid_daq.preflight.eds_check import refuse_unfit_eds
 from rid_daq.requests.cell_options import Simulation
 from rid_daq.session.ownership import refuse_owned
+from rid_daq.session.scenario import Scenario
 from rid_daq.session.session import hold_cell
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def hold_reachable_cell(
     loaded: LoadedCell,
     simulation: Simulation | None = None,
-    faults: FaultScript = NO_SCRIPT,
+    scenario: Scenario | None = None,
     *,
     any_eds: bool = False,
 ) -> Iterator[tuple[CellConfig, SimulatedCell | None]]:
@@ -36,7 +36,7 @@ def hold_reachable_cell(
     Args:
         loaded: The cell file and the files that it names.
         simulation: Settings of the simulated devices that are started here.
-        faults: Faults of these devices.
+        scenario: Faults and instruments of these devices.
         any_eds: True if the caller itself reports problems of the drives' EDS files.
 
     Raises:
@@ -46,7 +46,7 @@ def hold_reachable_cell(
         LockedError: Another session holds the cell.
         TransportError: The simulated devices do not start.
     """
-    simulation = simulation or Simulation()
+    simulation, scenario = simulation or Simulation(), scenario or Scenario()
     payload, cell = simulation.payload, loaded.config
     if simulation.realtime and simulation.pace is not None:
         raise ConfigError(
@@ -71,12 +71,7 @@ def hold_reachable_cell(
                 " --model), or give it to `rid-daq mock`",
                 code="RID-CELL-NOT-OURS",
             )
-        if faults is not NO_SCRIPT:
-            raise ConfigError(
-                f"cell {cell.name}: its devices run in another process, so faults cannot be"
-                " simulated in them: leave --faults out, or give it to `rid-daq mock`",
-                code="RID-CELL-NOT-OURS",
-            )
+        scenario.refuse_foreign(cell)
         with hold_cell(cell):
             yield _with_served_addresses(cell), None
         return
@@ -88,6 +83,7 @@ def hold_reachable_cell(
         raise ConfigError(
             f"cell {cell.name}: a simulated cell needs the key plant", code="RID-CELL-NOT-SIMULATED"
         )
+    scenario.refuse_unfit(loaded.plant)
     if simulation.pace is not None and cell.can.interface != SIMULATED:
         raise ConfigError(
             f"cell {cell.name}: {cell.can.interface} runs in real time only: leave --pace out",
@@ -103,8 +99,10 @@ def hold_reachable_cell(
                 seed=simulation.seed,
                 amplifier_profile=loaded.amplifier_profile,
                 drive_profile=loaded.drive_profile,
-                faults=faults,
+                faults=scenario.faults,
                 pace=simulation.pace,
+                tracker_file=scenario.tracker_file,
+                load_transfers=scenario.load_transfers,
             )
         ) as simulated,
         hold_cell(simulated.cell),
@@ -146,7 +144,7 @@ def refuse_one_process(cell: CellConfig) -> None:
 
 def is_served(cell: CellConfig) -> bool:
     """Return True if another process already serves the cell's simulated devices."""
-    if cell.can.interface != "rid_sim":
+    if not cell.can.is_simulated:
         from mock_hw.bus.served_bus import is_bus_served, with_served_channel
 
         return is_bus_served(with_served_channel(cell.can))

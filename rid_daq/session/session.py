@@ -53,7 +53,7 @@ def hold_cell(cell: CellConfig, folder: Path | None = None) -> Iterator[None]:
 
 
 def as_label(text: str) -> str:
-    """Return a text, such as a file name, in the form of a run's label."""
+    """Convert a text, such as a file name, to a valid label of a run."""
     label = re.sub(r"[^\w .-]", "_", text)[:64] or "run"
     return f"{label}_" if label == LATEST else label
 
@@ -73,7 +73,7 @@ def mark_unfinished(folder: RunFolder) -> Iterator[None]:
 
 def lock_folder(cell: CellConfig) -> Path:
     """Return the folder of the lock of a cell's bus."""
-    if cell.can.interface == "rid_sim":
+    if cell.can.is_simulated:
         from mock_hw.host.runtime_directory import socket_path
 
         return socket_path(cell.can.channel).parent

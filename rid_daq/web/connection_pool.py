@@ -13,8 +13,8 @@ class ConnectionPool(Generic[Member]):
     """Members and the keys of their owners; the owner with the most members loses members first.
 
     Args:
-        most: Number of places.
-        most_of_one: Number of places of one owner.
+        most: Maximum number of members.
+        most_of_one: Maximum number of members of one owner.
     """
 
     def __init__(self, most: int, most_of_one: int | None = None) -> None:

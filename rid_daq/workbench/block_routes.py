@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import threading
 from collections.abc import Iterable, Sequence
 from typing import Annotated, Any, Final, Literal, TypeVar
@@ -22,11 +21,9 @@ from rid_daq.service.workers.running_job import EventTail
 from rid_daq.terminal.choices import NO_PAYLOAD, PAYLOAD_OF_MODEL
 from rid_daq.terminal.job_events import WarmUpEvent
 from rid_daq.workbench.compressed import CompressedBody
-from rid_daq.workbench.static_files import require_current
 
 router = APIRouter(prefix="/blocks", include_in_schema=False)
 
-KEPT: Final = {"cache-control": "private, max-age=31536000, immutable"}
 _DRAWING_LOCK: Final = threading.Lock()
 
 Item = TypeVar("Item")
@@ -36,8 +33,8 @@ class View:
     """Form in which a page requests blocks.
 
     Without `plot` and `image`, the answer is the blocks as JSON: tables as texts, plots and images
-    as texts and numbers. With `plot`, the answer is the plot with that number, as a figure to zoom
-    or as a CSV table. With `image`, it is the image with that number as PNG.
+    as texts and numbers. With `plot`, the answer is the plot with that number, as a figure to zoom,
+    as a CSV table or as an SVG drawing. With `image`, it is the image with that number as PNG.
     """
 
     def __init__(
@@ -45,10 +42,9 @@ class View:
         request: Request,
         plot: Annotated[int | None, Query(ge=0)] = None,
         image: Annotated[int | None, Query(ge=0)] = None,
-        dark: bool = False,
-        form: Annotated[Literal["csv"] | None, Query(alias="as")] = None,
+        form: Annotated[Literal["csv", "svg"] | None, Query(alias="as")] = None,
     ) -> None:
-        self._request, self._dark, self._form = request, dark, form
+        self._request, self._form = request, form
         self._plot, self._image = plot, image
 
     def answer(self, blocks: Iterable[AnyBlock]) -> Response:
@@ -68,27 +64,23 @@ class View:
         return JSONResponse([_as_document(block, plots, images) for block in found])
 
     def _draw(self, plot: Plot) -> Response:
-        """Return a plot; only one plot is drawn at a time."""
-        from rid_daq.figures.embedding import as_csv, as_item
-        from rid_daq.figures.plot_figure import plot_figure
+        """Return a plot; matplotlib draws only one plot at a time."""
+        from rid_daq.figures.figure_item import figure_item
+        from rid_daq.figures.plot_tables import as_csv
+
+        if self._form is None:
+            item = JSONResponse(figure_item(plot))
+            return CompressedBody.of(bytes(item.body)).answer(self._request, "application/json")
+        saved = {"content-disposition": f'attachment; filename="{plot.name}.{self._form}"'}
+        if self._form == "csv":
+            return Response(as_csv(plot), media_type="text/csv", headers=saved)
+        from rid_daq.report_page.drawings.plot import svg_file
 
         with _DRAWING_LOCK:
-            figure = plot_figure(plot)
-            if self._form == "csv":
-                saved = {"content-disposition": f'attachment; filename="{plot.name}.csv"'}
-                return Response(as_csv(figure), media_type="text/csv", headers=saved)
-            item = JSONResponse(as_item(figure, self._dark))
-        return CompressedBody.of(bytes(item.body)).answer(self._request, "application/json")
+            return Response(svg_file(plot), media_type="image/svg+xml", headers=saved)
 
 
 RequestedView = Annotated[View, Depends()]
-
-
-@router.get("/script/{version}/bokeh.js")
-def bokeh_library(request: Request, version: str) -> Response:
-    """Return the BokehJS library of the installed package."""
-    require_current(version, "the plot library")
-    return _bokeh().answer(request, "text/javascript", KEPT)
 
 
 @router.get("/runs/{run}")
@@ -188,10 +180,3 @@ def _numbered(items: Sequence[Item], number: int, what: str) -> Item:
             code="RID-RUN-FILE",
         )
     return items[number]
-
-
-@functools.cache
-def _bokeh() -> CompressedBody:
-    from rid_daq.figures.embedding import bokeh_script
-
-    return CompressedBody.of(bokeh_script().read_bytes())

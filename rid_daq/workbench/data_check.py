@@ -26,9 +26,9 @@ parameters.
 
 
 class Finding(BaseModel):
-    """Line of the check.
+    """A finding of the check.
 
-    `passed` is False if it forbids the identification, and None for information.
+    `passed` is False if the finding forbids the identification, and None for information.
     """
 
     model_config = ConfigDict(frozen=True)

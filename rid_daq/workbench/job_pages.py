@@ -12,7 +12,8 @@ from fastapi.responses import HTMLResponse
 from rid_daq.service.api.context import OfCell, Service
 from rid_daq.service.api.runs import run_folder
 from rid_daq.service.folder_files import folder_files
-from rid_daq.service.records import FilesOfCell
+from rid_daq.service.records import FilesOfCell, Role
+from rid_daq.workbench.files.cell_sources import sources_of
 from rid_daq.workbench.visit import PageRoute, Visit, Visitor
 
 router = APIRouter(prefix="/cells/{cell}", route_class=PageRoute, include_in_schema=False)
@@ -44,22 +45,24 @@ def identify_check(
 @router.get("/friction")
 async def friction_page(visit: Visitor) -> HTMLResponse:
     """Show the measurement of friction alone: constant-speed runs, or forward and reversed runs."""
-    return visit.page("friction.html", files=await cell_files(visit))
+    robot_file = await run_in_threadpool(_edited_robot, visit)
+    return visit.page("friction.html", files=await cell_files(visit), robot_file=robot_file)
 
 
 @router.get("/payload")
 async def payload_page(visit: Visitor) -> HTMLResponse:
     """Show the guided payload session."""
     from identification.choices import LoadFormat
-    from identification.payload.rating import HeaviestPayload
+    from identification.payload.rating import HeaviestPayload, NegligibleErrors
 
-    plant = visit.cell.loaded.plant
+    robot, plant = visit.cell.loaded.robot, visit.cell.loaded.plant
     return visit.page(
         "payload.html",
         files=await cell_files(visit),
         payloads=() if plant is None else tuple(plant.payloads),
         formats=tuple(LoadFormat),
-        heaviest=HeaviestPayload.of(visit.cell.loaded.robot),
+        heaviest=HeaviestPayload.of(robot),
+        negligible=NegligibleErrors.of(robot),
     )
 
 
@@ -75,6 +78,15 @@ def payload_sessions(cell: OfCell, service: Service) -> dict[str, object]:
 async def compensation_page(visit: Visitor) -> HTMLResponse:
     """Show velocity loops, feedforward, paths before and after, and streaming."""
     return visit.page("compensation.html", files=await cell_files(visit))
+
+
+def _edited_robot(visit: Visit) -> str:
+    """Return the robot file's path for editing; empty if the user cannot edit it."""
+    sources = sources_of(visit.cell, visit.service.folder)
+    robot = visit.cell.loaded.disk_names.get("robot.yaml")
+    if robot is None or visit.who.role is not Role.ADMINISTRATOR:
+        return ""
+    return next((each.edit_path for each in sources if each.name == robot.resolve().name), "")
 
 
 async def cell_files(visit: Visit) -> FilesOfCell:

@@ -44,5 +44,5 @@ async def operation_page(visit: Visitor, kind: str) -> HTMLResponse:
         description=str(inspect.getdoc(shown.request)).replace("`", "").split("\n\n"),
         needs="ready" if shown.moves else "lease" if shown.opens_cell else "role",
         sections=form_sections(shown),
-        paths=[each.path for group in lists for each in group],
+        known=[each for group in lists for each in group],
     )

@@ -16,6 +16,7 @@ from rid_daq.workbench import (
     settings_page,
     static_files,
 )
+from rid_daq.workbench.files import file_pages, pose_routes
 from rid_daq.workbench.view import scene_routes
 
 PAGES: Final[tuple[APIRouter, ...]] = (
@@ -23,10 +24,12 @@ PAGES: Final[tuple[APIRouter, ...]] = (
     static_files.router,
     block_routes.router,
     scene_routes.router,
+    pose_routes.router,
     cell_page.router,
     job_pages.router,
     operation_pages.router,
     runs_pages.router,
     settings_page.router,
+    file_pages.router,
     login_pages.unknown,
 )

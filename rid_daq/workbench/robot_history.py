@@ -71,10 +71,10 @@ class QuantityHistory:
     @property
     def plot(self) -> Plot:
         """Plot of the estimates with their intervals over time."""
-        begun = [datetime.fromisoformat(each.created_utc) for each in self.entries]
+        starts = [datetime.fromisoformat(each.created_utc) for each in self.entries]
         line = Line(
             "estimate ± 2σ",
-            tuple((each - begun[0]).total_seconds() / DAY_S for each in begun),
+            tuple((each - starts[0]).total_seconds() / DAY_S for each in starts),
             tuple(each.value for each in self.entries),
             "ink",
             reach=tuple(2.0 * each.std for each in self.entries),

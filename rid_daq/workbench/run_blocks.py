@@ -55,7 +55,9 @@ def _warm_up(folder: RunFolder) -> Iterator[AnyBlock]:
     run = state.done.get(WARM_UP)
     settled = fact.get("settled_percent") if isinstance(fact, dict) else None
     if run is not None and isinstance(settled, (int, float)):
-        recording = RunData.load(find_run_below(folder.path.parent, run)).recording
+        recording = RunData.load(
+            find_run_below(folder.path.parent, run), changing_load=True
+        ).recording
         powers = period_powers(recording).tolist()
         yield warm_up_plot(recording.joint_names, powers, float(settled))
 

@@ -40,7 +40,11 @@ async def history_page(
 async def run_page(visit: Visitor, run: str) -> HTMLResponse:
     """Show one run."""
     manifest, sizes, has_report = await run_in_threadpool(_files_of, visit.service, run)
-    return visit.page("run.html", run=manifest, sizes=sizes, has_report=has_report)
+    facts = manifest.facts
+    has_zero = facts.get("zeroed") is True and facts.get("cell") == visit.cell.name
+    return visit.page(
+        "run.html", run=manifest, sizes=sizes, has_report=has_report, has_zero=has_zero
+    )
 
 
 def _files_of(service: CellService, run: str) -> tuple[Manifest, dict[str, int], bool]:

@@ -6,7 +6,7 @@ from fastapi import APIRouter
 from fastapi.responses import HTMLResponse
 
 from rid_daq.service.records import Role
-from rid_daq.workbench.cell_sources import sources_of
+from rid_daq.workbench.files.cell_sources import sources_of
 from rid_daq.workbench.visit import PageRoute, Visitor
 
 router = APIRouter(prefix="/cells/{cell}", route_class=PageRoute, include_in_schema=False)
@@ -15,7 +15,7 @@ router = APIRouter(prefix="/cells/{cell}", route_class=PageRoute, include_in_sch
 @router.get("/settings")
 async def settings_page(visit: Visitor) -> HTMLResponse:
     """Show the settings."""
-    sources = sources_of(visit.cell)
+    sources = sources_of(visit.cell, visit.service.folder)
     return visit.page(
         "settings.html",
         sources=sources,

@@ -9,9 +9,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
-import json
 from collections.abc import Mapping
-from importlib.metadata import version
 from importlib.resources import files
 from types import MappingProxyType
 from typing import Final
@@ -19,9 +17,9 @@ from typing import Final
 from fastapi import APIRouter, Request
 from starlette.responses import Response
 
-from config.errors import ConfigError
 from rid_daq.service.refusals import UnknownError
 from rid_daq.session.versions import program_version
+from rid_daq.web.bundled_modules import bundled_modules
 from rid_daq.workbench.compressed import CompressedBody
 
 router = APIRouter(include_in_schema=False)
@@ -30,8 +28,6 @@ CACHED: Final = MappingProxyType({"cache-control": "public, max-age=31536000, im
 _KINDS: Final = MappingProxyType(
     {".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
 )
-_BUNDLE: Final = files("rid_daq.workbench").joinpath("bundled")
-"""Third-party modules that the build makes, with their manifest: see `javascript/bundle.py`."""
 _NO_MODULES: Final = ("stop.js", "login.js", "beat.js")
 
 
@@ -46,40 +42,20 @@ def static_files() -> Mapping[str, bytes]:
     shared = (
         files("rid_daq.live").joinpath("stop.js"),
         files("rid_daq.figures").joinpath("figure.js"),
+        files("rid_daq.figures").joinpath("figure.css"),
     )
     ours = {
         file.name: file.read_bytes()
         for file in (*own, *shared)
         if file.name[file.name.rfind(".") :] in _KINDS
     }
-    return ours | _bundled_modules()
-
-
-def _bundled_modules() -> dict[str, bytes]:
-    try:
-        listed = json.loads(_BUNDLE.joinpath("manifest.json").read_bytes())["files"]
-        modules = {name: _BUNDLE.joinpath(name).read_bytes() for name in listed}
-    except OSError as error:
-        raise ConfigError(
-            f"the bundle of JavaScript is not installed ({error}): in a clone, run `uv sync"
-            " --reinstall-package rid-daq`; otherwise install the wheel of the release again",
-            code="RID-INSTALL-BUNDLE",
-        ) from error
-    for name, content in modules.items():
-        if hashlib.sha256(content).hexdigest() != listed[name]:
-            raise ConfigError(
-                f"{_BUNDLE.joinpath(name)} is not the file that the build made: in a clone, run"
-                " `uv sync --reinstall-package rid-daq`; otherwise install the wheel of the"
-                " release again",
-                code="RID-INSTALL-BUNDLE",
-            )
-    return {name: content for name, content in modules.items() if name.endswith((".js", ".css"))}
+    return {**ours, **bundled_modules()}
 
 
 @functools.cache
 def static_version() -> str:
-    """Return a version that changes with any file or page, rid-daq, and the plot library."""
-    digest = hashlib.sha256(f"{program_version()} {version('bokeh')}".encode())
+    """Return a hash of all files, of all pages and of the version of rid-daq."""
+    digest = hashlib.sha256(program_version().encode())
     templates = files("rid_daq.workbench").joinpath("templates").iterdir()
     pages = {file.name: file.read_bytes() for file in templates}
     for name, content in sorted({**static_files(), **pages}.items()):

@@ -41,7 +41,7 @@ _TEMPLATES: Final = jinja2.Environment(
 
 
 _NOT_IN_BROWSERS: Final = ("posix/", "right/", "Factory")
-"""Begins of zone names that this computer may know and that browsers reject."""
+"""Prefixes of zone names that this computer may know and that browsers reject."""
 
 
 def _zone() -> str:

@@ -83,7 +83,7 @@ class Orders:
         threading.Thread(target=self._read, name="orders", daemon=True).start()
 
     def next_question(self) -> int:
-        """Return the number of a new question."""
+        """Return a new question's number, which the answer must contain."""
         self._questions += 1
         return self._questions
 

@@ -39,8 +39,8 @@ class SteppedClock:
 class FakeAxes:
     """Ideal velocity servos: a command acts at the next SYNC, a quick stop ramps down.
 
-    `script(axes, cycle)` runs each cycle after the answers are in the arrays, and can change them
-    to simulate a fault of the bus or a drive.
+    `script(axes, cycle)` is called in each cycle after the answers have been stored in the arrays.
+    It can change the answers to simulate a fault of the bus or a drive.
     """
 
     def __init__(self, clock: SteppedClock, joint_names: tuple[str, ...]) -> None:
@@ -176,7 +176,7 @@ def axes(clock: SteppedClock, robot: RobotDescription) -> FakeAxes:
 
 @pytest.fixture
 def motion(robot: RobotDescription) -> MotionSamples:
-    """Three periods of 0.8 s; the first is the transient."""
+    """Three periods of 0.8 s; the first period is the transient."""
     joints = tuple(
         FourierJoint(joint=name, offset=0.0, sine=(0.1,), cosine=(0.05,))
         for name in robot.joint_names

@@ -48,12 +48,14 @@ class BadLink:
         self._stalled = re.compile(paths)
 
     def stall_after(self, passing: int, paths: str) -> None:
-        """Let `passing` new connections with a matching path pass, and stall the following ones."""
+        """Let `passing` new connections with a matching path pass, and stop the traffic of all
+        later ones.
+        """
         self._passing = passing
         self.stall(paths)
 
     def make_late(self, share: float, least_s: float, most_s: float) -> None:
-        """Delay a random part of all data; later data of the same connection wait behind them."""
+        """Delay random parts of all data. The order of a connection's data does not change."""
         self._late = (share, least_s, most_s)
 
     def cut(self) -> None:
@@ -62,7 +64,7 @@ class BadLink:
         self._loop.call_soon_threadsafe(self._end_all)
 
     def mend(self) -> None:
-        """Remove all rules; stalled data are sent now."""
+        """Remove all rules; data that were held back are sent now."""
         self._stalled = None
         self._late = None
         self._cut = False

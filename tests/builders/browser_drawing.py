@@ -92,12 +92,12 @@ class Pinhole:
 
     @classmethod
     def of(cls, found: dict[str, Any]) -> Pinhole:
-        """Return the camera that a page has used."""
+        """Return the camera with which a page has drawn its picture."""
         size = found["width"], found["height"]
         return cls(np.array(found["eye"]), np.array(found["target"]), found["field_deg"], size)
 
     def project(self, points: np.ndarray) -> np.ndarray:
-        """Return the places of points of the upright frame, (k, 3), in the picture, (k, 2) [px]."""
+        """Return the places [px] in the picture, (k, 2), of points in the upright frame, (k, 3)."""
         back = (self.eye - self.target) / np.linalg.norm(self.eye - self.target)
         right = np.cross([0.0, 0.0, 1.0], back)
         right /= np.linalg.norm(right)
@@ -133,13 +133,17 @@ def show_pose(page: Page, position: np.ndarray) -> None:
 
 
 def drawn_points(page: Page, poses: np.ndarray) -> list[tuple[np.ndarray, Pinhole]]:
-    """Return for each pose the places of base, links and tool [px], and the camera."""
+    """Return for each pose the places of base, links and tool in the picture [px], and the
+    camera.
+    """
     found = page.evaluate(_POINTS, poses.tolist())
     return [(np.array(each["points"]), Pinhole.of(each)) for each in found]
 
 
 def marker_place(page: Page, link: int, radius_m: float) -> np.ndarray:
-    """Draw a ball at the frame of a link (the last: the tool), and return its place [px]."""
+    """Draw a ball at the frame of a link (the tool if it is the last), and return its place in the
+    picture [px].
+    """
     page.evaluate(_MARK, {"link": link, "radius": radius_m})
     picture = picture_of(page)
     is_marker = (picture[..., 0] > 200) & (picture[..., 1] < 60) & (picture[..., 2] > 200)

@@ -76,7 +76,7 @@ def certified_session(
 
 
 def note_payload(folder: RunFolder, payload: PayloadResult) -> None:
-    """Write a payload and its result into a run, like a session and `payload identify`."""
+    """Write a payload and its result into a run folder, as a session and `payload identify` do."""
     write_payload(folder.file(PAYLOAD), payload)
     folder.write(PAYLOAD, folder.file(PAYLOAD).read_bytes())
     section = PayloadSection.of(payload, None, ["Warm-up: settled."])
@@ -109,7 +109,7 @@ def estimate_of(loaded: LoadedCell, run_ids: tuple[str, ...]) -> PayloadEstimate
 
 
 def without_checks(payload: PayloadResult) -> PayloadResult:
-    """Return a payload without checks against a reference."""
+    """Return a payload that was not compared with a reference."""
     return replace(payload, checks=())
 
 

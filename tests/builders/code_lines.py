@@ -1,4 +1,4 @@
-"""Count the lines of the eight packages: lines of code, and all lines.
+"""Count the lines of the eight packages: the lines of code, and all lines.
 
 `python -m tests.builders.code_lines` prints both numbers for each package, and their sums. Blank
 lines, docstrings, comments and imports are not lines of code.

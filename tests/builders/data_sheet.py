@@ -1,4 +1,4 @@
-"""A small electronic data sheet (EDS) in a vendor's style."""
+"""A small electronic data sheet (EDS) in the style of a vendor."""
 
 from __future__ import annotations
 

@@ -7,8 +7,6 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import numpy as np
-from bokeh.models import ColumnDataSource
-from bokeh.models.ui import UIElement
 
 from acquisition.motion.samples import MotionSamples
 from config.load import load_cell, load_robot
@@ -16,7 +14,8 @@ from identification.design.two_harmonic import TwoHarmonicOptions, design_two_ha
 from identification.payload.body import PARAMETERS, PayloadBody
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.known import KnownPayloadValue
-from rid_daq.figures.plot_figure import plot_figure
+from rid_daq.blocks.plot import Plot
+from rid_daq.figures.plot_tables import PlotTable, plot_tables
 from rid_daq.report.result import Result
 from rid_daq.report.section_blocks.bode import bode_plot
 from rid_daq.report.section_blocks.centre_of_gravity import CentreOfGravity, centre_plot
@@ -61,7 +60,7 @@ def payload(*, held: str = "", unseen: str = "") -> PayloadEstimate:
 
     Args:
         held: A parameter that was known before the measurement.
-        unseen: A parameter that the motion does not determine.
+        unseen: A parameter that the motion cannot determine.
     """
     body = PayloadBody(5.0, np.array([0.02, -0.01, 0.08]), np.diag([0.04, 0.05, 0.02]))
     names: list[str] = list(PARAMETERS)
@@ -86,7 +85,7 @@ def payload(*, held: str = "", unseen: str = "") -> PayloadEstimate:
     )
 
 
-def all_figures() -> dict[str, UIElement]:
+def all_figures() -> dict[str, Plot]:
     """Return all figures with their names."""
     long, cell = invented_result(), load_cell("kr15")
     curves, tracking, friction = long.curves, long.tracking, written("friction").friction
@@ -115,27 +114,23 @@ def all_figures() -> dict[str, UIElement]:
         for i in range(8)
     ]
     return {
-        "motion": plot_figure(limits_plot(samples, cell.robot, torque)),
-        "tool": plot_figure(tool_plot(samples, cell.robot, cell.config.workspace)),
-        "fit": plot_figure(torque_plot(curves.torque)),
-        "spectrum": plot_figure(spectrum_plot(curves.spectrum)),
-        "bode": plot_figure(bode_plot(loops.axes[0])),
-        **{
-            plot.name: plot_figure(plot)
-            for plot in path_plots(tracking.motions[0], tracking.joints)
-        },
-        "friction": plot_figure(friction_plot(friction)),
-        "warm-up": plot_figure(warm_up_plot(JOINTS, power.tolist(), 1.0)),
-        "history": plot_figure(QuantityHistory("Coulomb friction of axis2", "N m", past).plot),
-        "payload": plot_figure(centre_plot(CentreOfGravity.of(payload()))),
-        "stop": plot_figure(stop_plot(stopped)),
-        "lateness": plot_figure(lateness_plot(late[0])),
-        "truth": plot_figure(truth_plot(long.truth)),
-        "retiming": plot_figure(way_plot(timed.ways[0], [joint.joint for joint in timed.joints])),
+        "motion": limits_plot(samples, cell.robot, torque),
+        "tool": tool_plot(samples, cell.robot, cell.config.workspace),
+        "fit": torque_plot(curves.torque),
+        "spectrum": spectrum_plot(curves.spectrum),
+        "bode": bode_plot(loops.axes[0]),
+        **{plot.name: plot for plot in path_plots(tracking.motions[0], tracking.joints)},
+        "friction": friction_plot(friction),
+        "warm-up": warm_up_plot(JOINTS, power.tolist(), 1.0),
+        "history": QuantityHistory("Coulomb friction of axis2", "N m", past).plot,
+        "payload": centre_plot(CentreOfGravity.of(payload())),
+        "stop": stop_plot(stopped),
+        "lateness": lateness_plot(late[0]),
+        "truth": truth_plot(long.truth),
+        "retiming": way_plot(timed.ways[0], [joint.joint for joint in timed.joints]),
     }
 
 
-def tables(figure: UIElement) -> dict[str, ColumnDataSource]:
+def tables(plot: Plot) -> dict[str, PlotTable]:
     """Return the data tables of a figure with their names."""
-    found = [each for each in figure.references() if isinstance(each, ColumnDataSource)]
-    return {str(each.name): each for each in found if each.name}
+    return {each.name: each for each in plot_tables(plot)}

@@ -11,12 +11,14 @@ from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from urllib.parse import parse_qs, urlsplit
 
-from bokeh.models.ui import UIElement
-
-from rid_daq.figures.embedding import as_csv, as_item, bokeh_script, figure_script
+from rid_daq.blocks.plot import Plot
+from rid_daq.figures.figure_item import figure_item, figure_script
+from rid_daq.figures.plot_tables import as_csv
+from rid_daq.report_page.drawings.plot import svg_file
+from rid_daq.web.bundled_modules import bundled_modules
 
 POLICY = (
-    "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data:;"
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:;"
     " connect-src 'self'"
 )
 STYLE = """
@@ -26,14 +28,22 @@ body { font-family: system-ui, sans-serif; margin: 8px; background: #fff; color:
 h2 { font-size: 16px; }
 """
 MODULE = """
+import "/uplot.js";
 import { showFigure } from "/figure.js";
-for (const place of document.querySelectorAll("[data-figure]"))
-  showFigure(place, `/figures/${place.dataset.figure}`);
+for (const place of document.querySelectorAll("[data-figure]")) {
+  const url = `/figures/${place.dataset.figure}`;
+  const item = async () => {
+    const answer = await fetch(url);
+    if (!answer.ok) throw new Error(`status ${answer.status}`);
+    return answer.json();
+  };
+  showFigure(place, { item, csv: `${url}?as=csv`, svg: `${url}?as=svg` });
+}
 """
 
 
 class _Handler(BaseHTTPRequestHandler):
-    def __init__(self, figures: Mapping[str, UIElement], *rest: object) -> None:
+    def __init__(self, figures: Mapping[str, Plot], *rest: object) -> None:
         self.figures = figures
         super().__init__(*rest)  # type: ignore[arg-type]
 
@@ -43,21 +53,25 @@ class _Handler(BaseHTTPRequestHandler):
         name = url.path.removeprefix("/figures/")
         if url.path == "/":
             self._answer("text/html", _page(self.figures).encode())
-        elif url.path == "/bokeh.min.js":
-            self._answer("text/javascript", bokeh_script().read_bytes())
+        elif url.path == "/uplot.js":
+            self._answer("text/javascript", bundled_modules()["uplot.js"])
         elif url.path == "/figure.js":
             self._answer("text/javascript", figure_script().read_bytes())
         elif url.path == "/page.js":
             self._answer("text/javascript", MODULE.encode())
         elif url.path == "/page.css":
-            self._answer("text/css", STYLE.encode())
+            figure_style = figure_script().with_suffix(".css").read_bytes()
+            style = bundled_modules()["uplot.css"] + figure_style + STYLE.encode()
+            self._answer("text/css", style)
         elif name not in self.figures:
             body = json.dumps({"detail": f"no figure {name!r}"}).encode()
             self._answer("application/json", body, 404)
         elif query.get("as") == ["csv"]:
             self._answer("text/csv", as_csv(self.figures[name]).encode())
+        elif query.get("as") == ["svg"]:
+            self._answer("image/svg+xml", svg_file(self.figures[name]))
         else:
-            item = as_item(self.figures[name], dark=query.get("dark") == ["true"])
+            item = figure_item(self.figures[name])
             self._answer("application/json", json.dumps(item, allow_nan=False).encode())
 
     def _answer(self, kind: str, body: bytes, status: int = 200) -> None:
@@ -72,7 +86,7 @@ class _Handler(BaseHTTPRequestHandler):
         """Stay silent."""
 
 
-def _page(figures: Mapping[str, UIElement]) -> str:
+def _page(figures: Mapping[str, Plot]) -> str:
     places = "".join(
         f'<h2>{html.escape(name)}</h2><div data-figure="{html.escape(name)}"></div>'
         for name in figures
@@ -81,13 +95,13 @@ def _page(figures: Mapping[str, UIElement]) -> str:
         '<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Figures</title>'
         '<meta name="viewport" content="width=device-width, initial-scale=1">'
         '<link rel="icon" href="data:,"><link rel="stylesheet" href="/page.css">'
-        '<script src="/bokeh.min.js"></script><script type="module" src="/page.js"></script>'
+        '<script type="module" src="/page.js"></script>'
         f"</head><body>{places}</body></html>"
     )
 
 
 @contextlib.contextmanager
-def served_figures(figures: Mapping[str, UIElement]) -> Iterator[str]:
+def served_figures(figures: Mapping[str, Plot]) -> Iterator[str]:
     """Serve a page of figures; yield its address."""
     with ThreadingHTTPServer(("127.0.0.1", 0), partial(_Handler, figures)) as server:
         thread = threading.Thread(target=server.serve_forever)

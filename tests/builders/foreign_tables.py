@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from acquisition.imports.import_map import ImportMap
+from acquisition.maps.import_map import ImportMap
 from config.robot.robot import RobotDescription
 
 ROWS = 400
@@ -32,7 +32,10 @@ def two_joint_map(**changes: object) -> ImportMap:
         ],
         "plausible": {"position": 10.0, "speed": 5.0, "torque": 100.0},
     }
-    return ImportMap.model_validate_json(json.dumps(values | changes))
+    values |= changes
+    columns = [key for joint in values["joints"] for key in joint]  # type: ignore[attr-defined]
+    values.setdefault("torques", "motor_torque" if "torque" in columns else "motor_current")
+    return ImportMap.model_validate_json(json.dumps(values))
 
 
 def sound_table(rows: int = ROWS) -> np.ndarray:

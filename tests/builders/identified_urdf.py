@@ -1,4 +1,4 @@
-"""An arm of a URDF whose bodies differ from the file, simulated by Pinocchio and identified."""
+"""A URDF, and the estimate of an arm whose bodies differ from it; Pinocchio simulates the arm."""
 
 from __future__ import annotations
 
@@ -87,7 +87,10 @@ def identified_urdf(data: bytes, tip: str | None = None) -> IdentifiedUrdf:
 
 
 def arm_of(data: bytes, joints: tuple[str, ...], held: dict[str, float]) -> pin.Model:
-    """Return the joints of an arm in Pinocchio; all others are fixed where they are held."""
+    """Return the joints of an arm in Pinocchio.
+
+    The other joints are fixed at their stated positions.
+    """
     whole = pin.buildModelFromXML(data.decode())
     q = pin.neutral(whole)
     for name, position in held.items():

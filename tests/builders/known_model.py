@@ -3,23 +3,30 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
-from config.load import LoadedCell
+from compensation.loops.loop_file import write_loops
+from compensation.loops.velocity_loop import VelocityLoop
+from config.load import LoadedCell, load_cell
 from config.robot.friction_terms import FrictionTerm
 from dynamics.geometry.kinematics import flange_pose
 from dynamics.model.true_parameters import true_parameters
 from identification.design.model import design_model
 from identification.estimation.estimate import Estimate
+from identification.estimation.file import write_estimate
 from identification.model.base_parameters import ModelKind, base_parameters
 from identification.model.options import ModelOptions
 from identification.payload.body import to_link
-from tests.builders.certified import MEDIUM
+from tests.builders.certified import MEDIUM, write_payload_file
 
 
 def known_estimate(cell: LoadedCell, deviations: dict[str, float]) -> Estimate:
-    """Return a simulated arm's true values as an estimate; `deviations` sets some uncertainties."""
+    """Return a simulated arm's true parameters as an estimate.
+
+    `deviations` contains the standard deviations of some parameters.
+    """
     assert cell.plant is not None
     model = design_model(cell.robot)
     base = base_parameters(model)
@@ -37,9 +44,9 @@ def known_estimate(cell: LoadedCell, deviations: dict[str, float]) -> Estimate:
         covariance_jackknife=np.diag(sigma**2),
         condition_number=30.0,
         equations=600,
-        residual_nm=np.array([6.0, 6.0, 3.0]),
+        residual_nm=np.resize([6.0, 6.0, 3.0], len(cell.robot.joints)),
         noise_nm=None,
-        left_out_fraction=np.zeros(3),
+        left_out_fraction=np.zeros(len(cell.robot.joints)),
         method="smoothed",
         band_hz=10.0,
         standstill_rad_s=0.02,
@@ -49,7 +56,7 @@ def known_estimate(cell: LoadedCell, deviations: dict[str, float]) -> Estimate:
 def estimate_with_terms(
     cell: LoadedCell, terms: tuple[FrictionTerm, ...], size: float, nonlinear: float | None = None
 ) -> Estimate:
-    """Return the true values with other friction terms, whose coefficients are all `size`."""
+    """Return the true parameters with other friction terms, whose coefficients are all `size`."""
     true = known_estimate(cell, {})
     joints = tuple(joint.model_copy(update={"friction": terms}) for joint in cell.robot.joints)
     robot = cell.robot.model_copy(update={"joints": joints})
@@ -91,3 +98,22 @@ def with_payload_columns(alone: Estimate, kind: ModelKind = "internal") -> Estim
         covariance_residual=0.8 * covariance,
         covariance_jackknife=covariance,
     )
+
+
+def write_path_files(folder: Path, path: str) -> None:
+    """Write the files with which a path of `ir361` is compensated.
+
+    `alone.json` and `both.json` are models without and with payload columns; the other files are
+    `loops.json`, `path.yaml` (the text `path`) and `payload.json`.
+    """
+    cell = load_cell("ir361")
+    alone = known_estimate(cell, {})
+    write_estimate(folder / "alone.json", alone)
+    write_estimate(folder / "both.json", with_payload_columns(alone))
+    loops = [
+        VelocityLoop(name, 900.0, 0.08, 0.0, 0.002, ("gain",), np.eye(1), 1.0, ())
+        for name in cell.robot.joint_names
+    ]
+    write_loops(folder / "loops.json", loops, "ir361", "a run")
+    (folder / "path.yaml").write_text(path)
+    write_payload_file(folder / "payload.json", MEDIUM.parameters)

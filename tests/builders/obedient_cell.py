@@ -54,6 +54,9 @@ class IdealAxis(AxisPort):
     def torque_permille(self) -> int:
         return self.torque
 
+    def digital_inputs(self) -> int:
+        return 0
+
 
 class Clock:
     def __init__(self, bus: ObedientCell) -> None:
@@ -207,7 +210,7 @@ class SpeedUp:
     def begin(self, lockstep: bool, position: Any) -> Any:
         return np.array(self._middle)
 
-    def watch(self, position: Any, counts: Any) -> None:
+    def watch(self, answers: Any) -> None:
         pass
 
     def at(self, row: int) -> SetPoint | None:
@@ -225,7 +228,7 @@ class SpeedUp:
 
 
 class Outcome:
-    """Outcome for one cell: refused by the preflight, or moved and stopped."""
+    """Outcome for one cell: the preflight refuses it, or its axes move and stop."""
 
     def __init__(
         self, cell: CellConfig, robot: RobotDescription, increments: int, rows: int, sign: int
@@ -276,7 +279,7 @@ class Outcome:
 def one_axis(
     *, deceleration: float, velocity: float, acceleration: float, limit: float
 ) -> tuple[CellConfig, RobotDescription]:
-    """Return a cell of one axis between -`limit` and `limit`, and its robot."""
+    """Return a cell with one axis whose position limits are -`limit` and `limit`, and its robot."""
     cell = CellConfig(
         name="one",
         robot="one",

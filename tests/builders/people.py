@@ -1,4 +1,6 @@
-"""Processes of several users of one computer: sessions, holders of false locks, and others."""
+"""Processes that belong to several users of one computer, such as sessions and holders of false
+locks.
+"""
 
 from __future__ import annotations
 

@@ -70,10 +70,12 @@ FIRST_WORDS: Final = ("What", "Which", "Whether", "Who", "Whom", "How", "Where")
 _PAGES: Final = {
     ".md": r"((?:^.+\n?)+)",
     ".html": r">([^<>{}]{4,})<|(?:title|alt|placeholder|aria-label)=\"([^\"{}]{4,})\"",
-    ".js": r"//\s?(.+)|\"([^\"\n]{4,})\"|`([^`]{4,})`|/\*\*?([\s\S]*?)\*/",
-    ".yaml": r"#\s?(.+)",
+    ".js": r"//\s?(.+(?:\n[ \t]*//.+)*)|\"([^\"\n]{4,})\"|`([^`]{4,})`|/\*\*?([\s\S]*?)\*/",
+    ".yaml": r"#\s?(.+(?:\n[ \t]*#.+)*)",
     ".toml": r"= \"(.+)\"",
 }
+
+_COMMENT_MARKS: Final = {".js": "//", ".yaml": "#"}
 
 
 class Hit(NamedTuple):
@@ -107,9 +109,11 @@ def passages(path: Path) -> tuple[Passage, ...]:
     source = path.read_text(encoding="utf-8")
     if path.suffix == ".md":
         source = re.sub(r"^```.*?^```$|^ {4}[^\n]*$", _blank, source, flags=re.M | re.S)
+    mark = _COMMENT_MARKS.get(path.suffix, "")
     return tuple(
         Passage(
-            source.count("\n", 0, match.start()) + 1, next(each for each in match.groups() if each)
+            source.count("\n", 0, match.start()) + 1,
+            re.sub(rf"\n\s*{mark} ?", "\n", next(each for each in match.groups() if each)),
         )
         for match in re.finditer(_PAGES[path.suffix], source, re.MULTILINE)
     )
@@ -142,10 +146,24 @@ def _of_python(path: Path) -> Iterator[Passage]:
         text = _text(node)
         if node.lineno not in docstrings and len(text.split()) > 2:
             yield Passage(node.lineno, text)
-    source = io.StringIO(text_of(path))
-    for token in tokenize.generate_tokens(source.readline):
-        if token.type == tokenize.COMMENT:
-            yield Passage(token.start[0], token.string[1:])
+    yield from _comments(text_of(path))
+
+
+def _comments(source: str) -> Iterator[Passage]:
+    """Yield the comments of a Python source; comments in consecutive lines are one passage."""
+    first, last, lines = 0, 0, list[str]()
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type != tokenize.COMMENT:
+            continue
+        row, column = token.start
+        if lines and (row > last + 1 or token.line[:column].strip()):
+            yield Passage(first, "\n".join(lines))
+            lines = []
+        first = first if lines else row
+        lines.append(token.string[1:])
+        last = row
+    if lines:
+        yield Passage(first, "\n".join(lines))
 
 
 @lru_cache(maxsize=1)
@@ -207,7 +225,7 @@ _BUILT: Final = {ROOT / "rid_daq" / "site", ROOT / "rid_daq" / "workbench" / "bu
 
 
 def files(folder: Path) -> list[Path]:
-    """Return the files with texts below a folder, or the file itself; none that a build made."""
+    """Return the files with texts below a folder, or the file itself, without files of a build."""
     found = [folder] if folder.is_file() else sorted(folder.rglob("*"))
     return [
         each

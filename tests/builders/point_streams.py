@@ -18,6 +18,7 @@ from compensation.online.online import LARGEST_CORRECTION, REST_RAD_S, OnlineFee
 from compensation.online.point_ring import PointRing
 from compensation.online.point_source import PointSource
 from config.load import LoadedCell, load_cell
+from drivers.interfaces.servo_axes import Answers
 from dynamics.model.one_sample import SampleTorque
 from dynamics.model.robot_model import RobotModel
 from dynamics.model.true_parameters import true_parameters
@@ -50,6 +51,18 @@ FORWARD = OnlineFeedforward.of(
     SampleTorque.of(*true_model(CELL), least_smoothing_rad_s=REST_RAD_S),
     loops_of(CELL),
 )
+
+
+def answers_at(
+    position: Points, counts_per_rad: float = 1e6, inputs: tuple[int, ...] = (0, 0, 0)
+) -> Answers:
+    """Return answers of all drives at a position, with encoders of this resolution."""
+    answers = Answers.initial(len(position))
+    answers.received[:] = True
+    answers.position[:] = position
+    answers.position_counts[:] = np.rint(counts_per_rad * position)
+    answers.inputs[:] = inputs
+    return answers
 
 
 DISTANCES = (2e-3, 1e-3, 3e-3)
@@ -87,7 +100,7 @@ def source_of(
         ring.end()
     source = PointSource(forward, ring, prefill_patience_s=0.0)
     source.prepare()
-    source.begin(False, np.zeros(3))
+    source.begin(False, np.zeros(points.shape[1]))
     return source
 
 

@@ -28,7 +28,7 @@ def arm() -> RobotDescription:
 
 
 def iwan(path: FloatArray, distance: float, elements: int = 97) -> FloatArray:
-    """Return the friction direction by Iwan's model with many elements.
+    """Return the series that replaces sign(v): Iwan's model with many elements.
 
     Each element remembers its last slip position. The slip distances of the elements are spread
     evenly up to `distance`. The stretch of an element is the path minus its last slip position, so
@@ -45,7 +45,7 @@ def iwan(path: FloatArray, distance: float, elements: int = 97) -> FloatArray:
 
 
 def dahl(path: FloatArray, distance: float) -> FloatArray:
-    """Return the friction direction by Dahl's model: exponential, without memory of inner loops."""
+    """Return the series that replaces sign(v): Dahl's exponential model, without inner loops."""
     out, z = np.empty(len(path)), 0.0
     for i, moved in enumerate(np.diff(path, prepend=path[0])):
         end = np.sign(moved) if moved else z
@@ -81,7 +81,12 @@ def recording(
     noise_nm: float = 1.0,
     seed: int = 0,
 ) -> SmoothedSignals:
-    """Return a recording of the arm; `directions` replaces the Coulomb direction of some joints."""
+    """Return a recording of the arm with noise and low-pass filter.
+
+    Args:
+        directions: For some joints, series between -1 and 1 that replace sign(v) in the Coulomb
+            friction.
+    """
     tau = _torques(directions, way, noise_nm, seed)
     return signals_of(*way, low_pass(tau, STEP_S, CUTOFF_HZ))
 
@@ -92,7 +97,9 @@ def measured(
     *,
     rows: slice = slice(None),
 ) -> Recording:
-    """Return the noisy `Recording`, or some rows; the joints have moved before the first row."""
+    """Return the noisy `Recording`, or some of its rows; the joints have already moved before the
+    first row.
+    """
     tau, q = _torques(directions, way, 1.0, 0)[rows], way[0][rows]
     return Recording(
         joint_names=arm().joint_names,

@@ -20,7 +20,11 @@ from tests.builders.plain_text import Passage, files, passages
 
 _READ = (*PACKAGES, "README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs", "benchmarks", "tests")
 _FEWEST_WORDS = 4
-_CODE = re.compile(r"=>|&&|\|\||\);|\.map\(")
+_CODE = re.compile(
+    r"=>|&&|\|\||\);|\.map\(|^\(|^import |^from \w+ import |\{\n|\bnew [A-Z]\w+\(|"
+    r"^(?:INSERT|SELECT|UPDATE|DELETE|CREATE) [A-Za-z ]*(?:FROM|INTO|SET|TABLE)\b|"
+    r"^https?://\S+$|^HTTP/|^\w+: \w+\n\w+: |\\w\+|^, \w+: \["
+)
 
 
 def kind_of(path: Path, passage: Passage) -> str:
@@ -37,12 +41,12 @@ def kind_of(path: Path, passage: Passage) -> str:
 def texts(path: Path) -> Iterator[Passage]:
     """Yield the texts of a file that are sentences, without code between the texts of a page."""
     for passage in passages(path):
-        words = re.findall(r"[A-Za-z]{2,}", re.sub(r"\$?\{[^}]*\}", "", passage.text))
+        words = re.findall(r"[A-Za-z]{2,}", re.sub(r"\$?\{[^}]*(?:\}|$)", "", passage.text))
         if len(words) < _FEWEST_WORDS or re.match(r"\W*<", passage.text):
             continue
         if path.suffix == ".py" and "tests" in path.parts and not passage.is_docstring:
             continue  # inputs and expected parts of messages
-        if path.suffix != ".js" or not _CODE.search(passage.text):
+        if path.suffix not in (".js", ".py") or not _CODE.search(passage.text):
             yield passage
 
 

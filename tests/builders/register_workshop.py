@@ -1,4 +1,6 @@
-"""Simulated registers on sockets and serial ports, and the driver's pause."""
+"""Simulated Modbus registers on sockets and serial ports, and a replacement for the driver's
+pause.
+"""
 
 from __future__ import annotations
 
@@ -50,7 +52,7 @@ def at_first(kind: Any, **more: Any) -> RegisterFault:
 
 
 class Workshop:
-    """Starts services, and ends them with the test."""
+    """Start register services, and end them with the test."""
 
     def __init__(self, path: Path, stack: ExitStack) -> None:
         self._path = path
@@ -88,7 +90,7 @@ class Workshop:
         return self.drives.requests
 
     def pause(self, duration_s: float) -> None:
-        """Replace the driver's pause: wait for a late answer, if there is one."""
+        """Replace the driver's pause: wait for a late answer, if one is expected."""
         assert self.service is not None
         if not self.late:
             time.sleep(duration_s)

@@ -40,7 +40,7 @@ _TOKENS = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]|[\r\n]|[^\x1b\r\n]+")
 
 @dataclass(frozen=True)
 class Screen:
-    """Output of one command at one width.
+    """Terminal output of one command at one width.
 
     Attributes:
         words: Command line without the program's name.
@@ -119,7 +119,6 @@ def command_lines() -> list[tuple[str, ...]]:
 
 
 def help_screens(columns: int) -> list[Screen]:
-    """Return the help of every command."""
     screens = []
     for words in command_lines():
         with terminal(columns) as shown:

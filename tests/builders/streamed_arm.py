@@ -13,6 +13,7 @@ from compensation.online.point_ring import PointRing
 from compensation.online.point_source import PointSource
 from config.arrays import FloatArray
 from config.load import LoadedCell
+from drivers.interfaces.servo_axes import Answers
 from dynamics.geometry.kinematics import Chain
 
 
@@ -26,8 +27,8 @@ def stream_motion(
 ) -> TrackingError:
     """Move the arm from a pose to a motion's start, stream the motion, and return its errors.
 
-    A commanded speed acts from the next SYNC on, positions arrive one cycle late, and both are
-    rounded as by the drives.
+    A commanded speed acts from the next SYNC on. Positions arrive one cycle late. Both are rounded
+    as the drives round them.
     """
     assert cell.plant is not None
     samples = samples.whole()
@@ -47,9 +48,11 @@ def stream_motion(
     source.begin(False, measured)
     before = now = sent = np.zeros(len(start))
     wanted, reached, sent_points = [], [], []
+    answers = Answers.initial(len(start))
     row = -SETTLE_ROWS - len(way)
     while True:
-        source.watch(measured, counts_now.astype(np.int32))
+        answers.position[:], answers.position_counts[:] = measured, counts_now
+        source.watch(answers)
         counts_now = plant.position_counts()
         measured = counts_now / counts
         if row < 0:

@@ -27,7 +27,7 @@ def model_and_loops(workshop: Path) -> list[str]:
 
 
 def joint_path() -> NDArray[np.float64]:
-    """Return a spline through random poses, which was not used for tuning."""
+    """Return a spline through random poses, which was not used to tune the compensation."""
     motion = MultipointMotion(kind="multipoint", robot="ir361", points=4, seed=11)
     return np.array(motion.plan(load_robot("ir361"), 0.008).position)
 
@@ -44,7 +44,10 @@ def stream_batches(
     *,
     end: bool = True,
 ) -> tuple[int, dict[str, Any] | None, dict[str, Any]]:
-    """Stream batches of a client; return exit code, answer to the client, and document."""
+    """Stream batches of points from a client.
+
+    Return the exit code, the answer to the client, and the result document.
+    """
     path = workshop / "points"
     capsys.readouterr()
     with send_batches(path, batches, end=end) as answers:
@@ -54,7 +57,9 @@ def stream_batches(
 
 
 def require_rest_on(path: NDArray[np.float64], printed: dict[str, Any]) -> None:
-    """Require that the robot came to rest on a path, within its limits, without a jump."""
+    """Require that the robot came to rest on the path, stayed within its limits, and did not
+    jump.
+    """
     rows = read_journal(Path(printed["folder"]) / "recording.mcap").rows
     moving = rows[rows["sample_index"] >= 0]
     target = moving["target_position"]

@@ -106,9 +106,9 @@ def test_loops_are_read_back_from_their_file(
     loops: list[VelocityLoop], tmp_path: Path, cell: LoadedCell
 ) -> None:
     path = tmp_path / "loops.json"
-    write_loops(path, loops, "ir361", "run")
-    name, found = read_loops(path)
-    assert name == "ir361"
+    write_loops(path, loops, "ir361", "run", "lab")
+    file, found = read_loops(path)
+    assert (file.robot, file.run, file.cell) == ("ir361", "run", "lab")
     for loop, again in zip(loops, found, strict=True):
         assert again.gain == loop.gain
         assert again.integral_time_s == loop.integral_time_s

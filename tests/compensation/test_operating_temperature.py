@@ -1,4 +1,6 @@
-"""Assumed joint temperatures before a motion: given, computed from a motion, or after a rest."""
+"""Joint temperatures that are assumed before a motion: stated by the user, computed from a motion,
+or computed after a rest.
+"""
 
 from __future__ import annotations
 

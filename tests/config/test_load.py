@@ -94,12 +94,13 @@ def write_edited_cell(tmp_path: Path, old: str, new: str) -> str:
 @pytest.mark.parametrize(
     ("old", "new", "code", "details"),
     [
-        ("cycle_time_ms: 8", "cycle_time_ms: 8.5", VALUE, (" cycle_time_ms: ", "integer", "8.5")),
-        ("cycle_time_ms: 8", "cycle_time_ms: '8'", VALUE, (" cycle_time_ms: ", "integer", "'8'")),
+        ("cycle_time_ms: 8", "cycle_time_ms: 8.0005", VALUE, (" cycle_time_ms: ", "8.0005")),
+        ("cycle_time_ms: 8", "cycle_time_ms: 6.667", "RID-CELL-VALUE", ("60C2h", "6.6", "6.7")),
+        ("cycle_time_ms: 8", "cycle_time_ms: '8'", VALUE, (" cycle_time_ms: ", "number", "'8'")),
         ("cycle_time_ms: 8", "cycle_time_m: 8", VALUE, (" cycle_time_m: ", "cycle_time_ms?")),
         ("cycle_time_ms: 8", "cycle_time_ms: 0", VALUE, (" cycle_time_ms: ", " 1 ", "0")),
         ("node_id: 2", "node_id: 200", VALUE, (" axes.1.node_id: ", "126", "200")),
-        ("node_id: 2", "node_id: 1", VALUE, ("two axes", "node_id")),
+        ("node_id: 2", "node_id: 1", VALUE, ("node_id 1", "several axes")),
         ("robot: ir361", "robot: ir316", "RID-FILE-UNKNOWN", ("'ir316'", "ir361?")),
         ("robot: ir361", "robot: no/such.yaml", "RID-FILE-READ", ("no/such.yaml",)),
         ("plant: ir361", "", VALUE, ("simulated", "plant")),

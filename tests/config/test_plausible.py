@@ -14,7 +14,7 @@ import pytest
 from annotated_types import Le, Lt
 from pydantic import BaseModel
 
-from acquisition.imports.import_map import ImportMap, load_import_map
+from acquisition.maps.import_map import ImportMap, load_import_map
 from acquisition.motion.kinds.timed_path import TimedWay
 from acquisition.motion.motion_file import MotionFile, load_motion
 from config.cell.cell import CellConfig

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import config
-from acquisition.imports.import_map import load_import_map
+from acquisition.maps.import_map import load_import_map
 from config.errors import ConfigError
 from config.refusals import WRITTEN
 

@@ -283,7 +283,7 @@ class ScriptedDrive:
                 self.state = PowerState.SWITCH_ON_DISABLED
 
     def position_range(self) -> tuple[int, int]:
-        """Return the lowest and the highest value of 6064h: from 607Bh if the drive has it."""
+        """Return the lowest and highest value of 6064h, from 607Bh if the drive has it."""
         if (0x607B, 1) not in self.objects:
             return -(2**31), 2**31 - 1
         held = (self.objects[0x607B, sub] for sub in (1, 2))

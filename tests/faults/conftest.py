@@ -39,8 +39,8 @@ from mock_hw.bus.hub import CanHub
 from mock_hw.bus.hub_client import HubClient
 from mock_hw.bus.hub_process import listening_socket
 from mock_hw.bus.hub_protocol import HubRole
-from mock_hw.drives_process import run_rack
 from mock_hw.rack import DriveRack
+from mock_hw.rack_loop import RackLoop
 
 T = 0.008
 QUICK_STOP, ENABLE, DISABLE = 0x0002, 0x000F, 0x0000
@@ -78,7 +78,7 @@ def parse_log(text: str) -> list[Logged]:
 
 
 class Truth:
-    """Motion of the simulated axes over time; the rack uses it as its snapshot."""
+    """True motion of the simulated axes over time; the simulation calls `write` in every step."""
 
     def __init__(self) -> None:
         self.payload = 0
@@ -202,7 +202,7 @@ class Rig:
                 rack = DriveRack(cell, robot, plant, 1, self.truth, 0.0, script)  # type: ignore[arg-type]
                 served.set()
                 with contextlib.suppress(TransportError):
-                    run_rack(rack, client)
+                    RackLoop(rack, client, None, None, self.path).run()
                 hub.close()
 
         self._thread = threading.Thread(target=serve)
@@ -229,7 +229,10 @@ class Rig:
             yield cell
 
     def let_pass(self, duration_s: float) -> None:
-        """Let simulated time pass without sending; wait for the adapter if it is absent."""
+        """Let simulated time pass without commands to the drives.
+
+        While the CAN adapter is lost (unplugged or bus-off), try again.
+        """
         tick, tries = threading.Event(), 2000
         while True:
             try:

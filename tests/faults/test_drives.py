@@ -151,7 +151,7 @@ def test_a_flood_of_emergency_messages_causes_one_stop_and_no_late_cycle(
 def test_a_lost_heartbeat_stops_all_axes(
     serve: Any, motion: MotionSamples, loaded: LoadedCell, timeout_ms: int, measured: Measured
 ) -> None:
-    """Each timeout ends at a different phase of the cycle."""
+    """The timeouts end at different phases of the cycle."""
     update = {"drive_heartbeat_timeout_ms": timeout_ms}
     safety = loaded.config.drive_safety.model_copy(update=update)
     rig = serve(drives=[{"kind": "heartbeat_stops", "joint": "axis1", "at_cycle": AT}])
@@ -214,7 +214,7 @@ def first_set_point_distance_counts(run: Any) -> float:
 def test_no_queued_set_point_moves_an_axis_when_power_returns(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
-    """While all drives are off, the adapter queues frames, and sends them when power returns."""
+    """While all drives are off, the adapter stores frames; it sends them when power returns."""
     away = {"at_cycle": AT, "duration_s": 1.5}
     rig = serve(
         drives=[{"kind": "supply_lost", **away}],
@@ -292,7 +292,10 @@ def test_an_axis_that_runs_the_wrong_way_is_stopped_within_the_allowed_travel(
 def test_an_axis_that_ignores_the_quick_stop_loses_its_power(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
-    """The stop begins with a quick stop; if it fails, power off follows, and then NMT."""
+    """The stop begins with a quick stop.
+
+    If this fails, the power is switched off, and then NMT is used.
+    """
     deaf = {"kind": "ignores_quick_stop", "joint": "axis1", "at_cycle": AT}
     fault = {"kind": "emergency", "joint": "axis2", "at_cycle": AT}
     run = serve(drives=[deaf, fault]).move(motion)

@@ -1,4 +1,6 @@
-"""Lost answers in `record`: tolerated, periods left out, or exit code 6 (docs/faults.md, row 3)."""
+"""Lost answers in `record`: they are tolerated, their periods are left out, or `record` ends with
+exit code 6 (docs/faults.md, row 3).
+"""
 
 from __future__ import annotations
 
@@ -129,7 +131,7 @@ def test_more_than_five_bad_periods_are_named_with_exit_code_6(
 
 
 def recording(lost: dict[int, int], periods: int | None, rows: int = 1000) -> Recording:
-    """Return a motion of two joints that each lost some answers, never two in sequence."""
+    """Return a motion of two joints that each lost some answers, never two in a row."""
     answered = np.ones((rows, 2), dtype=bool)
     for joint, count in lost.items():
         answered[np.linspace(5, rows - 5, count).astype(int), joint] = False

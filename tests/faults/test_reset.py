@@ -1,4 +1,7 @@
-"""Only a person resets a fault, and motion needs a complete preflight afterwards."""
+"""Only a person can reset a fault.
+
+Afterwards a complete preflight is required before any motion.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Several faults in sequence in one cell and one program: a short version of `benchmarks.soak`."""
+"""Several faults, one after the other, in one cell: a short version of `benchmarks.soak`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Too low decelerations: refused, or power off during the stop (docs/faults.md, rows 37, 38)."""
+"""Decelerations that are too low are refused, or the power is switched off during the stop
+(docs/faults.md, rows 37, 38).
+"""
 
 from __future__ import annotations
 

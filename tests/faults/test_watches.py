@@ -1,4 +1,6 @@
-"""Test of the drives' and the computer's watchdogs before a motion (faults.md, rows 11 and 18)."""
+"""The watchdogs of the drives and of the computer are tested before a motion (faults.md, rows 11
+and 18).
+"""
 
 from __future__ import annotations
 

@@ -16,12 +16,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.imports.import_map import load_import_map
 from acquisition.imports.read import import_csv
 from acquisition.journal.cycle_row import row_dtype
 from acquisition.journal.cycles import JournalWriter, read_journal
 from acquisition.journal.header import JournalHeader
 from acquisition.journal.plate import read_plate_journal
+from acquisition.maps.import_map import load_import_map
 from acquisition.motion.motion_file import load_motion
 from acquisition.runs.folder import RunFolder
 from acquisition.session.repair import examine_journal
@@ -277,7 +277,7 @@ def json_files(tmp_path: Path) -> dict[Any, bytes]:
         ],
     }  # fmt: skip
     texts = {read_loops: loops, read_feedforward: {"format": 1, "cycle_time_ms": 8}}
-    texts |= {read_estimate: {"kind": "rid-daq estimate", "format": 3}}
+    texts |= {read_estimate: {"kind": "rid-daq estimate", "format": 4}}
     texts |= {read_payload: {"kind": "rid-daq payload", "format": 3}}
     return {read: json.dumps(content).encode() for read, content in texts.items()}
 

@@ -225,7 +225,7 @@ def base_wrench(
 
 @dataclass(frozen=True)
 class SimulatedPlate:
-    """Simulation of a plate and its amplifier, with noise on every row of a channel.
+    """Simulation of a plate and its amplifier, with independent noise on every reading.
 
     It is independent of the estimators: Pinocchio computes the wrench, and the amplifier has a
     separate clock.

@@ -68,7 +68,7 @@ def case(function: FrictionFunction) -> Case:
 
 
 def with_unknown_function(known: Case, function: str) -> Case:
-    """Return the same model with a new function that no backend supports."""
+    """Return the model with a friction function that no backend supports."""
     unknown = cast("FrictionFunction", function)
     terms = tuple(
         replace(term, columns=tuple(replace(c, function=unknown) for c in term.columns))

@@ -36,7 +36,10 @@ def test_friction_has_no_bias(exact: Exact, rate_hz: int, band_hz: float) -> Non
 
 @pytest.fixture(scope="module")
 def coupled() -> Exact:
-    """Return a robot of six joints with reversals at any time and strong coupling."""
+    """Return a noise-free recording of six joints that reverse at unrelated times.
+
+    The links are strongly coupled by inertia.
+    """
     arm = SimulatedArm.of("six")
     return Exact(arm, "quick reversals", 4, simulate(arm, "quick reversals", 4, 40.0))
 

@@ -94,6 +94,9 @@ class IdealAxis(AxisPort):
     def torque_permille(self) -> int:
         return self.torque
 
+    def digital_inputs(self) -> int:
+        return 0
+
 
 class Bench:
     """A drive with an ideal axis, and their simulated time."""

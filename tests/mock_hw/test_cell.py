@@ -1,4 +1,6 @@
-"""Simulated cell as processes: repeatable to the byte, safe if masters die, without leftovers."""
+"""Simulated cell as processes: its output is repeatable to the byte, axes stop if masters die, and
+no process is left over.
+"""
 
 from __future__ import annotations
 
@@ -27,8 +29,8 @@ from mock_hw.bus.arbitration import WireFrame
 from mock_hw.bus.hub_client import HubClient
 from mock_hw.bus.hub_protocol import HubRole
 from mock_hw.cell import SimulatedCell
-from mock_hw.drives_process import LONGEST_WAIT_S
 from mock_hw.plant.snapshot import AxisSnapshot, SnapshotReader
+from mock_hw.rack_loop import LONGEST_WAIT_S
 from mock_hw.simulation import CellSimulation
 from tests.builders.raised_codes import raises_code
 

@@ -159,7 +159,10 @@ def test_a_drive_that_does_not_stop_without_this_computer_is_never_moved() -> No
 def test_a_drive_that_only_reports_the_silent_computer_is_never_moved(
     commands: str, rate: float
 ) -> None:
-    """The drive continues its cyclic exchange; its report can come before the other drives stop."""
+    """The drive continues its cyclic exchange.
+
+    Its fault message can arrive before the other drives stop.
+    """
     cell = cell_of(ServoProfile(), WITHOUT_REACTIONS.model_copy(update={"commands": commands}))
     with opened(cell) as (open_cell, bus):
         make_report_only(bus.drives[1])
@@ -266,7 +269,9 @@ def test_a_drive_without_any_watchdog_is_refused(lacking: str) -> None:
 
 @pytest.mark.parametrize("stale", [False, True])
 def test_a_guarded_drive_that_no_longer_answers_is_detected(stale: bool) -> None:
-    """A controller whose program hangs while it repeats its last answer counts as silent too."""
+    """A robot controller whose program hangs, and which therefore repeats its last answer, counts
+    as silent too.
+    """
     cell = cell_of(GUARDED, ServoProfile())
     with opened(cell) as (open_cell, bus):
         axes, clock = open_cell.axes, open_cell.clock

@@ -1,4 +1,6 @@
-"""Simulated drives and bus, checked by `canopen` as a master and by tshark as a listener."""
+"""Simulated drives and bus, checked by independent programs: `canopen` as a master and tshark as a
+listener.
+"""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ READ = RegisterRead("holding", 100, 2, ())
 
 
 def answer(request: bytes, chance: random.Random) -> bytes:
-    """Return something other than the answer to a request."""
+    """Return bytes that are not the answer to a request."""
     transaction, _, _, unit = struct.unpack_from(">HHHB", request)
     kind = chance.randrange(7)
     if kind == 0:

@@ -174,7 +174,7 @@ def averaged(*arguments: object, **options: object) -> PeriodAverage:
 
 @pytest.fixture(scope="session")
 def lab() -> SimpleNamespace:
-    """Builders and checks for the tests of this folder."""
+    """Functions that build data, and checks, for the tests of this folder."""
     return SimpleNamespace(
         six_axes=six_axes,
         motion_of=motion_of,
@@ -197,7 +197,7 @@ def motion(robot: RobotDescription) -> FourierMotion:
 
 @pytest.fixture(scope="session")
 def unloaded(robot: RobotDescription, motion: FourierMotion) -> PeriodAverage:
-    """Run without payload, with 10 % more friction, which the loaded run must not take over."""
+    """Run without payload, with 10 % more friction; the loaded run must not use this friction."""
     return averaged(robot, motion, None, seed=1, friction=1.1)
 
 

@@ -11,11 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from config.errors import ConfigError
-from config.load import load_cell
+from config.load import load_cell, load_robot
 from identification.choices import PayloadLimits
 from identification.payload.body import PayloadBody
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.file import read_payload, write_payload
+from identification.payload.rating import NegligibleErrors
 from identification.payload.verdict import (
     BAD_FIT,
     PayloadCheck,
@@ -72,6 +73,19 @@ def test_a_residual_limit_in_newton_metres_is_an_alternative_limit_of_the_fit() 
         checks = check_payload(poor, PayloadLimits(residual_nm=limit_nm))
         failed = [line.advice for line in checks if not line.passed]
         assert (BAD_FIT not in failed) is fits
+
+
+@pytest.mark.parametrize(
+    ("robot", "mass_kg", "inertia_kg_m2", "residual_nm"),
+    [("ur10e", 0.0625, 0.014, 0.28), ("kr15", None, 0.0275, 1.1)],
+)
+def test_negligible_errors_follow_from_the_limits_of_the_weakest_joint(
+    robot: str, mass_kg: float | None, inertia_kg_m2: float, residual_nm: float
+) -> None:
+    found = NegligibleErrors.of(load_robot(robot))
+    assert found.mass_kg == (None if mass_kg is None else pytest.approx(mass_kg))
+    assert found.inertia_kg_m2 == pytest.approx(inertia_kg_m2)
+    assert found.residual_nm == pytest.approx(residual_nm)
 
 
 def test_the_met_limit_is_stored_in_the_payload_file(tmp_path: Path) -> None:

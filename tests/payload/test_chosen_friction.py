@@ -27,7 +27,7 @@ def test_a_model_with_presliding_hysteresis_identifies_a_payload(
     loaded: PeriodAverage,
     both: PeriodicRuns,
 ) -> None:
-    """As after `identify --choose`, only the model has presliding terms, not the robot file."""
+    """As after `identify --choose`: the model has presliding terms, the robot file has none."""
     remembering = robot.joints[2].model_copy(
         update={
             "friction": (*robot.joints[2].friction, "presliding"),

@@ -26,7 +26,9 @@ IMPORTED = ("empty", "first", "second", "third", "left on", "heavy left on")
 
 @pytest.fixture(scope="module")
 def imported(lab: SimpleNamespace, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Imported periodic runs: one unloaded, three loaded, one with a body left on the flange."""
+    """Imported periodic runs: one unloaded, three loaded, and one with a body that was left on the
+    flange.
+    """
     place = tmp_path_factory.mktemp("imported")
     robot = lab.six_axes(name="six")
     motion = lab.motion_of(robot)
@@ -43,6 +45,7 @@ def imported(lab: SimpleNamespace, tmp_path_factory: pytest.TempPathFactory) -> 
         ],
         "plausible": {"position": 7.0, "speed": 8.0, "torque": 900.0},
         "period_s": 8.0,
+        "torques": "motor_torque",
     }
     (place / "map.yaml").write_text(json.dumps(columns), encoding="utf-8")
     rest = PayloadBody(0.3, np.array([0.0, 0.0, 0.04]), 1e-3 * np.eye(3))

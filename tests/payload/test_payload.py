@@ -1,4 +1,7 @@
-"""Payload identification: simulated with Pinocchio, recovered by each procedure with intervals."""
+"""Payload identification: simulated with Pinocchio.
+
+Each procedure recovers the payload within its intervals.
+"""
 
 from __future__ import annotations
 

@@ -129,7 +129,7 @@ def test_every_procedure_identifies_a_real_payload_within_its_interval(
 def test_a_model_with_its_own_friction_terms_identifies_a_payload(
     workshop: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """As after `identify --choose`, joints that carry the load have load-dependent friction."""
+    """The model has load-dependent friction in two joints, as `identify --choose` can write it."""
     data = RunData.load(find_run(workshop / "runs", "other motion"))
     joints = tuple(
         joint.model_copy(update={"friction": (*joint.friction, "load")})

@@ -26,7 +26,7 @@ pytestmark = pytest.mark.slow
 
 
 def wait_as_device(pipe: Any) -> None:
-    """Wait for a message, as a device's process."""
+    """Wait for a message, as the process of a simulated device does."""
     leave_signals_to_parent()
     pipe.recv()
 

@@ -112,4 +112,4 @@ def test_a_jog_ended_by_its_key_shows_its_run_folder(
         assert person.wait_for_end() == 0
         person.wait_for_text("report.html")
     lines = shown_lines(person, 80, ["jog", "arm.yaml", "q"])
-    assert any(line.startswith("Recorded:") for line in lines)
+    assert any(line.startswith("Recorded") for line in lines)

@@ -75,7 +75,7 @@ def assert_passed(output: str) -> None:
 
 @pytest.fixture(scope="module")
 def figures(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Return the measured values of the guest by fault."""
+    """Run tests in a virtual machine (user-mode Linux); return each fault's printed result."""
     tests = ("tests/socketcan/test_interface.py", "tests/faults/test_failing_disk.py")
     output = boot(tmp_path_factory.mktemp("guest"), *tests)
     assert_passed(output)

@@ -35,7 +35,8 @@ class SpeedRuns(ConfigModel):
 
     Attributes:
         joint: Name of the joint.
-        low, high: Ends of the range [rad or m].
+        low: Lower end of the range [rad or m].
+        high: Upper end of the range [rad or m].
         speeds: Speeds of the runs [rad/s or m/s].
     """
 
@@ -63,7 +64,7 @@ class ConstantRun:
 
 @dataclass(frozen=True)
 class _Stroke:
-    """Numbers of rows of a ramp and at constant speed; start and end position of a run."""
+    """Numbers of rows (of a ramp, at constant speed), and the start and end position of a run."""
 
     ramp: int
     constant: int

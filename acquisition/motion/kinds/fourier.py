@@ -39,7 +39,8 @@ class FourierJoint(ConfigModel):
     Attributes:
         joint: Name of the joint.
         offset: Position about which the joint moves [rad or m].
-        sine, cosine: Amplitudes of the harmonics, beginning with harmonic 1 [rad or m].
+        sine: Sine amplitudes of the harmonics, beginning with harmonic 1 [rad or m].
+        cosine: Cosine amplitudes of the harmonics, beginning with harmonic 1 [rad or m].
     """
 
     joint: str
@@ -135,7 +136,7 @@ def require_duration(periods: int, period_s: float, ramp_s: float, parts: int = 
     Args:
         periods: Number of periods of each part, transient periods included.
         period_s, ramp_s: Durations of a period and of a ramp [s].
-        parts: Number of such motions in sequence.
+        parts: Number of such motions, one after the other.
 
     Raises:
         ConfigError: The motions are too long.
@@ -191,7 +192,7 @@ def join_periodic_motions(
     sample_period_s: float,
     dwell_s: float,
 ) -> MotionSamples:
-    """Return several periodic motions in sequence; the sequence is not periodic.
+    """Return several periodic motions, one after the other; the sequence is not periodic.
 
     Args:
         parts: The motions.

@@ -9,7 +9,7 @@ from typing import Annotated, Final, Literal
 import numpy as np
 from pydantic import Field
 
-from acquisition.motion.kinds.motion import Motion, Position, Seconds
+from acquisition.motion.kinds.motion import Motion, MotionPoses, Position, Seconds
 from acquisition.motion.kinds.pose_sequence import reachable_poses
 from acquisition.motion.paths.joint_spline import joint_spline
 from acquisition.motion.paths.speed import plan_speed, speed_limits
@@ -52,6 +52,12 @@ class JointPathMotion(Motion):
     def next_command(self, run: Path) -> tuple[object, ...]:
         """Return the command that shows the path error."""
         return "tracking", run
+
+    def chosen_poses(self, robot: RobotDescription, most: int) -> MotionPoses | None:
+        """Return the poses of the file; None if there are more than `most`."""
+        if len(self.points) > most:
+            return None
+        return MotionPoses(self.points, self.speed_fraction, self.dwell_s)
 
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
         poses = reachable_poses(self.points, robot)

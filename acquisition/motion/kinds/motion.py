@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Final, Self, final
 
@@ -19,6 +20,21 @@ Position = Annotated[float, Plausible(0.0, 50.0, "rad or m")]
 Speed = Annotated[Positive, Plausible(1e-6, 60.0, "rad/s or m/s")]
 ToolSpeed = Annotated[Positive, Plausible(1e-5, 20.0, "m/s")]
 Seconds = Annotated[Positive, Plausible(1e-3, LONGEST_MOTION_S, "s")]
+
+
+@dataclass(frozen=True)
+class MotionPoses:
+    """Poses of a motion that is completely described by them, its speed and its rests.
+
+    Attributes:
+        points: Poses, each with one position per joint, base to flange [rad or m].
+        speed: Fraction of the joints' limits; for lines of the tool point their speed [m/s].
+        dwell_s: Value of the motion's key for rests [s]; its meaning depends on the kind of motion.
+    """
+
+    points: tuple[tuple[float, ...], ...]
+    speed: float
+    dwell_s: float
 
 
 class Motion(PhysicalFile):
@@ -68,16 +84,20 @@ class Motion(PhysicalFile):
         """Return headings and one row per joint; None if `describe` names everything."""
         return None
 
+    def chosen_poses(self, robot: RobotDescription, most: int) -> MotionPoses | None:
+        """Return the poses of a motion that consists of at most `most` poses; otherwise None."""
+        return None
+
     def where(self, robot: RobotDescription, sample_period_s: float, row: int) -> str:
         """Return a description of a row's place on the path; empty for kinds without a path."""
         return ""
 
     def with_file_data(self, folder: Path) -> Self:
-        """Return the motion with the data of other files that it names, relative to `folder`."""
+        """Return the motion with the data of the files that it names, relative to `folder`."""
         return self
 
     def to_keep(self, written: bytes) -> bytes:
-        """Return a motion file with all data: by default, the file as it was written."""
+        """Return a motion file that contains all data: by default, the file as it was written."""
         return written
 
     @classmethod

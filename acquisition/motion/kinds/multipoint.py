@@ -54,7 +54,7 @@ class MultipointMotion(Motion):
         """Return the command that validates a model."""
         return "validate", "MODEL", run
 
-    def poses(self, robot: RobotDescription) -> FloatArray:
+    def draw_poses(self, robot: RobotDescription) -> FloatArray:
         """Return the poses of the motion, which are the same for the same seed.
 
         Each joint is drawn uniformly from the middle `range_fraction` of its limits.
@@ -91,7 +91,7 @@ class MultipointMotion(Motion):
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
         """Return moves through the poses, with a dwell at each of them."""
         return visit_poses(
-            self.poses(robot),
+            self.draw_poses(robot),
             robot,
             sample_period_s,
             speed_fraction=self.speed_fraction,

@@ -65,7 +65,8 @@ class MultisineMotion(Motion):
 
     Attributes:
         period_s: Duration of one period [s].
-        lowest_hz, highest_hz: Ends of the excited band [Hz].
+        lowest_hz: Lower end of the excited band [Hz].
+        highest_hz: Upper end of the excited band [Hz].
         grid: Excited lines: `odd`, all odd harmonics of the period; `random_odd`, odd harmonics of
             which one in each group of four, chosen at random, stays empty and shows distortion;
             `full`, all harmonics.

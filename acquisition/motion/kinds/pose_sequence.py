@@ -11,7 +11,7 @@ from typing import Annotated, Final, Literal
 import numpy as np
 from pydantic import Field
 
-from acquisition.motion.kinds.motion import Motion, Position, refuse_longer
+from acquisition.motion.kinds.motion import Motion, MotionPoses, Position, refuse_longer
 from acquisition.motion.ramps import move_duration, rest_to_rest
 from acquisition.motion.samples import MotionSamples, Phase, join, phases_of, standstill
 from config.arrays import FloatArray
@@ -43,6 +43,12 @@ class PoseSequenceMotion(Motion):
     def next_command(self, run: Path) -> tuple[object, ...]:
         """Return the command that shows the path error."""
         return "tracking", run
+
+    def chosen_poses(self, robot: RobotDescription, most: int) -> MotionPoses | None:
+        """Return the poses of the file; None if there are more than `most`."""
+        if len(self.points) > most:
+            return None
+        return MotionPoses(self.points, self.speed_fraction, self.dwell_s)
 
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
         """Return the rests and the moves between them.

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Final, Literal
 import numpy as np
 from pydantic import Field
 
-from acquisition.motion.kinds.motion import Motion, Position, ToolSpeed, refuse_longer
+from acquisition.motion.kinds.motion import Motion, MotionPoses, Position, ToolSpeed, refuse_longer
 from acquisition.motion.limits import refuse, violations
 from acquisition.motion.paths.sections import PathPoints, PathSection, path_sections
-from acquisition.motion.paths.segments import Blend, Segment
+from acquisition.motion.paths.segments import Blend, LineSegment, Segment
 from acquisition.motion.paths.speed import (
     SpeedLimits,
     bend_speed,
@@ -46,6 +46,8 @@ FINE_M: Final = 0.001
 FEWEST: Final = 200
 MOST: Final = 20_000
 SLOWEST_SHARE: Final = 0.02
+STEP_M: Final = 0.05
+"""Largest step along a line between two poses that follow each other."""
 
 
 class PathMotion(Motion):
@@ -86,6 +88,25 @@ class PathMotion(Motion):
     def next_command(self, run: Path) -> tuple[object, ...]:
         """Return the command that shows the path error."""
         return "tracking", run
+
+    def chosen_poses(self, robot: RobotDescription, most: int) -> MotionPoses | None:
+        """Return the poses at the ends of the lines.
+
+        None if a segment is not a line, if there are more than `most` poses, or if a point cannot
+        be reached: then planning the motion names the point.
+        """
+        ends = [each.to_m for each in self.segments if isinstance(each, LineSegment)]
+        if (
+            len(ends) < len(self.segments)
+            or len(ends) >= most
+            or len(self.near) != len(robot.joints)
+        ):
+            return None
+        try:
+            points = _poses_at(np.array([self.start_m, *ends]), np.array(self.near), robot)
+        except ConfigError:
+            return None
+        return MotionPoses(points, self.speed_m_s, self.dwell_s)
 
     def sections(self) -> tuple[PathSection, ...]:
         """Return the parts of the path from rest to rest.
@@ -275,3 +296,30 @@ def _refuse_reduced_speed(
         " keep_speed",
         code="RID-MOTION-LIMIT",
     )
+
+
+def _poses_at(
+    tool_m: FloatArray, near: FloatArray, robot: RobotDescription
+) -> tuple[tuple[float, ...], ...]:
+    """Return the poses at points of the tool, each reached from the one before along a line.
+
+    Args:
+        tool_m: Shape (points, 3). Points in the base frame [m].
+        near: Shape (n,). Pose close to the first point, with the constant orientation.
+        robot: The robot.
+
+    Raises:
+        ConfigError: A point cannot be reached.
+    """
+    chain = Chain.from_description(robot)
+    rotation = None
+    if len(near) != 3:
+        rotation = link_transforms(chain, near[np.newaxis])[0, -1][:3, :3]
+    pose, place, found = near, tool_m[0], []
+    for point in tool_m:
+        steps = max(1, math.ceil(float(np.linalg.norm(point - place)) / STEP_M))
+        for step in range(1, steps + 1):
+            pose = reach(chain, place + (point - place) * step / steps, pose, rotation, "a point")
+        place = point
+        found.append(tuple(pose.tolist()))
+    return tuple(found)

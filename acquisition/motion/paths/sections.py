@@ -177,7 +177,7 @@ def path_sections(
 
 
 class _Connection(NamedTuple):
-    """Connection of two segments: a stop, a blend over `reach_m` on both sides, or neither."""
+    """Connection of two segments: a stop, a blend of `reach_m` on both sides, or neither."""
 
     stops: bool
     reach_m: float

@@ -45,8 +45,8 @@ def to_fanuc(body: PayloadBody, origin: tuple[str, ...], digits: Digits) -> str:
     head = (
         *origin,
         "Payload schedule, as its screen shows it: kg, cm, kgf cm s^2 (0.0980665 kg m^2).",
-        "Frame: the faceplate with X up, Y right seen from behind, Z out; the robot file's tool",
-        "frame must be that one. Inertia about the centre of gravity. It has no products of",
+        "Frame: the faceplate with X up, Y right seen from behind, Z out. The robot file's tool",
+        "frame must be this frame. Inertia about the centre of gravity. It has no products of",
         f"inertia: Ixy, Ixz, Iyz = {digits(xy)}, {digits(xz)}, {digits(yz)} kg m^2 are left out.",
     )
     values = [body.mass_kg, *(1e2 * body.centre_m), *moments]
@@ -210,8 +210,8 @@ def to_staubli(body: PayloadBody, origin: tuple[str, ...], digits: Digits) -> st
         *origin,
         "Load of the tool, to be entered by hand: mass [kg]; centre of gravity [mm] from the",
         "flange; inertia [kg m^2] about the centre of gravity in the flange's axes, as elements of",
-        "the matrix (Ixy = -integral of x y dm). NOT VERIFIED with a controller: these names are",
-        "not Staubli's; see the controller's manual for its values and the signs of its products.",
+        "the matrix (Ixy = -integral of x y dm). NOT VERIFIED with a controller: the controller",
+        "uses other names; see its manual for its values and the signs of its products.",
     )
     lines = (f"{name} = {digits(v)}\n" for name, v in zip(_STAUBLI_LINES, values, strict=True))
     return comments("//", head) + "".join(lines)

@@ -37,7 +37,7 @@ def number_writer(count: int) -> Digits:
 
 
 def comments(mark: str, lines: tuple[str, ...]) -> str:
-    """Return lines as comments that start with a mark."""
+    """Return lines as comments; each begins with the comment mark."""
     return "".join(f"{mark} {line}\n" for line in lines)
 
 

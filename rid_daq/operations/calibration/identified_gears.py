@@ -2,15 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import contextlib
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
+
+import numpy as np
 
 from acquisition.motion.kinds.multisine import MultisineMotion
 from acquisition.motion.motion_file import load_motion
 from acquisition.runs.catalogue import find_runs
+from acquisition.tracker.link_file import read_link_positions
+from acquisition.tracker.tracker_file import read_tracked_point
 from config.errors import ConfigError, DataQualityError
+from dynamics.geometry.kinematics import Chain
 from identification.elasticity.elastic_arm import ElasticArm
-from identification.elasticity.elastic_runs import excitation_bins, multisine_bins
+from identification.elasticity.elastic_runs import (
+    ExcitationBins,
+    excitation_bins,
+    multisine_bins,
+)
 from identification.elasticity.gear_estimate import estimate_gears
 from rid_daq.operations.calibration.stiffness import StiffnessRequest
 from rid_daq.report.sections.gears import GearsSection
@@ -39,8 +50,10 @@ def identify_gears(request: StiffnessRequest) -> IdentifiedGears:
     """Identify the gears of a robot and write the report.
 
     Raises:
-        ConfigError: The runs are of several robots, or a kind of run is missing.
-        DataQualityError: A run lacks rows, periods or the data of its force plate.
+        ConfigError: The runs are of several robots, a kind of run is missing, or the files of
+            instruments do not fit the number of runs or cannot be read.
+        DataQualityError: A run lacks rows, periods or the data of its force plate, or the file of
+            an instrument does not fit its run.
         EstimationError: The runs do not determine the arm, or its wrist is coupled.
     """
     data = [
@@ -61,10 +74,14 @@ def identify_gears(request: StiffnessRequest) -> IdentifiedGears:
     excitations = [item for item, motion in motions if motion is None]
     _require_kinds(excitations, [item for item, _ in multisines], request.plate)
     arm = ElasticArm.of(robot, plate=request.plate)
-    large = [
-        excitation_bins(item.folder.run_id, item.average, plate=request.plate)
-        for item in excitations
-    ]
+    large = _with_instruments(
+        request,
+        excitations,
+        [
+            excitation_bins(item.folder.run_id, item.average, plate=request.plate)
+            for item in excitations
+        ],
+    )
     small = [
         part
         for item, motion in multisines
@@ -81,6 +98,49 @@ def identify_gears(request: StiffnessRequest) -> IdentifiedGears:
         notes,
         tuple(item.folder.run_id for item in excitations),
     )
+
+
+def _with_instruments(
+    request: StiffnessRequest, runs: list[RunData], bins: list[ExcitationBins]
+) -> list[ExcitationBins]:
+    """Return the excitation runs with the data of trackers and encoders on the link side.
+
+    Raises:
+        ConfigError: There are more or fewer files than excitation runs, or a file cannot be read.
+        DataQualityError: A file does not fit its run.
+    """
+    chain = Chain.from_description(runs[0].robot)
+    if request.point is not None:
+        chain = replace(chain, tool_m=np.array(request.point))
+    for option, files in (("tracker", request.tracker), ("link-encoders", request.link_encoders)):
+        if files and len(files) != len(runs):
+            raise ConfigError(
+                f"--{option}: {len(files)} files for {len(runs)} excitation runs: give one file for"
+                " each excitation run, in the same order",
+                code="RID-OPTION-COUNT",
+            )
+    for number, path in enumerate(request.tracker):
+        with _prefix_path(path):
+            tracked = read_tracked_point(path)
+            bins[number] = bins[number].with_tracker(tracked, runs[number].recording, chain)
+    for number, path in enumerate(request.link_encoders):
+        with _prefix_path(path):
+            links = read_link_positions(path, runs[number].robot)
+            bins[number] = bins[number].with_link_encoders(links, runs[number].recording)
+    return bins
+
+
+@contextlib.contextmanager
+def _prefix_path(path: Path) -> Iterator[None]:
+    """Name a file in front of the errors of its data.
+
+    Raises:
+        DataQualityError: As raised in the `with` block.
+    """
+    try:
+        yield
+    except DataQualityError as error:
+        raise DataQualityError(f"{path}: {error}", code=error.refusal) from None
 
 
 def _multisine_of(data: RunData) -> MultisineMotion | None:

@@ -275,7 +275,7 @@ class AxisTester:
 
 
 def visible_motion(robot: RobotDescription, moved: FloatArray) -> ObservedMotion:
-    """Return the motion that a person sees if joints move by `moved`, (joints,) [rad or m]."""
+    """Return the motion that a person sees if the joints move by `moved`, (joints,) [rad or m]."""
     size = np.array(
         [TURN_RAD if joint.type == "revolute" else SHIFT_M for joint in robot.joints], dtype=float
     )

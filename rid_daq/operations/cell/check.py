@@ -119,10 +119,10 @@ class CheckResult:
         if self.request.all_lines:
             yield from all_blocks(checked.lines)
         else:
-            yield Text(text="Use --all to see every line.")
+            yield Text(text="Use --all to see every line.", is_for_terminal=True)
         if checked.write_log is not None and checked.write_log.exists():
             undo = as_command("drives", "rollback", self.request.cell, checked.write_log)
-            yield Text(text=f"To undo what was written to the drives: {undo}")
+            yield Text(text=f"To undo what was written to the drives: {undo}", is_for_terminal=True)
         if self.failure is not None:
             yield Verdict(passed=False, text=f"Cell {checked.cell} is not ready: no motion.")
             return

@@ -107,21 +107,22 @@ class PlateZeroResult:
                     text="The plate is not zeroed: repeat `plate zero`, because `record` would"
                     " subtract wrong offsets."
                 )
-                yield Text(text=f"Report: {run.report}")
+                yield Text(text=f"Report: {run.report}", is_for_terminal=True)
             return
         section, verdict = run.result.plate_zero, run.result.verdict
         assert section is not None
         yield from plate_zero_blocks(section)
         yield Verdict(passed=verdict.passed, text=f"{verdict.headline}. {verdict.sentence}")
-        yield Text(text=f"Report: {run.report}")
+        yield Text(text=f"Report: {run.report}", is_for_terminal=True)
         if zeroed.written is not None:
             yield Text(text=f"4 of 4: the zero was written into {zeroed.written}")
         elif verdict.passed:
             yield Text(
                 text="4 of 4: add these lines under `plate:` in the cell file (--write does it"
-                " for you):"
+                " for you):",
+                is_for_terminal=True,
             )
-            yield Text(text=zeroed.lines.rstrip("\n"))
+            yield Text(text=zeroed.lines.rstrip("\n"), is_for_terminal=True)
 
 
 def run(request: PlateZeroRequest, context: Context) -> PlateZeroResult:

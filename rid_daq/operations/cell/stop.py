@@ -182,4 +182,5 @@ OPERATION: Final = Operation(
     request=StopRequest,
     run=run,
     examples=("stop ir361", "stop --all"),
+    is_of_cells=True,
 )

@@ -31,10 +31,9 @@ from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import Clearance, RunRequest, RunSession, open_session
 from rid_daq.report.sections.plate_zero import PlateZeroSection, as_zero, zero_verdict
-from rid_daq.runs.plate_zero_lines import write_zero, zero_lines
+from rid_daq.runs.plate_zero_lines import ZERO_FILE, write_zero, zero_lines, zero_source
 from rid_daq.runs.run_data import RunData
 
-ZERO_FILE: Final = "zero.yaml"
 REST_S: Final = 0.5
 
 
@@ -113,7 +112,7 @@ def zero_plate(request: PlateZeroRequest, context: Context) -> ZeroedPlate:
             )
             run.facts["zeroed"] = judged.passed
             zero = as_zero(found, turn)
-            source = f"measured by `rid-daq plate zero`, run {run.folder.run_id}"
+            source = zero_source(run.folder.run_id)
             lines = zero_lines(zero, source)
             run.folder.write(ZERO_FILE, lines.encode())
     written = None
@@ -134,7 +133,7 @@ def _without_zero(cell: CellConfig) -> CellConfig:
 
 
 def _drive_to_first_pose(session: RunSession, turn: ZeroTurn, context: Context) -> RecordedRun:
-    """Move to the first pose and stop there with the drives off; do not keep the recording."""
+    """Move to the first pose and stop there with the drives off; the recording is not kept."""
     context.say(f"1 of 4: moving to the first pose ({', '.join(f'{q:.3f}' for q in turn.first)})")
     bare = session.cell.model_copy(update={"plate": None})
     there = rest_samples(session.loaded.robot, turn.first, REST_S, bare.cycle_time_s)

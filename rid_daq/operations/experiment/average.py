@@ -60,7 +60,7 @@ class AverageResult:
 
         yield from note_blocks(self.notes)
         yield from average_blocks(self.section)
-        yield Text(text=f"Report: {self.report}")
+        yield Text(text=f"Report: {self.report}", is_for_terminal=True)
 
 
 def run(request: AverageRequest, _context: Context) -> AverageResult:

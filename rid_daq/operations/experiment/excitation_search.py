@@ -103,7 +103,7 @@ def search(
 
 
 class _SearchState:
-    """State of a running search: all trials so far, and the best candidate.
+    """State of a running search: all trials so far, and the best motion so far.
 
     Args:
         cell, options, context: As for `search`.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -126,7 +126,7 @@ class ImportResult:
                 yield Text(text=line)
             passed = None if each.report.findings else True
             yield Verdict(passed=passed, text=f"Imported: {each.folder.path}")
-            yield Text(text=f"Report: {each.page}")
+            yield Text(text=f"Report: {each.page}", is_for_terminal=True)
         if not self.runs[0].report.static:
             yield Next(words=("identify", str(self.runs[0].folder.path)))
 
@@ -149,6 +149,7 @@ def _run_document(run: ImportedRun) -> dict[str, object]:
         "refined_step": report.refined_step,
         "clock": None if report.clock is None else ClockSection.of(report.clock),
         "static": report.static,
+        "plate": None if report.plate is None else asdict(report.plate),
     }
 
 

@@ -6,11 +6,13 @@ import tempfile
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from acquisition.imports.import_map import ImportMap, RowRange, load_import_map
 from acquisition.imports.lines import LARGEST_FILE_BYTES
 from acquisition.imports.read import import_csv
 from acquisition.imports.report import ImportReport
 from acquisition.journal.cycles import write_imported
+from acquisition.journal.imported_plate import write_imported_plate
+from acquisition.journal.plate import PLATE_RECORDING
+from acquisition.maps.import_map import ImportMap, RowRange, load_import_map
 from acquisition.recording.recording import Recording
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING, RunStatus, require_label
@@ -21,6 +23,7 @@ from config.formats.bounded_file import read_file
 from config.load import to_yaml
 from config.robot.robot import RobotDescription
 from rid_daq.operations.experiment.import_ import ImportRequest, first_and_last
+from rid_daq.operations.experiment.imported_plate import align_plate
 from rid_daq.report.sections.verdict import VerdictSection
 from rid_daq.report_page.write import write_result
 from rid_daq.runs.origins import write_map_origin
@@ -86,12 +89,17 @@ def import_files(request: ImportRequest) -> tuple[ImportedRun, ...]:
         maps = [import_map.model_copy(update={"rows": rows}) for rows in ranges]
         layouts = [layout.model_copy(update={"rows": rows}) for rows in ranges]
         read = [
-            import_csv(
-                files[0],
-                each,
+            align_plate(
+                files,
+                numbered,
                 robot,
-                further=files[1:],
-                layout=None if layout is import_map else numbered,
+                *import_csv(
+                    files[0],
+                    each,
+                    robot,
+                    further=files[1:],
+                    layout=None if layout is import_map else numbered,
+                ),
             )
             for each, numbered in zip(maps, layouts, strict=True)
         ]
@@ -133,26 +141,21 @@ def _write_run(
             folder.write(name, read_file(file, LARGEST_FILE_BYTES))
         comment = f"Import map with which {' and '.join(names)} was read."
         folder.write(MAP, to_yaml(import_map, comment).encode())
-        robot = robot.model_copy(update={"meshes": None})  # their file stays beside the robot file
+        robot = robot.model_copy(update={"meshes": None})  # their file stays next to the robot file
         folder.write(ROBOT, to_yaml(robot, f"Robot {robot.name}, as used by the import.").encode())
         folder.write(IMPORT, report.to_json())
         write_map_origin(folder, reference)
         recording = replace(recording, robot_name=robot.name, run_id=folder.run_id)
         write_imported(folder.file(RECORDING), recording)
+        if recording.reaction is not None:
+            path = folder.file(PLATE_RECORDING)
+            write_imported_plate(path, recording.reaction, recording.time_s, folder.run_id)
         data = RunData.of(folder, recording, robot, report)
-        headline = "Imported without loss"
-        if report.rows_damaged:
-            headline = f"Imported; {report.rows_damaged} damaged rows left out"
-        if report.clock is not None and report.clock.repeated_rows:
-            if not report.rows_damaged:
-                headline = "Imported"
-            headline += f"; {report.clock.repeated_rows} repeated rows left out"
-        if report.findings:
-            headline += f"; {len(report.findings)} findings"
-        sentences = [*report.lines()[:2], *report.findings]
+        of_plate = () if report.plate is None else report.plate.lines()
+        sentences = [*report.lines()[:2], *of_plate, *report.findings]
         result = result_of(data).with_sections(
             title=f"Import of {report.file}",
-            verdict=VerdictSection.of([], headline, f"{'. '.join(sentences)}."),
+            verdict=VerdictSection.of([], report.headline, f"{'. '.join(sentences)}."),
         )
         page = write_result(folder, result)
         folder.finish(RunStatus.COMPLETE, {"robot": robot.name, "rows": report.rows_used})

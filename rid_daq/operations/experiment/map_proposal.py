@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from acquisition.proposals.propose import Proposal, propose_map
+from acquisition.maps.torque_meaning import MEANINGS, MOTOR_CURRENT, TorqueMeaning
+from acquisition.proposals.proposal import Proposal
+from acquisition.proposals.propose import propose_map
 from config.errors import ConfigError
 from config.formats.whole_file import write_new
 from config.formats.yaml_tree import dump_yaml
-from config.load import bundled_names
+from config.load import bundled_names, load_robot
+from config.refusals import PLACEHOLDER
+from identification.wiring.torque_origin import judge_torques
 from rid_daq.blocks.block import AnyBlock, Next, Text, Verdict
 from rid_daq.operations.experiment.import_ import ImportRequest
+from rid_daq.operations.experiment.judged_efforts import judge_efforts
 
 
 @dataclass(frozen=True)
@@ -38,7 +43,7 @@ class MapProposal:
             "keys": self.proposal.keys,
             "reasons": list(self.proposal.reasons),
             "doubts": list(self.proposal.doubts),
-            "can_be_imported": self.proposal.report is not None,
+            "can_be_imported": self.proposal.report is not None and not self.proposal.missing,
         }
 
     def blocks(self) -> Iterator[AnyBlock]:
@@ -82,16 +87,65 @@ def write_proposal(request: ImportRequest) -> MapProposal:
             code="RID-IMPORT-FILES",
         )
     path = request.proposal or Path(f"{recording.stem}.map.yaml")
-    proposal = propose_map(recording, request.robot)
     robot = request.robot
+    proposal = propose_checked_map(recording, robot)
     if robot not in bundled_names("robots"):
         robot = os.path.relpath(robot, path.absolute().parent)
+    write_new(path, to_map_text(recording.name, proposal, robot).encode())
+    return MapProposal(path, recording, proposal)
+
+
+def propose_checked_map(path: Path, robot_reference: str) -> Proposal:
+    """Propose an import map, and judge the meaning of the torques from the data.
+
+    The meaning is proposed if the recording's program defines it, or if the data show only one.
+    Otherwise it is `?`. The same holds for the quantity in the efforts of joint states.
+
+    Args:
+        path: The recording.
+        robot_reference: Robot that moved: a bundled name or a robot file.
+
+    Raises:
+        ConfigError: As for `propose_map`.
+    """
+    proposal = propose_map(path, robot_reference)
+    if "torques" in proposal.keys:
+        return proposal
+    if "joint_states" in proposal.keys:
+        return judge_efforts(proposal, load_robot(robot_reference))
+    currents = any("current" in joint for joint in proposal.keys.get("joints", ()))
+    judged = None
+    meanings: tuple[TorqueMeaning, ...] = (MOTOR_CURRENT,) if currents else ()
+    why = "the columns are currents" if currents else "neither the file nor the data show it"
+    if proposal.recording is not None:
+        robot = load_robot(robot_reference)
+        judged = judge_torques(proposal.recording, robot, currents=currents)
+    if judged is not None:
+        meanings, why = judged.meanings, judged.reason
+    if len(meanings) == 1:
+        value: str = meanings[0]
+        doubt = f"torques: {value} ({MEANINGS[meanings[0]]}) is assumed, because {why}"
+    else:
+        value = PLACEHOLDER
+        choice = "; ".join(f"{name}: {MEANINGS[name]}" for name in meanings or MEANINGS)
+        doubt = f"torques: replace `?` by the meaning of the torques, because {why} ({choice})"
+    keys = proposal.keys | {"torques": value}
+    return replace(proposal, keys=keys, doubts=(*proposal.doubts, doubt))
+
+
+def to_map_text(name: str, proposal: Proposal, robot: str) -> str:
+    """Return a proposed map as YAML; comments give the reasons and what must be checked.
+
+    Args:
+        name: Name of the recording's file.
+        proposal: The proposal.
+        robot: Bundled name, or the path of the robot file relative to the map.
+    """
     comment = "\n".join(
         (
-            f"Import map proposed for {recording.name}: check it before use.",
+            f"Import map proposed for {name}: check it before use.",
             *proposal.reasons,
             *(f"Check: {doubt}" for doubt in proposal.doubts),
         )
     )
-    write_new(path, dump_yaml(proposal.keys | {"robot": robot}, comment).encode())
-    return MapProposal(path, recording, proposal)
+    return dump_yaml(proposal.keys | {"robot": robot}, comment)

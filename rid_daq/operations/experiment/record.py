@@ -25,6 +25,7 @@ from rid_daq.requests.option import (
     DEFAULT_RUNS,
     FILES,
     CellName,
+    LoadChangeFile,
     Option,
     RunsFolder,
 )
@@ -86,6 +87,7 @@ class RecordRequest(Request):
         ),
         Option(metavar="PAYLOAD", file="input"),
     ] = None
+    load_changes: LoadChangeFile = None
     frames: Annotated[
         bool,
         Field(description="Save all frames on the bus to frames.blf of the run."),
@@ -95,6 +97,14 @@ class RecordRequest(Request):
         Path | None,
         Field(description="Fault script: faults of a simulated cell and their times."),
         Option(group=SIMULATED, metavar="FILE", file="input"),
+    ] = None
+    tracker: Annotated[
+        Path | None,
+        Field(
+            description="File to write what the simulated laser tracker measures (key `tracker` of"
+            " the plant file), in the format that `stiffness` and `tracking` read."
+        ),
+        Option(group=SIMULATED, metavar="FILE", file="output", endings=(".csv",)),
     ] = None
     rehearse: Annotated[
         bool,

@@ -21,13 +21,21 @@ from identification.estimation.limit_torque import limit_temperature_note
 from rid_daq.operations.cell_files import add_feedforward, read_estimate_for, read_motion_and_bytes
 from rid_daq.operations.experiment.record import RecordRequest
 from rid_daq.operations.operation import Context
-from rid_daq.operations.stated_payload import state_payload
+from rid_daq.operations.stated_loads import (
+    read_stated_changes,
+    require_same_changes,
+    state_loads,
+)
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.accuracy_watch import AccuracyWatch
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import Clearance, RunRequest, open_session
 from rid_daq.requests.cell_options import Simulation
+from rid_daq.runs.changed_load import LOAD_CHANGES, load_changes_bytes
+from rid_daq.runs.made_file import TRACKED
+from rid_daq.runs.output_file import refuse_output
 from rid_daq.runs.run_data import FEEDFORWARD, MOTION
+from rid_daq.session.scenario import Scenario, constant_load_notes, load_transfers
 from rid_daq.session.session import as_label
 from rid_daq.terminal.exit_codes import ExitCode
 
@@ -55,7 +63,7 @@ class RecordedMotion:
 
     @property
     def exit_code(self) -> ExitCode:
-        """Exit code of the run; it shows also if an accuracy goal was not reached."""
+        """Exit code of the run; it also shows whether an accuracy goal was missed."""
         missed = self.accuracy is not None and not self.accuracy.reached
         return self.run.exit_code or (ExitCode.VERDICT_FAILED if missed else ExitCode.DONE)
 
@@ -74,20 +82,41 @@ def record_motion_file(request: RecordRequest, context: Context) -> RecordedMoti
         MOTION: text
     }  # source files of the run in addition to the cell's files; each is read only once
     samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
+    refuse_output(request.tracker, overwrite=False, made=TRACKED)
+    stated = None if request.load_changes is None else read_stated_changes(request.load_changes)
+    changes = None
+    if stated is not None:
+        samples, changes = stated.planned(samples), stated.changes
+        files |= stated.files
     if request.feedforward is not None:
-        samples, files[FEEDFORWARD] = add_feedforward(request.feedforward, motion, samples)
+        made = add_feedforward(request.feedforward, motion, samples)
+        samples, files[FEEDFORWARD], changes = made
+        if stated is not None or request.model is not None:
+            named = None if stated is None else stated.changes
+            require_same_changes(named, changes, str(request.feedforward))
+        if changes is not None:
+            files[LOAD_CHANGES] = load_changes_bytes(changes)
         verify_limits(samples, loaded.robot)
         verify_command(samples, loaded.config, loaded.robot)
     if request.model is not None:
         estimate = read_estimate_for(request.model, loaded.robot)
-        estimate = state_payload(estimate, request.model, request.payload, request.runs).estimate
-        refuse_torque(motion, samples, estimate, loaded.robot)
+        by = (request.model, request.payload, request.load_changes, request.runs)
+        load = state_loads(estimate, *by).over_time(lambda model: model)
+        refuse_torque(motion, samples, load, loaded.robot)
         driven = commanded_motion(samples, loaded.config.position_gain_per_s)
-        refuse_torque(motion, driven, estimate, loaded.robot)
+        refuse_torque(motion, driven, load, loaded.robot)
         warmth = limit_temperature_note(estimate)
         if warmth:
             context.say(warmth)
     script = _load_fault_script(request, loaded.config, files)
+    if changes is not None and request.rehearse:
+        raise ConfigError(
+            "--rehearse: the payload changes during the motion, but a rehearsal at a quarter of"
+            " the speed would reach these times at other places: leave --rehearse out",
+            code="RID-OPTION-EXCLUSIVE",
+        )
+    for note in constant_load_notes(changes, loaded.config):
+        context.say(f"note: {note}")
     accuracy = None
     if request.until or samples.samples_per_period is not None:
         accuracy = AccuracyWatch(request.until, loaded.robot, samples)
@@ -110,7 +139,9 @@ def record_motion_file(request: RecordRequest, context: Context) -> RecordedMoti
         Clearance(request.cleared, request.practise, files),
         AxisTestRule(request.axis_test),
         simulation=simulation,
-        faults=script,
+        scenario=Scenario(
+            script, request.tracker and request.tracker.resolve(), load_transfers(changes)
+        ),
         live=request.live,
     ) as session:
         if request.rehearse:
@@ -122,7 +153,7 @@ def record_motion_file(request: RecordRequest, context: Context) -> RecordedMoti
 
 
 def _simulation(request: RecordRequest) -> Simulation:
-    """Return the simulation's options; without a model, `payload` is what the robot carries."""
+    """Return the options of the simulation; without a model, the robot carries `payload`."""
     if request.payload is None or request.model is not None:
         return request.simulation
     if request.simulation.payload is not None:

@@ -10,13 +10,13 @@ from acquisition.runs.folder import RunFolder
 from config.arrays import FloatArray
 from config.errors import ConfigError
 from identification.estimation.estimate import Estimate
-from identification.estimation.file import read_estimate
 from identification.validation.estimate_difference import EstimateDifference, compare_estimates
 from identification.validation.torque_prediction import common_relative_errors, validate_torques
 from rid_daq.operations.identify.compare import CompareRequest
 from rid_daq.operations.stated_payload import state_payload
 from rid_daq.runs.measured_torques import require_torques
 from rid_daq.runs.run_data import RunData, all_defects
+from rid_daq.runs.run_model import read_model
 from rid_daq.terminal.choices import MODEL
 
 
@@ -96,15 +96,14 @@ def _load_side(request: CompareRequest, what: str) -> tuple[str, Estimate, RunDa
     """Return name and estimate of a model file, or of a run with the model identified from it."""
     folder = find_file_or_run(request.runs, what)
     if isinstance(folder, Path):
-        return folder.name, read_estimate(folder), None
+        return folder.name, read_model(folder), None
     if not folder.file(MODEL).exists():
         raise ConfigError(
             f"run {what!r} has no {MODEL}: identify it first with `rid-daq identify {folder.path}`",
             code="RID-RUN-NO-RESULT",
         )
     data = RunData.load(folder, unfinished=request.unfinished)
-    folder.read(MODEL)  # raises an error if the file has changed since it was written
-    return folder.manifest().label, read_estimate(folder.file(MODEL)), data
+    return folder.manifest().label, read_model(folder.file(MODEL)), data
 
 
 def _predict_run(one: Estimate, other: Estimate, data: RunData) -> RunPrediction:

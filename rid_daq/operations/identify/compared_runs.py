@@ -32,7 +32,7 @@ class Row(NamedTuple):
 
     @property
     def differs(self) -> str:
-        """A word if the two values are not the same."""
+        """Remark if the two values differ."""
         return "" if self.first == self.second else "differs"
 
 
@@ -62,11 +62,11 @@ class RunSide:
 
     @property
     def name(self) -> str:
-        """Label of the run."""
+        """Label that the user gave the run."""
         return self.manifest.label or self.folder.run_id
 
     def fact(self, name: str) -> str:
-        """Return a fact of the manifest as text; a dash without it."""
+        """Return a fact of the run's manifest as text; return a dash if there is no such fact."""
         found = self.manifest.facts.get(name)
         return _NONE if found in (None, "") else str(found)
 
@@ -228,7 +228,7 @@ class RunPair:
             yield self._payload_table()
 
     def _heads(self) -> tuple[str, str]:
-        """Return the titles of the columns of both runs; equal labels are followed by the id."""
+        """Return the column titles of both runs: their labels, with the ids if these are equal."""
         one, other = self.first, self.second
         if one.name != other.name:
             return one.name, other.name

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Final
 
@@ -21,6 +22,23 @@ if TYPE_CHECKING:
     from rid_daq.operations.identify.exported_torques import ExportedTorques
     from rid_daq.operations.identify.updated_urdf import UpdatedUrdfSection
     from rid_daq.runs.run_data import RunData
+
+
+ENDINGS: Final[dict[Format, tuple[str, ...]]] = {
+    Format.URDF: (".urdf", ".xml"),
+    Format.SDF: (".sdf",),
+    Format.MJCF: (".xml",),
+    Format.PINOCCHIO: (".py",),
+    Format.KDL: (".yaml",),
+    Format.C: (".c",),
+    Format.PYTHON: (".py",),
+    Format.CSV: (".csv",),
+    Format.JSON: (".json",),
+    Format.PARQUET: (".parquet",),
+    Format.MAT: (".mat",),
+    Format.MDF4: (".mf4",),
+}
+"""Endings of the files of each format; the command line accepts others too, such as .txt."""
 
 
 class ExportRequest(Request):
@@ -55,18 +73,7 @@ class ExportRequest(Request):
             metavar="FILE",
             group=FILES,
             file="output",
-            endings=(
-                ".urdf",
-                ".sdf",
-                ".xml",
-                ".py",
-                ".c",
-                ".csv",
-                ".json",
-                ".parquet",
-                ".mat",
-                ".mf4",
-            ),
+            endings=tuple(dict.fromkeys(chain.from_iterable(ENDINGS.values()))),
         ),
     ]
     urdf: Annotated[

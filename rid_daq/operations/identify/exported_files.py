@@ -19,7 +19,6 @@ from config.formats.whole_file import write_whole
 from config.formats.xml_tree import MAX_BYTES
 from identification.consistency.closest_robot import NominalLinks, find_closest
 from identification.estimation.estimate import Estimate
-from identification.estimation.file import read_estimate
 from identification.export.description import mjcf, pinocchio_model, sdf, urdf
 from identification.export.function import c_function, python_function
 from identification.export.kdl import kdl_notes, kdl_parameters, rest_of_model
@@ -28,12 +27,18 @@ from identification.export.table import csv_table, json_table
 from identification.export.urdf_update import UpdatedUrdf, UrdfUpdate
 from identification.model.still_joints import refuse_unmoved_joints
 from identification.regression.fit_grade import Grade
-from rid_daq.operations.identify.export import ExportedModel, ExportedRecording, ExportRequest
+from rid_daq.operations.identify.export import (
+    ENDINGS,
+    ExportedModel,
+    ExportedRecording,
+    ExportRequest,
+)
 from rid_daq.operations.identify.exported_torques import ExportedTorques, exported_torques
 from rid_daq.operations.identify.updated_urdf import UpdatedUrdfSection
 from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
 from rid_daq.runs.run_data import RunData, all_defects
+from rid_daq.runs.run_model import read_model
 from rid_daq.terminal.choices import MODEL, Format
 
 RECORDINGS: Final = tuple(Format(form.value) for form in RecordingFormat)
@@ -65,6 +70,7 @@ def export_file(request: ExportRequest) -> ExportedModel | ExportedRecording:
     """
     refuse_output(request.output, request.overwrite, made_file.EXPORT)
     _refuse_own_input(request)
+    _refuse_ending(request)
     found = find_file_or_run(request.runs, request.what)
     if isinstance(found, Path):
         _refuse_without_effect(request, ("unfinished",), "with a model file")
@@ -88,6 +94,18 @@ def _refuse_own_input(request: ExportRequest) -> None:
                 f"{request.output}: the export is made from this file: give another name",
                 code="RID-OPTION-EXCLUSIVE",
             )
+
+
+def _refuse_ending(request: ExportRequest) -> None:
+    """Refuse an output whose ending is that of another format, such as a table named .urdf."""
+    own = ENDINGS[request.to]
+    ending = request.output.suffix.lower()
+    if ending not in own and any(ending in endings for endings in ENDINGS.values()):
+        raise ConfigError(
+            f"{request.output}: {ending} is the ending of another format than --to"
+            f" {request.to.value}: name the file *{' or *'.join(own)}",
+            code="RID-OUTPUT-ENDING",
+        )
 
 
 def _refuse_without_effect(request: ExportRequest, names: tuple[str, ...], because: str) -> None:
@@ -120,7 +138,7 @@ def export_model(request: ExportRequest) -> ExportedModel:
             " single links, but the identified parameters are sums over several links",
             code="RID-EXPORT-LINKS",
         )
-    estimate = read_estimate(Path(request.what))
+    estimate = read_model(Path(request.what))
     if to is Format.KDL:
         return export_kdl(request, estimate)
     if request.urdf is not None:
@@ -257,10 +275,11 @@ def _read(path: Path) -> bytes:
 
 
 def _require_room(update: UrdfUpdate, estimate: Estimate, chosen: ExportModel) -> None:
-    """Refuse parameters that links with unchanged values keep from the identified ones.
+    """Refuse parameters that are too far from the best ones because links keep their values.
 
     Raises:
-        EstimationError: They change a base parameter by more than three standard deviations.
+        EstimationError: The unchanged links change a base parameter by more than three standard
+            deviations.
     """
     unchanged = update.nominal.unchanged
     if not np.any(unchanged):
@@ -295,7 +314,7 @@ def export_recording(request: ExportRequest, folder: RunFolder) -> ExportedRecor
             + (f", as {model}" if model.exists() else " of `rid-daq identify`"),
             code="RID-EXPORT-FORMAT",
         )
-    data = RunData.load(folder, unfinished=request.unfinished)
+    data = RunData.load(folder, unfinished=request.unfinished, changing_load=True)
     notes = all_defects([data])
     table = recording_table(data.recording, data.robot)
     write_whole(request.output, encode_recording(table, RecordingFormat(to.value)))

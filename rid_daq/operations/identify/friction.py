@@ -79,7 +79,7 @@ class FrictionResult:
 
         yield from note_blocks(self.found.notes)
         yield from friction_blocks(self.found.section)
-        yield Text(text=f"Report: {self.found.report}")
+        yield Text(text=f"Report: {self.found.report}", is_for_terminal=True)
 
 
 def run(request: FrictionRequest, _context: Context) -> FrictionResult:

@@ -20,23 +20,28 @@ from identification.calibration.drive_gains import DriveGains
 from identification.consistency.closest_robot import check_consistency
 from identification.consistency.consistency_test import ConsistencyTest
 from identification.cross_checks.agreement import CrossCheck, CrossMethod
-from identification.equations.bus_delay import refused_delay_findings
+from identification.equations.late_torques import LateTorque, find_late_torques
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import write_estimate
 from identification.estimation.options import EstimationOptions
+from identification.model.known_loads import Bodies, load_findings
 from identification.regression.fit_grade import Grade
 from identification.validation.friction_drift import friction_drift
+from identification.validation.further_terms import further_term_findings
 from identification.validation.model_choice import STEPS, ModelChoice
 from identification.validation.period_comparison import compare_period
 from identification.wiring.held_out import held_out_share
+from identification.wiring.torque_origin import torque_contradiction
 from rid_daq.operations.identify.identify import IdentifyRequest
 from rid_daq.operations.identify.run_estimation import (
     EstimationJob,
+    add_mass_uncertainty,
+    coarse_signals,
     compare_friction,
     cross_check_estimate,
     estimate_drive_gains,
     estimate_runs,
-    missing_friction_terms,
+    with_bodies,
 )
 from rid_daq.operations.identify.wiring_diagnosis import (
     OTHER_ROBOT,
@@ -44,7 +49,9 @@ from rid_daq.operations.identify.wiring_diagnosis import (
     diagnose_wiring,
     signals_for_diagnosis,
 )
+from rid_daq.operations.known_bodies import known_bodies
 from rid_daq.operations.operation import Context
+from rid_daq.report.mistake_entry import ArmWeightEntry, UnconfirmedSection
 from rid_daq.report.model_file import ModelFile
 from rid_daq.report.result import NOTHING_JUDGED, Result
 from rid_daq.report.sections.average import AverageSection
@@ -57,8 +64,8 @@ from rid_daq.report.sections.verdict import VerdictSection
 from rid_daq.report_page.write import write_result
 from rid_daq.runs import made_file
 from rid_daq.runs.measured_torques import require_torques
-from rid_daq.runs.output_file import refuse_output
-from rid_daq.runs.run_data import RunData, clock_sections, register_output, result_of, show_defects
+from rid_daq.runs.output_file import refuse_output, register_output
+from rid_daq.runs.run_data import RunData, clock_sections, result_of, show_defects
 from rid_daq.terminal.choices import MODEL
 
 BAD_FIT = "Failed: the model does not explain this run"
@@ -77,6 +84,7 @@ class IdentifiedRobot:
         plate: Fit of the force plate; None if the model does not use it.
         comparison: Choice of the friction terms; None if they were not chosen.
         gains: Drive gains; None if no load mass was given.
+        bodies: Known bodies of the first run.
     """
 
     estimate: Estimate
@@ -86,6 +94,7 @@ class IdentifiedRobot:
     plate: PlateSection | None
     comparison: ComparisonSection | None
     gains: DriveGains | None
+    bodies: Bodies
 
 
 @dataclass(frozen=True)
@@ -122,10 +131,11 @@ class IdentifiedRuns:
 
     @property
     def has_mistakes(self) -> bool:
-        """True if a mistake in the files is probable, or the data are physically impossible."""
+        """True if a mistake in files or clock is probable, or the data are impossible."""
         estimate = self.section
         heavy = estimate.arm_weight is not None and not estimate.arm_weight.is_plausible
-        return bool(estimate.mistakes or estimate.driving or heavy or self.plate_is_doubted)
+        wrong = estimate.mistakes or estimate.driving or estimate.late_torques
+        return bool(wrong or heavy or self.plate_is_doubted)
 
     @property
     def plate_is_doubted(self) -> bool:
@@ -164,10 +174,11 @@ def identify_runs(request: IdentifyRequest, context: Context) -> IdentifiedRuns:
     result = result if verdict is None else result.with_sections(verdict=verdict)
     if first.is_periodic:
         average = robot.averages[0]
-        period = compare_period(robot.estimate, average)
+        carrying = with_bodies(robot.estimate, robot.bodies)
+        period = compare_period(carrying, average)
         result = result.with_sections(
             average=AverageSection.of(average, first.robot),
-            curves=CurvesSection.of_period(robot.estimate, period, average.periods_kept),
+            curves=CurvesSection.of_period(carrying, period, average.periods_kept),
         )
     report = write_result(first.folder, result)
     has_plate = first.is_periodic and all(item.has_plate for item in data)
@@ -190,7 +201,8 @@ def identify_robot(
         DataQualityError, EstimationError: The data do not determine the parameters.
     """
     request.refuse_contradictions()
-    how = replace(_estimation_job(request), loaded=_loaded_run_ids(request, data))
+    loaded, bodies = _loaded_run_ids(request, data), known_bodies(request.loads, request.runs, data)
+    how = replace(_estimation_job(request), loaded=loaded, bodies=bodies)
     if how.options.model.kind != "external":
         require_torques(data)
     first = data[0]
@@ -198,9 +210,12 @@ def identify_robot(
     robot = None if comparison is None else comparison.robot(first.robot)
     identified = estimate_runs(data, how, robot=robot, chosen=comparison)
     estimate, wiring = identified.estimate, WiringDiagnosis()
-    if how.options.model.kind != "external":
+    if bodies:
+        estimate = add_mass_uncertainty(estimate, data, how)
+    empty = how.empty_runs(data)
+    if how.options.model.kind != "external" and empty:
         signals = signals_for_diagnosis(data, how, first.robot)
-        wiring = diagnose_wiring(signals, first, estimate, search=request.diagnose)
+        wiring = diagnose_wiring(signals, empty[0], estimate, search=request.diagnose)
         if request.diagnose:
             estimate = replace(estimate, held_out_share=held_out_share(signals))
     gains = None
@@ -218,12 +233,19 @@ def identify_robot(
         )
     consistency, consistency_words = _check_consistency(estimate)
     findings = [*wiring.sentences, *_estimate_findings(estimate, data, weight), consistency_words]
+    findings += load_findings(bodies, [item.folder.run_id for item in data], bool(empty))
+    findings += _contradictions_of_torque_meaning(data, wiring)
     if comparison is not None:
-        names, delays_s = comparison.joint_names, comparison.refused_delay_s
-        findings += refused_delay_findings(names, delays_s)
+        findings += comparison.refused.findings(comparison.joint_names)
     findings += [] if gains is None else [f"{sentence}." for sentence in gains.sentences()]
-    if request.diagnose and not request.choose:
-        findings += missing_friction_terms(estimate, data, how)
+    late: tuple[LateTorque, ...] = ()
+    if request.diagnose and (coarse := coarse_signals(estimate, data, how)):
+        if comparison is None:
+            findings += further_term_findings(estimate.robot, coarse, how.options)
+        terms, still = how.options.model, how.options.standstill_rad_s
+        channel = None if comparison is None else comparison.channel
+        late = find_late_torques(estimate.robot, coarse, terms, still, channel)
+        findings += [each.sentence for each in late]
     findings += _cross_check(data, how, estimate, context) if request.cross_check else []
     section = EstimateSection.of(
         estimate,
@@ -231,8 +253,15 @@ def identify_robot(
         mistakes=wiring.mistakes,
         consistency=consistency,
         driving=wiring.driving,
-        arm_weight=wiring.weight_entry,
+        arm_weight=None if wiring.weight is None else ArmWeightEntry.of(wiring.weight),
+        unconfirmed=None
+        if wiring.unconfirmed is None
+        else tuple(
+            UnconfirmedSection.of(each, first.robot.joint_names) for each in wiring.unconfirmed
+        ),
     )
+    if late:
+        section = section.model_copy(update={"late_torques": tuple(each.joint for each in late)})
     return IdentifiedRobot(
         estimate,
         section,
@@ -241,6 +270,7 @@ def identify_robot(
         plate,
         None if comparison is None else ComparisonSection.of(comparison),
         gains,
+        bodies.get(first.folder.run_id, {}),
     )
 
 
@@ -316,6 +346,21 @@ def _cross_check(
             checks.append(check)
             shown.update(float(number), check.sentence)
     return [f"{check.sentence}." for check in checks]
+
+
+def _contradictions_of_torque_meaning(
+    data: tuple[RunData, ...], wiring: WiringDiagnosis
+) -> list[str]:
+    """Return a finding for each run whose torques contradict the meaning in its import map."""
+    if wiring.mistakes is None:
+        return []
+    kinds, findings = [each.kind for each in wiring.mistakes], []
+    for item in data:
+        if item.import_report is not None:
+            stated = item.import_report.torques
+            if why := torque_contradiction(stated, item.recording, item.robot, kinds):
+                findings.append(f"Run {item.folder.run_id}: {why}")
+    return findings
 
 
 def _estimate_findings(

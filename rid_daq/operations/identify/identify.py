@@ -92,9 +92,9 @@ class IdentifyRequest(Request):
     """Estimate the robot's base parameters, with intervals, from one or more runs.
 
     Periodic runs are averaged and used at their harmonics; other runs are low-passed without phase
-    shift and used in the time domain. The model file contains everything that its use needs. The
-    exit code is 6 if the model does not explain a joint's torque, or if the model fits far better
-    after the correction of one common mistake in wiring, units or files.
+    shift and used in the time domain. The model file contains all data that other commands need.
+    The exit code is 6 if the model does not explain a joint's torque, or if the model fits far
+    better after the correction of one common mistake in wiring, units or files.
     """
 
     names: RunNames
@@ -131,6 +131,14 @@ class IdentifyRequest(Request):
             ),
         ),
     ] = None
+    loads: Annotated[
+        Path | None,
+        Field(
+            description="File of known bodies, and the runs among RUN... in which the robot carried"
+            " them, on any link."
+        ),
+        Option(group=LOAD, metavar="LOADS", file="input"),
+    ] = None
     cross_check: Annotated[
         bool, Field(description="Estimate with three other methods too, and compare.")
     ] = False
@@ -146,11 +154,19 @@ class IdentifyRequest(Request):
     unfinished: Unfinished = False
 
     def refuse_contradictions(self) -> None:
-        """Refuse friction options together with --choose, which chooses the friction terms itself.
+        """Refuse options that exclude each other.
+
+        --choose chooses the friction terms itself. The drive gains of --load-mass would also change
+        the torques of known bodies.
 
         Raises:
-            ConfigError: Such an option is set.
+            ConfigError: Such options are set.
         """
+        if self.loads is not None and self.load_mass_kg is not None:
+            raise ConfigError(
+                "--loads and --load-mass exclude each other: leave one out",
+                code="RID-OPTION-EXCLUSIVE",
+            )
         terms = self.how.options.model
         if self.choose and (terms.friction_terms is not None or not terms.friction):
             raise ConfigError(
@@ -215,7 +231,9 @@ class IdentifyResult:
             yield from plate_blocks(result.plate)
         if found.plate_unused:
             yield Text(
-                text="The runs contain the reaction on a force plate too: --model combined uses it."
+                text="The runs contain the reaction on a force plate too: --model combined uses"
+                " it.",
+                is_for_terminal=True,
             )
         yield from finding_texts(section)
         yield from mistake_blocks(section)
@@ -226,14 +244,15 @@ class IdentifyResult:
         from rid_daq.report.section_blocks.estimate import fit_verdict
 
         found, bad = self.identified, self.identified.bad_joints
-        yield Verdict(passed=not bad, text=f"Model: {found.model}")
-        yield Text(text=f"Report: {found.report}")
+        yield Verdict(passed=not bad, text="The model was written")
+        yield Text(text=f"Model: {found.model}", is_for_terminal=True)
+        yield Text(text=f"Report: {found.report}", is_for_terminal=True)
         if bad:
             yield fit_verdict(found.section)
             if found.section.mistakes == ():
                 yield Text(text=OTHER_ROBOT)
         else:
-            yield Text(text="RUN: a run that was not used for this estimate.")
+            yield Text(text="RUN: a run that was not used for this estimate.", is_for_terminal=True)
             yield Next(words=("validate", str(found.model), "RUN"))
 
 
@@ -260,6 +279,7 @@ OPERATION: Final = Operation(
         "identify latest --output model.json",
         "identify first second --choose --json",
         "identify empty loaded --loaded loaded --load-mass 5.02",
+        "identify empty four eight --loads loads.yaml",
     ),
     module="rid_daq.operations.identify.identified_runs",
 )

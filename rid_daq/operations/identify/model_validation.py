@@ -13,7 +13,6 @@ from config.errors import ConfigError
 from config.load import load_cell
 from identification.calibration.base_reaction import base_load
 from identification.estimation.estimate import Estimate
-from identification.estimation.file import read_estimate
 from rid_daq.operations.cell_files import read_estimate_for, read_motion_for
 from rid_daq.operations.identify.torque_verdict import (
     required_plate_limits,
@@ -33,6 +32,7 @@ from rid_daq.report.sections.verdict import VerdictSection
 from rid_daq.report_page.write import write_result
 from rid_daq.requests.request import refuse_unused
 from rid_daq.runs.run_data import RunData, all_defects, clock_sections, result_of
+from rid_daq.runs.run_model import read_model
 from rid_daq.terminal.console import as_command
 
 OF_RUNS: Final = ("further", "limits", "band_hz", "standstill_rad_s", "unfinished")
@@ -83,13 +83,21 @@ def validate_run(request: ValidateRequest) -> ValidatedModel:
             f"{request.run} is a file, not a run: give the model first, then the run: {turned}",
             code="RID-RUN-IS-FILE",
         )
-    estimate = _stated_model(request, read_estimate(request.model))
+    estimate = _stated_model(request, read_model(request.model))
     if request.further:
         folders = find_runs(request.runs, [request.run, *request.further])
         several = [RunData.load(each, unfinished=request.unfinished) for each in folders]
         runs, judged = validate_together(request, estimate, several)
         notes, clocks = all_defects(several), clock_sections(several)
-        return ValidatedModel(judged.verdict, judged.section, notes=notes, clocks=clocks, runs=runs)
+        return ValidatedModel(
+            judged.verdict,
+            judged.section,
+            judged.reaction,
+            notes=notes,
+            clocks=clocks,
+            not_compared=judged.not_compared,
+            runs=runs,
+        )
     data = RunData.load(find_run(request.runs, request.run), unfinished=request.unfinished)
     judged = validate_recording(request, estimate, data)
     notes = all_defects([data])

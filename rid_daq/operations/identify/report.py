@@ -44,7 +44,7 @@ class ReportResult:
         verdict = self.result.verdict
         yield Verdict(passed=verdict.passed, text=verdict.headline)
         yield Text(text=verdict.sentence)
-        yield Text(text=f"Report: {self.report}")
+        yield Text(text=f"Report: {self.report}", is_for_terminal=True)
 
 
 def run(request: ReportRequest, _context: Context) -> ReportResult:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -12,6 +12,7 @@ from acquisition.processing.periods import PeriodAverage
 from acquisition.processing.smoothing import SmoothedSignals
 from acquisition.processing.torque_channel import TorqueChannel
 from acquisition.recording.recording import Recording
+from config.cell.plate import PlateDescription
 from config.errors import ConfigError, EstimationError
 from config.ranges import Ranged
 from config.robot.robot import RobotDescription
@@ -19,10 +20,15 @@ from dynamics.model.cad import cad_prior
 from identification.accuracy.plate_benefit import Improvement, improvement
 from identification.calibration.drive_gains import DriveGains, drive_gains
 from identification.calibration.plate_mistake import PlateMistake
-from identification.calibration.plate_search import find_plate_mistake
+from identification.calibration.plate_search import (
+    CELL_NAMES,
+    MAP_NAMES,
+    WRENCH_MAP_NAMES,
+    find_plate_mistake,
+)
 from identification.calibration.torque_scale import TorqueConsistency, torque_consistency
 from identification.cross_checks.agreement import CrossCheck, cross_checks
-from identification.equations.bus_delay import split_implausible_delays
+from identification.equations.bus_delay import split_implausible_channel
 from identification.equations.deconvolution import smoothed_recording
 from identification.equations.segments import period_signals, unfiltered_period_signals
 from identification.equations.time_domain import time_runs
@@ -31,8 +37,8 @@ from identification.estimation.estimate import Estimate
 from identification.estimation.fitted_periods import PLATE_LATE, fit_periodic, unsolved_equations
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
+from identification.model.known_loads import Bodies, known_values
 from identification.model.still_joints import JERK_SHARE, refuse_unmoved_joints, still_joints
-from identification.validation.further_terms import further_term_findings
 from identification.validation.model_choice import (
     DELAYS_ALONE,
     ModelChoice,
@@ -40,6 +46,7 @@ from identification.validation.model_choice import (
     choose_model,
 )
 from identification.validation.period_delays import choose_period_delays
+from rid_daq.runs.repeated_imports import refuse_repeated_imports
 from rid_daq.runs.run_data import RunData
 
 PLATE_MISTAKEN: Final = "RID-PLATE-MISTAKEN"
@@ -55,11 +62,28 @@ class EstimationJob(Ranged):
         options: Terms of the model and weights of the rows.
         cad_prior: True if the CAD data are prior knowledge.
         loaded: Ids of the runs with an unknown payload.
+        bodies: Known bodies that the robot carried, by the ids of the runs.
     """
 
     options: EstimationOptions = field(default_factory=EstimationOptions)
     cad_prior: bool = False
     loaded: tuple[str, ...] = ()
+    bodies: Mapping[str, Bodies] = field(default_factory=dict)
+
+    def bodies_of(self, data: Sequence[RunData]) -> tuple[Bodies, ...] | None:
+        """Return the known bodies of each run; None if no run has any."""
+        if not self.bodies:
+            return None
+        return tuple(self.bodies.get(item.folder.run_id, {}) for item in data)
+
+    def without_bodies(self, data: Sequence[RunData]) -> tuple[RunData, ...]:
+        """Return the runs without known bodies."""
+        return tuple(item for item in data if item.folder.run_id not in self.bodies)
+
+    def empty_runs(self, data: Sequence[RunData]) -> tuple[RunData, ...]:
+        """Return the runs without known bodies and without an unknown payload."""
+        bare = self.without_bodies(data)
+        return tuple(item for item in bare if item.folder.run_id not in self.loaded)
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,25 +135,29 @@ def estimate_runs(
     if how.cad_prior:
         prior = cad_prior(options.model.build(robot), robot)
         options = replace(options, prior=prior)
+    bodies = how.bodies_of(data)
     if not data[0].is_periodic:
         estimate = fit_smoothed(
             robot,
             with_joint_warming(signals_of(data, how, channel), robot, warming),
             options,
             payload=payload,
+            bodies=bodies,
         ).estimate(cell_name=cell_name, run_ids=run_ids)
         return EstimatedRobot(replace(estimate, channel=channel, warming=warming))
     averages = period_averages(data, channel)
-    cell = data[0].cell
-    plate = None if cell is None or options.model.kind == "internal" else cell.plate
+    plate = None if options.model.kind == "internal" else data[0].plate
+    names = CELL_NAMES
+    if data[0].import_report is not None:
+        names = MAP_NAMES if isinstance(plate, PlateDescription) else WRENCH_MAP_NAMES
     try:
-        fitted = fit_periodic(robot, averages, options, payload=payload)
+        fitted = fit_periodic(robot, averages, options, payload=payload, bodies=bodies)
     except EstimationError as error:
-        if plate is None or error.refusal != PLATE_LATE:
+        if plate is None or error.refusal != PLATE_LATE or bodies is not None:
             raise
         equations, model, base = unsolved_equations(robot, averages, options)
         still = [0.0] * len(averages)
-        mistake = find_plate_mistake(averages, equations, still, plate, robot, model, base)
+        mistake = find_plate_mistake(averages, equations, still, plate, robot, model, base, names)
         if mistake is None:
             raise
         raise EstimationError(mistake.sentence, code=PLATE_MISTAKEN) from error
@@ -137,15 +165,53 @@ def estimate_runs(
     if options.model.kind == "internal":
         return EstimatedRobot(estimate, averages)
     mistake = None
-    if plate is not None:
+    if plate is not None and bodies is None:
         delays_s = fitted.problem.delays_s.tolist()
         mistake = find_plate_mistake(
-            averages, fitted.equations, delays_s, plate, robot, fitted.model, fitted.base
+            averages, fitted.equations, delays_s, plate, robot, fitted.model, fitted.base, names
         )
     if options.model.kind == "external":
         return EstimatedRobot(estimate, averages, plate_mistake=mistake)
     improved, agreed = improvement(fitted), torque_consistency(fitted)
     return EstimatedRobot(estimate, averages, improved, agreed, mistake)
+
+
+def add_mass_uncertainty(
+    estimate: Estimate, data: Sequence[RunData], how: EstimationJob
+) -> Estimate:
+    """Return an estimate whose intervals contain the uncertainty of the known bodies' masses.
+
+    For each weighed body, the estimate is repeated with a mass that is one standard deviation
+    larger.
+    """
+    weighed = {
+        name: body
+        for bodies in how.bodies.values()
+        for name, body in bodies.items()
+        if body.mass_sigma_kg > 0.0
+    }
+    more = np.zeros_like(estimate.covariance_residual)
+    for name, body in weighed.items():
+        heavier = body.model_copy(update={"mass_kg": body.mass_kg + body.mass_sigma_kg})
+        changed = {
+            run: {each: heavier if each == name else own for each, own in bodies.items()}
+            for run, bodies in how.bodies.items()
+        }
+        step = estimate_runs(data, replace(how, bodies=changed)).estimate.values - estimate.values
+        more += np.outer(step, step)
+    noise = estimate.covariance_noise
+    return replace(
+        estimate,
+        covariance_noise=None if noise is None else noise + more,
+        covariance_residual=estimate.covariance_residual + more,
+        covariance_jackknife=estimate.covariance_jackknife + more,
+    )
+
+
+def with_bodies(estimate: Estimate, bodies: Bodies) -> Estimate:
+    """Return an estimate of the robot with known bodies on its links."""
+    (known,) = known_values(estimate.model, estimate.base, [bodies])
+    return replace(estimate, values=estimate.values + known)
 
 
 def compare_friction(
@@ -158,9 +224,9 @@ def compare_friction(
         EstimationError: The data do not determine the parameters.
     """
     robot = require_one_robot(data)
-    if how.loaded:
+    if how.loaded or how.bodies:
         raise ConfigError(
-            "--choose needs runs without payload: leave --loaded out with --choose",
+            "--choose needs runs without payload: leave --loaded and --loads out with --choose",
             code="RID-OPTION-EXCLUSIVE",
         )
     signals = signals_of(data, how)
@@ -173,55 +239,62 @@ def compare_friction(
     if data[0].is_periodic:
         return _choose_by_periods(robot, data, how, watch)
     chosen = choose_model(robot, signals, how.options, watch=watch)
-    channel, refused_s = split_implausible_delays(chosen.channel, signals[0].sample_period_s)
-    if refused_s.any():
+    channel, refused = split_implausible_channel(chosen.channel, signals[0].sample_period_s)
+    if refused:
         chosen = choose_model(robot, signals, how.options, kinds=("none",), watch=watch)
-        return replace(chosen, refused_delay_s=tuple(refused_s.tolist()))
+        return replace(chosen, refused=refused)
     return replace(chosen, channel=channel)
 
 
 def _choose_by_periods(
     robot: RobotDescription, data: Sequence[RunData], how: EstimationJob, watch: Watch | None
 ) -> ModelChoice:
-    """Choose with mean periods; their DFT bins contain any delay, so no filter is searched for."""
+    """Choose terms with mean periods; their DFT bins show any delay, so no filter is searched."""
     averages = period_averages(data)
     signals = signals_of(data, how)
     chosen = choose_model(robot, signals, how.options, kinds=DELAYS_ALONE, watch=watch)
     channel = choose_period_delays(chosen.robot(robot), averages, how.options)
-    channel, refused_s = split_implausible_delays(channel, averages[0].sample_period_s)
-    if not refused_s.any():
+    channel, refused = split_implausible_channel(channel, averages[0].sample_period_s)
+    if not refused:
         return replace(chosen, channel=channel)
     chosen = choose_model(robot, signals, how.options, kinds=("none",), watch=watch)
-    return replace(chosen, refused_delay_s=tuple(refused_s.tolist()))
+    return replace(chosen, refused=refused)
 
 
 def cross_check_estimate(
     estimate: Estimate, data: Sequence[RunData], how: EstimationJob
 ) -> Iterator[CrossCheck]:
-    """Yield comparisons of an estimate with other methods, from the same runs."""
+    """Yield comparisons of an estimate with other methods, from its runs without known bodies.
+
+    Raises:
+        ConfigError: All runs carried known bodies.
+    """
+    data = how.without_bodies(data)
+    if not data:
+        raise ConfigError(
+            "--cross-check uses the runs without known bodies, but every run carried some: add a"
+            " run without bodies, or leave --cross-check out",
+            code="RID-PAYLOAD-RUNS",
+        )
     loaded = [item.folder.run_id in how.loaded for item in data]
     signals = _signals_of_estimate(estimate, data, how)
     yield from cross_checks(estimate, time_runs(estimate.model, signals, loaded))
 
 
-def missing_friction_terms(
+def coarse_signals(
     estimate: Estimate, data: Sequence[RunData], how: EstimationJob
-) -> tuple[str, ...]:
-    """Return sentences on friction terms that improve the prediction of held-out parts.
+) -> list[SmoothedSignals]:
+    """Return runs as low-passed signals, to compare an estimate with richer models.
 
-    See `further_term_findings`.
-
-    Recordings are thinned to `COMPARED_HZ` or a slightly higher rate, which suffices for the
-    comparison.
+    Recordings are thinned to `COMPARED_HZ` or a slightly higher rate. The result is empty for runs
+    with a payload, without torques in the model, or with a joint that stands still.
     """
-    if how.loaded or how.options.model.kind != "internal" or estimate.still:
-        return ()
+    if how.loaded or how.bodies or how.options.model.kind != "internal" or estimate.still:
+        return []
     if data[0].is_periodic:
-        signals = signals_of(data, how)
-    else:
-        coarse = (_thinned_recording(item.recording) for item in data)
-        signals = [smoothed_recording(each, how.options.band_hz) for each in coarse]
-    return further_term_findings(estimate.robot, signals, how.options)
+        return signals_of(data, how)
+    coarse = (_thinned_recording(item.recording) for item in data)
+    return [smoothed_recording(each, how.options.band_hz) for each in coarse]
 
 
 def _thinned_recording(recording: Recording) -> Recording:
@@ -302,7 +375,7 @@ def require_one_robot(data: Sequence[RunData]) -> RobotDescription:
     """Return the robot of some runs; either all runs must be periodic, or none.
 
     Raises:
-        ConfigError: The runs are of different robots, or only some are periodic.
+        ConfigError: The runs differ in robot or kind, or two are the same recording.
     """
     robot = data[0].robot
     for other in data[1:]:
@@ -320,4 +393,5 @@ def require_one_robot(data: Sequence[RunData]) -> RobotDescription:
             f"some runs are periodic, others ({names}) are not: identify each kind separately",
             code="RID-RUN-KINDS-MIXED",
         )
+    refuse_repeated_imports(data)
     return robot

@@ -17,7 +17,10 @@ from config.robot.robot import RobotDescription
 from identification.calibration.base_reaction import base_load
 from identification.estimation.estimate import Estimate
 from identification.regression.fit_grade import BAD_SHARE, Grade
-from identification.validation.base_wrench_validation import validate_base_wrench
+from identification.validation.base_wrench_validation import (
+    pool_base_wrenches,
+    validate_base_wrench,
+)
 from identification.validation.diagnosis import diagnose
 from identification.validation.extrapolation import extrapolation_findings
 from identification.validation.torque_prediction import (
@@ -34,6 +37,7 @@ from rid_daq.report.sections.validation import RunErrors, ValidationSection
 from rid_daq.report.sections.verdict import VerdictCheck, VerdictSection
 from rid_daq.requests.request import refuse_unused
 from rid_daq.runs.measured_torques import require_torques
+from rid_daq.runs.repeated_imports import refuse_repeated_imports
 from rid_daq.runs.run_data import RunData
 
 SHORTEST_S: Final = 5.0
@@ -60,7 +64,7 @@ class TorqueVerdict:
 
 
 def validate_recording(
-    request: ValidateRequest, estimate: Estimate, data: RunData, *, alone: bool = True
+    request: ValidateRequest, estimate: Estimate, data: RunData
 ) -> TorqueVerdict:
     """Predict a run and check the limits; nothing is written.
 
@@ -68,13 +72,83 @@ def validate_recording(
         request: Limits and options; `model` only names the model in messages.
         estimate: The model.
         data: The run.
-        alone: False if the run is judged together with others, so that it can be short.
 
     Raises:
         ConfigError: The limits are invalid or missing, or the model is of another robot.
         DataQualityError: The run allows no verdict: the model was identified from it, or it is too
             short.
     """
+    validation = _predict_torques(request, estimate, data)
+    if (moved_s := _time_in_motion_s(validation)) < SHORTEST_S:
+        raise _too_short(str(data.folder.path), moved_s)
+    by = f"{request.model.name}{payload_words(request.payload)}"
+    section, validation = _torque_section(
+        validation,
+        estimate,
+        data.robot,
+        f"Run {data.folder.manifest().label!r}, predicted by {by}.",
+    )
+    reaction, not_compared = _compare_wrench(request, estimate, [data])
+    load = None
+    if request.base:
+        limits = required_plate_limits(data.cell, "the run's cell file")
+        motion = (validation.position, validation.velocity, validation.acceleration)
+        load = BaseLoadSection.of(
+            base_load(estimate, validation.time_s, *motion, limits, mass_kg=request.mass_kg)
+        )
+    verdict = _validation_verdict(section, reaction, load, estimate.robot.name)
+    return TorqueVerdict(validation, section, verdict, reaction, load, not_compared)
+
+
+def validate_together(
+    request: ValidateRequest, estimate: Estimate, runs: Sequence[RunData]
+) -> tuple[tuple[RunErrors, ...], TorqueVerdict]:
+    """Predict several runs and check the limits on all of them together; nothing is written.
+
+    Args:
+        request: Limits and options; `model` only names the model in messages.
+        estimate: The model.
+        runs: The runs; a run can be shorter than one that is judged alone.
+
+    Returns:
+        The errors of each run, and the result for all runs together. The reaction on the base is
+        compared if every run has a force plate.
+
+    Raises:
+        ConfigError: The runs' cells have different limits, or as for `validate_recording`.
+        DataQualityError: As for `validate_recording`; the time of motion is that of all runs.
+    """
+    refuse_unused(request, ("base", "mass_kg"), "with several runs")
+    refuse_repeated_imports(runs)
+    external = estimate.options.kind == "external"
+    limits = {None if external else _torque_limits_percent(request.limits, each) for each in runs}
+    if len(limits) > 1:
+        raise ConfigError(
+            "the cells of the runs have different `validation_limits_percent`: give --limits",
+            code="RID-OPTION-NEEDS",
+        )
+    parts = [_predict_torques(request, estimate, each) for each in runs]
+    moved_s = sum(map(_time_in_motion_s, parts))
+    if moved_s < SHORTEST_S:
+        raise _too_short(f"{len(runs)} runs", moved_s)
+    labels = [each.folder.manifest().label or each.folder.run_id for each in runs]
+    robot, by = runs[0].robot, f"{request.model.name}{payload_words(request.payload)}"
+    section, whole = _torque_section(
+        pool_validations(parts, limits.pop()),
+        estimate,
+        robot,
+        f"{len(runs)} runs together ({', '.join(labels)}), predicted by {by}.",
+    )
+    each_run = tuple(
+        RunErrors.of(label, part, robot) for label, part in zip(labels, parts, strict=True)
+    )
+    reaction, not_compared = _compare_wrench(request, estimate, runs)
+    verdict = _validation_verdict(section, reaction, None, estimate.robot.name, "these runs")
+    return each_run, TorqueVerdict(whole, section, verdict, reaction, None, not_compared)
+
+
+def _predict_torques(request: ValidateRequest, estimate: Estimate, data: RunData) -> Validation:
+    """Return the prediction of a run that may be used for a verdict."""
     refuse_other_robot(request.model, estimate.robot, data.robot)
     external = estimate.options.kind == "external"
     if external and request.limits is not None:
@@ -93,84 +167,34 @@ def validate_recording(
         )
     if not external:
         require_torques([data])
-    band_hz = request.band_hz or estimate.band_hz
-    validation = validate_torques(
+    return validate_torques(
         estimate,
         data.recording,
-        cutoff_hz=band_hz,
+        cutoff_hz=request.band_hz or estimate.band_hz,
         standstill_rad_s=request.standstill_rad_s,
         limits_percent=None if external else _torque_limits_percent(request.limits, data),
         noise_nm=_torque_noise(data),
     )
-    if alone and (moved_s := _time_in_motion_s(validation)) < SHORTEST_S:
-        raise _too_short(str(data.folder.path), moved_s)
-    by = f"{request.model.name}{payload_words(request.payload)}"
-    section, validation = _torque_section(
-        validation,
-        estimate,
-        data.robot,
-        f"Run {data.folder.manifest().label!r}, predicted by {by}.",
-    )
-    reaction, load, not_compared = None, None, ""
-    if data.recording.reaction is not None and estimate.options.kind != "internal":
-        try:
-            compared = validate_base_wrench(estimate, data.recording, cutoff_hz=band_hz)
-            reaction = ReactionSection.of(compared)
-        except DataQualityError as error:
-            not_compared = f"The reaction on the base is not compared: {error}"
-    if request.base:
-        limits = required_plate_limits(data.cell, "the run's cell file")
-        motion = (validation.position, validation.velocity, validation.acceleration)
-        load = BaseLoadSection.of(
-            base_load(estimate, validation.time_s, *motion, limits, mass_kg=request.mass_kg)
-        )
-    verdict = _validation_verdict(section, load, estimate.robot.name)
-    return TorqueVerdict(validation, section, verdict, reaction, load, not_compared)
 
 
-def validate_together(
+def _compare_wrench(
     request: ValidateRequest, estimate: Estimate, runs: Sequence[RunData]
-) -> tuple[tuple[RunErrors, ...], TorqueVerdict]:
-    """Predict several runs and check the limits on all of them together; nothing is written.
+) -> tuple[ReactionSection | None, str]:
+    """Return the errors of the base wrench on all runs, or the reason why they are unknown.
 
-    Args:
-        request: Limits and options; `model` only names the model in messages.
-        estimate: The model.
-        runs: The runs; a run can be shorter than one that is judged alone.
-
-    Returns:
-        The errors of each run, and the result for all runs together. The reaction on the base is
-        not compared.
-
-    Raises:
-        ConfigError: The runs' cells have different limits, or as for `validate_recording`.
-        DataQualityError: As for `validate_recording`; the time of motion is that of all runs.
+    The reason is empty if no run has a force plate, or if the model does not predict the wrench.
     """
-    refuse_unused(request, ("base", "mass_kg"), "with several runs")
-    external = estimate.options.kind == "external"
-    limits = {None if external else _torque_limits_percent(request.limits, each) for each in runs}
-    if len(limits) > 1:
-        raise ConfigError(
-            "the cells of the runs have different `validation_limits_percent`: give --limits",
-            code="RID-OPTION-NEEDS",
-        )
-    parts = [validate_recording(request, estimate, each, alone=False).validation for each in runs]
-    moved_s = sum(map(_time_in_motion_s, parts))
-    if moved_s < SHORTEST_S:
-        raise _too_short(f"{len(runs)} runs", moved_s)
-    labels = [each.folder.manifest().label or each.folder.run_id for each in runs]
-    robot, by = runs[0].robot, f"{request.model.name}{payload_words(request.payload)}"
-    section, whole = _torque_section(
-        pool_validations(parts, limits.pop()),
-        estimate,
-        robot,
-        f"{len(runs)} runs together ({', '.join(labels)}), predicted by {by}.",
-    )
-    each_run = tuple(
-        RunErrors.of(label, part, robot) for label, part in zip(labels, parts, strict=True)
-    )
-    verdict = _validation_verdict(section, None, estimate.robot.name, "these runs")
-    return each_run, TorqueVerdict(whole, section, verdict, None, None, "")
+    without = [each.folder.path for each in runs if each.recording.reaction is None]
+    if estimate.options.kind == "internal" or len(without) == len(runs):
+        return None, ""
+    if without:
+        return None, f"The reaction on the base is not compared: {without[0]} has no force plate."
+    band_hz = request.band_hz or estimate.band_hz
+    try:
+        parts = [validate_base_wrench(estimate, each.recording, cutoff_hz=band_hz) for each in runs]
+    except DataQualityError as error:
+        return None, f"The reaction on the base is not compared: {error}"
+    return ReactionSection.of(pool_base_wrenches(parts) if len(parts) > 1 else parts[0]), ""
 
 
 def required_plate_limits(cell: CellConfig | None, where: str) -> PlateLimits:
@@ -197,7 +221,7 @@ def verdict_of_checks(checks: Sequence[VerdictCheck], passed: str, sentence: str
 
 
 def _time_in_motion_s(validation: Validation) -> float:
-    """Return the time in which at least one axis counts [s]."""
+    """Return the total time in which at least one axis counts for the errors [s]."""
     period_s = np.median(np.diff(validation.time_s))
     return float(np.count_nonzero(validation.counted.any(axis=1)) * period_s)
 
@@ -222,11 +246,13 @@ def _torque_section(
             " torque, combined with its noise (root of the sum of squares)."
         )
     if external:
-        sentence += " The external model contains no friction, so the torques get no verdict."
-    diagnosis = [
-        *extrapolation_findings(estimate, validation.position),
-        *(found.sentence for found in diagnose(estimate, validation)),
-    ]
+        sentence += (
+            " The external model contains no friction, so the torques get no verdict; the base"
+            " wrench of a force plate does."
+        )
+    diagnosis = list(extrapolation_findings(estimate, validation.position))
+    if not external:  # without friction in the model, the torques show its lack only
+        diagnosis += [found.sentence for found in diagnose(estimate, validation)]
     return ValidationSection.of(validation, robot, sentence, diagnosis=diagnosis), validation
 
 
@@ -259,7 +285,11 @@ def _torque_limits_percent(text: str | None, data: RunData) -> tuple[float, ...]
 
 
 def _validation_verdict(
-    section: ValidationSection, load: BaseLoadSection | None, robot: str, what: str = "this run"
+    section: ValidationSection,
+    reaction: ReactionSection | None,
+    load: BaseLoadSection | None,
+    robot: str,
+    what: str = "this run",
 ) -> VerdictSection:
     checks = [
         VerdictCheck.of(
@@ -272,6 +302,7 @@ def _validation_verdict(
         for axis in section.axes
         if axis.limit_percent is not None and axis.relative_error_percent is not None
     ]
+    checks += [] if reaction is None else reaction.checks
     checks += [] if load is None else load.checks
     errors = ", ".join(f"{number(axis.relative_error_percent, 3)}" for axis in section.axes)
     sentence = f"Relative torque error of each axis: {errors} %."

@@ -120,7 +120,7 @@ class UpdatedUrdfSection(Section):
         )
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield links, joints, combinations and notes."""
+        """Yield the tables of links, measured combinations and joints, and the notes."""
         yield Heading(text="Links")
         yield table(
             self.links,
@@ -189,5 +189,5 @@ def _combinations(
 
 
 def _clean(value: float, size: float) -> float:
-    """Return a sum of terms of a size; zero if it is only their rounding error."""
+    """Return a sum, or zero if it is only a rounding error of terms of the given size."""
     return float(value) if abs(value) > ROUNDING * max(size, 1e-3) else 0.0

@@ -169,7 +169,7 @@ class ValidateResult:
             yield from base_load_blocks(found.base_load)
         yield Verdict(passed=verdict.passed, text=verdict.headline)
         if found.report is not None:
-            yield Text(text=f"Report: {found.report}")
+            yield Text(text=f"Report: {found.report}", is_for_terminal=True)
         if verdict.passed is False:
             yield Next(words=("docs", "find-a-mistake"))
         elif found.validation is not None:

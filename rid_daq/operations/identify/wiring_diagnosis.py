@@ -12,17 +12,20 @@ import numpy as np
 from acquisition.runs.folder import RunFolder
 from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
+from identification.wiring.file_entries import UnconfirmedEntry
 from identification.wiring.mistakes import DEGREES, Mistake, MistakeKind
+from identification.wiring.scale import ABSOLUTE
 from identification.wiring.search import FoundMistake, find_impossibilities, find_mistakes
 from identification.wiring.signals import WiredSignals
+from identification.wiring.unconfirmed import unconfirmed_entries
 from identification.wiring.weight import ArmWeight
 from rid_daq.blocks.formats import number
 from rid_daq.operations.identify.run_estimation import EstimationJob, signals_of
 from rid_daq.report.mistake_entry import (
-    ArmWeightEntry,
     Explanation,
     MistakeEntry,
     PlaceToChange,
+    join_words,
 )
 from rid_daq.runs.origins import key_lines
 from rid_daq.runs.run_data import RunData
@@ -139,17 +142,16 @@ _IN_CELL: Final[dict[MistakeKind, str]] = {
 def signals_for_diagnosis(
     data: Sequence[RunData], how: EstimationJob, robot: RobotDescription
 ) -> WiredSignals:
-    """Return the signals of runs for the search for mistakes.
+    """Return the signals in which mistakes are searched for.
 
-    Runs with an unknown payload are left out.
+    Runs in which the robot carried an unknown payload or known bodies are left out.
 
     Args:
         data: The runs; all are periodic, or none.
-        how: Options with the highest frequency and the loaded runs.
+        how: Options of the estimate; the highest frequency and the lists of loaded runs are used.
         robot: The robot as its file describes it.
     """
-    empty = [item for item in data if item.folder.run_id not in how.loaded]
-    return WiredSignals.of(robot, signals_of(empty, how))
+    return WiredSignals.of(robot, signals_of(how.empty_runs(data), how))
 
 
 @dataclass(frozen=True)
@@ -160,20 +162,13 @@ class WiringDiagnosis:
         mistakes: Probable mistakes; None without a search.
         driving: Joints with negative friction power; None without a search.
         weight: Weight of the arm, computed from torques; None if the torques do not determine it.
+        unconfirmed: Entries of the files that the runs do not confirm; None if a mistake was found.
     """
 
     mistakes: tuple[MistakeEntry, ...] | None = None
     driving: tuple[str, ...] | None = None
     weight: ArmWeight | None = None
-
-    @property
-    def weight_entry(self) -> ArmWeightEntry | None:
-        """Weight of the arm as a section of a report."""
-        return (
-            None
-            if self.weight is None
-            else ArmWeightEntry.from_attributes(self.weight, std=self.weight.sigma)
-        )
+    unconfirmed: tuple[UnconfirmedEntry, ...] | None = None
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -181,7 +176,7 @@ class WiringDiagnosis:
         sentences = []
         if self.driving:
             sentences.append(
-                f"The friction of {_join_names(list(self.driving))} has negative power, which is"
+                f"The friction of {join_words(list(self.driving))} has negative power, which is"
                 " physically impossible: look for a wrong sign of torque or position, or for"
                 " swapped axes."
             )
@@ -213,7 +208,8 @@ def diagnose_wiring(
         mistake_entry(each, signals.robot, imported=imported, folder=folder)
         for each in find_mistakes(signals, fine=_hides_mistakes(estimate))
     )
-    return WiringDiagnosis(mistakes, driving, weight)
+    unconfirmed = None if mistakes else unconfirmed_entries(signals)
+    return WiringDiagnosis(mistakes, driving, weight, unconfirmed)
 
 
 def _hides_mistakes(estimate: Estimate) -> bool:
@@ -262,6 +258,8 @@ def _mistake_sentence(found: FoundMistake, words: str, joints: Sequence[str], wo
     if found.weight is not None:
         return f"{mistake}: {found.weight.sentence}."
     if found.mistake.kind is MistakeKind.TORQUE_QUANTITY:
+        if found.mistake.what == ABSOLUTE:
+            return f"{mistake}: no value is negative, although the joints move in both directions."
         return f"{mistake}: the values agree in every row."
     if found.held_out_ratio is not None:
         less = 100.0 * (1.0 - found.held_out_ratio)
@@ -279,7 +277,7 @@ def _mistake_sentence(found: FoundMistake, words: str, joints: Sequence[str], wo
             " torque."
         )
     if found.before.driving.any() and not found.after.driving.any():
-        driven = _join_names([joints[j] for j in np.flatnonzero(found.before.driving).tolist()])
+        driven = join_words([joints[j] for j in np.flatnonzero(found.before.driving).tolist()])
         sentence += f" Without correction, the friction of {driven} has negative power."
     return sentence
 
@@ -323,9 +321,9 @@ def _keys_to_change(mistake: Mistake, robot: RobotDescription, imported: bool) -
 
 
 def _mistake_phrase(mistake: Mistake, robot: RobotDescription) -> str:
-    """Return the mistake as a sentence without its full stop."""
+    """Return the mistake as a sentence without the full stop at its end."""
     names = [robot.joint_names[j] for j in mistake.joints]
-    joint = _join_names(names) if names else "every joint"
+    joint = join_words(names) if names else "every joint"
     each = joint if len(names) == 1 else f"{joint} each"
     in_order = f"come in the order {', '.join(names)}"
     order = f"{joint} are swapped" if len(names) == 2 else f"the joints {in_order}"
@@ -367,10 +365,6 @@ def _mistake_phrase(mistake: Mistake, robot: RobotDescription) -> str:
         MistakeKind.KINEMATICS: lambda: mistake.what,
     }
     return phrases[mistake.kind]()
-
-
-def _join_names(names: list[str]) -> str:
-    return " and ".join([*([", ".join(names[:-1])] if names[:-1] else []), names[-1]])
 
 
 def _gravity_direction(right: RobotDescription | None, stated: RobotDescription) -> str:

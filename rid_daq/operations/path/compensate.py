@@ -14,8 +14,10 @@ from rid_daq.operations.operation import Context, Operation
 from rid_daq.operations.path.shared import FeedforwardOutput, LoopsFile, ModelFile, Temperature
 from rid_daq.requests.option import (
     DEFAULT_RUNS,
+    FILES,
     CarriedPayload,
     CellName,
+    LoadChangeFile,
     Option,
     Overwrite,
     RunsFolder,
@@ -55,6 +57,7 @@ class CompensateRequest(Request):
         Option(metavar="RUN"),
     ] = None
     payload: CarriedPayload = None
+    load_changes: LoadChangeFile = None
     temperature: Temperature = None
     deflection: Annotated[
         bool,
@@ -65,7 +68,7 @@ class CompensateRequest(Request):
         Option(negatable=True),
     ] = True
     overwrite: Overwrite = False
-    unfinished: Unfinished = False
+    unfinished: Annotated[Unfinished, Option(group=FILES, needs="reference")] = False
     runs: RunsFolder = DEFAULT_RUNS
 
 

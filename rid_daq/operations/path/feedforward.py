@@ -25,21 +25,21 @@ from compensation.feedforward.periodic_rows import with_period
 from compensation.feedforward.refinement import Refinement, refinement
 from compensation.feedforward.repeated_error import RepeatedError, repeated_error
 from compensation.feedforward.tuning import tune
-from compensation.loops import loop_file
 from compensation.loops.velocity_loop import VelocityLoop, in_order
 from compensation.operating_temperature import at_operating_temperature
 from config.errors import ConfigError, DataQualityError
 from config.formats.approved_files import sha256_of
-from config.formats.json_file import read_content
-from config.load import load_cell
+from config.load import LoadedCell, load_cell
 from identification.estimation.estimate import Estimate
 from rid_daq.operations.cell_files import (
     read_estimate_and_bytes,
-    read_loops_and_bytes,
+    read_loops_for,
     read_motion_for,
 )
 from rid_daq.operations.path.compensate import CompensateRequest
+from rid_daq.operations.path.model_doubts import model_doubts
 from rid_daq.operations.path.refine import RefineRequest
+from rid_daq.operations.stated_loads import state_loads
 from rid_daq.operations.stated_payload import state_payload
 from rid_daq.runs import made_file
 from rid_daq.runs.motion_runs import MotionRun, read_motion_run
@@ -59,7 +59,8 @@ class CompensatedMotion:
         rows: Number of rows of the motion.
         largest: Largest correction of the speed, by joint name [rad/s or m/s].
         tuning: Tuning by the reference run; None without one.
-        notes: Defects of the reference run's data, and the assumed temperature of the joints.
+        notes: Defects of the reference run's data, the assumed temperature of the joints, and
+            reasons to doubt loops and model.
         bent: Largest deflection of each gear of known stiffness that the position reference
             contains, by joint name [rad or m]; empty for rigid gears.
     """
@@ -107,32 +108,46 @@ def compensate_motion(request: CompensateRequest) -> CompensatedMotion:
     refuse_output(request.output, request.overwrite, made_file.FEEDFORWARD)
     loaded = load_cell(request.cell)
     motion = read_motion_for(request.motion, loaded)
-    loops, loops_bytes = read_loops_and_bytes(request.loop, loaded)
+    given = read_loops_for(request.loop, loaded.robot, loaded.config)
+    loops = given.loops
     samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
     modelled, model_bytes = read_estimate_and_bytes(request.model, loaded.robot)
-    carrying = state_payload(modelled, request.model, request.payload, request.runs)
+    stated = (request.model, request.payload, request.load_changes, request.runs)
+    loads = state_loads(modelled, *stated)
+    samples = loads.planned(samples)
     velocity = samples.whole().velocity
-    warm = at_operating_temperature(carrying.estimate, request.temperature, velocity)
-    estimate, notes = warm.estimate, warm.notes
+    warm = at_operating_temperature(loads.first.estimate, request.temperature, velocity)
+    load = loads.over_time(
+        lambda one: at_operating_temperature(one, request.temperature, velocity).estimate
+    )
+    position = samples.whole().position
+    notes = [*given.notes, *warm.notes, *model_doubts(request.model, warm.estimate, position)]
     tuning = None
     if request.reference is not None:
         folder = find_run(request.runs, request.reference)
         driven = read_motion_run(folder, unfinished=request.unfinished)
+        _refuse_other_cell(driven, loaded)
         notes = [*data_defects([driven.data]), *notes]
-        tuning = _tune_by_run(driven, motion, estimate, loops)
+        tuning = _tune_by_run(driven, motion, warm.estimate, loops)
     reference = None
     if request.deflection and has_stiffness(loaded.robot):
-        reference = motor_reference(samples, estimate, loaded.robot)
+        reference = motor_reference(samples, load, loaded.robot)
+    elif request.deflection and "deflection" in request.model_fields_set:
+        notes.append(
+            f"--deflection has no effect: robot {loaded.robot.name} has no stiffness_nm_rad, so the"
+            " positions are not corrected"
+        )
     compensated = compensated_motion(
-        samples, estimate, loops, None if tuning is None else tuning.as_tuning(), reference
+        samples, load, loops, None if tuning is None else tuning.as_tuning(), reference
     )
     verify_limits(compensated, loaded.robot)
     verify_command(compensated, loaded.config, loaded.robot)
-    refuse_torque(motion, samples, estimate, loaded.robot)
+    refuse_torque(motion, samples, load, loaded.robot)
     origin = FeedforwardOrigin(
         model_sha256=sha256_of(model_bytes),
-        loops_sha256=sha256_of(loops_bytes),
-        payload=carrying.origin,
+        loops_sha256=sha256_of(given.content),
+        payload=loads.first.origin,
+        load_changes=loads.changes,
         temperature=request.temperature or "",
         tuning=tuning,
     )
@@ -167,19 +182,24 @@ def refine_feedforward(request: RefineRequest) -> RefinedFeedforward:
     warm = at_operating_temperature(carrying.estimate, request.temperature, velocity)
     estimate = warm.estimate
     names = samples.joint_names
-    loops_bytes = read_content(request.loop, loop_file.LARGEST_FILE_BYTES)
-    measured_loops = loop_file.loops_content(loops_bytes, request.loop)[1]
-    loops = in_order(names, estimate.robot.joint_names, measured_loops)
-    measured = repeated_error(samples, [one.data.recording for one in driven])
+    given = read_loops_for(request.loop, first.data.robot, first.cell)
+    loops = in_order(names, estimate.robot.joint_names, given.loops)
+    recordings = [one.data.recording for one in driven]
+    measured = repeated_error(first.data.robot, samples, recordings)
     origin = FeedforwardOrigin() if first.file is None else first.file.origin
     _refuse_growth(measured, origin)
     found = refinement(samples, measured, estimate, loops, first.cell.position_gain_per_s)
-    notes = [*data_defects([one.data for one in driven]), *warm.notes]
-    if origin.payload and origin.payload != carrying.origin:
-        notes.append(
-            "The feedforward of these runs was computed with another payload than the one stated"
-            " now."
-        )
+    doubts = model_doubts(request.model, estimate, samples.position)
+    notes = [*data_defects([one.data for one in driven]), *given.notes, *warm.notes, *doubts]
+    notes += _other_sources(
+        origin,
+        {
+            "model": ("model_sha256", sha256_of(model_bytes)),
+            "loop file": ("loops_sha256", sha256_of(given.content)),
+            "payload": ("payload", carrying.origin),
+            "temperature": ("temperature", request.temperature or ""),
+        },
+    )
     folder = first.data.folder
     refined = RefinedFeedforward(
         measured,
@@ -197,7 +217,7 @@ def refine_feedforward(request: RefineRequest) -> RefinedFeedforward:
         origin = _refined_origin(origin, refined, tuple(one.run_id for one in driven)).model_copy(
             update={
                 "model_sha256": sha256_of(model_bytes),
-                "loops_sha256": sha256_of(loops_bytes),
+                "loops_sha256": sha256_of(given.content),
                 "payload": carrying.origin,
                 "temperature": request.temperature or "",
             }
@@ -217,9 +237,24 @@ def _tune_by_run(
     """Return scale and delay of the feedforward, tuned by a reference run."""
     samples = run.samples()
     ordered = in_order(samples.joint_names, estimate.robot.joint_names, loops)
-    measured = repeated_error(samples, [run.data.recording])
+    measured = repeated_error(run.data.robot, samples, [run.data.recording])
     found = tune(samples, measured, estimate, ordered, run.cell.position_gain_per_s)
     return TuningEntry.of(found, run.run_id, run.motion == motion)
+
+
+def _other_sources(origin: FeedforwardOrigin, now: dict[str, tuple[str, str]]) -> list[str]:
+    """Return a note for each source of a feedforward that is not the one given now.
+
+    Args:
+        origin: The sources with which the feedforward was computed.
+        now: For each kind of source, its field in `origin` and its present value.
+    """
+    return [
+        f"The feedforward of these runs was computed with another {kind} than the one given now;"
+        " if that is not intended, give the same one"
+        for kind, (field, value) in now.items()
+        if getattr(origin, field) and getattr(origin, field) != value
+    ]
 
 
 def _refined_origin(
@@ -235,6 +270,24 @@ def _refined_origin(
         band_hz=found.bound.band_hz,
     )
     return origin.model_copy(update={"refinements": (*origin.refinements, entry)})
+
+
+def _refuse_other_cell(reference: MotionRun, loaded: LoadedCell) -> None:
+    """Refuse a reference run of another robot or cell: delays and scales would be those of others.
+
+    Raises:
+        ConfigError: The run is of another robot or cell.
+    """
+    differences = list(loaded.robot.differences(reference.data.robot))
+    if reference.cell.name != loaded.config.name:
+        differences.append(f"cell ({reference.cell.name})")
+    if differences:
+        raise ConfigError(
+            f"--reference: run {reference.run_id} differs from cell {loaded.config.name} with"
+            f" robot {loaded.robot.name} in {', '.join(differences)}, so it does not show the"
+            " delays of these drives: record the motion in this cell and give that run",
+            code="RID-REFERENCE-CELL",
+        )
 
 
 def _refuse_mixed(driven: list[MotionRun]) -> None:

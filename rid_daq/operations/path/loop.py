@@ -29,10 +29,11 @@ if TYPE_CHECKING:
 class LoopRequest(Request):
     """Measure the frequency responses of the velocity loops, and fit gain and integral time.
 
-    The run must be of a motion that `rid-daq design --kind multisine` wrote. Intervals are two
-    standard deviations, from the differences between periods and between realisations. The
-    stability margins are those of current, velocity and position loop together. The report of the
-    run contains all figures. The exit code is 6 if the fit of a joint is bad.
+    The run must be of a motion that `rid-daq design --kind multisine` wrote, or an import of whole
+    periods of a multisine with velocity commands. Intervals are two standard deviations, from the
+    differences between periods and between realisations. The stability margins are those of
+    current, velocity and position loop together. The report of the run contains all figures. The
+    exit code is 6 if the fit of a joint is bad.
     """
 
     run: RunName
@@ -40,6 +41,17 @@ class LoopRequest(Request):
         Path | None,
         Field(description="Loop file to write; loops.json of the run if not set."),
         Option(short="o", metavar="LOOPS", group=FILES, file="output", endings=(".json",)),
+    ] = None
+    position_gain: Annotated[
+        float | None,
+        Field(
+            gt=0.0,
+            le=200.0,
+            description="Gain of the position loop for which margins are computed; only for an"
+            " import, because a cell file states its own. The loop's cycle is the sample period of"
+            " the recording.",
+        ),
+        Option(unit="1/s"),
     ] = None
     overwrite: Overwrite = False
     unfinished: Unfinished = False
@@ -76,7 +88,7 @@ class LoopResult:
         found = self.found
         yield from note_blocks(found.notes)
         yield from loop_blocks(found.section)
-        yield Text(text=f"Report: {found.report}")
+        yield Text(text=f"Report: {found.report}", is_for_terminal=True)
         yield Text(text=f"Loops: {found.output}")
         if not self.exit_code:
             words = ("compensate", found.cell, "MOTION", "--model", "MODEL")

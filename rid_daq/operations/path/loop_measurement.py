@@ -5,22 +5,29 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+from acquisition.maps.command_timing import CommandTiming
 from acquisition.motion.kinds.multisine import MultisineMotion
 from acquisition.motion.motion_file import load_motion
 from acquisition.runs.catalogue import find_run
 from compensation.loops.cascade import advise
+from compensation.loops.imported_spectra import imported_spectra
 from compensation.loops.loop_file import write_loops
-from compensation.loops.loop_measurement import measure_loops
+from compensation.loops.loop_measurement import (
+    LoopMeasurement,
+    measure_loops,
+    measure_spectra,
+)
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
 from config.load import load_bundled_or_path
 from rid_daq.operations.path.loop import LoopRequest
 from rid_daq.report.sections.velocity_loops import VelocityLoopsSection
 from rid_daq.report_page.write import write_result
+from rid_daq.requests.request import refuse_unused
 from rid_daq.runs import made_file
 from rid_daq.runs.origins import cell_argument
-from rid_daq.runs.output_file import refuse_output
-from rid_daq.runs.run_data import RunData, data_defects, register_output, result_of
+from rid_daq.runs.output_file import refuse_output, register_output
+from rid_daq.runs.run_data import RunData, data_defects, result_of
 
 
 @dataclass(frozen=True)
@@ -54,17 +61,36 @@ def measure_velocity_loops(request: LoopRequest) -> MeasuredLoops:
     refuse_output(request.output, request.overwrite, made_file.LOOPS)
     data = RunData.load(find_run(request.runs, request.run), unfinished=request.unfinished)
     notes = data_defects([data])
-    motion = _multisine_motion(data)
-    cell = load_bundled_or_path(str(data.folder.file("cell.yaml")), "cells", CellConfig)
-    found = measure_loops(data.recording, motion, data.robot, cell.position_gain_per_s)
+    found = _measure_import(request, data) if data.import_map else _measure_run(request, data)
     section = VelocityLoopsSection.of(data.robot, found, advise(found.cascades))
     output = request.output or data.folder.file("loops.json")
-    write_loops(output, found.loops, data.robot.name, data.folder.run_id)
+    cell = "" if data.cell is None else data.cell.name
+    write_loops(output, found.loops, data.robot.name, data.folder.run_id, cell)
     register_output(data.folder, output)
     report = write_result(data.folder, result_of(data, notes).with_sections(velocity_loops=section))
     return MeasuredLoops(
         data.folder.run_id, section, output, report, notes, cell_argument(data.folder)
     )
+
+
+def _measure_run(request: LoopRequest, data: RunData) -> LoopMeasurement:
+    refuse_unused(request, ("position_gain",), "with a run of a cell, whose file states it")
+    motion = _multisine_motion(data)
+    cell = load_bundled_or_path(str(data.folder.file("cell.yaml")), "cells", CellConfig)
+    return measure_loops(data.recording, motion, data.robot, cell.position_gain_per_s)
+
+
+def _measure_import(request: LoopRequest, data: RunData) -> LoopMeasurement:
+    assert data.import_map is not None
+    if request.position_gain is None:
+        raise ConfigError(
+            "an import has no cell, so the gain of the position loop is not known: give"
+            " --position-gain, the gain in 1/s for which margins are wanted",
+            code="RID-OPTION-NEEDS",
+        )
+    timing = data.import_map.command_timing or CommandTiming()
+    spectra = imported_spectra(data.recording, data.robot, timing)
+    return measure_spectra(spectra, request.position_gain)
 
 
 def _multisine_motion(data: RunData) -> MultisineMotion:

@@ -18,6 +18,7 @@ from config.robot.robot import RobotDescription
 from identification.calibration.base_reaction import base_limits
 from identification.estimation.estimate import Estimate, predict
 from rid_daq.operations.cell_files import read_estimate_for, read_motion_for
+from rid_daq.operations.path.model_doubts import model_doubts
 from rid_daq.operations.path.retime import RetimeRequest
 from rid_daq.operations.stated_payload import payload_words, state_payload
 from rid_daq.report.result import Result
@@ -33,7 +34,7 @@ BY_TIME: Final = {
     "multisine": "its periods and frequencies",
     "constant_velocity": "its speeds",
 }
-"""Property of each kind of measuring motion that another timing would destroy."""
+"""For each kind of motion with which a quantity is measured: what retiming would change."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +44,7 @@ class RetimedMotion:
     Attributes:
         timed: The retimed motion.
         section: Section of a report.
-        notes: Assumed temperature of the joints, if friction depends on it.
+        notes: Assumed temperature of the joints, and reasons to doubt the model.
     """
 
     timed: TimedMotion
@@ -74,7 +75,7 @@ def retime_motion(request: RetimeRequest) -> RetimedMotion:
     if motion.kind in BY_TIME:
         raise ConfigError(
             f"{request.motion}: a motion of kind {motion.kind} measures by"
-            f" {BY_TIME[motion.kind]}, which another timing would destroy: give a path"
+            f" {BY_TIME[motion.kind]}, which retiming would change: give a path"
             " (joint_path, path, circle, joint_table, multipoint)",
             code="RID-MOTION-KIND",
         )
@@ -114,7 +115,8 @@ def retime_motion(request: RetimeRequest) -> RetimedMotion:
             retiming=section,
         )
         write_whole(request.report, render_report(page).encode())
-    return RetimedMotion(timed, section, warm.notes)
+    doubts = model_doubts(request.model, estimate, samples.whole().position)
+    return RetimedMotion(timed, section, [*warm.notes, *doubts])
 
 
 def _timing_limits(request: RetimeRequest, loaded: LoadedCell) -> TimingLimits:

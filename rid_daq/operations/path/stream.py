@@ -20,6 +20,7 @@ from rid_daq.requests.option import (
     FILES,
     CarriedPayload,
     CellName,
+    LoadChangeFile,
     Option,
     RunsFolder,
 )
@@ -77,6 +78,7 @@ class StreamRequest(Request):
     ] = None
     options: StreamOptions = StreamOptions()
     payload: CarriedPayload = None
+    load_changes: LoadChangeFile = None
     temperature: Temperature = None
     simulation: Simulation = Simulation()
     cleared: Cleared = False
@@ -103,8 +105,27 @@ class StreamResult:
         return self.run.exit_code
 
     def document(self) -> dict[str, object]:
-        """Return the document of the run."""
-        return self.run.document() | {"compensated": self.request.options.compensated}
+        """Return the document of the run, its compensation, and the signals of load changes."""
+        more = {"compensated": self.request.options.compensated, "load_signals": self.load_signals}
+        return self.run.document() | more
+
+    @property
+    def load_signals(self) -> list[dict[str, object]]:
+        """The load changes that begin at a signal, with the time at which it came."""
+        from rid_daq.runs.changed_load import load_changes_of
+
+        changes = load_changes_of(self.run.folder)
+        return [
+            {
+                "change": number,
+                "at_s": change.at_s,
+                "came_s": change.came_s,
+                "lateness_s": change.lateness_s,
+                "in_window": change.in_window,
+            }
+            for number, change in enumerate(() if changes is None else changes.changes, start=1)
+            if change.signal is not None
+        ]
 
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield timing, the motion's outcome, and the next command."""

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from acquisition.motion.samples import MotionSamples
 from acquisition.runs.manifest import require_label
 from acquisition.session.outcome import RecordOutcome
+from compensation.online.load_signals import LoadSignals
 from compensation.online.online import OnlineFeedforward
 from compensation.online.stream import StreamSettings, stream_motion, stream_socket
 from compensation.operating_temperature import at_operating_temperature
@@ -16,16 +18,19 @@ from config.errors import ConfigError
 from config.load import LoadedCell, load_cell
 from rid_daq.operations.cell_files import (
     read_estimate_and_bytes,
-    read_loops_and_bytes,
+    read_loops_for,
     read_motion_and_bytes,
 )
 from rid_daq.operations.operation import Context
+from rid_daq.operations.path.model_doubts import model_doubts
 from rid_daq.operations.path.stream import StreamRequest
-from rid_daq.operations.stated_payload import state_payload
+from rid_daq.operations.stated_loads import StatedLoads, state_loads
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_session import Clearance, Record, RunRequest, open_session
+from rid_daq.runs.changed_load import LOAD_CHANGES, load_changes_bytes
 from rid_daq.runs.run_data import MOTION, ONLINE_LOOPS, ONLINE_MODEL, ONLINE_PAYLOAD
+from rid_daq.session.scenario import Scenario, constant_load_notes, load_transfers
 from rid_daq.session.session import as_label
 
 
@@ -38,21 +43,34 @@ def stream_path(request: StreamRequest, context: Context) -> RecordedRun:
     """
     loaded = load_cell(request.cell)
     words, samples, files = _plan_path(request, loaded)
-    loops, loops_bytes = read_loops_and_bytes(request.loop, loaded)
+    measured = read_loops_for(request.loop, loaded.robot, loaded.config)
     estimate, model_bytes = read_estimate_and_bytes(request.model, loaded.robot)
-    carrying = state_payload(estimate, request.model, request.payload, request.runs)
+    stated = (request.model, request.payload, request.load_changes, request.runs)
+    loads = state_loads(estimate, *stated)
+    if samples is not None:
+        samples = loads.planned(samples, signals=True)
     velocity = None if samples is None else samples.whole().velocity
-    warm = at_operating_temperature(carrying.estimate, request.temperature, velocity)
-    for note in warm.notes:
+    warm = at_operating_temperature(loads.first.estimate, request.temperature, velocity)
+    load = loads.over_time(
+        lambda one: at_operating_temperature(one, request.temperature, velocity).estimate
+    )
+    position = None if samples is None else samples.whole().position
+    doubts = model_doubts(request.model, warm.estimate, position)
+    constant = constant_load_notes(loads.changes, loaded.config)
+    for note in (*measured.notes, *warm.notes, *doubts, *constant):
         context.say(f"note: {note}")
-    forward = OnlineFeedforward.from_model(loaded.config, loaded.robot, warm.estimate, loops)
+    forward = OnlineFeedforward.from_model(loaded.config, loaded.robot, load, measured.loops)
+    signals = _signals(loads, loaded)
+    forward = replace(forward, signals=signals)
     name = request.label or as_label("stream" if request.motion is None else request.motion.stem)
     require_label(name)
+    if loads.stated is not None:
+        files |= loads.stated.files
     options = StreamSettings(**request.options.model_dump())
     if options.compensated:
-        files |= {ONLINE_MODEL: model_bytes, ONLINE_LOOPS: loops_bytes}
-        if carrying.content:
-            files[ONLINE_PAYLOAD] = carrying.content
+        files |= {ONLINE_MODEL: model_bytes, ONLINE_LOOPS: measured.content}
+        if loads.first.content:
+            files[ONLINE_PAYLOAD] = loads.first.content
     with open_session(
         loaded,
         request.runs,
@@ -60,6 +78,7 @@ def stream_path(request: StreamRequest, context: Context) -> RecordedRun:
         Clearance(request.cleared, request.practise, files),
         AxisTestRule(request.axis_test),
         simulation=request.simulation,
+        scenario=Scenario(load_transfers=load_transfers(loads.changes)),
     ) as session:
         cell = session.cell
 
@@ -71,7 +90,32 @@ def stream_path(request: StreamRequest, context: Context) -> RecordedRun:
             return stream_socket(cell, forward, path, record, options, listening)
 
         asked = RunRequest(name, words, samples, drive, role="streaming", files=files)
-        return session.record(asked)
+        with session.recording(asked) as run:
+            if signals is not None:
+                run.folder.write(LOAD_CHANGES, load_changes_bytes(signals.changes))
+        return run
+
+
+def _signals(loads: StatedLoads, loaded: LoadedCell) -> LoadSignals | None:
+    """Return the signals at which the load changes; None if it changes at stated times only.
+
+    Raises:
+        ConfigError: The cell does not read a digital input.
+    """
+    if loads.stated is None or not loads.stated.changes.signals:
+        return None
+    cell, joints = loaded.config, loaded.robot.joint_names
+    sending = {axis.joint for axis in cell.axes if cell.servo_of(axis).sends_inputs}
+    for number, change in enumerate(loads.stated.changes.changes, start=1):
+        if change.signal is not None and change.signal.joint not in sending:
+            raise ConfigError(
+                f"{loads.stated.file}: change {number} begins at a digital input of joint"
+                f" {change.signal.joint}, but only these drives of cell {cell.name} send their"
+                f" inputs: {', '.join(sorted(sending)) or 'none'}; correct the joint, or set"
+                " digital_inputs in the servo profile of this drive",
+                code="RID-LOAD-SIGNAL-INPUT",
+            )
+    return LoadSignals(loads.stated.changes, joints, cell.cycle_time_s)
 
 
 def _plan_path(
@@ -79,6 +123,12 @@ def _plan_path(
 ) -> tuple[str, MotionSamples | None, dict[str, bytes]]:
     """Return a sentence on the path, its rows if they are known, and its file."""
     if request.motion is None:
+        if request.load_changes is not None:
+            raise ConfigError(
+                "--load-changes: the changes are timed from the first row of a motion file, but"
+                " another program sends the points: give a motion file",
+                code="RID-OPTION-EXCLUSIVE",
+            )
         return "Points sent by another program.", None, {}
     if "patience_s" in request.options.model_fields_set:
         raise ConfigError(

@@ -11,16 +11,19 @@ from acquisition.runs.catalogue import find_runs
 from acquisition.tracker.tracker_file import read_tracked_point
 from compensation.feedforward.deflection import lumped_motors
 from compensation.feedforward.tool_side import tool_side_error
+from compensation.ramped_load import RampedLoad
 from config.errors import ConfigError, DataQualityError
 from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain
 from identification.estimation.estimate import Estimate
 from rid_daq.operations.cell_files import read_estimate_for
 from rid_daq.operations.path.tracking import TrackingRequest
-from rid_daq.operations.stated_payload import payload_words, state_payload
+from rid_daq.operations.stated_loads import require_same_changes, state_loads
+from rid_daq.operations.stated_payload import payload_words
 from rid_daq.report.sections.tracking import MOTOR_TORQUES, TrackingSection
 from rid_daq.report.tool_error_entries import ToolSideSize
 from rid_daq.report_page.write import write_result
+from rid_daq.runs.changed_load import load_changes_of
 from rid_daq.runs.followed_motion import compare_with_motion, motor_lead
 from rid_daq.runs.motion_runs import PLAIN, MotionRun, read_motion_run
 from rid_daq.runs.run_data import all_defects, result_of
@@ -57,7 +60,7 @@ def track_runs(request: TrackingRequest) -> TrackedRuns:
     """
     driven, others = (
         [
-            read_motion_run(folder, unfinished=request.unfinished)
+            read_motion_run(folder, unfinished=request.unfinished, changing_load=True)
             for folder in find_runs(request.runs, names)
         ]
         for names in (request.run, request.against)
@@ -85,15 +88,21 @@ def track_runs(request: TrackingRequest) -> TrackedRuns:
     for one, before in pairs:
         _require_order(one, before)
     estimate = None
+    loads: dict[str, Estimate | RampedLoad] = {}
     if request.model is not None:
         estimate = read_estimate_for(request.model, robot)
-        estimate = state_payload(estimate, request.model, request.payload, request.runs).estimate
+        stated = (request.model, request.payload, request.load_changes, request.runs)
+        stated_loads = state_loads(estimate, *stated)
+        for one in (*driven, *others):
+            recorded = load_changes_of(one.data.folder)
+            require_same_changes(stated_loads.changes, recorded, f"run {one.run_id}")
+            loads[one.run_id] = stated_loads.as_driven(recorded)
     torques = MOTOR_TORQUES
     if estimate is not None:
         robot, differing = _with_stiffness(robot, estimate.robot)
         notes += differing
         torques = _torque_words(estimate, robot) + payload_words(request.payload)
-    motions = [compare_with_motion(*pair, robot, estimate) for pair in pairs]
+    motions = [compare_with_motion(*pair, robot, loads) for pair in pairs]
     section = TrackingSection.of(motions, robot, torques=torques)
     if request.tracker:
         sizes = _tool_side_sizes(request, [one for one, _ in pairs], section)
@@ -138,7 +147,7 @@ def _tool_side_sizes(
 
 
 def _torque_words(estimate: Estimate, robot: RobotDescription) -> str:
-    """Return a phrase that names the model's torques from which the deflection is computed.
+    """Return a phrase that names the torques of the model from which the deflection is computed.
 
     Args:
         robot: Robot with the motors' inertias, if they are known.

@@ -14,6 +14,7 @@ from rid_daq.operations.operation import Context, Operation
 from rid_daq.requests.option import (
     DEFAULT_RUNS,
     CarriedPayloadOfModel,
+    LoadChangeFileOfModel,
     MeasuredPoint,
     Option,
     RunNames,
@@ -53,6 +54,7 @@ class TrackingRequest(Request):
         Option(metavar="MODEL", file="input"),
     ] = None
     payload: CarriedPayloadOfModel = None
+    load_changes: LoadChangeFileOfModel = None
     tracker: Annotated[
         tuple[Path, ...],
         Field(
@@ -101,7 +103,7 @@ class TrackingResult:
         yield from note_blocks(self.tracked.notes)
         yield from tracking_blocks(self.tracked.section)
         yield Verdict(passed=None, text=self.tracked.section.verdict.headline)
-        yield Text(text=f"Report: {self.tracked.report}")
+        yield Text(text=f"Report: {self.tracked.report}", is_for_terminal=True)
 
     def _motion_documents(self) -> list[dict[str, object]]:
         joints = self.tracked.pairs[0][0].data.robot.joint_names

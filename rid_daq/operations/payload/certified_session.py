@@ -27,8 +27,8 @@ from rid_daq.runs import made_file
 from rid_daq.runs.devices import cell_of_run, drives_with_serials
 from rid_daq.runs.flange import FACT
 from rid_daq.runs.origins import cell_argument
-from rid_daq.runs.output_file import refuse_output
-from rid_daq.runs.run_data import READ, SESSION, register_output, require_own
+from rid_daq.runs.output_file import refuse_output, register_output
+from rid_daq.runs.run_data import READ, SESSION, require_own
 from rid_daq.session.versions import program_version
 from rid_daq.terminal.choices import CERTIFICATE, PAYLOAD
 from rid_daq.terminal.job_events import SessionState

@@ -8,8 +8,10 @@ from pathlib import Path
 
 from acquisition.processing.periods import PeriodAverage
 from acquisition.runs.folder import RunFolder
+from config.errors import ConfigError
 from identification.choices import BAND_HZ, STANDSTILL_RAD_S, PayloadLimits
 from identification.equations.deconvolution import smoothed_recording
+from identification.estimation.estimate import Estimate
 from identification.estimation.options import EstimationOptions
 from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.periodic_runs import PeriodicRuns
@@ -31,7 +33,8 @@ from rid_daq.operations.payload.shared import IdentifiedPayload
 from rid_daq.report.result import Result
 from rid_daq.report.sections.payload import EmptyFlange, PayloadSection, payload_verdict
 from rid_daq.report_page.write import write_result
-from rid_daq.runs.run_data import RunData, register_output
+from rid_daq.runs.output_file import register_output
+from rid_daq.runs.run_data import RunData
 
 
 @dataclass(frozen=True)
@@ -117,6 +120,8 @@ def estimate_payload(
         DataQualityError, EstimationError: The data do not determine a payload.
     """
     how, robot = payload_request.how, data[0].robot
+    if how.robot is not None:
+        _refuse_runs_of_model(data, loaded, how.robot)
     runs = payload_runs(data, loaded, payload_request)
     estimate = identify_payload(
         robot,
@@ -166,6 +171,25 @@ def report_payload(
     report = write_result(folder, result.with_sections(payload=section, verdict=verdict))
     fits = all(line.passed for line in payload.checks if line.advice == BAD_FIT)
     return IdentifiedPayload(section, verdict, path, report, fits)
+
+
+def _refuse_runs_of_model(data: Sequence[RunData], loaded: Sequence[bool], model: Estimate) -> None:
+    """Refuse a loaded run from which the model of the robot was identified.
+
+    The model then contains a part of the payload, or its errors are those of the run; the intervals
+    count them as independent.
+
+    Raises:
+        ConfigError: There is such a run.
+    """
+    ids = [run.folder.run_id for run, carried in zip(data, loaded, strict=True) if carried]
+    own = [run_id for run_id in ids if run_id in model.run_ids]
+    if own:
+        raise ConfigError(
+            f"--model: the model was identified from the loaded run {', '.join(own)}: identify the"
+            " robot from other runs, or give the runs without payload as --unloaded and no model",
+            code="RID-PAYLOAD-RUNS",
+        )
 
 
 def _arm_checks(

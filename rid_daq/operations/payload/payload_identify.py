@@ -93,7 +93,7 @@ class VerdictLimits(Request):
     mass_kg: Annotated[
         MassLimitKg | None,
         Field(
-            description="Absolute alternative to --mass-limit: one of the two limits must be kept."
+            description="Absolute limit instead of --mass-limit: one of the two limits must be met."
         ),
         Option(group=LIMITS, flag="mass-limit-kg", unit="kg"),
     ] = PayloadLimits.mass_kg
@@ -113,8 +113,8 @@ class VerdictLimits(Request):
     inertia_kg_m2: Annotated[
         InertiaLimitKgM2 | None,
         Field(
-            description="Absolute alternative to --inertia-limit: one of the two limits must be"
-            " kept."
+            description="Absolute limit instead of --inertia-limit: one of the two limits must be"
+            " met."
         ),
         Option(group=LIMITS, flag="inertia-limit-kg-m2", unit="kg m²"),
     ] = PayloadLimits.inertia_kg_m2
@@ -126,8 +126,8 @@ class VerdictLimits(Request):
     residual_nm: Annotated[
         ResidualLimitNm | None,
         Field(
-            description="Absolute alternative to --residual-limit: one of the two limits must be"
-            " kept."
+            description="Absolute limit instead of --residual-limit: one of the two limits must be"
+            " met."
         ),
         Option(group=LIMITS, flag="residual-limit-nm", unit="N m"),
     ] = PayloadLimits.residual_nm
@@ -138,7 +138,7 @@ class VerdictLimits(Request):
 
 
 def _of_percent(value: object, info: ValidationInfo) -> object:
-    """Convert a percentage given as text on the command line to a fraction."""
+    """Convert a percentage, which the command line gives as text, to a fraction."""
     if info.mode == "json" or not isinstance(value, str):
         return value
     try:

@@ -20,6 +20,7 @@ from rid_daq.requests.cell_options import (
     BEFORE,
     SIMULATED,
     AxisTest,
+    Cleared,
     Live,
     Practise,
     SimulatedPace,
@@ -114,6 +115,7 @@ class PayloadSessionRequest(Request):
         ),
         Option(group=BEFORE),
     ] = False
+    cleared: Cleared = False
     axis_test: AxisTest = "required"
     practise: Practise = False
     payload: Annotated[SimulatedPayload, Option(group=SIMULATED, metavar="NAME")] = None

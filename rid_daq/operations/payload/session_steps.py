@@ -73,7 +73,7 @@ class PayloadGuide:
                 code="RID-CELL-NOT-OURS",
             )
         self._run_preflight()
-        self._require_cleared()
+        self._require_cleared(before_start=request.cleared)
         if UNLOADED in self._missing_steps:
             file.note_fact(EMPTY_FLANGE, self._ask_empty_flange().value)
         if not request.warm_up_percent:
@@ -102,7 +102,16 @@ class PayloadGuide:
         """True if a person is asked: on a real cell, or if the session is practised."""
         return self.session.simulated is None or self.request.practise
 
-    def _require_cleared(self) -> None:
+    def _require_cleared(self, *, before_start: bool = False) -> None:
+        """Ask if the cell is clear.
+
+        Args:
+            before_start: True if a person confirmed that the cell is clear, directly before the
+                session was started.
+
+        Raises:
+            PreflightError: The cell is not clear, or nobody can be asked.
+        """
         config, request = self.session.loaded.config, self.request
         if request.yes and not config.simulated:
             self.context.say(
@@ -112,7 +121,7 @@ class PayloadGuide:
         motion = to_yaml(self.motion, SESSION_MOTION).encode()
         require_cleared(
             config,
-            request.yes,
+            request.yes or before_start,
             self.context,
             practise=request.practise,
             files={**self.session.loaded.files, MOTION: motion},
@@ -161,7 +170,7 @@ class PayloadGuide:
                 f"the preflight has {len(red)} red lines; see `rid-daq check`",
                 code="RID-PREFLIGHT-RED",
             )
-        self.context.say(f"Preflight: {len(lines)} lines, none red.")
+        self.context.say(f"Preflight passed: {len(lines)} lines, no red line.")
 
     def _attach_payload(self) -> None:
         simulated, payload = self.session.simulated, self.request.payload

@@ -81,7 +81,7 @@ class IdentifiedPayload:
         yield VerdictBlock(passed=self.verdict.passed, text=self.verdict.headline)
         yield Text(text=self.verdict.sentence)
         yield Text(text=f"Payload: {self.file}")
-        yield Text(text=f"Report: {self.report}")
+        yield Text(text=f"Report: {self.report}", is_for_terminal=True)
         if self.verdict.passed:
             yield Next(words=("payload", "export", str(self.file), "--to", "FORMAT", "-o", "FILE"))
         if self.verdict.passed and self.session is not None:

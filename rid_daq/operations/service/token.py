@@ -103,4 +103,5 @@ OPERATION: Final = Operation(
     request=TokenRequest,
     run=run,
     examples=("token plotter --role viewer", "token tablet --code 123456 --folder lab"),
+    is_of_cells=True,
 )

@@ -94,7 +94,7 @@ class DemoResult:
         if result.timing is not None and result.timing.elapsed_s is not None:
             yield Text(text=f"Duration: {result.timing.elapsed_s:.1f} s.")
         yield Verdict(passed=judged.passed, text=judged.headline)
-        yield Text(text=f"Report: {self.done.report}")
+        yield Text(text=f"Report: {self.done.report}", is_for_terminal=True)
         if judged.passed:
             yield Next(words=("docs", "first-hour"), lead="Next: the same steps one by one")
 
@@ -131,5 +131,6 @@ OPERATION: Final = Operation(
     request=DemoRequest,
     run=run,
     examples=("demo --seed 7", "demo --no-paths --periods 8"),
+    is_of_cells=True,
     module="rid_daq.demo.demo",
 )

@@ -25,6 +25,10 @@ URDF_FILES: Final = (
     *(ROBOT_PICTURE, ROBOT_MESHES),
 )
 FROM_URDF: Final = "URDF"
+NOT_REHEARSED: Final = (
+    "the cell is not rehearsed, because simulated cells need Linux: call `rid-daq check` on a Linux"
+    " computer before the first motion"
+)
 
 
 class InitRequest(Request):
@@ -194,14 +198,16 @@ def _starter_files(request: InitRequest) -> tuple[Mapping[str, bytes], InitResul
 
 def _urdf_files(request: InitRequest, urdf: Path) -> tuple[Mapping[str, bytes], InitResult]:
     """Return the files for a URDF by name, and the result."""
+    from config.process.linux import has_linux
     from rid_daq.operations.start.drawn_robot import files_with_drawing
     from rid_daq.operations.start.urdf_starter import starting_robot
 
     robot = starting_robot(request, urdf)
     _refuse_present(request.folder, URDF_FILES)
-    if not request.rehearsal:
+    if not request.rehearsal or not has_linux():
         files = files_with_drawing(urdf, robot)
-        return files, InitResult(request.folder, tuple(files), robot.notes)
+        notes = (*robot.notes, *((NOT_REHEARSED,) if request.rehearsal else ()))
+        return files, InitResult(request.folder, tuple(files), notes)
     from rid_daq.operations.start.starter_rehearsal import rehearse_cell
 
     tried = rehearse_cell(urdf, robot)

@@ -100,4 +100,4 @@ def _initial_pose(robot: RobotDescription) -> FloatArray:
     pose = zero_pose(robot)
     if Clearances.of(robot).is_clear(pose[np.newaxis]):
         return pose
-    return np.asarray(validation_motion(robot).poses(robot)[0])
+    return np.asarray(validation_motion(robot).draw_poses(robot)[0])

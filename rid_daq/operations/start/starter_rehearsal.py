@@ -14,7 +14,7 @@ from acquisition.motion.collision import clear_rows
 from acquisition.motion.samples import MotionSamples
 from acquisition.runs.folder import RunFolder
 from acquisition.session.outcome import RecordOutcome
-from acquisition.session.record import record_motion
+from acquisition.session.record import MotionContext, record_motion
 from config.errors import RecordingError, RidDaqError, system_errors
 from config.formats.whole_file import write_whole
 from config.load import LoadedCell, load_cell
@@ -116,7 +116,7 @@ def _check_and_move(loaded: LoadedCell, folder: Path) -> RecordOutcome:
         cell, robot, period_s=PERIOD_S, harmonics=HARMONICS, criterion=DOptimal()
     )
     samples = _excitation(loaded, problem)
-    with hold_reachable_cell(loaded) as (reachable, _):
+    with hold_reachable_cell(loaded) as (reachable, simulated):
         lines, failure = preflight(
             loaded,
             reachable,
@@ -133,4 +133,11 @@ def _check_and_move(loaded: LoadedCell, folder: Path) -> RecordOutcome:
                     f"{line.where}, {line.what}: {line.found}. {line.next_action}",
                     code="RID-PREFLIGHT-RED",
                 )
-        return record_motion(reachable, robot, samples, RunFolder.create(folder, "rehearsal"))
+        assert simulated is not None
+        return record_motion(
+            reachable,
+            robot,
+            samples,
+            RunFolder.create(folder, "rehearsal"),
+            context=MotionContext(task=simulated.create_master),
+        )

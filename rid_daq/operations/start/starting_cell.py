@@ -13,7 +13,7 @@ VALIDATION_LIMIT_PERCENT: Final = 15.0
 
 
 def starting_cell(robot: RobotDescription, motors: Sequence[UrdfMotor] | None = None) -> CellConfig:
-    """Return a simulated cell with the robot's name and drives at node ids 1, 2, ...
+    """Return a simulated cell that has the robot's name, and drives with the node ids 1, 2, ...
 
     Args:
         motors: Motors with their directions of rotation; if None, they turn like their joints.

@@ -163,7 +163,7 @@ def slow_down(robot: RobotDescription, speed: float) -> RobotDescription:
 
 
 def _torque_reserve(robot: RobotDescription, load: Workload) -> FloatArray:
-    """Return the factor by which motion torques of the validation motion could grow, (n,)."""
+    """Return the factor by which each joint's torque in the validation motion could grow, (n,)."""
     model, values = _link_model(robot)
     motion = validation_motion(robot).plan(robot, SAMPLE_S)
     q, v, a = motion.position, motion.velocity, motion.acceleration

@@ -22,9 +22,9 @@ def bode_plot(axis: AxisLoop) -> Plot:
         name=f"bode_{axis.joint}",
         panels=(_gain(axis), _phase(axis.response), *_open_loops(axis)),
         caption="Controller: torque over velocity error, at the excited lines of the multisine."
-        " Triangles: distortion, which is the torque at lines that are not excited, less the"
-        " linear response, divided by the velocity error at the neighbouring excited lines. Open"
-        " loops: the bars are the margins.",
+        " Triangles: distortion. This is the torque at lines that are not excited, without the"
+        " part that the linear response explains, divided by the velocity error at the"
+        " neighbouring excited lines. Open loops: the bars are the margins.",
     )
 
 

@@ -118,3 +118,21 @@ def finding_texts(section: EstimateSection) -> Iterator[Text]:
         yield Text(text=finding)
     if section.mistakes == ():
         yield Text(text="No sign of a common mistake in wiring, units or files was found.")
+        yield from _unconfirmed_texts(section)
+
+
+def _unconfirmed_texts(section: EstimateSection) -> Iterator[Text]:
+    weight = section.arm_weight
+    if weight is not None and weight.differs:
+        yield Text(
+            text=f"The torques give the arm {number(weight.share, 2)} times the weight of `cad` in"
+            " the robot file: check the torques' unit and constants, the lengths and `cad`."
+        )
+    if section.unconfirmed is None:
+        yield Text(text="The recordings are too short to confirm the entries of the files.")
+    elif section.unconfirmed:
+        entries = "; ".join(each.words for each in section.unconfirmed)
+        yield Text(
+            text="The recordings do not confirm these entries of the files, because wrong entries"
+            f" fit about as well: {entries}. Check them on the robot."
+        )

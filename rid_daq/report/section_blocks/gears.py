@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from rid_daq.blocks.block import AnyBlock, Cells, Heading, Interval, Text, table
+from rid_daq.blocks.formats import number
 from rid_daq.blocks.plot import Axis, Line, Panel, Plot
 from rid_daq.report.sections.gears import AxisGear, GearsSection
 
@@ -14,9 +15,9 @@ NOT_SHOWN = "not shown"
 def gear_blocks(section: GearsSection) -> Iterator[AnyBlock]:
     """Yield the gears, the reasons for missing values, the keys, and the responses."""
     yield Heading(text="Stiffness of the gears")
-    measured = "motors and force plate" if section.has_plate else "motors"
     yield Text(
-        text=f"Spring and damper between motor and link, from the signals of the {measured}."
+        text=f"Spring and damper between motor and link, from the signals of the"
+        f" {section.instruments}."
         " Encoders at the motors do not measure the deflection of these springs."
     )
     yield table(
@@ -35,6 +36,11 @@ def gear_blocks(section: GearsSection) -> Iterator[AnyBlock]:
         ),
         Cells("torque not explained", lambda axis: axis.residual_percent, "%", 2),
     )
+    if section.tool_residual_m is not None:
+        yield Text(
+            text="Distance of the tracker's points from the fitted path:"
+            f" {number(1e3 * section.tool_residual_m, 2)} mm RMS, without its constant part."
+        )
     for axis in section.axes:
         if axis.reason is not None:
             yield Text(text=f"{axis.joint}: the data do not show the stiffness: {axis.reason}.")
@@ -51,8 +57,8 @@ def gears_plot(section: GearsSection) -> Plot:
         panels=tuple(_panel(axis) for axis in section.axes),
         caption="Magnitude of torque over motor velocity at the lines of the multisine, without the"
         " part that friction explains, over all realisations. A maximum is the resonance of the"
-        " link on the locked motor; the minimum above it is that of motor and link against each"
-        " other.",
+        " link with a locked motor; the minimum above it is the resonance of motor and link against"
+        " each other.",
     )
 
 

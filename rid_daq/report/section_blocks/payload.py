@@ -63,7 +63,7 @@ def _parameters(section: PayloadSection) -> Table:
 
 
 def _exported_value(parameter: PayloadParameter) -> str | None:
-    """Return the value of the consistent body with the digits of the estimate."""
+    """Return a value of the closest consistent body, with as many digits as the estimate."""
     if parameter.exported is None or parameter.std is None:
         return None
     return format_measured(parameter.exported, 2.0 * parameter.std)[0]

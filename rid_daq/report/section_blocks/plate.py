@@ -86,6 +86,7 @@ def reaction_blocks(section: ReactionSection) -> Iterator[AnyBlock]:
         Cells("unit", lambda each: each.unit),
         Cells("RMS error", lambda each: each.rms_error, digits=3),
         Cells("relative error", lambda each: each.relative_error_percent, "%", 3),
+        Cells("limit", lambda each: each.limit_percent, "%", 3),
         Cells("noise", lambda each: each.noise, digits=3),
     )
 

@@ -17,6 +17,8 @@ def runs_blocks(section: Sequence[RunSection]) -> Iterator[AnyBlock]:
     for run in section:
         yield Heading(text=run.role, level=3)
         yield Text(text=run.sentence)
+        if run.imported:
+            yield Verdict(passed=None, text=run.imported)
         if run.stop:
             yield Verdict(passed=False, text=run.stop)
         if run.stop_curve is not None:

@@ -44,6 +44,8 @@ def tracking_blocks(section: TrackingSection) -> Iterator[AnyBlock]:
     )
     if section.tool_side:
         yield from _tool_side_blocks(section.tool_side)
+        if section.contradiction:
+            yield Text(text=section.contradiction)
     yield _joint_errors(section)
     yield Text(text="Largest error of each joint.", is_note=True)
     if section.with_stiffness:
@@ -194,7 +196,7 @@ def _path(driven: Mapping[str, PathCurves]) -> Panel:
 def _scale_bar(
     points: np.ndarray[tuple[int, ...], np.dtype[np.float64]], extent_m: float, times: float
 ) -> tuple[tuple[Line, ...], tuple[Mark, ...]]:
-    """Return a scale bar below the path, and the deviation that its length represents."""
+    """Return a scale bar below the path, and the true deviation that the bar represents."""
     if extent_m < STILL_M:
         return (), ()
     length = 0.12 * extent_m / times

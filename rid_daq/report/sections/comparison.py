@@ -130,6 +130,9 @@ class ComparisonSection(Section):
         refused_delay_s: For each joint, a delay of the torque that is too long to come from a bus
             [s]; 0 for a joint without one. The model does not contain these delays. Left out
             without such delays.
+        refused_filter_s: For each joint, the longest time constant that was tried, if the filter of
+            its torque is at least as slow [s]; 0 for a joint without one. The model does not
+            contain these filters. Left out without such filters.
     """
 
     joints: Texts
@@ -142,6 +145,7 @@ class ComparisonSection(Section):
     channel: ChannelTrial | None = None
     warming: WarmingTrial | None = None
     refused_delay_s: Numbers | None = None
+    refused_filter_s: Numbers | None = None
 
     @classmethod
     def of(cls, choice: ModelChoice) -> ComparisonSection:
@@ -161,7 +165,8 @@ class ComparisonSection(Section):
             warming=None
             if choice.warming is None
             else WarmingTrial.from_attributes(choice.warming),
-            refused_delay_s=choice.refused_delay_s or None,
+            refused_delay_s=choice.refused.delay_s if any(choice.refused.delay_s) else None,
+            refused_filter_s=choice.refused.filter_s if any(choice.refused.filter_s) else None,
         )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from identification.regression.fit_grade import Grade
 from rid_daq.report.consistency_entry import ConsistencyEntry
-from rid_daq.report.mistake_entry import ArmWeightEntry, MistakeEntry
+from rid_daq.report.mistake_entry import ArmWeightEntry, MistakeEntry, UnconfirmedSection
 from rid_daq.report.sections.section import Numbers, Section, Texts, finite_or_none
 
 if TYPE_CHECKING:
@@ -109,8 +109,12 @@ class EstimateSection(Section):
             far better. Left out if no search was made.
         driving: Joints with negative friction power, which is physically impossible; left out if
             this was not checked.
+        late_torques: Joints whose recorded torque has a delay that no bus explains, or passed a
+            filter that delays it as long; left out if there are none.
         arm_weight: Weight of the arm implied by the torques; left out if the torques do not
             determine it.
+        unconfirmed: Entries of the files that the recordings do not confirm; left out if a mistake
+            was found, if no search was made, or if there are too few data.
         still: Joints that no run moved, and their positions [rad or m]; left out if every joint
             moved.
         consistency: Test of physical consistency; left out if it was not made.
@@ -130,7 +134,9 @@ class EstimateSection(Section):
     findings: Texts | None = None
     mistakes: tuple[MistakeEntry, ...] | None = None
     driving: Texts | None = None
+    late_torques: Texts | None = None
     arm_weight: ArmWeightEntry | None = None
+    unconfirmed: tuple[UnconfirmedSection, ...] | None = None
     still: dict[str, Numbers] | None = None
     consistency: ConsistencyEntry | None = None
 
@@ -144,6 +150,7 @@ class EstimateSection(Section):
         consistency: ConsistencyTest | None = None,
         driving: tuple[str, ...] | None = None,
         arm_weight: ArmWeightEntry | None = None,
+        unconfirmed: tuple[UnconfirmedSection, ...] | None = None,
     ) -> EstimateSection:
         """Return the section of an estimate.
 
@@ -154,6 +161,7 @@ class EstimateSection(Section):
             consistency: Test of the estimate's physical consistency.
             driving: Joints with negative friction power.
             arm_weight: Weight of the arm implied by the torques.
+            unconfirmed: Entries of the files that the recordings do not confirm.
         """
         return cls.from_attributes(
             estimate,
@@ -190,6 +198,7 @@ class EstimateSection(Section):
             mistakes=mistakes,
             driving=driving,
             arm_weight=arm_weight,
+            unconfirmed=unconfirmed,
             still={each.joint: each.positions for each in estimate.still} or None,
             consistency=None if consistency is None else ConsistencyEntry.of(consistency),
         )

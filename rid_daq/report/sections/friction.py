@@ -65,7 +65,7 @@ class ComparedFriction(Section):
 
     @classmethod
     def of(cls, label: str, curve: FrictionCurve, own: FrictionCurve) -> ComparedFriction:
-        """Compare a curve with the curve of the run itself, which is interpolated.
+        """Compare a curve with that of the run itself, interpolated at the same speeds.
 
         Args:
             label: Label of the compared run.

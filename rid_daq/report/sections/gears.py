@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from config.robot.robot import RobotDescription
+from rid_daq.report.mistake_entry import join_words
 from rid_daq.report.sections.section import Numbers, Section, Texts, round_values
 
 if TYPE_CHECKING:
@@ -18,9 +19,12 @@ class AxisGear(Section):
 
     Attributes:
         joint: Name of the joint.
-        unit, damping_unit: Units of stiffness and damping.
-        stiffness, stiffness_std: Estimate and standard deviation; null if the data do not show it.
-        damping, damping_std: Estimate and standard deviation; null if the data do not show it.
+        unit: Unit of the stiffness.
+        damping_unit: Unit of the damping.
+        stiffness: Estimated stiffness; null if the data do not show it.
+        stiffness_std: Standard deviation of the stiffness; null without a stiffness.
+        damping: Estimated damping; null if the data do not show it.
+        damping_std: Standard deviation of the damping; null without a damping.
         motor_inertia: Inertia of the motor at the gear's output [kg m^2 or kg]; null if the data do
             not show the stiffness.
         bend: Largest deflection that changed in the excitation runs [rad or m]; null if the data do
@@ -29,8 +33,10 @@ class AxisGear(Section):
         residual_percent: RMS of the torque that the model does not explain on the lines of the
             multisine, relative to the torque [%].
         frequency_hz: Lines of the multisine on which this joint was excited [Hz].
-        measured, predicted: Magnitude of torque over motor velocity at these lines, friction
-            removed.
+        measured: Measured torque divided by motor velocity at these lines (magnitude), without
+            friction.
+        predicted: Predicted torque divided by motor velocity at these lines (magnitude), without
+            friction.
     """
 
     joint: str
@@ -55,11 +61,16 @@ class GearsSection(Section):
     Attributes:
         runs: Ids of the runs.
         has_plate: True if the base wrench of a force plate was used.
+        has_link_encoders: True if encoders on the link side were used.
+        tool_residual_m: RMS distance of a tracker's points from the fitted path, without its
+            constant part; null without a tracker.
         axes: The gears, base to flange.
     """
 
     runs: Texts
     has_plate: bool
+    has_link_encoders: bool = False
+    tool_residual_m: float | None = None
     axes: tuple[AxisGear, ...]
 
     @classmethod
@@ -91,7 +102,23 @@ class GearsSection(Section):
                     predicted=round_values(np.abs(response.predicted).tolist()),
                 )
             )
-        return cls(runs=runs, has_plate=found.has_plate, axes=tuple(axes))
+        return cls(
+            runs=runs,
+            has_plate=found.has_plate,
+            has_link_encoders=found.has_link_encoders,
+            tool_residual_m=found.tool_residual_m,
+            axes=tuple(axes),
+        )
+
+    @property
+    def instruments(self) -> str:
+        """Names of the instruments whose signals were used, as text."""
+        used = {
+            "force plate": self.has_plate,
+            "encoders on the link side": self.has_link_encoders,
+            "tracker": self.tool_residual_m is not None,
+        }
+        return join_words(["motors", *(name for name, is_used in used.items() if is_used)])
 
     @property
     def keys(self) -> dict[str, dict[str, float]]:

@@ -208,9 +208,9 @@ class PlateSection(Section):
             sentences.append(f"The model does not explain the base wrench completely. {names}.")
         if doubts and mistake is None:
             sentences.append(
-                "First check the plate's description in the cell file: its sizes, position_m,"
-                " rotation_rad and sensitivities. The torque constants were not compared with"
-                " the plate."
+                "First check the plate's description in the cell file or import map: its sizes,"
+                " position_m, rotation_rad and sensitivities. The torque constants were not"
+                " compared with the plate."
             )
         sentences += [] if mistake is None else [mistake.sentence]
         return cls.from_attributes(
@@ -258,6 +258,7 @@ class WrenchError(Section):
         unit: Unit of the component.
         rms_error: RMS of measured minus predicted component.
         relative_error_percent: RMS error relative to the measured component [%].
+        limit_percent: Largest relative error for a passed verdict [%]; None in old reports.
         noise: RMS noise of the measurement; None if it is not known.
         measured: Measured curve, thinned for drawing.
         predicted: Predicted curve, thinned for drawing.
@@ -267,6 +268,7 @@ class WrenchError(Section):
     unit: str
     rms_error: float
     relative_error_percent: float
+    limit_percent: float | None = None
     noise: float | None
     measured: Numbers
     predicted: Numbers
@@ -298,12 +300,28 @@ class ReactionSection(Section):
                 unit=WRENCH_UNITS,
                 rms_error=validation.rms,
                 relative_error_percent=validation.relative_percent,
+                limit_percent=validation.limit_percent,
                 noise=[None] * 6 if validation.noise is None else validation.noise,
                 measured=map(round_values, validation.measured[rows].T),
                 predicted=map(round_values, validation.predicted[rows].T),
             ),
             time_s=round_values(validation.time_s[rows] - validation.time_s[0], 7),
         )
+
+    @property
+    def checks(self) -> list[VerdictCheck]:
+        """Comparison of each component's relative error with its limit."""
+        return [
+            VerdictCheck.of(
+                f"relative error of the base wrench, {each.name}",
+                each.relative_error_percent,
+                "≤",
+                each.limit_percent,
+                "%",
+            )
+            for each in self.components
+            if each.limit_percent is not None
+        ]
 
 
 class LoadComponent(Section):

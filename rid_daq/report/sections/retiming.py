@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 REACHED: Final = 0.98
 CHANGES: Final = "a change of acceleration"
 PERIODIC: Final = (
-    " The motion was periodic. All its periods, including those for settling, are now one way"
+    " The motion was periodic. All its periods, including those for settling, are now one part"
     " from rest to rest, so a recording of the retimed motion has no periods."
 )
 WRENCH: Final = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
@@ -39,10 +39,10 @@ class RetimedJoint(Section):
         joint: Name of the joint.
         unit: Unit of the joint's torque.
         torque_limit: Torque limit [N m or N].
-        torque_peak: Largest absolute torque by the model [N m or N].
+        torque_peak: Largest absolute torque of the model [N m or N].
         torque_margin: Largest margin for the uncertainty of the torque [N m or N].
         torque_uncertain_peak: Largest sum of absolute torque and margin [N m or N].
-        torque_rms: RMS torque by the model [N m or N].
+        torque_rms: RMS torque of the model [N m or N].
         speed_share: Largest speed divided by its limit.
         acceleration_share: Largest acceleration divided by its limit.
     """
@@ -64,7 +64,7 @@ class BaseShare(Section):
     Attributes:
         component: Name of the component.
         limit: Limit of the component.
-        peak: Largest absolute value by the model.
+        peak: Largest absolute value that the model predicts.
         margin: Largest margin for the uncertainty of the component.
     """
 
@@ -89,19 +89,20 @@ class ReachedLimit(Section):
 
 
 class RetimedWay(Section):
-    """Curves of one way: a part of the path from rest to rest.
+    """Curves of one part of the path, which leads from rest to rest.
 
     Attributes:
-        place: Lengths along the path: the abscissa of the phase plane.
-        speed: Speed at each length.
-        limit: Limit curve at each length.
-        time_s: Times from the start of the way [s].
+        place: Lengths along the path at which `speed` and `limit` are given.
+        speed: Speed of the path at each length.
+        limit: Limit curve of this speed at each length.
+        time_s: Times since the start of the part [s].
         torques: Torque of each joint, divided by its limit.
-        margins: Margin of each joint's torque, divided by its limit.
+        margins: Allowance for the uncertainty of each joint's torque, divided by its limit; 0
+            if the timing allows for none.
         reached: The active limit of each interval.
-        done: Completed fraction of the way at `time_s`.
+        done: Completed fraction of the part at `time_s`.
         original_s: Times of the original motion [s].
-        original_done: Completed fraction of the way at `original_s`.
+        original_done: Completed fraction of the part at `original_s`.
         measured: Measured torque of each joint at `time_s`, divided by its limit; left out if the
             path was not driven.
     """
@@ -135,9 +136,9 @@ class RetimingSection(Section):
         averaged_s: Longest window of the moving average that smooths the motion [s].
         joints: Largest values of each joint.
         base: Largest values of the base wrench; left out if it is not limited.
-        ways: Curves of each way from rest to rest.
-        was_periodic: True if the original motion had periods, which the retimed motion joins to one
-            way. Left out otherwise.
+        ways: Curves of each part of the path from rest to rest.
+        was_periodic: True if the original motion had periods, which are one part of the retimed
+            motion. Left out otherwise.
         driven: Measurements on a robot; left out if the path was not driven.
     """
 
@@ -225,7 +226,7 @@ class RetimingSection(Section):
         )
 
     def with_driven(self, driven: DrivenTiming, torque: FloatArray) -> RetimingSection:
-        """Return the section with measurements; the path must be a single way from rest to rest.
+        """Return the section with measurements; the path must be a single part from rest to rest.
 
         Args:
             driven: Comparison of the original and the retimed path.

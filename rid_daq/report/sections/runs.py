@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from config.cell.cell import CellConfig
+from config.cell.cycle_time import CycleTimeMs
 from config.robot.robot import RobotDescription
 from rid_daq.report.sections.curves import Traces
 from rid_daq.report.sections.section import Numbers, Section
@@ -30,7 +31,7 @@ class CellSection(Section):
 
     name: str
     simulated: bool
-    cycle_time_ms: int
+    cycle_time_ms: CycleTimeMs
     bus: str
 
     @classmethod
@@ -168,6 +169,7 @@ class RunSection(Section):
         bad_rows: Rows that an import left out.
         left_out: Number of rows that an import left out, by reason.
         findings: Anomalies of the rows that the import used.
+        imported: Result of the import in one line; it stays if the report's verdict changes.
         clock: Check of the time stamps; left out if it was not made.
         stop_curve: Curve of the joint for which the motion was stopped; left out if no joint was
             the reason.
@@ -185,6 +187,7 @@ class RunSection(Section):
     bad_rows: tuple[BadRows, ...]
     left_out: dict[str, int] | None = None
     findings: tuple[str, ...] | None = None
+    imported: str | None = None
     clock: ClockSection | None = None
     stop_curve: StopCurve | None = None
     traces: Traces | None = None
@@ -234,8 +237,10 @@ class RunSection(Section):
 
     def with_import(self, report: ImportReport) -> RunSection:
         """Return the section with the findings of an import report."""
+        of_plate = () if report.plate is None else report.plate.lines()
         found: dict[str, object] = {
-            "sentence": "; ".join(report.lines()[:2]) + ".",
+            "sentence": "; ".join([*report.lines()[:2], *of_plate]) + ".",
+            "imported": report.headline,
             "bad_rows": BadRows.of(report),
             "left_out": report.left_out or None,
             "findings": report.findings or None,

@@ -25,6 +25,10 @@ DRAWN_POINTS = 500
 DRAWN_SHARE = 0.12
 WHOLE: Final = 0.9
 """Share of a motion above which an instrument has measured it as a whole."""
+CONTRADICTION: Final = 2.0
+"""Ratio of measured to estimated error at the tool above which the estimate is called wrong."""
+LARGEST_NOISE_M: Final = 2e-4
+"""Mean distance that the noise of an instrument can cause."""
 ENCODERS_AT_MOTORS: Final = (
     "The path is computed from the encoders at the motors. It does not contain the deflection of"
     " gears and links, so the true distance of the tool from the path can be larger."
@@ -57,7 +61,8 @@ class ErrorSize(Section):
     """Size of the errors of a run.
 
     Attributes:
-        mean_m, max_m: Mean and largest distance of the tool point from its path [m].
+        mean_m: Mean distance of the tool point from its path [m].
+        max_m: Largest distance of the tool point from its path [m].
         joint_peak: Largest error of each joint [rad or m].
         bending: Estimated deflection of the gears, which the other values do not contain; left out
             if no stiffness is known.
@@ -115,7 +120,8 @@ class DrawnPaths(Section):
     """Curves of a motion with compensation, and without; `before` is null if no such run exists.
 
     Attributes:
-        after, before: The curves.
+        after: Curves of the run with compensation.
+        before: Curves of the run without compensation.
     """
 
     after: PathCurves
@@ -240,6 +246,22 @@ class TrackingSection(Section):
         return ratios
 
     @property
+    def contradiction(self) -> str:
+        """A sentence if an instrument measured much more than was estimated; otherwise empty."""
+        for motion, size in zip(self.motions, self.tool_side, strict=bool(self.tool_side)):
+            bent = motion.after.bending
+            estimate = None if bent is None else bent.tool_mean_m
+            if estimate is not None and size.mean_m > max(
+                CONTRADICTION * estimate, LARGEST_NOISE_M
+            ):
+                return (
+                    f"The instrument measured a mean distance of {number(1e3 * size.mean_m, 2)} mm"
+                    f" at the tool in {size.file}, but the estimate from stiffness and model is"
+                    f" {number(1e3 * estimate, 2)} mm: the measured value counts."
+                )
+        return ""
+
+    @property
     def verdict(self) -> VerdictSection:
         """Headline of the report; no limit is checked."""
         after = [motion.after.mean_m for motion in self.motions]
@@ -257,7 +279,9 @@ class TrackingSection(Section):
                 [], mean, f"No run without compensation was given for comparison. {self.unseen}"
             )
         changed, at_tool = f"error {_change(ratios)}", self._tool_ratios
-        if at_tool:
+        if self.tool_side:
+            changed = f"error at the motors {_change(ratios)}"
+        elif at_tool:
             changed = (
                 f"error at the motors {_change(ratios)}, estimated error at the tool with the"
                 f" deflection of the gears {_change(at_tool)}"
@@ -267,7 +291,7 @@ class TrackingSection(Section):
 
 
 def _change(ratios: Sequence[float]) -> str:
-    """Return how errors have changed by the least ratio of errors before to errors after."""
+    """Return text: how the errors changed, by the smallest ratio of error before to after."""
     least = min(ratios)
     if least < 1.0:
         words = f"increased {number(1.0 / max(least, 1e-12), 3)}-fold"

@@ -105,7 +105,7 @@ class AxisLoop(Section):
 
     @property
     def left_words(self) -> str:
-        """Phrase with the fraction of the response that the inertia does not explain."""
+        """Phrase that states which fraction of the response a single inertia does not explain."""
         left = (
             f"an inertia leaves {100.0 * self.mechanics_misfit:.2g} % of the response (torque"
             " to speed) unexplained"

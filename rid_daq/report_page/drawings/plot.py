@@ -13,9 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rid_daq.blocks.plot import Axis, Line, Mark, Marker, Panel, Plot
-from rid_daq.figures.palette import NAMED
-from rid_daq.figures.plot_figure import line_stroke
-from rid_daq.report_page.drawings.style import STYLE, WRONG, as_svg, drawn_text
+from rid_daq.figures.palette import LIGHT, line_stroke
+from rid_daq.report_page.drawings.style import STYLE, as_svg, drawn_text
 
 PX_PER_INCH: Final = 120.0
 WIDTH_IN: Final = 9.6
@@ -68,6 +67,14 @@ def matplotlib_figure(plot: Plot) -> Figure:
         return _grid(plot.panels, min(plot.columns, len(plot.panels)), NotebookFigure)
 
 
+def svg_file(plot: Plot) -> bytes:
+    """Return the drawing of a declared plot as one SVG file in the colours of light pages."""
+    content = io.BytesIO()
+    with mpl.rc_context(STYLE):
+        matplotlib_figure(plot).savefig(content, format="svg", metadata={"Date": None})
+    return content.getvalue()
+
+
 def _drawings(panels: Sequence[Panel]) -> list[list[Panel]]:
     """Return the panels, grouped into drawings: each title begins a drawing."""
     drawings: list[list[Panel]] = []
@@ -111,7 +118,7 @@ def _draw(drawing: Axes, of: Panel, columns: int) -> None:
 
 def _draw_bars(drawing: Axes, of: Panel) -> None:
     values = [bar.value for bar in of.bars]
-    bars = drawing.bar(range(len(values)), values, 0.9, color=NAMED["blue"])
+    bars = drawing.bar(range(len(values)), values, 0.9, color=LIGHT["blue"])
     drawing.bar_label(bars, [f"{value:g}" if value else "" for value in values], fontsize=SMALL)
     names = [drawn_text(bar.name) for bar in of.bars]
     drawing.set_xticks(range(len(names)), names, fontsize=SMALL)
@@ -123,7 +130,7 @@ def _draw_lines(drawing: Axes, of: Panel, columns: int) -> None:
     for line in of.lines:
         _draw_line(drawing, line)
     for at in of.limits:
-        drawing.axhline(at, color=WRONG, linewidth=0.8)
+        drawing.axhline(at, color=LIGHT["red"], linewidth=0.8)
     for mark in of.marks:
         _draw_mark(drawing, mark)
     named = sum(line.is_named for line in of.lines)
@@ -145,7 +152,8 @@ def _draw_lines(drawing: Axes, of: Panel, columns: int) -> None:
 
 def _draw_line(drawing: Axes, line: Line) -> None:
     x, y = np.asarray(line.x), np.asarray(line.y, dtype=float)
-    color, dash = line_stroke(line)
+    colour, dash = line_stroke(line)
+    color = LIGHT[colour]
     label = drawn_text(line.label) if line.is_named else None
     if line.is_area:
         drawing.fill(x, y, color=color, alpha=0.2, linewidth=0.0, label=label)
@@ -177,7 +185,7 @@ def _draw_mark(drawing: Axes, mark: Mark) -> None:
         (5.0, 0.0),
         textcoords="offset points",
         va="center",
-        color=NAMED[mark.colour],
+        color=LIGHT[mark.colour],
         fontsize=8.0,
     )
 
@@ -186,7 +194,7 @@ def _draw_spans(drawing: Axes, of: Panel) -> None:
     for span in of.spans:
         row = of.rows.index(span.name)
         place = [(span.begin, span.end - span.begin)]
-        drawing.broken_barh(place, (row - 0.4, 0.8), color=NAMED[span.colour])
+        drawing.broken_barh(place, (row - 0.4, 0.8), color=LIGHT[span.colour])
     drawing.set_yticks(range(len(of.rows)), [drawn_text(row) for row in of.rows])
     drawing.set_ylim(len(of.rows) - 0.5, -0.5)
     drawing.set_xlabel(drawn_text(of.x.text))

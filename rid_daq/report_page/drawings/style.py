@@ -10,18 +10,9 @@ from markupsafe import Markup
 from matplotlib.backends.backend_svg import FigureCanvasSVG
 from matplotlib.figure import Figure
 
-from rid_daq.figures.palette import (
-    BLUE,
-    GRID,
-    INK,
-    RED,
-    SOFT,
-)
+from rid_daq.figures.palette import LIGHT
 from rid_daq.report_page.drawings.page_colours import NAMES
 from rid_daq.terminal.console import make_printable
-
-MEASURED, PREDICTED, WRONG = INK, BLUE, RED
-
 
 STYLE: Any = {
     "svg.fonttype": "none",  # keep text as text: small, searchable, in the page's font
@@ -33,16 +24,16 @@ STYLE: Any = {
     "axes.spines.right": False,
     "figure.facecolor": "none",
     "axes.facecolor": "none",
-    "text.color": INK,
-    "axes.labelcolor": INK,
-    "xtick.color": SOFT,
-    "xtick.labelcolor": INK,
-    "ytick.color": SOFT,
-    "ytick.labelcolor": INK,
-    "axes.edgecolor": SOFT,
+    "text.color": LIGHT["ink"],
+    "axes.labelcolor": LIGHT["ink"],
+    "xtick.color": LIGHT["soft"],
+    "xtick.labelcolor": LIGHT["ink"],
+    "ytick.color": LIGHT["soft"],
+    "ytick.labelcolor": LIGHT["ink"],
+    "axes.edgecolor": LIGHT["soft"],
     "axes.grid": True,
     "axes.axisbelow": True,
-    "grid.color": GRID,
+    "grid.color": LIGHT["grid"],
     "grid.linewidth": 0.6,
     "lines.linewidth": 1.0,
     "legend.frameon": False,

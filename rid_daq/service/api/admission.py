@@ -114,7 +114,7 @@ class Admission:
 def _most_bytes(head: RequestHead, who: Identity) -> int:
     if not who.role.includes(Role.OPERATOR):
         return SMALL_BYTES
-    is_file = head.method == "PUT" and head.path.startswith(FILES_PATH)
+    is_file = head.method in ("PUT", "POST") and head.path.startswith(FILES_PATH)
     return FILE_BYTES if is_file else JSON_BYTES
 
 

@@ -14,7 +14,17 @@ from fastapi.openapi.utils import get_openapi
 from fastapi.responses import JSONResponse
 
 from config.errors import RidDaqError
-from rid_daq.service.api import cells, jobs, live_socket, people, runs, stops, system
+from rid_daq.service.api import (
+    cells,
+    files,
+    jobs,
+    live_socket,
+    people,
+    plate_zero,
+    runs,
+    stops,
+    system,
+)
 from rid_daq.service.api.json_body import JsonBody
 from rid_daq.service.authenticator import Authenticator
 from rid_daq.service.records import Record
@@ -57,7 +67,7 @@ def make_api(
     app.state.service = service
     app.state.authenticator = authenticator
     app.state.stop_handler = ServiceStopHandler(service, authenticator)
-    for each in (stops, cells, jobs, runs, people, system, live_socket):
+    for each in (stops, cells, jobs, runs, files, plate_zero, people, system, live_socket):
         app.include_router(each.router)
     for router in more:
         app.include_router(router)

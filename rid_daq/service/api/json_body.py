@@ -9,9 +9,8 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from config.errors import ConfigError
 from config.formats.json_file import parse_json
+from rid_daq.service.api.admission import FILES_PATH
 from rid_daq.web.guard import SAFE_METHODS
-
-FILES: str = "/api/v1/files/"
 
 
 class JsonBody:
@@ -59,4 +58,4 @@ class JsonBody:
 
 def _skips_json_check(scope: Scope) -> bool:
     path: str = scope["path"]
-    return path.startswith(FILES) or path.endswith("/stop")
+    return path.startswith(FILES_PATH) or path.endswith("/stop")

@@ -62,7 +62,7 @@ def _root(node: str, parents: dict[str, str]) -> str:
 
 
 def _group(root: str, members: Sequence[RunEntry]) -> RunGroup:
-    """Return the group of some runs, newest first."""
+    """Return runs as one group, the newest first."""
     own = [each for each in members if (each.session or each.id) == root] or members
     heads = [each for each in own if each.id == root] or [each for each in own if each.model] or own
     return RunGroup(

@@ -1,32 +1,25 @@
-"""Routes of runs, and of the motions, models and payloads in the service's folder."""
+"""Routes of runs."""
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import itertools
 from collections.abc import Iterator
-from http import HTTPStatus
-from pathlib import Path
 from typing import Annotated, Final
 
-from fastapi import APIRouter, Depends, Query, Request
+from fastapi import APIRouter, Depends, Query
 from fastapi.responses import FileResponse, Response
 from pydantic import Field
 
 from acquisition.runs.catalogue import find_run_below
 from acquisition.runs.folder import RunFolder
-from acquisition.runs.manifest import MANIFEST
 from acquisition.runs.run_id import RUN_ID
-from config.errors import ConfigError, RecordingError, system_errors
-from config.formats.whole_file import write_new
-from rid_daq.service.api.context import Operator, Service, Who
+from config.errors import ConfigError, RecordingError
+from rid_daq.service.api.context import Service, Who
 from rid_daq.service.api.run_groups import RunGroup, group_runs
 from rid_daq.service.api.run_index import REPORT, RunEntry, entry_of, run_index
-from rid_daq.service.folder_files import KINDS, visible_files
 from rid_daq.service.records import Record
 from rid_daq.service.refusals import UnknownError
-from rid_daq.service.request_check import refuse_bad_file, require_inside
 from rid_daq.service.service import CellService
 
 router = APIRouter(prefix="/api/v1", tags=["runs"])
@@ -42,20 +35,6 @@ REPORT_HEADERS: Final = {
 therefore run it in a sandbox: without an origin, without our cookies and without network access.
 Browsers do not show a sandboxed page that also sets an opener policy.
 """
-MOST_FILE_BYTES = 16 << 20
-AXIS_TEST_SUFFIX: Final = ".axes.json"
-"""Ending of the axis-test files of earlier versions."""
-
-_SAVED = KINDS | {".urdf", ".sdf", ".c", ".py", ".csv", ".parquet", ".mat", ".mf4"}
-_SAVED |= {".src", ".mod", ".ls", ".script", ".txt", ".pdf", ".html"}
-
-
-class FolderFile(Record):
-    """File in the service's folder that requests may name."""
-
-    path: str
-    size_bytes: int
-    changed_s: float
 
 
 class RunFilter(Record):
@@ -174,62 +153,6 @@ def get_run_file(run: str, name: str, service: Service, who: Who) -> Response:
     return _file(folder, name, "application/octet-stream", saved=True)
 
 
-@router.get("/files")
-def list_files(service: Service, who: Who) -> list[FolderFile]:
-    """Return the motions, models and other files that requests may name, newest first."""
-    found = []
-    for path in visible_files(service.folder):
-        with contextlib.suppress(OSError):  # the file has just been removed
-            status = path.stat()
-            inside = str(path.relative_to(service.folder))
-            found.append(
-                FolderFile(path=inside, size_bytes=status.st_size, changed_s=status.st_mtime)
-            )
-    return sorted(found, key=lambda each: each.changed_s, reverse=True)
-
-
-@router.get("/files/{path:path}", response_class=FileResponse)
-def get_file(path: str, service: Service, who: Who) -> Response:
-    """Return a file of the service's folder as a download, including exported files."""
-    found = _find_file(service, path, _SAVED)
-    if not found.is_file():
-        raise UnknownError(f"no file {path!r}", code="RID-FILE-UNKNOWN")
-    return FileResponse(found, media_type="application/octet-stream", filename=found.name)
-
-
-@router.put("/files/{path:path}", status_code=HTTPStatus.CREATED)
-async def put_file(path: str, request: Request, service: Service, who: Operator) -> FolderFile:
-    """Upload a motion, a model or another YAML or JSON file; existing files are not replaced."""
-    found = _find_file(service, path)
-    if found.is_relative_to(service.runs.resolve()) or found.name == MANIFEST:
-        raise ConfigError(
-            f"{path}: only recordings write into the runs folder: choose a path outside it",
-            code="RID-OUTPUT-RUN",
-        )
-    if found.name.endswith(AXIS_TEST_SUFFIX):
-        raise ConfigError(
-            f"{path}: files with this ending are reserved for axis tests: run `axes` for an axis"
-            " test, or choose another name",
-            code="RID-FILE-AXIS-TEST",
-        )
-    content = bytearray()
-    with service.uploads.reserve(found, path):
-        async for part in request.stream():
-            content += part
-            if len(content) > MOST_FILE_BYTES:
-                raise ConfigError(
-                    f"{path}: is larger than {MOST_FILE_BYTES >> 20} MiB", code="RID-FILE-SIZE"
-                )
-        await asyncio.to_thread(refuse_bad_file, found, bytes(content), service.folder)
-        with system_errors(ConfigError, f"{path}: cannot be saved", code="RID-FILE-WRITE"):
-            found.parent.mkdir(parents=True, exist_ok=True)
-        await asyncio.to_thread(write_new, found, bytes(content))
-    service.audit.note(who.name, "put a file", details=path)
-    status = found.stat()
-    inside = str(found.relative_to(service.folder))
-    return FolderFile(path=inside, size_bytes=status.st_size, changed_s=status.st_mtime)
-
-
 def run_folder(service: CellService, run: str) -> RunFolder:
     """Return the folder of a run of the service, by id, label or `latest`.
 
@@ -255,13 +178,3 @@ def _file(folder: RunFolder, name: str, kind: str, *, saved: bool = False) -> Re
     if not path.is_file():
         raise UnknownError(f"run {folder.run_id} has no {name}", code="RID-RUN-FILE")
     return FileResponse(path, media_type=kind, filename=name if saved else None)
-
-
-def _find_file(service: CellService, path: str, kinds: frozenset[str] = KINDS) -> Path:
-    found = require_inside(path, service.folder)
-    if found.suffix not in kinds:
-        raise ConfigError(
-            f"{path}: the name of the file must end in one of {', '.join(sorted(kinds))}",
-            code="RID-FILE-ENDING",
-        )
-    return found

@@ -21,7 +21,7 @@ OLDER_TURNS: Final = 3
 
 
 class SignalSender:
-    """Sends the live signals of at most one cell; the newest request counts.
+    """Sends the live signals of at most one cell: the cell of the newest request.
 
     Args:
         send: Sends a binary message to the viewer.

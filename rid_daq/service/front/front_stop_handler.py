@@ -1,4 +1,4 @@
-"""`FrontStopHandler`: stops motions from the front process by shared memory or a signal."""
+"""`FrontStopHandler`: stops a motion by shared memory and any other job by SIGTERM."""
 
 from __future__ import annotations
 

@@ -95,7 +95,7 @@ class TokenStore:
         return token if time.time() - used_s < UNUSED_S else None
 
     def end_sessions(self) -> None:
-        """Revoke the tokens that were to expire with an earlier process of the service."""
+        """Revoke the tokens that are valid only until the service ends."""
         for token in self.all():
             if token.ends is TokenEnd.SERVICE:
                 self.revoke(token.id)

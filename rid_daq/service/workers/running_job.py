@@ -15,6 +15,7 @@ from acquisition.supervision.stop_reason import StopCode
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
 from rid_daq.blocks.block import Verdict
+from rid_daq.live.base_wrench import LiveWrench
 from rid_daq.live.picture import MotionPicture, ShownMotion
 from rid_daq.service.records import Job
 from rid_daq.service.served_cell import ServedCell
@@ -32,6 +33,8 @@ from rid_daq.terminal.job_events import (
     ResultEvent,
     VerdictEvent,
 )
+
+AT_REST: Final = "the drives are read without power"
 
 MOST_WAITING_BYTES: Final = 1 << 15
 """Queue limit of a worker that does not read; beyond it, key messages are dropped [bytes]."""
@@ -99,6 +102,8 @@ class RunningJob:
         self._ring: Ring | None = None
         self._picture: MotionPicture | None = None
         self._signals: SignalReader | None = None
+        plate = cell.loaded.config.plate
+        self._wrench = None if plate is None else LiveWrench(plate, worker.pid)
 
     def read_events(self) -> Sequence[AnyEvent]:
         """Return the new events of the job, and update the job's state from them."""
@@ -159,19 +164,25 @@ class RunningJob:
         return self.question is not None and self.question.form == "hold" and not self.is_over
 
     def newest_picture(self) -> dict[str, object] | None:
-        """Return the newest values of the present motion for the page, None without a motion."""
-        motion = self._motion
-        if self.is_over or motion is None or not self._observe():
+        """Return the newest values of the drives for the page.
+
+        None before a motion, or if the job does not read the drives in every cycle. At rest, the
+        picture has no title, and its progress means nothing.
+        """
+        if not self._observe() or self._ring is None or self._control is None:
             return None
-        if self._picture is None and self._ring is not None and self._control is not None:
+        motion = self._motion
+        if self._picture is None:
             loaded = self.cell.loaded
-            shown = ShownMotion(
-                motion.title, motion.rows, motion.rows_per_period, loaded.config, loaded.robot
-            )
+            title, rows, of_period = "", 0, None
+            if motion is not None:
+                title, rows, of_period = motion.title, motion.rows, motion.rows_per_period
+            shown = ShownMotion(title, rows, of_period, loaded.config, loaded.robot)
             self._picture = MotionPicture(shown, self._ring, self._control)
-        found: dict[str, object] | None
-        found = None if self._picture is None else json.loads(self._picture.document())
-        return found
+        found: dict[str, object] = json.loads(self._picture.document())
+        if self._wrench is not None:
+            found["base_wrench"] = self._wrench.document()
+        return found if motion is not None else {**found, "words": AT_REST}
 
     def read_signals(self) -> Sequence[tuple[tuple[str, ...], SignalBins]]:
         """Return the new bins of the live signals, each time with the names of the joints."""

@@ -1,4 +1,5 @@
 // Templates of the blocks of a result, one for each kind of block.
+import { linked } from "./commands.js";
 import { html, keyed } from "./lit.js";
 
 const MARKS = { true: ["good", "✓ "], false: ["bad", "✗ "], null: ["", ""] };
@@ -6,7 +7,7 @@ const RUNS = `/cells/${encodeURIComponent(document.body.dataset.cell)}/runs/`;
 
 export function verdictOf({ passed, text }) {
   const [kind, mark] = MARKS[passed];
-  return html`<p class="verdict ${kind}">${mark}${text}</p>`;
+  return html`<p class="verdict ${kind}">${mark}${linked(text)}</p>`;
 }
 
 // Return a table. Cells are texts or templates; `red` marks rows; a column without a title has no head.
@@ -18,7 +19,7 @@ export function table(columns, rows, red = null, caption = "table") {
 }
 
 // Return the templates of blocks. `figure` creates the container of a plot; without it, plots are left out.
-// `imageUrl` returns the address of an image by its number; without it, a picture is its caption.
+// `imageUrl` returns the address of an image by its number; without it, only the caption of a picture is shown.
 // A table with more than `mostRows` rows is collapsed, unless it has a red row.
 export function blockParts(blocks, figure = null, mostRows = 15, imageUrl = null) {
   let title = "table";
@@ -26,11 +27,11 @@ export function blockParts(blocks, figure = null, mostRows = 15, imageUrl = null
     switch (block.kind) {
       case "heading": return html`<h3>${(title = block.text.trim())}</h3>`;
       case "verdict": return verdictOf(block);
-      case "text": return block.text ? html`<p class=${block.is_note ? "soft" : ""}>${block.text}</p>` : "";
+      case "text": return block.text && !block.is_for_terminal ? html`<p class=${block.is_note ? "soft" : ""}>${linked(block.text)}</p>` : "";
       case "table": return tablePart(block, title, mostRows);
       case "plot": return figure ? html`${figure(block)}<p class="soft">${block.caption}</p>` : "";
       case "picture": return html`${imageUrl ? imagesPart(block, imageUrl) : ""}<p class="soft">${block.caption}</p>`;
-      case "next": return html`<p>${block.lead}: rid-daq ${block.words.join(" ")}</p>`;
+      case "next": return ""; // a command; pages have links and buttons instead
     }
   });
 }
@@ -42,10 +43,10 @@ function imagesPart({ images }, url) {
 }
 
 function tablePart({ columns, rows, failed }, title, mostRows) {
-  const cell = (text, column) => (column.is_run ? html`<a href="${RUNS}${encodeURIComponent(text)}">${text}</a>` : text);
+  const cell = (text, column) => (column.is_run ? html`<a href="${RUNS}${encodeURIComponent(text)}">${text}</a>` : linked(text));
   const heads = columns.map((each) => (each.unit ? `${each.title} [${each.unit}]` : each.title));
   const shown = table(heads, rows.map((row) => row.map((text, i) => cell(text, columns[i]))), failed, title);
   if (rows.length <= mostRows) return shown;
-  // a new result is a new element: it opens even if the user has closed the last one
+  // each result gets a new element, so that its details are open even if the user closed those of the previous result
   return keyed(rows, html`<details ?open=${failed?.includes(true) ?? false}><summary>${title}: ${rows.length} rows</summary>${shown}</details>`);
 }

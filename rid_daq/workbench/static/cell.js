@@ -1,9 +1,10 @@
 // The page of a cell: state, actions, joints, preflight, last runs.
-import { duration, find } from "./dom.js";
+import { duration, find, kindWords } from "./dom.js";
 import { JobPanel } from "./job_panel.js";
 import { showEnd, showJoints, showReturn, showSilence, showTemperatures } from "./joints.js";
 import { html, render } from "./lit.js";
 import { followPose } from "./live_pose.js";
+import { zeroButton } from "./plate_zero.js";
 import { loadPreflight } from "./preflight.js";
 import { RobotView } from "./robot_view.js";
 import { runTable } from "./run_table.js";
@@ -14,12 +15,13 @@ followPose(view);
 const panel = new JobPanel(find("job"), { next, ended, heard });
 let status = null;
 
-const LAST_POSE = "pose since the last run"; // as in rid_daq/preflight/last_pose.py
+const LAST_POSE = "pose compared with the last pose"; // the same text as in rid_daq/preflight/last_pose.py
 
 const actions = {
   check: () => panel.begin("check"),
   accept: () => panel.begin("check", { accept_pose: true }),
   reset: () => panel.begin("reset"),
+  watch: () => panel.begin("watch"),
   plate: () => panel.begin("plate_zero", {}, { moves: true }),
   axes: () => panel.begin("axes", {}, { moves: true }),
   jog: () => panel.begin("jog", {}, { moves: true }),
@@ -33,16 +35,17 @@ function next(job, document) {
   if (job.kind === "check" && moved)
     return [again("Check again", actions.check), again("The positions are correct: accept them", actions.accept)];
   if (job.kind === "check" && !document?.passed) return [again("Check again", actions.check)];
+  if (job.kind === "plate_zero" && document?.verdict?.passed) return [zeroButton(job.run, actions.check)];
   if (job.kind === "reset" && job.state === "done") return [again("Check", actions.check)];
   if (job.state !== "done" && status?.fault) return [again("Reset after the cause was found", actions.reset)];
   if (job.state !== "done" && job.kind !== "check") return [again("Check", actions.check)];
   return [];
 }
 
-// The picture shows the positive direction of the joint that an axis test or a jog moves.
+// During an axis test, the 3-D view shows the positive direction of the joint that is tested.
 function heard(event, job) {
   if (job.kind !== "axes" || event.kind !== "motion") return;
-  const joint = (status?.joints ?? []).findIndex((name) => event.title === `Axis test of ${name}.`); // as in axis_tester.py
+  const joint = (status?.joints ?? []).findIndex((name) => event.title === `Axis test of ${name}.`); // the same title as in axis_tester.py
   view.choose(joint < 0 ? null : joint, { withGhost: false });
 }
 
@@ -57,7 +60,8 @@ function ended(job) {
 async function refresh() {
   loadRuns();
   const lines = await loadPreflight(find("preflight"), find("preflight-words"));
-  const moves = ["moving", "stopping"].includes(status?.state); // "checking" may still be the state of a check that has ended
+  // "checking" is not in the list, because the status may still name a check that has ended
+  const moves = ["moving", "stopping"].includes(status?.state);
   if (lines && !moves) showTemperatures(find("joints"), lines);
 }
 
@@ -78,9 +82,9 @@ function showState() {
   let text, kind = "";
   if (!reach.values && !reach.requests) [text, kind] = ["Unknown: the service does not answer.", "bad"];
   else if (status.state === "fault") [text, kind] = [`Fault: ${status.fault} Find its cause, then reset.`, "bad"];
-  else if (status.state === "moving") text = `The robot moves: ${job.kind}, by ${job.owner}.`;
+  else if (status.state === "moving") text = `The robot moves: ${kindWords(job.kind)}, by ${job.owner}.`;
   else if (status.state === "stopping") text = "The robot is being stopped.";
-  else if (status.state === "checking") text = `Nothing moves: ${job.kind} is running.`;
+  else if (status.state === "checking") text = `Nothing moves: ${kindWords(job.kind)} is running.`;
   else if (status.state === "ready") {
     const left = Math.max(0, status.preflight_limit_s - (age ?? 0));
     text = `Ready to move. Preflight ${duration(age ?? 0)} ago, valid for another ${duration(left)}.`;

@@ -2,13 +2,22 @@
 import { find } from "./dom.js";
 import { JobPanel } from "./job_panel.js";
 import { html } from "./lit.js";
-import { showPlans } from "./planned_view.js";
+import { showChosenPlan } from "./planned_view.js";
 import { on } from "./service.js";
 import { completeRuns, modelOf, nameOf, numberOf, offer, options, press, runWords, showRun, wanted } from "./work.js";
 
-const panel = new JobPanel(find("job"), { next, ended });
+const panel = new JobPanel(find("job"), { next, ended, isBelow: ({ kind }) => ["loop", "tracking"].includes(kind) });
+
+const step = (place, words) => html`<a class="button main" href="#${place}">${words}</a>`;
+const STEPS = {
+  loop: step("make-title", "Create a feedforward"),
+  compensate: step("feedforward", "Record with the feedforward"),
+  record: step("path-title", "Compare the paths"),
+  tracking: step("path-title", "Show the result"),
+};
 
 function next(job, document) {
+  if (job.state === "done" && job.kind in STEPS) return [STEPS[job.kind]];
   if (job.kind !== "refine" || !document) return [];
   const words = document.finished ? "The refinement is complete: the remaining error is noise, or does not repeat." : "Next: record with the new file, then refine again.";
   return [html`<p>${words}</p>`];
@@ -20,6 +29,10 @@ async function showRuns(newest = null) {
   const list = runs.map((run) => ({ value: run.id, words: runWords(run), files: run.files }));
   for (const select of document.querySelectorAll("select.runs")) options(select, list);
   if (newest) for (const id of ["after", "refine-run"]) find(id).value = newest;
+  const [before, after] = ["before", "after"].map((id) => runs.find((run) => run.id === find(id).value));
+  if (!after || (before.id !== after.id && before.motion === after.motion)) return; // they can be compared
+  const other = runs.find((run) => run.id !== after.id && run.motion && run.motion === after.motion);
+  if (other) find("before").value = other.id;
 }
 
 const value = (id, words) => {
@@ -84,18 +97,22 @@ press("stream", panel, "stream", () => {
 async function ended(job, document) {
   if (job.kind === "loop" && document) {
     await showRun(find("loops-result"), document.run, "velocity_loops");
-    offer(find("loop"), `runs/${document.run}/loops.json`);
+    const run = [...find("loop-run").options].find((option) => option.value === document.run);
+    offer(find("loop"), `runs/${document.run}/loops.json`, run?.textContent);
   }
   if (job.kind === "retime" && document) offer(find("motion"), document.motion);
   if ((job.kind === "compensate" || job.kind === "refine") && document) {
     offer(find("feedforward"), document.feedforward);
   }
-  if (job.kind === "tracking" && document) await showRun(find("path-result"), job.request.run[0], "tracking");
+  if (job.kind === "tracking" && document) {
+    await showRun(find("path-result"), job.request.run[0], "tracking");
+    find("path-title").scrollIntoView({ block: "start" });
+  }
   if (job.kind === "record" || job.kind === "stream") await showRuns(job.run);
 }
 
 on("again", () => showRuns());
-showPlans(find("view"), find("motion"));
+showChosenPlan(find("view"), find("motion"));
 await showRuns();
 const first = wanted.get("run");
 if (first) {

@@ -1,11 +1,12 @@
-// Dialogs. Everything behind a dialog is inert, except the stop button.
+// Dialogs. While a dialog is open, nothing behind it can be used, except the stop button.
 import { element, find } from "./dom.js";
 import { now, page } from "./service.js";
 
 const behind = find("behind");
 let open = null;
 
-// Show a dialog. Resolves with the result of `read` when its form is submitted, with null if it is cancelled.
+// Show a dialog. The promise resolves with the result of `read` when the user submits the form, and with null when the
+// user cancels.
 export function dialog(title, content, actionText, { danger = false, read = () => true } = {}) {
   open?.(null);
   const before = document.activeElement;
@@ -41,9 +42,9 @@ export function dialog(title, content, actionText, { danger = false, read = () =
   });
 }
 
-// Ask before each motion if the cell is clear; resolves with null if the user cancels.
-// Otherwise it resolves with the action ("stop" or "finish") if the connection to this page is lost.
-// A motion with a held key always stops if the connection is lost, so the dialog offers no choice.
+// Ask before a motion whether the cell is clear, and what happens if the connection to this page is lost. The promise
+// resolves with the user's choice, "stop" or "finish", or with null if the user cancels. A motion that needs a held key
+// always stops if the connection is lost, so the dialog then offers no choice.
 export function confirmClear(what, { held = false } = {}) {
   const words = page.simulated
     ? "This cell is simulated: no real robot moves. On a real cell you would now check:"
@@ -59,7 +60,7 @@ export function confirmClear(what, { held = false } = {}) {
     "select",
     { id: "on-lost" },
     element("option", { value: "stop" }, "stop the motion"),
-    element("option", { value: "finish" }, "continue it to its end"),
+    element("option", { value: "finish" }, "continue the motion to its end"),
   );
   const label = element("label", { for: "on-lost" }, "If the connection to this page is lost:");
   const content = [element("p", {}, words), list, ...(held ? [] : [label, lost])];

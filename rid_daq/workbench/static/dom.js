@@ -14,6 +14,9 @@ export function element(tag, attributes = {}, ...children) {
   return made;
 }
 
+// Return the part of an address that names a file of the service's folder.
+export const addressOf = (file) => file.split("/").map(encodeURIComponent).join("/");
+
 // Return a duration as text.
 export function duration(seconds) {
   if (seconds < 90) return `${Math.max(0, Math.round(seconds))} s`;
@@ -69,3 +72,11 @@ export function seen(place, margin, signal = null) {
     signal?.addEventListener("abort", end);
   });
 }
+
+// Return a number with three significant digits, without decimals from 100 on.
+export const threeDigits = (value) => (Math.abs(value) >= 100 ? value.toFixed(0) : value.toPrecision(3));
+
+const TITLES = { axes: "Axis test", plate_zero: "Zero the plate", watch: "Watch at rest" }; // as on the buttons
+
+// Return the title of a kind of job: "Payload export" for "payload_export".
+export const kindWords = (kind) => TITLES[kind] ?? kind.charAt(0).toUpperCase() + kind.slice(1).replaceAll("_", " ");

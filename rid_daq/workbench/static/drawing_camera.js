@@ -1,4 +1,5 @@
-// Camera of the 3-D view: it turns about a point; z is up on the screen. Keys, mouse and touch move it.
+// Camera of the 3-D view. It turns about a target point and keeps the z axis upright. Keys, mouse and touch move the
+// camera.
 import { PerspectiveCamera, Vector3 } from "./three.js";
 
 export const VIEWS = { "3-D": [-0.86, 0.42], Front: [0, 0.05], Side: [-Math.PI / 2, 0.05], Top: [-Math.PI / 2, 1.5533] };
@@ -25,14 +26,14 @@ export class DrawingCamera {
     this.target = new Vector3();
     [this.azimuth, this.elevation] = VIEWS["3-D"];
     [this.points, this.margin] = [[new Vector3()], 1]; // what is visible
-    this.distance = 5; // from which it fills the picture
+    this.distance = 5; // distance from which the visible points fill the picture
     this.share = 1; // of this distance
     this.isMoved = false; // true once the user has zoomed
     this.changed = changed;
     this.listen(canvas);
   }
 
-  // Show points completely, and what is within `margin` around them.
+  // Move the camera so that all points, and everything within `margin` around them, are visible.
   frame(points, margin) {
     [this.points, this.margin] = [points, margin];
     this.fit();

@@ -1,4 +1,4 @@
-// Labels of the 3-D view: texts over the picture. A label that would cover an earlier one moves, or is hidden.
+// Labels of the 3-D view: texts in front of the picture. A label that would cover an earlier label is moved or hidden.
 import { Object3D, Vector3 } from "./three.js";
 import { element } from "./dom.js";
 
@@ -13,7 +13,8 @@ export class DrawingLabels {
     this.labels = [];
   }
 
-  // Add a label at the position `at` in the frame of a three.js group; hiding the drawing's layer `layer` hides it.
+  // Add a label at the position `at` in the frame of a three.js group. The label is hidden while the layer `layer` of
+  // the drawing is hidden.
   add(text, group, at, layer) {
     const anchor = new Object3D();
     anchor.position.copy(at);
@@ -25,13 +26,18 @@ export class DrawingLabels {
     return made;
   }
 
+  rename(label, text) {
+    label.text = text;
+    label.span.textContent = text;
+  }
+
   clear() {
     for (const { anchor } of this.labels) anchor.removeFromParent();
     this.labels = [];
     this.place.replaceChildren();
   }
 
-  // Put the labels where their anchors are in the picture; `isShown(layer)` tells if a layer is shown.
+  // Move each label to its place in the picture. `isShown(layer)` returns true if a layer is visible.
   arrange(eye, width, height, isShown) {
     const taken = [];
     for (const { span, anchor, layer, text } of this.labels) {

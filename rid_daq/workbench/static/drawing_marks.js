@@ -1,17 +1,18 @@
-// Marks of the 3-D view: arrows, frames, joint limits. Marks of the kinds in ON_TOP are visible inside a link, too.
+// Marks of the 3-D view: arrows, frames, joint limits. Marks of the kinds in ON_TOP are drawn in front of the links, so
+// that a link does not hide them.
 import {
   BoxGeometry, Color, ConeGeometry, CylinderGeometry, DoubleSide, FrontSide, Group, Matrix4, Mesh, MeshLambertMaterial,
   RingGeometry, TorusGeometry, Vector3,
 } from "./three.js";
 import { vectorOf } from "./robot_arm.js";
 
-const ON_TOP = ["axis", "chosen", "load", "x", "y", "z", "needle", "needle-end", "path"];
+const ON_TOP = ["axis", "chosen", "load", "x", "y", "z", "needle", "needle-end", "path", "force", "moment"];
 const Y = new Vector3(0, 1, 0);
 const Z = new Vector3(0, 0, 1);
 const FULL_TURN = 2 * Math.PI;
 const SLIDE_WIDTH = 0.12;
 
-// Materials by the name of their colour: `--view-NAME` in the style sheet.
+// Materials by the name of their colour: the colour NAME is the property `--view-NAME` of the style sheet.
 export class Paints {
   constructor(section) {
     this.section = section;
@@ -43,12 +44,12 @@ export class Paints {
     return this.known.get(key);
   }
 
-  // Read all colours again, after a change of the theme.
+  // Read all colours again after the user has changed the theme.
   renew() {
     for (const material of this.known.values()) {
       const colour = new Color(this.colour(material.name));
       material.color.copy(colour);
-      if (!material.depthTest) material.emissive?.copy(colour); // a line has no emissive colour
+      if (!material.depthTest) material.emissive?.copy(colour); // the material of a line has no emissive colour
     }
   }
 
@@ -59,7 +60,7 @@ export class Paints {
   }
 }
 
-// An arrow from the origin of its group; `aim(direction, length)` turns and stretches it.
+// An arrow from the origin of its group. `aim(direction, length)` sets its direction and length.
 export function arrow(paints, name, radius) {
   const shaft = paints.part(new CylinderGeometry(radius, radius, 1, 10), name);
   const head = paints.part(new ConeGeometry(2.6 * radius, 7 * radius, 14), name);
@@ -74,7 +75,7 @@ export function arrow(paints, name, radius) {
   return group;
 }
 
-// A curved arrow about z that turns in the positive direction.
+// A curved arrow around the z axis in the positive direction of rotation.
 export function turnArrow(paints, name, radius) {
   const end = 0.75 * FULL_TURN;
   const head = paints.part(new ConeGeometry(0.22 * radius, 0.5 * radius, 14), name);
@@ -83,14 +84,23 @@ export function turnArrow(paints, name, radius) {
   return new Group().add(paints.part(new TorusGeometry(radius, 0.07 * radius, 8, 36, end), name), head);
 }
 
-// Three arrows along x, y and z.
+// An arrow for a moment: along its axis, with a curved arrow in its direction of rotation.
+export function momentArrow(paints, name, radius) {
+  const group = arrow(paints, name, radius);
+  const ring = turnArrow(paints, name, 9 * radius);
+  ring.rotation.x = -Math.PI / 2; // the axis of the ring is z, but the arrow points along y
+  ring.position.y = 12 * radius;
+  return group.add(ring);
+}
+
+// Draw a frame as three arrows along x, y and z.
 export function frameArrows(paints, length, radius) {
   const axes = ["x", "y", "z"].map((name, i) => arrow(paints, name, radius).aim(new Vector3().setComponent(i, 1), length));
   return new Group().add(...axes);
 }
 
-// Limits of a joint: a sector (or a bar) in the fixed frame, a needle in the frame of the link.
-// `outward` is a direction in the frame of the joint: the needle points there.
+// Draw the limits of a joint: a sector (a bar for a prismatic joint) in the fixed frame, and a needle in the frame of
+// the moving link. `outward` is a direction in the frame of the joint; the needle points in this direction.
 export function limitMarks(paints, joint, outward, size) {
   const axis = vectorOf(joint.axis);
   const [low, high] = joint.limits;
@@ -113,13 +123,14 @@ export function limitMarks(paints, joint, outward, size) {
   return { dial, pointer, needle };
 }
 
-// Turn a group, whose z axis is its own, to a direction.
+// Turn a group so that its z axis points in the direction `axis`.
 export const alongAxis = (group, axis) => {
   group.quaternion.setFromUnitVectors(Z, axis.clone().normalize());
   return group;
 };
 
-// Return the part of a vector that is perpendicular to an axis, with length 1; any such direction if the part is small.
+// Return the unit vector along the part of `vector` that is perpendicular to `axis`. If this part is small, return any
+// unit vector perpendicular to `axis`.
 function perpendicular(vector, axis, size) {
   const across = (of) => of.clone().addScaledVector(axis, -of.dot(axis));
   let found = across(vector);

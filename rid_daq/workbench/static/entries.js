@@ -1,5 +1,5 @@
-// Keeps what the user enters on a page in this tab: it is there again after a change of page, a reload, or Back.
-// Parts of a page with data-keep="no", panels of jobs and dialogs are left out.
+// Stores the user's entries of a page in this browser tab. They are filled in again after a change of page, a reload,
+// or Back. Parts of a page with data-keep="no", panels of jobs and dialogs are not stored.
 import { find } from "./dom.js";
 
 const KEY = `rid-daq entries ${location.pathname}`;
@@ -27,7 +27,8 @@ function keep({ target: control }) {
   }
 }
 
-// Fill in the kept entries; choices that are not loaded yet are kept for `keptChoice` and `keptTicks`.
+// Fill in the stored entries. The stored entry of a selection that is still loading is filled in later by `keptChoice`
+// or `keptTicks`.
 for (const control of find("main").querySelectorAll("input, select, textarea")) {
   const value = kept[nameOf(control)];
   if (value === undefined || control.closest("[data-keep=no]")) continue;
@@ -37,7 +38,7 @@ for (const control of find("main").querySelectorAll("input, select, textarea")) 
 }
 for (const type of ["input", "change"]) find("main").addEventListener(type, keep);
 
-// Forget the entries of this page: they belong to work that has begun.
+// Delete the stored entries of this page once the job that uses them has begun.
 export function forgetEntries() {
   for (const name of Object.keys(kept)) delete kept[name];
   try {

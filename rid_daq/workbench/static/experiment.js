@@ -1,16 +1,17 @@
-// Page Experiment: choose or design a motion, show it, rehearse and record it.
-import { find } from "./dom.js";
+// Page Experiment: choose or design a motion, show it, rehearse it and record it.
+import { addressOf, find } from "./dom.js";
 import { JobPanel } from "./job_panel.js";
 import { html, render } from "./lit.js";
-import { showPlans } from "./planned_view.js";
+import { showChosenPlan } from "./planned_view.js";
 import { newest } from "./requests.js";
-import { CELL, on, page } from "./service.js";
+import { CELL, go, on, page } from "./service.js";
 import { blocksUrl, modelOf, nameOf, numberOf, offer, press, showBlocks, wanted } from "./work.js";
 
+const OTHER_SEED = 1;
 const motion = find("motion");
 const kind = find("kind");
 
-// Next page after a run, by the kind of its motion (default: Identify).
+// The page to which the link after a run leads, by the kind of the run's motion (default: Identify).
 const NEXT = {
   multisine: ["compensation", "Measure the velocity loops"],
   constant_velocity: ["friction", "Measure the friction"],
@@ -42,7 +43,9 @@ async function showMotion() {
   const [place, problem] = [find("picture"), find("motion-problem")];
   find("no-motion").hidden = motion.options.length > 0;
   problem.textContent = "";
+  find("edit").hidden = !motion.value;
   if (!motion.value) return;
+  find("edit").href = `${CELL}/edit/${addressOf(motion.value)}`;
   find("label").placeholder = motion.value.replace(/\.yaml$/, "");
   try {
     await showBlocks(place, blocksUrl(`${CELL}/motion`, { file: motion.value, ...modelOf() }), { signal });
@@ -54,7 +57,7 @@ async function showMotion() {
 }
 
 motion.addEventListener("change", showMotion);
-showPlans(find("view"), motion);
+showChosenPlan(find("view"), motion);
 find("model").addEventListener("change", showMotion);
 find("payload").addEventListener("change", showMotion);
 
@@ -64,20 +67,22 @@ function showFields() {
 }
 
 kind.addEventListener("change", () => {
-  const periods = { multisine: ["8", "4"] }[kind.value] ?? ["10", "16"];
+  const periods = { multisine: ["8", "4"], validation: ["10", "4"] }[kind.value] ?? ["10", "16"];
   [find("period").value, find("periods").value] = periods;
   find("name").value = kind.value;
   showFields();
 });
 
 function designRequest() {
-  const request = { output: nameOf("name", ".yaml"), kind: kind.value };
+  const isValidation = kind.value === "validation";
+  const request = { output: nameOf("name", ".yaml"), kind: isValidation ? "excitation" : kind.value };
   if (kind.value === "constant-velocity") return request;
   const periods = { period_s: numberOf("period", { least: 0.1 }), periods: numberOf("periods", { least: 2, whole: true }) };
   if (kind.value === "multisine") return { ...request, multisine: periods };
   const quick = find("method").value === "quick";
   const how = quick ? { method: "two-harmonic" } : { budget_s: 300 };
-  return { ...request, excitation: { ...periods, ...how } };
+  const search = isValidation ? { ...how, seed: OTHER_SEED } : how; // the default seed gives the motion of the identification again
+  return { ...request, excitation: { ...periods, ...search } };
 }
 
 find("design-form").addEventListener("submit", async (event) => {
@@ -86,6 +91,15 @@ find("design-form").addEventListener("submit", async (event) => {
     await panel.begin("design", designRequest());
   } catch (error) {
     panel.refuse("design", error);
+  }
+});
+
+find("click-form").addEventListener("submit", (event) => {
+  event.preventDefault();
+  try {
+    go(`${CELL}/edit/${addressOf(nameOf("click-name", ".yaml"))}`);
+  } catch (error) {
+    if (!error.isShown) find("motion-problem").textContent = error.message;
   }
 });
 

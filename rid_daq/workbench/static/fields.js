@@ -1,4 +1,4 @@
-// Shows what is wrong or doubtful with an entry directly below its field.
+// Shows errors and warnings directly below the field of an entry.
 
 // Show an error below a field until the entry is changed, move the focus there, and return the error for the caller.
 export function refuseField(input, text) {
@@ -15,7 +15,7 @@ export function acceptField(input) {
   input.removeAttribute("aria-invalid");
 }
 
-// Show a doubt about an entry, which does not prevent its use; an empty text removes it.
+// Show a warning below a field; the entry can still be used. An empty text removes the warning.
 export const doubtField = (input, text) => note(input, "doubt", text);
 
 function note(input, kind, text) {

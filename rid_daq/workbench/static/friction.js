@@ -1,4 +1,4 @@
-// Page Friction: identify friction alone, joint by joint, from runs that were made for it.
+// Page Friction: identify the friction of each joint from runs that were recorded for this purpose.
 import { find } from "./dom.js";
 import { keptTicks } from "./entries.js";
 import { JobPanel } from "./job_panel.js";
@@ -7,7 +7,7 @@ import { on } from "./service.js";
 import { completeRuns, press, runWords, showRun, wanted } from "./work.js";
 
 const MEASURE = new Set(["constant_velocity", "reversed"]);
-const panel = new JobPanel(find("job"), { ended });
+const panel = new JobPanel(find("job"), { ended, isBelow: ({ kind }) => kind === "friction" });
 
 // ---- runs to choose from
 const chosenRuns = () => [...document.querySelectorAll("#runs input:checked")].map((box) => box.value);
@@ -34,6 +34,7 @@ press("measure", panel, "friction", () => {
 async function showResult(run) {
   find("result-card").hidden = false;
   await showRun(find("result"), run, "friction");
+  find("result-title").scrollIntoView({ block: "start" });
 }
 
 async function ended(job, document) {

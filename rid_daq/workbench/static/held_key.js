@@ -1,17 +1,18 @@
-// Key that the user holds on this page. While it is held, the page answers each challenge of the service at once.
-// The service therefore knows the age of an answer. After a gap the press no longer counts; a new press is needed.
+// A key that the user holds on this page. While the key is held, the page answers each challenge of the service at
+// once. From the answered challenge, the service knows how old an answer is. After a gap in the challenges the press no
+// longer counts, and the user must press the key again.
 const LIMIT_MS = 300; // CHALLENGE_LIMIT_S of acquisition/hold_to_run/held_key.py
 const WATCH_MS = 50;
 
 export class HeldKey {
-  // `send(message)` adds the operator's lease to a message and sends it; false means: no connection or no lease.
-  // `tell(job, text)` shows why a key does not count.
+  // `send(message)` adds the operator's lease to a message and sends it; it returns false without a connection or a
+  // lease. `tell(job, text)` shows the reason why a held key does not count.
   constructor(send, tell) {
     this.send = send;
     this.tell = tell;
     this.sequence = 0;
-    this.newest = new Map(); // by job: the newest challenge and its arrival time
-    this.press = null; // { job, key, counts, from }: `counts` is true until there is a gap
+    this.newest = new Map(); // for each job: the newest challenge and the time at which it arrived
+    this.press = null; // { job, key, counts, from }: `counts` becomes false after a gap in the challenges
     this.timer = null;
   }
 
@@ -19,7 +20,7 @@ export class HeldKey {
     this.letGo();
     this.press = { job, key, counts: true, from: performance.now() };
     this.timer = setInterval(() => this.watch(), WATCH_MS);
-    const released = this.say(job, { held: "" }); // a press begins with a release message
+    const released = this.say(job, { held: "" }); // a press counts only after a message that the key was released
     if (!released) this.end("the service does not answer");
     else if (this.age(job) < LIMIT_MS) this.answer();
   }
@@ -35,12 +36,12 @@ export class HeldKey {
   }
 
   challenge({ job, value }) {
-    this.watch(); // detects a gap before this challenge
+    this.watch(); // detects a gap between the previous challenge and this one
     this.newest.set(job, { value, at: performance.now() });
     if (this.press?.job === job) this.answer();
   }
 
-  // The connection has ended: its challenges are not valid on the next one.
+  // The connection has ended: challenges from it are not valid on the next connection.
   cut() {
     this.newest.clear();
     this.end("the connection has ended");

@@ -1,13 +1,14 @@
-// Hold-to-run buttons: while one is pressed, its key is sent; a release is sent at once.
+// Hold-to-run buttons: while a button is pressed, its key is sent to the service; on release, the page sends the
+// release at once.
 import { element } from "./dom.js";
 import { hold, letGo, on, tap } from "./service.js";
 
 const JOG_KEYS = [["−", "-"], ["+", "+"]];
 
-// Tell the page which joint the buttons move: its index, or null if there are no such buttons any more.
+// Tell other parts of the page the index of the joint that the buttons move; null if there are no such buttons any more.
 const tellJoint = (joint) => document.dispatchEvent(new CustomEvent("joint-chosen", { detail: joint }));
 
-let shown = null; // { job, problem }: job of the buttons on this page, and the element for its messages
+let shown = null; // { job, problem }: id of the job to which the buttons belong, and the element for their error messages
 on("key", (job, text) => {
   if (shown?.job === job) shown.problem.textContent = text;
 });
@@ -28,7 +29,7 @@ export function holdPad(job, joints) {
     for (const each of buttons) each.classList.remove("held");
   };
 
-  // `key()` returns the present key of the button.
+  // `key()` returns the key that the button sends at present.
   function holder(text, key, label = null) {
     const button = element("button", { type: "button", class: "hold", "aria-label": label }, text);
     const press = () => {
@@ -60,7 +61,7 @@ export function holdPad(job, joints) {
   const free = job.kind === "jog" && !job.request.home;
   const rows = [];
   if (free) {
-    let chosen = 1; // number of the joint; it is sent with each press, so that it cannot arrive too late
+    let chosen = 1; // number of the joint, from 1. It is sent with each press, so that a press cannot move the previous joint
     const choices = joints.slice(0, 9).map((joint, i) => {
       const choice = element("button", { type: "button", class: "joint", "aria-pressed": String(i === 0) }, joint);
       choice.addEventListener("click", () => {

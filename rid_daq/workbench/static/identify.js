@@ -1,4 +1,4 @@
-// Page Identify: Data, Model, Check, Solve, Result.
+// Page Identify with the steps Data, Model, Check, Solve and Result.
 import { find } from "./dom.js";
 import { keptTicks } from "./entries.js";
 import { JobPanel } from "./job_panel.js";
@@ -9,12 +9,17 @@ import { completeRuns, fileLink, findings, look, nameOf, numberOf, options, pres
 
 const solve = find("solve");
 let runs = [];
-let checked = null; // findings about the chosen runs; null until they are known
+let checked = null; // result of the check of the chosen runs; null until the check has ended
 let solvedWith = null;
 let model = null;
 let solving = false;
 
-const panel = new JobPanel(find("job"), { begun, ended });
+const NEXT = {
+  identify: html`<a class="button main" href="#after">Validate this model</a>`,
+  validate: html`<a class="button main" href="${CELL}/compensation">Compensate a path</a>`,
+};
+const next = ({ kind, state }) => (state === "done" && kind in NEXT ? [NEXT[kind]] : []);
+const panel = new JobPanel(find("job"), { next, begun, ended, isBelow: ({ kind }) => ["identify", "validate", "export"].includes(kind) });
 
 // ---- stages
 const WORDS = { done: "complete", bad: "problem", now: "running", wait: "not yet" };
@@ -71,7 +76,7 @@ function show() {
   render(names.length && checked ? findings(checked.data) : [], find("data-findings"));
   render(findings([problem ? { passed: false, text: problem } : { passed: true, text: modelWords() }]), find("model-findings"));
   render(dataGood ? findings(checked.model) : [], find("check-findings"));
-  find("check-words").textContent = dataGood ? "Data and model together:" : names.length ? "The data are not complete yet." : "Choose runs first.";
+  find("check-words").textContent = dataGood ? "Check of data and model together:" : names.length ? "The data are not complete yet." : "Choose runs first.";
   let why = "";
   if (!mayMove) why = "This device has read-only access. An administrator can give it the role operator.";
   else if (!names.length) why = "Data are missing: choose a run.";
@@ -86,7 +91,7 @@ function show() {
 
 function modelWords() {
   const many = checked === null ? "" : `${checked.parameters} base parameters. `;
-  if (friction() === "data") return `${many}The data select the friction terms of each joint.`;
+  if (friction() === "data") return `${many}The friction terms of each joint are selected from the data.`;
   if (friction() === "terms") return `${many}Friction of every joint: ${terms().join(", ").replaceAll("_", " ")}.`;
   const each = checked === null ? "" : `: ${Object.entries(checked.friction).map(([joint, own]) => `${joint} ${own.join(", ") || "none"}`).join("; ")}`;
   return `${many}Friction terms of the robot file${each}.`;
@@ -168,6 +173,7 @@ async function showResult(run) {
   const used = new Set(chosenRuns());
   used.add(run);
   options(find("other"), runs.filter((each) => !used.has(each.id)).map((each) => ({ value: each.id, words: runWords(each) })));
+  find("no-other").hidden = find("other").options.length > 0;
   find("result-title").scrollIntoView({ block: "start" });
 }
 

@@ -1,10 +1,9 @@
-// Messages of a job. Lines are added in batches, and long logs in parts that the browser lays out only where they are
-// visible: the time for a line does not grow with the length of the log.
+// Messages of a job. New lines are added in batches. The lines of a long log are grouped, and the browser lays out only
+// the groups that are visible. The time for a new line is therefore independent of the log's length.
 import { element } from "./dom.js";
-import { render } from "./lit.js";
 
 const PART_LINES = 200;
-const NEAR_PX = 40; // a reader this close to the end follows the new lines
+const NEAR_PX = 40; // if the user has scrolled to within this distance of the end, the log scrolls to each new line
 
 export class JobLog {
   constructor() {
@@ -17,15 +16,11 @@ export class JobLog {
     this.waiting.push(element(tag, { class: kind }, text));
   }
 
-  // Add blocks of a result.
-  add(parts) {
-    if (!parts.length) return;
-    const place = element("div", { class: "part" });
-    render(parts, place);
-    this.waiting.push(place);
+  get isEmpty() {
+    return this.part === null && this.waiting.length === 0;
   }
 
-  // Show the waiting lines, at most once per change of the panel.
+  // Move the waiting lines into the page. The panel calls `flush` once per change.
   flush() {
     if (!this.waiting.length) return;
     const { place } = this;

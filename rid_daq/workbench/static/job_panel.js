@@ -1,8 +1,9 @@
-// Panel of a job: progress, messages, tables, questions, verdict, next steps.
-// The WebSocket sends each event of a job once, with its number; the panel requests only events that it has missed.
+// Panel of a job: progress, messages, tables, questions, verdict, next steps. The WebSocket sends each event of a job
+// once, with its number. If a number is missing, the panel requests the missing events.
 import { blockParts, verdictOf } from "./blocks.js";
+import { linked } from "./commands.js";
 import { confirmClear } from "./dialog.js";
-import { duration } from "./dom.js";
+import { duration, kindWords } from "./dom.js";
 import { holdPad } from "./hold_pad.js";
 import { html, keyed, nothing, render } from "./lit.js";
 import { JobLog } from "./job_log.js";
@@ -11,25 +12,23 @@ import { CELL, ask, lease, now, on } from "./service.js";
 const ENDS = {
   done: ["good", "done"], failed: ["bad", "failed"], stopped: ["bad", "stopped"], interrupted: ["bad", "interrupted"],
 };
-const BEGIN_MS = 30000; // timeout of a start: the service answers once the job is saved and its worker runs
-const URGENT = { urgent: true }; // a request for a job's events does not wait for requests of lists and figures
+const BEGIN_MS = 30000; // timeout for starting a job: the service answers only after it has saved the job and the job's worker runs
+const URGENT = { urgent: true }; // a request for a job's events must not wait until lists and figures are loaded
 const over = (job) => job.state in ENDS;
 
-// Return the title of a kind of job: "Payload export" for "payload_export".
-const kindWords = (kind) => kind.charAt(0).toUpperCase() + kind.slice(1).replaceAll("_", " ");
-
-// What the panel shows of one job; a new one replaces it when a job is shown.
+// State of the panel for one job; a new state is created when another job is shown.
 const emptyView = () => ({
   known: 0, ahead: new Map(), last: "", over: false, loading: null,
-  log: new JobLog(), share: 0, count: "", estimate: "", verdicts: [], question: null, pad: null, problem: "", links: [],
+  log: new JobLog(), share: 0, count: "", estimate: "", verdicts: [], question: null, pad: null, problem: "", links: [], results: [],
 });
 
-// Options are functions: `next(job, document)` returns links for the end of a job; `begun(job)` and `ended(job, document)`
-// are called when a job is shown and when it has ended; `heard(event, job)` is called for every event. `places` has the
-// element of a kind of job in which the blocks of its result are shown instead of in the log.
+// The options are functions. `next(job, document)` returns links that are shown when a job has ended. `begun(job)` is
+// called when a job is shown, `ended(job, document)` when it has ended, `heard(event, job)` for every event. `places`
+// contains, by kind of job, the element that shows the result's blocks instead of the panel. `isBelow(job, document)`
+// returns true if the page itself shows the result below the panel; the panel then does not repeat it.
 export class JobPanel {
-  constructor(section, { next = () => [], begun = () => {}, ended = () => {}, heard = () => {}, places = {} } = {}) {
-    Object.assign(this, { section, next, begun, ended, heard, places, job: null, refusal: null, view: emptyView() });
+  constructor(section, { next = () => [], begun = () => {}, ended = () => {}, heard = () => {}, places = {}, isBelow = () => false } = {}) {
+    Object.assign(this, { section, next, begun, ended, heard, places, isBelow, job: null, refusal: null, view: emptyView() });
     on("event", (job, event, number) => job === this.job?.id && this.receive(event, number));
     on("job", (job) => job.id === this.job?.id && this.change(job));
     on("again", () => this.job && this.refresh());
@@ -39,8 +38,8 @@ export class JobPanel {
     this.recall();
   }
 
-  // Start a job and show it; before a motion, ask if the cell is clear.
-  // Resolves with the job, or with null if the user cancels or the service refuses; the panel shows a refusal.
+  // Start a job and show it. Before a motion, ask the user whether the cell is clear. The promise resolves with the
+  // job, or with null if the user cancels or the service refuses; the panel shows the refusal.
   async begin(kind, request = {}, { moves = false } = {}) {
     const lost = moves ? await confirmClear(kindWords(kind), { held: kind === "jog" }) : "stop";
     if (lost === null) return null;
@@ -62,7 +61,7 @@ export class JobPanel {
     this.section.scrollIntoView({ block: "nearest" });
   }
 
-  // After a reload: show the job that was started here, if its end has not been shown.
+  // After a reload of the page: show the job that was started on this page, unless its end has already been shown.
   async recall() {
     const id = sessionStorage.getItem(this.key);
     if (!id) return;
@@ -77,7 +76,7 @@ export class JobPanel {
   // Show the running job of the cell if this panel shows no running job.
   adopt(status) {
     if (status.job && status.job.id !== this.job?.id && (!this.job || over(this.job))) this.show(status.job);
-    else if (this.view.question) this.update(); // the holder of the cell may have changed
+    else if (this.view.question) this.update(); // another client may hold the cell now
   }
 
   show(job) {
@@ -97,7 +96,7 @@ export class JobPanel {
     try {
       this.change(await ask("GET", `/jobs/${this.job.id}`, undefined, undefined, undefined, URGENT));
     } catch {
-      return; // no connection: the page shows this
+      return; // without a connection, the page itself shows a warning
     }
     await this.load();
   }
@@ -116,16 +115,16 @@ export class JobPanel {
     this.update();
     if (!over(job) || view.over) return;
     view.over = true;
-    // a request that is already running may lack the last events; a killed job has no event `ended`
+    // load up to twice: the first request may have begun before the last events; a killed job never sends `ended`
     for (let i = 0; i < 2 && view.last !== "ended"; i++) await this.load();
-    if (this.view !== view) return; // another job is shown by now
+    if (this.view !== view) return; // the user has chosen another job meanwhile
     this.drop();
     sessionStorage.removeItem(this.key);
     const [kind, word] = ENDS[job.state];
     const reason = job.reason ? `: ${job.reason}` : "";
-    view.verdicts.push(html`<p class="verdict ${kind} end">${kindWords(job.kind)}: ${word}${reason}</p>`);
+    view.verdicts.push(html`<p class="verdict ${kind} end">${kindWords(job.kind)}: ${word}${linked(reason)}</p>`);
     view.links = [...this.next(job, view.document)];
-    if (job.run) view.links.push(html`<a class="button" href="${CELL}/runs/${encodeURIComponent(job.run)}">Run ${job.run}</a>`);
+    if (job.run) view.links.push(html`<a class="button" href="${CELL}/runs/${encodeURIComponent(job.run)}">Open the run</a>`);
     this.draw();
     this.ended(job, view.document);
   }
@@ -138,7 +137,7 @@ export class JobPanel {
     if (view.ahead.size) this.load();
   }
 
-  // Take the received events that follow the last known event.
+  // Process the received events that directly follow the last processed event.
   takeNext(view) {
     for (let event; (event = view.ahead.get(view.known)); ) {
       view.ahead.delete(view.known);
@@ -146,7 +145,7 @@ export class JobPanel {
     }
   }
 
-  // Request the events that were missed. Only one request runs at a time.
+  // Request the events that did not arrive. Only one such request runs at a time.
   load() {
     const { view, job } = this;
     view.loading ??= (async () => {
@@ -158,7 +157,7 @@ export class JobPanel {
         for (const number of view.ahead.keys()) if (number < view.known) view.ahead.delete(number);
         this.takeNext(view);
       } catch {
-        // no connection: `refresh` is called once the service answers again
+        // no connection: `refresh` is called when the service answers again
       } finally {
         view.loading = null;
       }
@@ -180,7 +179,7 @@ export class JobPanel {
       case "progress": this.takeProgress(event); break;
       case "asked": this.askPerson(event); break;
       case "answered": this.drop(); break;
-      case "ended": if (event.message) view.verdicts.push(verdictOf({ passed: false, text: event.message }));
+      case "ended": if (event.message && event.error !== "Failure") view.verdicts.push(verdictOf({ passed: false, text: event.message }));
     }
     this.update();
     this.heard(event, this.job);
@@ -188,11 +187,12 @@ export class JobPanel {
 
   takeResult({ document, blocks }) {
     Object.assign(this.view, { document, blocks });
+    if (this.isBelow(this.job, document)) return;
     this.view.verdicts.push(...blocks.filter(({ kind }) => kind === "verdict").map(verdictOf));
     const shown = blocks.filter(({ kind }) => kind !== "verdict");
     const place = this.places[this.job.kind];
     if (place) render(blockParts(shown, null, Infinity), place);
-    else this.view.log.add(blockParts(shown));
+    else this.view.results = blockParts(shown);
   }
 
   say(tag, text, kind = null) {
@@ -206,7 +206,8 @@ export class JobPanel {
     Object.assign(this.view, { share: total ? done / total : null, count, estimate: line ?? "" });
   }
 
-  showPicture({ words, share, count, left_s: left, stop, problem }) {
+  showPicture({ title, words, share, count, left_s: left, stop, problem }) {
+    if (!title) return; // a job that reads the drives at rest has no title: its events show the progress
     const rest = left === null || left === undefined ? "" : `${duration(left)} left`;
     Object.assign(this.view, { share, count: [words, count, rest, stop, problem].filter(Boolean).join(" · ") });
     this.update();
@@ -256,7 +257,7 @@ export class JobPanel {
     ];
   }
 
-  // ---- drawing; changes in the same task are drawn together
+  // ---- drawing: several changes in one task of the browser cause a single redraw
   update() {
     this.drawing ??= Promise.resolve().then(() => this.draw());
   }
@@ -269,7 +270,7 @@ export class JobPanel {
   }
 
   refusalParts() {
-    return html`<h2>${kindWords(this.refusal.kind)}</h2><p class="verdict bad" role="alert">Refused: ${this.refusal.text}</p>`;
+    return html`<h2>${kindWords(this.refusal.kind)}</h2><p class="verdict bad" role="alert">Refused: ${linked(this.refusal.text)}</p>`;
   }
 
   jobParts() {
@@ -286,6 +287,7 @@ export class JobPanel {
       <div class="questions">${view.question ? this.questionParts(view.question) : nothing}</div>
       <div class="verdicts" role="status">${view.verdicts}</div>
       <div class="next actions">${view.links}</div>
-      ${view.log.place}`;
+      <div class="part results">${view.results}</div>
+      <details class="messages" ?open=${!over(job)} ?hidden=${view.log.isEmpty}><summary>Messages of this job</summary>${view.log.place}</details>`;
   }
 }

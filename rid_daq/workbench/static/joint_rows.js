@@ -1,8 +1,8 @@
-// Table of the joints beside the 3-D view: the same pose as text.
+// Table of the joints next to the 3-D view; it shows the same pose as numbers.
 import { element } from "./dom.js";
 
 const DEGREES = 180 / Math.PI;
-const PERIOD_MS = 200; // of updates: the layout of a table takes longer than a person needs to read it
+const PERIOD_MS = 200; // time between updates of the table: faster ones could not be read, and would cost time for the layout
 export const GHOST = { revolute: [2 / DEGREES, "+2°"], prismatic: [0.01, "+10 mm"] };
 
 const scaleOf = (kind) => (kind === "prismatic" ? [1000, "mm"] : [DEGREES, "°"]);
@@ -39,7 +39,7 @@ export class JointRows {
     return made;
   }
 
-  // Mark the joint whose positive direction is shown (null: none).
+  // Mark the row of the joint whose positive direction is shown (null: no joint).
   mark(joint) {
     this.buttons.forEach((each, i) => each.setAttribute("aria-pressed", String(i === joint)));
   }

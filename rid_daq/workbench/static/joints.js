@@ -1,4 +1,4 @@
-// Shows joint values relative to their limits, from the newest picture of a motion.
+// Shows the values of the joints relative to their limits, from the newest sample of a motion.
 
 const DEGREES = 180 / Math.PI;
 const OLD_S = 0.5;
@@ -25,7 +25,7 @@ function say(words, sentence, problem) {
   words.classList.toggle("problem", problem);
 }
 
-// Show the drive temperatures of the preflight until a motion delivers new ones.
+// Show the drive temperatures of the preflight until a motion delivers new temperatures.
 export function showTemperatures(section, lines) {
   for (const line of lines.filter((each) => each.what.includes("temperature"))) {
     const card = section.querySelector(`[data-joint="${CSS.escape(line.where.split(",")[0])}"]`);

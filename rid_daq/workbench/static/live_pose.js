@@ -1,21 +1,26 @@
-// Pose of the cell's robot in the 3-D view: live during a motion, otherwise the newest known pose.
+// Pose of the cell's robot in the 3-D view: live while a job reads the drives, otherwise the newest known pose.
 import { timeOf } from "./dom.js";
 import { request } from "./requests.js";
 import { CELL, on, reach } from "./service.js";
 
 const OLD_MS = 1500; // values count as old if no new ones arrive for this time
-const OLD_S = 0.5; // greatest age of live values at the service
+const OLD_S = 0.5; // live values that are older than this at the service count as old
 const WATCH_MS = 500;
 const PATIENCE_MS = 10000;
 
-// Show the pose in a view, now and after every change.
+// Return the base wrench of a picture; null without a force plate, or if its values are old.
+function freshWrench({ base_wrench: wrench }) {
+  return wrench && wrench.age_s !== null && wrench.age_s <= OLD_S ? wrench : null;
+}
+
+// Show the pose of the cell's robot in a view, now and after every change.
 export function followPose(view) {
   let position = null;
   let words = "";
   let receivedAt = -Infinity;
   let isLive = false;
 
-  // Mark the pose as old once no live values arrive any more.
+  // Mark the pose as old if live values no longer arrive.
   function watch() {
     if (isLive && (performance.now() - receivedAt >= OLD_MS || !reach.values)) rest();
   }
@@ -29,11 +34,11 @@ export function followPose(view) {
   async function ask() {
     try {
       const found = await request(`/view${CELL}/pose`, {}, { patienceMs: PATIENCE_MS });
-      if (receivedAt > -Infinity) return; // a motion has begun meanwhile
+      if (receivedAt > -Infinity) return; // live values of a motion have arrived meanwhile
       position = found.position ?? null;
       words = position === null ? "" : `pose of ${found.source}, ${timeOf(found.at_s)}`;
     } catch (error) {
-      if (position === null) words = error.message; // a known pose keeps its source and time
+      if (position === null) words = error.message; // if a pose is already known, keep it with its source and time
     }
     rest();
   }
@@ -44,14 +49,14 @@ export function followPose(view) {
     const silent = picture.joints.filter((joint) => joint.answers === false).map((joint) => joint.name);
     isLive = picture.age_s !== null && picture.age_s <= OLD_S && !picture.over && silent.length === 0;
     position = values;
-    words = `last pose of the motion ${timeOf(Date.now() / 1000)}`;
+    words = `last measured pose, ${timeOf(Date.now() / 1000)}`;
     if (!isLive) {
       if (silent.length > 0) words = `no answer from ${silent.join(", ")}`;
       rest();
       return;
     }
     receivedAt = performance.now();
-    view.show({ position, words: "LIVE: measured pose", kind: "live" });
+    view.show({ position, words: "LIVE: measured pose", kind: "live", wrench: freshWrench(picture) });
   });
   on("job", (job) => {
     if (!job.ended_s || job.kind !== "check") return;

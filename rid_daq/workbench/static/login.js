@@ -1,5 +1,5 @@
-// Identifies this browser to a service without TLS; no cookies are used.
-// The session secret is in the storage of this origin, which no other port can read; it expires with the service.
+// Identifies this browser to a service without TLS; no cookies are used. The session secret is in this origin's local
+// storage, which a page of another port cannot read. The secret is valid until the service ends.
 "use strict";
 (() => {
   const KEY = "rid-daq session";
@@ -8,7 +8,8 @@
   const secret = localStorage.getItem(KEY) ?? "none";
   const bearer = `Bearer ${secret}`;
 
-  // ---- add the secret to requests and WebSockets of this page, and a ticket to links that it opens or saves
+  // ---- add the session secret to requests and WebSockets of this page, and a ticket to links that the user opens or
+  // saves
   const plainFetch = window.fetch;
   window.fetch = (target, options = {}) => {
     if (new URL(target, location).origin !== location.origin) return plainFetch(target, options);
@@ -38,11 +39,12 @@
       const body = JSON.stringify({ path: decodeURIComponent(link.pathname) });
       const signal = AbortSignal.timeout(5000);
       const answer = await fetch("/api/v1/tickets", { method: "POST", headers, body, signal });
+      if (!answer.ok) throw new Error(answer.statusText);
       const address = new URL(link.href);
       address.searchParams.set("ticket", (await answer.json()).ticket);
       copy.href = address;
     } catch {
-      // without a ticket, the address itself answers with the reason
+      // no ticket was received: the link is opened without one, and the service answers why it refuses
     }
     copy.hidden = true;
     document.body.append(copy);
@@ -51,10 +53,10 @@
     copy.remove();
   }
 
-  // ---- load the real page of this address; it replaces this login page, which shows STOP until then
+  // ---- load the page of this address; until it is loaded, this login page with its STOP button remains
   const PATIENCE_MS = 10000;
   const AGAIN_MS = 1000;
-  // an open child document delays this page's load event until the new page is written
+  // this open child document delays the load event of this page until the new page is written
   const pending = document.createElement("iframe");
   pending.hidden = true;
   document.body.append(pending);

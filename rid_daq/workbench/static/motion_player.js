@@ -1,10 +1,10 @@
-// Playback of a planned motion in the 3-D view: play button, time slider, strip of the clearance.
+// Playback of a planned motion in the 3-D view: play button, time slider, and a chart of the clearance over time.
 import { element, timeOf } from "./dom.js";
 
-const STRIP_PX = 40; // height of the strip's drawing
-const FINENESS = 4; // points of the strip for each interval, so that bars of unequal intervals have no gaps
-const WIDE = 3; // clearances up to this multiple of the margin are marked
-const LEAST_MARGIN = 0.01; // for the scale of the strip [m]
+const STRIP_PX = 40; // height of the clearance chart
+const FINENESS = 4; // pixels per interval; with fewer, bars of unequal width would leave gaps
+const WIDE = 3; // clearances below this multiple of the allowed distance are coloured as a warning
+const LEAST_MARGIN = 0.01; // the chart's scale is computed for at least this allowed distance [m]
 const DEGREES = 180 / Math.PI;
 
 export class MotionPlayer {
@@ -30,7 +30,7 @@ export class MotionPlayer {
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.drawStrip());
   }
 
-  // Show a motion of the service (null: none).
+  // Show a motion that the service has sent (null: no motion).
   open(motion) {
     this.pause();
     this.motion = motion;
@@ -47,7 +47,7 @@ export class MotionPlayer {
     this.seek(motion.times_s[0]);
   }
 
-  // Say why there is no motion.
+  // Show the reason why there is no motion.
   refuse(text) {
     this.nearest.textContent = text;
     this.nearest.classList.add("problem");
@@ -85,7 +85,7 @@ export class MotionPlayer {
     const before = intervalOf(times, time);
     const share = Math.min(1, Math.max(0, (time - times[before]) / (times[before + 1] - times[before])));
     const pose = position[before + 1].map((value, i) => (1 - share) * position[before][i] + share * value);
-    const phase = phases.findLast(({ begin_s }) => begin_s <= time) ?? phases[0];
+    const phase = phases.findLast(({ start_s }) => start_s <= time) ?? phases[0];
     if (Number(this.slider.value) !== time) this.slider.value = String(time);
     this.clock.textContent = `${time.toFixed(1)} of ${end.toFixed(1)} s${periods > 1 ? `, with 1 of ${periods} periods` : ""}`;
     this.slider.setAttribute("aria-valuetext", `${time.toFixed(1)} s, ${phase.name}`);
@@ -93,7 +93,7 @@ export class MotionPlayer {
     this.describe();
   }
 
-  // Show the clearance at the present time, and the smallest one of the motion.
+  // Show the clearance at the selected time, and the smallest clearance of the motion.
   describe() {
     const { clearance } = this.motion;
     if (clearance === null) {
@@ -103,12 +103,12 @@ export class MotionPlayer {
     const { times_s: times, distance_m: distances, pairs, least_at_s: at, margin_m: margin } = clearance;
     const least = smallest(distances);
     const of = (i) => `${(1000 * distances[i]).toFixed(0)} mm between ${pairs[i]}`;
-    const verdict = distances[least] < margin ? ` This is less than the allowed ${(1000 * margin).toFixed(0)} mm.` : "";
+    const verdict = distances[least] < margin ? ` The smallest clearance is less than the allowed ${(1000 * margin).toFixed(0)} mm.` : "";
     this.nearest.textContent = `Clearance now: ${of(intervalOf(times, this.time))}. Smallest of the motion: ${of(least)}, at ${at.toFixed(1)} s.${verdict}`;
     this.nearest.classList.toggle("problem", distances[least] < margin);
   }
 
-  // Draw the clearance over the time; the line is the allowed distance.
+  // Draw the clearance over the time, with a line at the allowed distance.
   drawStrip() {
     const clearance = this.motion?.clearance;
     const pen = this.strip.getContext("2d");
@@ -116,7 +116,7 @@ export class MotionPlayer {
     const { times_s: times, distance_m: distances, margin_m: margin } = clearance;
     const style = getComputedStyle(this.strip);
     const colour = (value) => style.getPropertyValue(value < margin ? "--bad" : value < WIDE * margin ? "--wait" : "--good");
-    const most = 2 * WIDE * Math.max(margin, LEAST_MARGIN); // larger clearances have the full height
+    const most = 2 * WIDE * Math.max(margin, LEAST_MARGIN); // larger clearances are drawn with the full height
     const height = (value) => (STRIP_PX * Math.min(most, Math.max(0.02 * most, value))) / most;
     this.strip.width = FINENESS * distances.length;
     const place = (time) => Math.round((this.strip.width * (time - times[0])) / (times.at(-1) - times[0]));
@@ -132,7 +132,7 @@ export class MotionPlayer {
 
 const smallest = (values) => values.reduce((best, value, i) => (value < values[best] ? i : best), 0);
 
-// Return the number of the interval between two of the times that contains a time.
+// Return the index of the interval in `times` that contains `time`.
 function intervalOf(times, time) {
   const next = times.findIndex((each) => each > time);
   return next < 0 ? times.length - 2 : Math.max(0, next - 1);
@@ -143,5 +143,5 @@ const startOf = ({ source, at_s: at, problem }) =>
 
 function accuracyOf({ deviation_rad: angle, deviation_m: length }) {
   const parts = [angle > 0 && `${(DEGREES * angle).toFixed(1)}°`, length > 0 && `${(1000 * length).toFixed(1)} mm`];
-  return `The motion is too long to be drawn exactly: joints are up to ${parts.filter(Boolean).join(" or ")} from the poses shown.`;
+  return `The motion is too long to be drawn exactly: joints are up to ${parts.filter(Boolean).join(" or ")} away from the shown poses.`;
 }

@@ -1,4 +1,4 @@
-// Form of an operation: its content becomes a request, which the service checks.
+// Form of an operation. The page sends the form's content as a request, and the service checks the request.
 import { element, find, parseNumber } from "./dom.js";
 import { refuseField } from "./fields.js";
 import { JobPanel } from "./job_panel.js";
@@ -23,7 +23,7 @@ function show() {
   press("begin", panel, kind, () => panel.begin(kind, request(), { moves }));
 }
 
-// Return a request with the changed fields; the service sets the defaults of all other fields.
+// Return a request with the fields that the user has changed; the service uses the defaults of all others.
 function request() {
   const asks = {};
   for (const input of form.elements) {
@@ -37,7 +37,7 @@ function request() {
   return asks;
 }
 
-// Return the value of a field; an error is shown at the field.
+// Return the value of a field; if it is invalid, show the error at the field and throw it.
 function checkedValue(input) {
   try {
     return valueOf(input);
@@ -46,7 +46,7 @@ function checkedValue(input) {
   }
 }
 
-// Return the value of a field, null if it is unchanged.
+// Return the value of a field, or null if the user has not changed the field.
 function valueOf(input) {
   const { kind, many, parts = "" } = input.dataset;
   if (kind === "flag") return input.checked === input.defaultChecked ? null : input.checked;

@@ -1,4 +1,5 @@
-// Page of a new device: shows a code and polls until an administrator has confirmed it.
+// Page for pairing a new device: it shows a code and asks the service regularly until an administrator has confirmed
+// the code.
 const POLL_MS = 1000;
 const HEADERS = { "x-rid-daq": "page", "content-type": "application/json" };
 const [code, words, again] = ["code", "words", "again"].map((id) => document.getElementById(id));

@@ -1,4 +1,4 @@
-// Page Payload: the guided session, its warm-up, its result, load data for the controller.
+// Page Payload: the guided payload session with its warm-up and result, and the load data for the controller.
 import { blockParts } from "./blocks.js";
 import { find, parseNumber, timeOf } from "./dom.js";
 import { forgetEntries } from "./entries.js";
@@ -13,16 +13,16 @@ import { blocksUrl, figureIn, fileLink, look, numberOf, offer, press, problemOf,
 const WORDS = { done: "done", now: "now", bad: "problem", wait: "not yet" };
 const DRAWN_MS = 3000;
 let session = null; // the session whose result is shown
-let showings = 0; // number of results that were requested or closed
-let jobAtOpening = null; // id of the job that ran when the page was opened, empty without one
+let showings = 0; // counter that increases when a result is requested or closed; an answer to an earlier request is ignored
+let jobAtOpening = null; // id of the job that was running when the page was opened; empty if no job was running
 const STAGES = [...document.querySelectorAll("[data-stage]")];
 
 on("cell", ({ job }) => {
   jobAtOpening ??= job?.id ?? "";
 });
-const panel = new JobPanel(find("job"), { heard, begun, ended });
+const panel = new JobPanel(find("job"), { heard, begun, ended, isBelow });
 
-// ---- stages: each shows one or two states of the session
+// ---- stages of the page: each stage shows one or two states of the session
 
 function show(stage, word) {
   stage.dataset.state = word;
@@ -74,6 +74,11 @@ function drawWarmUp(job) {
   figureIn(find("warm-figure"), blocksUrl(`/jobs/${encodeURIComponent(job)}/warm-up`, { plot: 0 }));
 }
 
+// Return true if the page shows the result of a job below the job: a finished session, or a paper of the shown session.
+function isBelow(job, document) {
+  return job.kind === "payload_session" ? Boolean(document.session) : job.kind in PAPERS && isOf(session, job);
+}
+
 async function ended(job, document) {
   if (job.kind === "payload_session") {
     showSessions();
@@ -90,7 +95,7 @@ async function ended(job, document) {
 const optionalNumber = (id) => (find(id).value.trim() ? numberOf(id, { least: 0 }) : null);
 
 // ---- the session
-let resumed = null; // the resumed session: its run, its choices, and the request that the form showed for them
+let resumed = null; // the resumed session: its run, its settings, and the request that the form contained at first
 
 function request() {
   const mass = find("mass").value.trim();
@@ -119,11 +124,11 @@ function request() {
   return asks;
 }
 
-// A mass that the robot can hardly carry is doubted at once; the service refuses it.
+// Show a warning as soon as a mass is entered that the robot can hardly carry; the service would refuse it.
 function doubtMass() {
   const { mostKg, mostWords } = find("mass").dataset;
   const tooHeavy = mostKg && parseNumber(find("mass").value) > Number(mostKg);
-  doubtField(find("mass"), tooHeavy ? `This is heavier than ${mostWords}, ${Number(mostKg)} kg: correct the mass.` : "");
+  doubtField(find("mass"), tooHeavy ? `This mass is larger than ${mostWords}, ${Number(mostKg)} kg: correct the mass.` : "");
 }
 find("mass").addEventListener("input", doubtMass);
 doubtMass();
@@ -155,7 +160,8 @@ async function showSessions() {
     find("finished"));
 }
 
-// Show the choices of an interrupted session in the form, so that they can be changed before it is resumed.
+// Fill the form with the settings of an interrupted session, so that the user can change them before the session is
+// resumed.
 function goOn({ run, label, state, choices }) {
   const { known, limits } = choices;
   const mass = known.find((each) => each.name === "m");
@@ -172,8 +178,8 @@ function goOn({ run, label, state, choices }) {
     if (choices[id] && find(id)) offer(find(id), choices[id]);
     else if (find(id)) find(id).value = "";
   }
-  for (const id of ["motion", "periods"]) find(id).disabled = true; // the session's run folder fixes these values
-  find("prepare").dataset.keep = "no"; // these entries belong to the resumed session
+  for (const id of ["motion", "periods"]) find(id).disabled = true; // these two values cannot change: the session's run folder was made with them
+  find("prepare").dataset.keep = "no"; // do not store these entries in the browser tab, because they belong to the resumed session
   resumed = { run, choices };
   resumed.shown = request();
   const more = known.filter((each) => each !== mass).map((each) => `${each.name} is known: ${each.value} ± ${each.sigma}.`);
@@ -186,13 +192,13 @@ function goOn({ run, label, state, choices }) {
   find("prepare").scrollIntoView({ block: "start" });
 }
 
-// Return the values that differ from those at the start of the session, even if they equal the default.
+// Return the values that the user has changed since the start of the session, even if they equal the defaults.
 function saidAnew() {
   const changed = Object.entries(request()).filter(([name, value]) => JSON.stringify(value) !== JSON.stringify(resumed.shown[name]));
   return { ...Object.fromEntries(changed), resume: resumed.run };
 }
 
-// ---- the result; the address names the session, so that a reload shows it again
+// ---- the result; the page's address contains the session, so that a reload shows the same result
 async function showResult(run) {
   const showing = ++showings;
   find("result-card").hidden = false;
@@ -213,7 +219,7 @@ async function showResult(run) {
   await showPapers();
 }
 
-// Show the newest certificate, load data and comparison that were made from the session, also before a reload.
+// Show the newest certificate, load data and comparison that were made from the session, also after a reload.
 async function showPapers() {
   const shown = session;
   const jobs = await ask("GET", `/jobs?cell=${encodeURIComponent(page.cell)}&limit=1000`);
@@ -225,7 +231,7 @@ async function showPapers() {
   }
 }
 
-// True if a job has made its result from a session.
+// Return true if a job has computed its result from a session.
 const isOf = (of, { request: { session: run, payload } }) => of !== null && (run === of.run || payload === of.payload);
 
 // Show the payload's centre of gravity on the robot.

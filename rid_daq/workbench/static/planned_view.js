@@ -1,21 +1,35 @@
-// 3-D view of a page on which a motion is chosen: its playback, or the live pose while the robot moves.
+// 3-D view of a page on which the user chooses a motion. It plays the chosen motion; while the robot moves, it shows
+// the live pose.
 import { followPose } from "./live_pose.js";
 import { MotionPlayer } from "./motion_player.js";
-import { newest, request } from "./requests.js";
+import { newest, post, request } from "./requests.js";
 import { RobotView } from "./robot_view.js";
 import { CELL, now, on } from "./service.js";
 
-const PATIENCE_MS = 60000; // a long motion is planned, and its clearances are computed
+const PATIENCE_MS = 60000; // timeout: the service needs time to plan a long motion and to compute its clearances
+const MOTION = `/view${CELL}/motion`;
 
-// Show the motion of a selection in a section, now and after every change.
-export function showPlans(section, select) {
+// Show the motion that is chosen in `select` in a section, now and whenever another motion is chosen.
+export function showChosenPlan(section, select) {
+  const { reload } = showPlan(section, (signal) =>
+    select.value ? request(`${MOTION}?${new URLSearchParams({ file: select.value })}`, {}, { patienceMs: PATIENCE_MS, signal }) : null);
+  select.addEventListener("change", () => reload());
+}
+
+// Show the motion of a text that is not saved yet. Returns `reload`, which shows the present text, `refuse`, which shows
+// a sentence instead, `showPose`, which shows a single pose, and `knownPose`, which returns the robot's newest known pose.
+export function showUnsavedPlan(section, file, text) {
+  return showPlan(section, (signal) => (text().trim() ? post(MOTION, { file, text: text() }, { patienceMs: PATIENCE_MS, signal }) : null));
+}
+
+// Show the motion that `getMotion(signal)` requests; it returns null if there is none.
+function showPlan(section, getMotion) {
   const view = new RobotView(section, { hidden: ["axes", "limits"] });
   const player = new MotionPlayer(view);
   const replacing = newest();
 
-  let last = null; // the newest live or resting pose
-  let shownFile = ""; // file of the motion that is shown
-  let filesHash = ""; // of the cell's files for which the motion was requested
+  let last = null; // the newest live pose, or the newest pose at rest
+  let filesHash = ""; // hash of the cell's files for which the motion was requested
 
   // a live pose replaces the planned one; without live data, the planned motion remains
   followPose({
@@ -31,31 +45,34 @@ export function showPlans(section, select) {
 
   function close() {
     player.open(null);
-    shownFile = "";
     if (last !== null) view.show(last);
   }
 
-  async function load() {
-    const file = select.value;
+  // Load and show the motion. The present picture is removed at once, or, if the motion is the same, when the answer arrives.
+  async function load({ isSame = false } = {}) {
     const signal = replacing();
-    if (file !== shownFile) close();
+    if (!isSame) close();
     filesHash = now.status?.files_hash ?? "";
-    if (!file) return;
     try {
-      const found = await request(`/view${CELL}/motion?${new URLSearchParams({ file })}`, {}, { patienceMs: PATIENCE_MS, signal });
-      [shownFile, filesHash] = [file, found.files_hash];
+      const found = await getMotion(signal);
+      if (found === null) return;
+      filesHash = found.files_hash;
       player.open(found);
     } catch (error) {
-      if (signal.aborted) return;
-      close();
-      player.refuse(`The motion cannot be shown: ${error.message}`);
+      if (!signal.aborted) refuse(`The motion cannot be shown: ${error.message}`);
     }
   }
 
+  function refuse(words) {
+    close();
+    player.refuse(words);
+  }
+
+  const reload = (how) => view.seen.then(() => load(how));
+
   view.seen.then(() => {
-    select.addEventListener("change", load);
-    on("again", load);
-    on("job", (job) => job.ended_s && (job.run || job.kind === "check") && load()); // the approach begins at another pose
+    on("again", () => load({ isSame: true }));
+    on("job", (job) => job.ended_s && (job.run || job.kind === "check") && load({ isSame: true })); // the approach begins at the robot's new pose
     on("cell", ({ files_hash: present }) => {
       if (filesHash === "" || filesHash === present) return;
       close();
@@ -63,4 +80,9 @@ export function showPlans(section, select) {
     });
     load();
   });
+  const showPose = (position) => {
+    player.pause();
+    view.show({ position, words: "CHOSEN POSE, NO LIVE DATA", kind: "planned" });
+  };
+  return { reload, refuse, showPose, side: view.side, knownPose: () => last?.position ?? null };
 }

@@ -1,11 +1,11 @@
-// The newest preflight: a summary, and its lines by device.
+// Shows the newest preflight: a summary, and the checks of each device.
 import { blockParts } from "./blocks.js";
 import { duration } from "./dom.js";
 import { render } from "./lit.js";
 import { request } from "./requests.js";
 import { CELL, ask } from "./service.js";
 
-// Show the preflight; resolves with its lines if there is one.
+// Show the newest preflight. The promise resolves with its lines, if there has been a preflight.
 export async function loadPreflight(section, words) {
   let found, blocks;
   try {

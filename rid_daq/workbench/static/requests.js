@@ -1,4 +1,4 @@
-// Requests to the service, limited in time and number, so that they never delay STOP.
+// Sends requests to the service. Their duration and number are limited, so that they never delay a stop request.
 
 const AT_ONCE = 3; // a browser opens at most six connections; STOP and the heartbeat need the other three
 
@@ -51,12 +51,18 @@ export async function request(url, options = {}, { patienceMs, urgent = false, s
   return text ? JSON.parse(text) : null;
 }
 
+// Send a document to an address of the pages, which is not part of the API, and return the answer.
+export function post(url, document, options) {
+  const headers = { "x-rid-daq": "page", "content-type": "application/json" };
+  return request(url, { method: "POST", headers, body: JSON.stringify(document) }, options);
+}
+
 function refusalOf(answer, text) {
   try {
     const told = JSON.parse(text);
     if (told.message) return new Refusal(told.error, told.message, answer.status);
   } catch {
-    // an answer of the web server without a message
+    // the answer has no message if the web server answered instead of the service
   }
   if (answer.status === 401) return new Refusal("NotKnownError", "This device no longer has access.", 401);
   return new Refusal("Refused", `The service refused the request (status ${answer.status}).`, answer.status);

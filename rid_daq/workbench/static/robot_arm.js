@@ -1,10 +1,10 @@
-// Arm of the 3-D view: a fixed and a moving group for each joint, and the meshes of the links.
+// The robot arm in the 3-D view: for each joint a fixed and a moving three.js group, and the meshes of the links.
 import { BufferAttribute, BufferGeometry, Group, Matrix4, Mesh, Vector3 } from "./three.js";
 
 export const matrixOf = (rows) => new Matrix4().set(...rows.flat());
 export const vectorOf = (values) => new Vector3(...values);
 
-// Return one geometry for each link. The binary contains positions (float32), then indices (uint32), little-endian.
+// Return one geometry for each link. `binary` contains first positions (float32), then indices (uint32), little-endian.
 export function linkGeometries({ links, vertices, triangles }, binary) {
   if (binary.byteLength !== 12 * (vertices + triangles))
     throw new Error(`The robot's shape has ${binary.byteLength} bytes instead of ${12 * (vertices + triangles)}: reload the page.`);
@@ -23,12 +23,12 @@ export function linkGeometries({ links, vertices, triangles }, binary) {
 }
 
 export class RobotArm {
-  // `material(link)` returns the material of a link; link 0 is the base.
+  // `material(link)` returns the material of a link; link 0 is the robot's base.
   constructor(document, geometries, material) {
     this.joints = document.joints;
     this.base = new Group();
-    this.fixed = []; // by joint: its frame at position 0
-    this.links = [this.base]; // by link: its frame
+    this.fixed = []; // frame of each joint at position 0
+    this.links = [this.base]; // frame of each link
     for (const { origin } of this.joints) {
       const fixed = new Group().add(new Group());
       fixed.applyMatrix4(matrixOf(origin));
@@ -57,7 +57,7 @@ export class RobotArm {
     this.base.updateWorldMatrix(true, true);
   }
 
-  // Distance from the base to the tool with a straight arm [m]; the size of marks depends on it.
+  // Distance from the base to the tool with the arm stretched out [m]; the size of marks is proportional to it.
   reach() {
     const lengths = [...this.fixed, this.tool].map((each) => each.position.length());
     return Math.max(0.05, lengths.reduce((sum, each) => sum + each, 0));

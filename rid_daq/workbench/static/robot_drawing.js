@@ -1,17 +1,19 @@
-// Drawing of the robot with three.js: links, joint axes, limits, tool, gravity, plate. It draws only after a change.
+// Drawing of the robot with three.js: links, joint axes, limits, tool, gravity, plate. The picture is drawn only after
+// a change.
 import { Box3, BoxGeometry, BufferGeometry, Color, DirectionalLight, Group, HemisphereLight, Line, LineBasicMaterial, Scene, SphereGeometry, Vector3, WebGLRenderer } from "./three.js";
 import { DrawingCamera } from "./drawing_camera.js";
 import { DrawingLabels } from "./drawing_labels.js";
 import { Paints, alongAxis, arrow, frameArrows, limitMarks, turnArrow } from "./drawing_marks.js";
+import { WrenchArrows } from "./wrench_arrows.js";
 import { RobotArm, linkGeometries, matrixOf, vectorOf } from "./robot_arm.js";
 
 const DOWN = new Vector3(0, 0, -1);
 const NEAR_LIMIT = 0.03; // of the range
 const HARDLY_MOVED = 1e-3; // of the reach
-const LAYERS = ["axes", "limits", "frames", "gravity", "plate", "payload", "path"];
+const LAYERS = ["axes", "limits", "frames", "gravity", "plate", "wrench", "payload", "path"];
 
 export class RobotDrawing {
-  // `lost(isLost)` is called if the browser stops the drawing, and when it returns.
+  // `lost(true)` is called if the browser ends the drawing (WebGL context lost), `lost(false)` when it can draw again.
   constructor({ section, canvas, labels, hidden, isSoftware, lost }) {
     this.canvas = canvas;
     this.paints = new Paints(section);
@@ -19,8 +21,8 @@ export class RobotDrawing {
     this.renderer = new WebGLRenderer({ canvas, antialias: !isSoftware });
     this.renderer.setPixelRatio(isSoftware ? 1 : Math.min(devicePixelRatio, 2));
     this.stage = new Scene();
-    this.hidden = new Set(hidden); // layers that are off
-    this.frames = 0; // number of drawn pictures
+    this.hidden = new Set(hidden); // names of the hidden layers
+    this.frames = 0; // number of pictures drawn so far
     this.isWaiting = false;
     this.camera = new DrawingCamera(canvas, () => this.draw());
     const sun = new DirectionalLight("#ffffff", 1.5);
@@ -38,13 +40,13 @@ export class RobotDrawing {
     this.repaint();
   }
 
-  // Show a robot: the document of its scene, and the binary with the triangles.
+  // Draw a robot from the description of its scene and from the binary with the triangles of its meshes.
   open(document, binary, position) {
     this.world?.removeFromParent();
     for (const old of [this.world, this.gravity]) old?.traverse((each) => each.geometry?.dispose());
     this.labels.clear();
     this.document = document;
-    this.world = new Group(); // base frame, turned so that gravity points down
+    this.world = new Group(); // the base frame, turned so that gravity points down on the screen
     this.world.setRotationFromMatrix(matrixOf([...document.upright.map((row) => [...row, 0]), [0, 0, 0, 1]]));
     this.stage.add(this.world);
     const geometries = linkGeometries(document, binary);
@@ -56,6 +58,7 @@ export class RobotDrawing {
     this.layers = Object.fromEntries(LAYERS.map((name) => [name, []]));
     this.size = 0.11 * this.arm.reach();
     this.gravity = null;
+    this.wrench = null;
     this.arm.set(position);
     this.addJoints();
     this.addFrames();
@@ -74,7 +77,7 @@ export class RobotDrawing {
     this.needles = [];
     this.turns = [];
     arm.joints.forEach((joint, i) => {
-      const size = this.size * (1 - (0.5 * i) / arm.joints.length); // the joints of a wrist are close together
+      const size = this.size * (1 - (0.5 * i) / arm.joints.length); // marks become smaller towards the wrist, whose joints are close together
       const axis = vectorOf(joint.axis);
       const holder = alongAxis(new Group(), axis);
       holder.add(arrow(paints, "axis", 0.03 * size).aim(new Vector3(0, 0, 1), 1.5 * size));
@@ -100,6 +103,7 @@ export class RobotDrawing {
 
   addFrames() {
     const { arm, size, paints, labels } = this;
+    if (this.document.plate) this.addWrench(); // first, because its labels precede those of the base frame
     for (const [name, group] of [["base", arm.base], ["tool", arm.tool]]) {
       const frame = frameArrows(paints, 1.3 * size, 0.045 * size);
       group.add(frame);
@@ -107,7 +111,7 @@ export class RobotDrawing {
       ["X", "Y", "Z"].forEach((axis, i) => labels.add(`${name} ${axis}`, frame, new Vector3().setComponent(i, 1.5 * size), "frames"));
     }
     const mounting = paints.part(new BoxGeometry(2.2 * size, 2.2 * size, 0.12 * size), "mounting");
-    // on the other side of the base than the robot
+    // the mounting plate is on the side of the base away from the robot
     mounting.position.z = (this.measure(arm.base).getCenter(new Vector3()).applyMatrix4(this.world.matrixWorld.clone().invert()).z >= 0 ? -0.07 : 0.07) * size;
     arm.base.add(mounting);
     if (!this.document.plate) return;
@@ -118,6 +122,13 @@ export class RobotDrawing {
     arm.base.add(plate);
     this.layers.plate.push(plate);
     labels.add("force plate X", plate, new Vector3(2.1 * size, 0, 0), "plate");
+  }
+
+  addWrench() {
+    const { arm, size, paints, labels } = this;
+    this.wrench = new WrenchArrows({ paints, labels, size });
+    arm.base.add(this.wrench.group);
+    this.layers.wrench.push(this.wrench.group);
   }
 
   addGravity() {
@@ -132,7 +143,7 @@ export class RobotDrawing {
     this.labels.add(`gravity ${Math.hypot(...gravity).toFixed(2)} m/s²`, this.gravity, new Vector3(0, 0, 0.35 * size), "gravity");
   }
 
-  // Show the centre of gravity of a payload; the place is in the frame of the last link.
+  // Show the centre of gravity of a payload at a position in the frame of the last link [m].
   addPayload(place) {
     const { size } = this;
     const ball = this.paints.part(new SphereGeometry(0.25 * size, 20, 14), "load");
@@ -142,7 +153,7 @@ export class RobotDrawing {
     this.labels.add("centre of gravity", ball, new Vector3(0, 0, 0.6 * size), "payload");
   }
 
-  // Show the path of the tool: points in the base frame.
+  // Show the path of the tool as points in the base frame [m].
   showPath(places) {
     if (this.removePath()) {
       this.seen = [...this.corners];
@@ -165,7 +176,7 @@ export class RobotDrawing {
     this.draw();
   }
 
-  // Remove the path of the tool; return true if there was one.
+  // Remove the path of the tool; return true if a path was shown.
   removePath() {
     const [line] = this.layers?.path ?? [];
     if (line === undefined) return false;
@@ -176,7 +187,7 @@ export class RobotDrawing {
     return true;
   }
 
-  // Show a pose, and a second pose as a ghost (null: none).
+  // Show a pose, and a second pose as a translucent robot (null: no second pose).
   show(position, target) {
     const { arm, ghost } = this;
     [this.position, this.target] = [position, target];
@@ -194,7 +205,13 @@ export class RobotDrawing {
     this.draw();
   }
 
-  // Show the positive direction of a joint (null: of none).
+  // Show the measured wrench of the base on the robot; hide its arrows if it is null.
+  showWrench(wrench) {
+    this.wrench?.show(wrench);
+    this.draw();
+  }
+
+  // Show the positive direction of a joint (null: no joint).
   choose(joint) {
     this.turns.forEach((sense, i) => {
       sense.visible = i === joint;
@@ -213,18 +230,18 @@ export class RobotDrawing {
     this.draw();
   }
 
-  // Box of a group and all that is below it, in the upright frame.
+  // Return the bounding box of a group and all its children, in the upright frame.
   measure(group) {
     group.updateWorldMatrix(true, true);
     return new Box3().setFromObject(group);
   }
 
-  // Places of the joints and the tool of an arm, in the upright frame.
+  // Return the positions of an arm's joints and of its tool, in the upright frame.
   placesOf(arm) {
     return [...arm.links, arm.tool].map((each) => new Vector3().setFromMatrixPosition(each.matrixWorld));
   }
 
-  // Keep places inside the picture, in addition to the earlier ones.
+  // Keep these points inside the picture too, in addition to earlier points.
   include(places) {
     if (this.box.containsBox(new Box3().setFromPoints(places))) return;
     this.seen.push(...places);
@@ -232,7 +249,7 @@ export class RobotDrawing {
     this.camera.frame(this.seen, 0.5 * this.size);
   }
 
-  // Corners of the boxes around the links and around the gravity arrow, in the upright frame.
+  // Return the corners of the bounding boxes of the links and of the gravity arrow, in the upright frame.
   cornersOfAll() {
     const corners = [];
     const all = [...this.arm.meshes, ...(this.gravity?.children ?? [])];
@@ -243,6 +260,8 @@ export class RobotDrawing {
       for (const x of [min.x, max.x]) for (const y of [min.y, max.y]) for (const z of [min.z, max.z])
         corners.push(new Vector3(x, y, z).applyMatrix4(mesh.matrixWorld));
     }
+    const around = this.wrench ? this.wrench.length : 0; // space for the arrows in any horizontal direction
+    for (const [x, y] of [[-around, 0], [around, 0], [0, -around], [0, around]]) corners.push(new Vector3(x, y, 0).applyMatrix4(this.arm.base.matrixWorld));
     return corners;
   }
 
@@ -259,7 +278,7 @@ export class RobotDrawing {
     this.draw();
   }
 
-  // Draw with the next frame of the screen; at most one drawing waits.
+  // Redraw with the next frame of the screen; several calls before it cause only one redraw.
   draw() {
     if (this.isWaiting || !this.renderer) return;
     this.isWaiting = true;
@@ -274,7 +293,7 @@ export class RobotDrawing {
   }
 }
 
-// True if two transforms move a point of a link by more than `limit`.
+// Return true if the two transforms move any point of a link to places further apart than `limit`.
 function differ(one, other, limit) {
   return one.elements.some((value, i) => Math.abs(value - other.elements[i]) > limit);
 }

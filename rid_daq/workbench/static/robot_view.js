@@ -1,5 +1,5 @@
-// The 3-D view of a page: picture of the robot, its controls, and the joint table with the same values.
-import { element, seen } from "./dom.js";
+// The 3-D view of a page: picture of the robot, its controls, and a joint table with the same pose.
+import { element, seen, threeDigits } from "./dom.js";
 import { GHOST, JointRows } from "./joint_rows.js";
 import { newest, request } from "./requests.js";
 import { CELL, now, on } from "./service.js";
@@ -7,19 +7,19 @@ import { CELL, now, on } from "./service.js";
 const PATIENCE_MS = 30000;
 const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;
 const SHAPES = {
-  meshes: "MESHES: shape of the robot's CAD files",
-  bodies: "BODIES: shape of the robot file's collision bodies",
-  schematic: "SCHEMATIC: only axes and lengths are true",
+  meshes: "MESHES: shape of the links from the robot's CAD files",
+  bodies: "BODIES: shape of the collision bodies in the robot file",
+  schematic: "SCHEMATIC: only the axes and lengths are to scale",
 };
 const LAYERS = {
-  axes: "Joint axes", limits: "Limits", frames: "Base and tool frame", gravity: "Gravity", plate: "Force plate",
+  axes: "Joint axes", limits: "Limits", frames: "Base and tool frame", gravity: "Gravity", plate: "Force plate", wrench: "Base wrench",
   payload: "Centre of gravity", path: "Tool path",
 };
 const HELP = "3-D picture of the robot. Drag or use the arrow keys to turn it, + and - to zoom, Home to reset. The table shows the same pose.";
 
 export class RobotView {
-  // Show the robot of this page's cell in a section once the section is visible.
-  // `preview`: the rows of the table can show the positive directions. `hidden`: layers that are off at first.
+  // Show the robot of this page's cell in a section of the page, once the section is visible.
+  // `preview`: the rows of the table can show the positive directions. `hidden`: layers that are hidden at first.
   // `query`: parameters of the scene's address, such as the payload whose centre of gravity is shown.
   constructor(section, { preview = false, hidden = [], query = {} } = {}) {
     this.section = section;
@@ -27,23 +27,26 @@ export class RobotView {
     this.hidden = hidden;
     this.query = query;
     this.pose = { position: null, target: null };
-    this.last = null; // what the page wants to show, also while the scene is out of date
+    this.last = null; // the pose that the page has requested, also while the scene must be loaded again
     this.hasFailed = false;
     this.replacing = newest();
     this.preview = null; // number of the joint whose positive direction is shown
     this.withGhost = true;
-    this.ghost = null; // pose of the preview
+    this.ghost = null; // pose in which the joint is moved in its positive direction
     this.path = [];
     this.state = element("p", { class: "view-state", role: "status" });
     this.shape = element("p", { class: "view-shape" });
+    this.wrenchWords = element("p", { class: "view-wrench", hidden: true }); // changes too often to be read aloud
+    this.wrench = null; // newest wrench of the base on the robot; null without live data
     this.canvas = element("canvas", { tabindex: "0", role: "img", "aria-label": HELP });
     this.labels = element("div", { class: "view-labels", "aria-hidden": "true" });
     this.problem = element("p", { class: "view-problem", hidden: true });
     this.tools = element("div", { class: "view-tools tools" });
     this.table = element("div", { class: "scroll", tabindex: "0", role: "group", "aria-label": "pose of the joints" });
     this.picture = element("div", { class: "view-picture" }, this.canvas, this.labels, this.problem);
-    const stage = element("div", { class: "view-stage" }, this.state, this.picture, this.shape, this.tools);
-    section.append(element("div", { class: "view-parts" }, stage, this.table));
+    const stage = element("div", { class: "view-stage" }, this.state, this.picture, this.wrenchWords, this.shape, this.tools);
+    this.side = element("div", { class: "part" }, this.table); // beside the picture; a page can add its own controls
+    section.append(element("div", { class: "view-parts" }, stage, this.side));
     section.robotView = this;
     this.say("NO LIVE DATA", "old");
     this.seen = seen(section, "25%");
@@ -54,7 +57,7 @@ export class RobotView {
     });
   }
 
-  // True if the cell's files have changed since the scene was loaded: the picture shows another robot.
+  // True if the cell's files have changed since the scene was loaded, so that the picture shows an outdated robot.
   isOutdated() {
     const { files_hash: ours } = this.document ?? {};
     return Boolean(ours && now.status) && ours !== now.status.files_hash;
@@ -68,13 +71,13 @@ export class RobotView {
     this.load();
   }
 
-  // Show the scene for other parameters of its address.
+  // Load and show the scene with other query parameters, such as another payload.
   reload(query) {
     this.query = query;
     return this.seen.then(() => this.load());
   }
 
-  // Get the scene and draw it. Without WebGL, the table alone shows the pose.
+  // Load the scene and draw it. Without WebGL, only the table shows the pose.
   async load() {
     const signal = this.replacing();
     const software = findRenderer();
@@ -93,11 +96,12 @@ export class RobotView {
     }
   }
 
-  // Show the robot of a scene. `binary` contains its triangles; it is null if nothing can be drawn.
+  // Show the robot of a scene. `binary` contains the triangles of the meshes; it is null if the browser cannot draw.
   async open(document, binary, isSoftware = true) {
     this.document = document;
     if (this.pose.position?.length !== document.joints.length) this.pose = { position: null, target: null };
     this.shape.textContent = SHAPES[document.shape];
+    this.hideWrenchWords();
     this.rows = new JointRows(document.joints, this.canPreview ? (joint) => this.choose(joint) : null);
     this.table.replaceChildren(this.rows.table);
     this.rows.show(this.pose.position);
@@ -109,6 +113,7 @@ export class RobotView {
     this.drawing.open(document, binary, this.position());
     for (const name of this.drawing.hidden) this.drawing.setLayer(name, false);
     this.drawing.showPath(this.path);
+    this.drawing.showWrench(this.wrench);
     this.choose(this.preview, { withGhost: this.withGhost });
     await this.addTools();
   }
@@ -126,32 +131,52 @@ export class RobotView {
     this.tools.replaceChildren(...Object.keys(VIEWS).map(look), zoom("+", "Zoom in", 1 / 1.2), zoom("−", "Zoom out", 1.2), layers);
   }
 
-  // Show a pose [rad or m] (null: unknown), a second pose as a ghost, and words about them.
-  // `kind` says how the pose is marked: "live", "old" (no live data) or "planned".
+  // Show a pose [rad or m] (null: unknown), a second pose as a translucent robot, and a text about them. `kind` decides
+  // how the pose is marked: "live", "old" (no live data) or "planned".
   show(last) {
     this.last = last;
+    this.hideWrenchWords();
     if (this.isOutdated()) {
+      this.showWrench(null);
       this.say("NO LIVE DATA: the cell's files have changed, and the robot is being loaded.", "old");
       return;
     }
-    const { position, target = null, words, kind } = last;
+    const { position, target = null, words, kind, wrench = null } = last;
     const isFirst = this.pose.position === null && position !== null;
     this.pose = { position, target };
-    if (isFirst && this.ghost !== null) this.choose(this.preview); // until now, the ghost was at the zero pose
+    if (isFirst && this.ghost !== null) this.choose(this.preview); // before the first pose, the second robot was drawn at the zero pose
     this.say(words, kind);
+    this.showWrench(wrench);
     this.rows?.show(position);
     this.refresh();
   }
 
-  // Show the path of the tool: points in the base frame [m] (none: no path).
+  // A planned motion has no measured wrench.
+  hideWrenchWords() {
+    this.wrenchWords.hidden = !this.document?.plate || this.last?.kind === "planned";
+  }
+
+  // Show the wrench of the base on the robot, as the force plate measures it; null: no live data.
+  showWrench(wrench) {
+    this.wrench = wrench;
+    this.drawing?.showWrench(wrench);
+    const size = (values, unit) => `${threeDigits(Math.hypot(...values))} ${unit} (${values.map((each, i) => `${"xyz"[i]} ${threeDigits(each)}`).join(", ")})`;
+    const text = wrench
+      ? `Base wrench, LIVE, relative to the plate's zero: force ${size(wrench.force_n, "N")}, moment ${size(wrench.moment_nm, "N m")}.${wrench.overloaded ? " OVERLOAD: a channel of the plate was overloaded." : ""}`
+      : "Base wrench: NO LIVE DATA. The force plate is read during a motion.";
+    if (this.wrenchWords.textContent !== text) this.wrenchWords.textContent = text;
+    this.wrenchWords.dataset.kind = wrench ? (wrench.overloaded ? "bad" : "live") : "old";
+  }
+
+  // Show the path of the tool: points in the base frame [m] (empty list: no path).
   showPath(places) {
     this.path = places;
     this.drawing?.showPath(places);
     if (this.drawing) this.addTools();
   }
 
-  // Show the positive direction of a joint (null: of none). The ghost is the present pose after a small move of
-  // the joint; it stays there while the robot moves, so that a move of the same size can be compared with it.
+  // Show the positive direction of a joint (null: no joint). A translucent robot shows the present pose after a small
+  // move of the joint. It stays at that pose while the robot moves, so that the user can compare the two moves.
   choose(joint, { withGhost = true } = {}) {
     [this.preview, this.withGhost] = [joint, withGhost];
     this.rows?.mark(withGhost ? joint : null);
@@ -165,7 +190,7 @@ export class RobotView {
     this.drawing?.show(this.position(), this.ghost ?? this.pose.target);
   }
 
-  // The pose to draw: the known one, or the zero pose (within the limits).
+  // Return the pose to draw: the known pose, or else the zero pose moved inside the joint limits.
   position() {
     const zero = ({ limits: [low, high] }) => Math.min(high, Math.max(low, 0));
     return this.pose.position ?? this.document?.joints.map(zero) ?? null;
@@ -196,7 +221,8 @@ async function getBinary(address, signal) {
   return answer.arrayBuffer();
 }
 
-// Return true if the processor draws, false if a graphics card does, null if the browser has no WebGL 2.
+// Return true if WebGL draws on the processor, false if it draws on a graphics card, null if the browser has no WebGL
+// 2.
 function findRenderer() {
   const context = document.createElement("canvas").getContext("webgl2");
   if (context === null) return null;

@@ -1,4 +1,4 @@
-// Table of groups of runs; the parts of a group are shown below its first row when it is opened.
+// Table of groups of runs; the user opens a group to see its other runs below its first row.
 import { timeOf } from "./dom.js";
 import { html, keyed, nothing } from "./lit.js";
 import { CELL } from "./service.js";
@@ -6,8 +6,9 @@ import { CELL } from "./service.js";
 const BAD = ["damaged", "unfinished"];
 const MARKS = { passed: ["good", "✓"], failed: ["bad", "✗"] };
 
-// Each group has a `head` and `parts`. Options: `pick` is called when a checkbox changes, `picked` has the ids that are
-// ticked, `opened` the ids of the heads whose parts are shown; `fold` is called with such an id; `cells` shows the cells.
+// Each group has a `head` and `parts`. Options: `pick` is called when a checkbox changes; `picked` contains the ids of
+// the ticked runs; `opened` contains the ids of the heads whose parts are shown; `fold(id)` opens or closes a group;
+// `cells` returns the table cells of a run.
 export function runTable(groups, { pick = null, picked = [], opened = new Set(), fold = null, cells = false } = {}) {
   const heads = [...(pick ? ["pick"] : []), "run", "verdict", "status", ...(cells ? ["cell"] : []), "when", "kind", "report"];
   const row = (run, isPart = false, parts = []) => keyed(run.id, html`<tr class="${BAD.includes(run.status) ? "red" : ""} ${isPart ? "member" : ""}">
@@ -34,14 +35,15 @@ const tick = ({ id, label, status }, pick, picked) => html`<label class="tick"><
 const folder = (run, parts, open, fold) => html`<button type="button" class="fold" aria-expanded=${open} @click=${() => fold(run.id)}>
   ${open ? "▾" : "▸"} ${parts.length} ${parts.length === 1 ? "run" : "runs"} with it${counts(parts)}</button>`;
 
-// Return the numbers of passed and failed runs as words, for a group whose runs are not shown.
+// Return the numbers of passed and failed runs as text, for a group whose runs are not shown.
 function counts(parts) {
   const words = Object.keys(MARKS).map((word) => [parts.filter((run) => run.verdict === word).length, word]);
   return words.filter(([count]) => count).map(([count, word]) => `, ${count} ${word}`).join("");
 }
 
-function verdict({ verdict: word, headline }) {
-  if (!word) return "–";
+function verdict({ verdict: word, headline, has_report: hasReport }) {
+  // earlier versions of the program did not write the verdict into the run's manifest
+  if (!word) return hasReport ? html`unknown<span class="why">An earlier version of the program made this run: see the verdict in its report.</span>` : "–";
   const [kind, mark] = MARKS[word] ?? ["", "–"];
   return html`<b class="word ${kind}">${mark} ${word}</b><span class="why">${headline}</span>`;
 }

@@ -1,11 +1,11 @@
-// Page Runs: search, filter, compare two runs, recover runs.
+// Page Runs: search and filter the runs, compare two runs, recover a run.
 import { find } from "./dom.js";
 import { keptChoice } from "./entries.js";
 import { JobPanel } from "./job_panel.js";
 import { html, nothing, render } from "./lit.js";
 import { runTable } from "./run_table.js";
 import { isReplaced, newest } from "./requests.js";
-import { ask, lease, mayMove } from "./service.js";
+import { ask, lease, mayMove, now, on, page } from "./service.js";
 
 const compared = find("compared");
 const panel = new JobPanel(find("job"), { begun: () => render(nothing, compared), ended, places: { compare: compared } });
@@ -29,7 +29,7 @@ function ended({ kind, state }) {
 
 const runsOf = (groups) => groups.flatMap(({ head, parts }) => [head, ...parts]);
 
-// Load the first page of the list, or the page that follows `groups`.
+// Load the first page of the list, or the page that follows the loaded `groups`.
 async function load(groups = []) {
   const wanted = new URLSearchParams({ search: search.value.trim(), offset: groups.length, limit: PAGE });
   for (const choice of choices) if (choice.value) wanted.set(choice.id, choice.value);
@@ -67,10 +67,16 @@ const listOf = (groups) => [
   groups.length < shown.total
     ? html`<p><button type="button" id="more" @click=${() => load(groups)}>Show more</button> ${groups.length} of ${shown.total} are shown.</p>`
     : nothing,
-  runsOf(groups).filter((run) => run.problem || run.status === "unfinished").map(recovery),
+  runsOf(groups).filter((run) => run.problem || (run.status === "unfinished" && !isRecorded(run))).map(recovery),
 ];
 
-// Recover a run that was not closed: the parts with valid checksums are written again.
+// Return true if a job of this cell records the run now.
+function isRecorded(run) {
+  const job = now.status?.job;
+  return Boolean(job) && ["", page.cell].includes(run.cell) && Date.parse(run.created_utc) / 1000 >= Math.floor(job.created_s);
+}
+
+// Recover a run that was not closed: write the parts with valid checksums into a new run.
 const recovery = (run) => html`
   ${run.problem ? html`<p class="verdict bad">${run.problem}</p>` : nothing}
   <p><button type="button" data-needs="role" ?disabled=${!mayMove} @click=${() => panel.begin("recover", { what: run.id })}>
@@ -96,6 +102,11 @@ find("filter").addEventListener("submit", (event) => {
   load();
 });
 find("compare").addEventListener("click", () => panel.begin("compare", { first: picked[0], second: picked[1] }));
+let job = null;
+on("cell", (status) => {
+  if (status.job?.id !== job && shown.groups) draw();
+  job = status.job?.id;
+});
 drawKinds();
 if (kinds.length) kind.value = kinds[0];
 load();

@@ -1,4 +1,4 @@
-// Access to the service from a page: requests, one WebSocket, the lease of this page's cell.
+// Access to the service from a page: requests, one WebSocket, and the lease of the page's cell.
 import { HeldKey } from "./held_key.js";
 import { Refusal, request } from "./requests.js";
 import { lockForThisTab, unlock } from "./tab_lock.js";
@@ -17,26 +17,27 @@ const LEASE_S = 15;
 const PATIENCE_MS = 10000;
 const RENEW_MS = 2000;
 const AGAIN_MS = 500;
-// Two channels are watched: the WebSocket by its heartbeat, requests by probe requests. While the page is visible, the
-// loss of one is shown within 2 s.
+// Two channels are watched: the WebSocket by its heartbeat, and requests by regular probe requests. While the page is
+// visible, the loss of a channel is shown within 2 s.
 const WATCH_MS = 100;
 const STOOD_MS = 400; // a longer time between two checks means that this page was suspended
 const STALE_MS = 1850; // time without a message after which a channel counts as lost
 const PROBE_MS = 700; // time between two probe requests
 const PROBE_PATIENCE_MS = 2000;
 const MOST_PROBES = 2;
-const FIRST_MS = 4000; // time for the first message of the WebSocket, while the page loads
-const FRESH_MS = 1000; // before leaving a page, the service is not probed if it has answered within this time
+const FIRST_MS = 4000; // maximum wait for the first message of the WebSocket, while the page loads
+const FRESH_MS = 1000; // before the user leaves a page, the service is not probed if it has answered within this time
 const KEY = `rid-daq lease ${page.cell}`;
 export const CELL = `/cells/${encodeURIComponent(page.cell)}`;
 
 // Send a request to the API: ask("POST", "/cells/ir361/lease", {note}), with the lease key if we hold the cell.
 // At most AT_ONCE GETs run at the same time; further ones wait. Other methods, and a GET with `urgent`, never wait and
-// are not counted. `signal` cancels the request.
-export function ask(method, path, body = undefined, patienceMs = PATIENCE_MS, key = lease.key, more = {}) {
+// are not counted. `signal` cancels the request. A text as body is sent as it is: the content of a file.
+export function ask(method, path, body = undefined, patienceMs = PATIENCE_MS, key = lease.key, { version, keepalive = false, ...more } = {}) {
   const headers = { "x-rid-daq": "page", "content-type": "application/json" };
   if (key) headers["x-rid-daq-lease"] = key;
-  const options = { method, headers, body: body === undefined ? undefined : JSON.stringify(body) };
+  if (version !== undefined) headers["if-match"] = `"${version}"`;
+  const options = { method, headers, keepalive, body: typeof body === "string" ? body : JSON.stringify(body) };
   return request(`/api/v1${path}`, options, { patienceMs, urgent: method !== "GET", ...more });
 }
 
@@ -56,11 +57,11 @@ function tell(type, ...values) {
   for (const listener of listeners.get(type) ?? []) listener(...values);
 }
 
-// The newest status of the cell, null until it is known; its preflight age was valid at ageFrom.
+// The newest status of the cell, null until it is known. `ageFrom`: time at which the preflight's age in it was valid.
 export const now = { status: null, ageFrom: 0 };
 let statusFrom = 0;
 
-// Store the status that was valid at `from`, unless a newer one is known: messages may arrive late.
+// Store the status that was valid at the time `from`, unless a newer status is known: messages may arrive late.
 function setStatus(status, from = performance.now()) {
   if (from < statusFrom) return;
   statusFrom = from;
@@ -70,7 +71,7 @@ function setStatus(status, from = performance.now()) {
   const another = holder(status) !== holder(now.status);
   now.status = fresh ? status : { ...status, preflight_age_s: status.not_ready_because ? null : age };
   if (fresh) now.ageFrom = performance.now();
-  if (lease.key && another) lease.renew(); // the service refuses this if the lease is no longer ours
+  if (lease.key && another) lease.renew(); // the service refuses this request if another client has the lease meanwhile
   tell("cell", now.status);
   if (!fresh) look();
 }
@@ -96,7 +97,8 @@ function judge() {
   const at = performance.now();
   const stood = at - judgedAt;
   judgedAt = at;
-  // this page was suspended (it drew a figure, or was in the background): received messages are still unread
+  // this page was suspended (by the drawing of a figure, or in the background): received messages have not been read
+  // yet
   if (stood > STOOD_MS) [valuesAt, answeredAt, openedAt] = [valuesAt + stood, answeredAt + stood, openedAt + stood];
   if (document.visibilityState === "hidden") return;
   const found = { values: at - valuesAt < STALE_MS, requests: at - answeredAt < STALE_MS };
@@ -107,7 +109,7 @@ function judge() {
   if (again) tell("again");
 }
 
-// Get the present status of the cell; this is also the probe of requests.
+// Request the status of the cell; this request also shows that the service answers requests.
 async function look() {
   const from = performance.now();
   probedAt = from;
@@ -166,7 +168,7 @@ function sendSignalsRequest() {
   socket.send(JSON.stringify({ signals: page.cell, ...knownSignals() }));
 }
 
-// A hanging WebSocket does not close by itself: replace it.
+// A WebSocket whose connection hangs does not close by itself: replace it.
 function reconnect() {
   const old = socket;
   keys.cut();
@@ -175,7 +177,7 @@ function reconnect() {
   setTimeout(connect, AGAIN_MS, false);
 }
 
-// True if the service answers now; it is not probed if both channels have worked just now.
+// Return true if the service answers now. Without a probe, if both channels have just delivered data.
 async function answers() {
   const at = performance.now();
   if (reach.values && reach.requests && at - Math.max(valuesAt, answeredAt) < FRESH_MS) return true;
@@ -183,11 +185,14 @@ async function answers() {
   return answeredAt >= at;
 }
 
-// Open another page of the service if it answers: an error page of the browser would have no STOP.
+// Open another page of the service, but only if the service answers: an error page of the browser would have no STOP.
 export async function go(address) {
   if (await answers()) location.assign(address);
-  else tell("stay");
+  else stay();
 }
+
+// Say that this page stays open, because the service does not answer.
+export const stay = () => tell("stay");
 
 function dispatch(told) {
   if (told.type === "cell" && told.cell.cell === page.cell) setStatus(told.cell);
@@ -214,7 +219,7 @@ export function begin() {
   });
 }
 
-// STOP is sent on this WebSocket too.
+// Send the stop request on this WebSocket too.
 document.addEventListener("stop-asked", ({ detail }) => {
   if (socket?.readyState === WebSocket.OPEN) socket.send(detail);
 });
@@ -227,7 +232,7 @@ export const lease = {
   lost: false,
   known: false,
 
-  // Use the lease of the previous page in this tab, if it had one.
+  // Use the lease that the previous page in this tab had, if any.
   async recall() {
     const key = sessionStorage.getItem(KEY);
     if (key !== null && (await lockForThisTab(`${KEY} ${key}`))) this.key = key;

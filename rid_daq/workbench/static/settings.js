@@ -73,7 +73,7 @@ find("token").addEventListener("submit", async (event) => {
 
 async function showAudit() {
   const entries = await ask("GET", "/audit?limit=100");
-  const rows = entries.map((each) => [timeOf(each.at_s), each.who, each.what, each.cell, each.details]);
+  const rows = entries.map((each) => [timeOf(each.at_s), each.who, each.what.replaceAll("_", " "), each.cell, each.details]);
   render(table(["when", "who", "what", "cell", "details"], rows, null, "audit log"), find("audit"));
 }
 

@@ -1,9 +1,10 @@
-// Frame of every page: state, lease, connection, STOP; and elements with `data-needs`.
+// Frame of every page: state of the cell, lease, connection, STOP. It also enables elements with the attribute
+// `data-needs`.
 import "./awake.js";
 import "./entries.js";
 import { dialog } from "./dialog.js";
-import { element, find } from "./dom.js";
-import { begin, go, lease, mayMove, now, on, page, reach } from "./service.js";
+import { element, find, kindWords } from "./dom.js";
+import { begin, go, lease, mayMove, now, on, page, reach, stay } from "./service.js";
 
 const [words, take, over, back] = ["lease-words", "lease-take", "lease-over", "lease-back"].map(find);
 const banner = find("reach");
@@ -26,7 +27,7 @@ export function missing(need) {
   if (!mayMove) return "This device has read-only access. An administrator can give it the role operator.";
   if (need === "role") return "";
   if (!lease.key) return status.lease ? `${status.lease.owner} holds the cell.` : "Take the cell first.";
-  if (status.job) return `${status.job.kind} is running: wait for its end, or stop it.`;
+  if (status.job) return `${kindWords(status.job.kind)} is running: wait for its end, or stop it.`;
   if (need === "ready" && status.not_ready_because) return `Not ready: ${status.not_ready_because}`;
   if (need === "held" && status.not_held_because) return `Not ready: ${status.not_held_because}`;
   return "";
@@ -38,7 +39,8 @@ function showNeeds() {
   }
   for (const part of document.querySelectorAll("[data-why]")) {
     const why = missing(part.dataset.why);
-    if (part.textContent !== why) part.textContent = why; // without this check, the change would call this function again
+    // do not set an equal text again: every change of a text calls this function
+    if (part.textContent !== why) part.textContent = why;
   }
 }
 
@@ -53,7 +55,7 @@ function showCell(status) {
   const mine = lease.key !== null;
   const owner = status.lease;
   let text = "No one holds this cell.";
-  const another = owner?.owner === page.who ? "Another page of this device" : owner?.owner;
+  const another = owner?.owner === page.who ? "Another page that is open on this device" : owner?.owner;
   if (owner) text = `${mine ? "You hold" : `${another} holds`} this cell${owner.note ? ` (${owner.note})` : ""}.`;
   if (!mine && lease.lost) text = `You no longer hold this cell. ${text}`;
   if (mine && status.job && status.state === "moving") text += ` ${LOST[status.job.on_lost_client]}`;
@@ -81,7 +83,7 @@ const field = (label, id, attributes = {}) => {
 };
 
 take.addEventListener("click", async () => {
-  const [label, input] = field("Purpose (others can read it)", "note", { maxlength: "80" });
+  const [label, input] = field("Purpose (optional; others can read it)", "note", { maxlength: "80" });
   const read = () => ({ note: input.value.trim() });
   const wanted = await dialog(`Take cell ${page.cell}`, [label, input], "Take the cell", { read });
   if (wanted) await attempt(() => lease.take(wanted.note));
@@ -89,9 +91,9 @@ take.addEventListener("click", async () => {
 
 over.addEventListener("click", async () => {
   const owner = now.status?.lease?.owner ?? "another client";
-  const moving = now.status?.job ? element("p", { class: "problem" }, `${now.status.job.kind} is running.`) : null;
+  const moving = now.status?.job ? element("p", { class: "problem" }, `${kindWords(now.status.job.kind)} is running.`) : null;
   const [label, input] = field(`To take it over, type the cell's name: ${page.cell}`, "name", { autocapitalize: "off" });
-  const [noteLabel, note] = field("Purpose (others can read it)", "note", { maxlength: "80" });
+  const [noteLabel, note] = field("Purpose (optional; others can read it)", "note", { maxlength: "80" });
   const read = () => {
     if (input.value.trim() !== page.cell) throw new Error(`Type ${page.cell}.`);
     return { note: note.value.trim() };
@@ -111,14 +113,17 @@ find("cell-choice")?.addEventListener("change", (event) => {
 
 document.querySelector("nav [aria-current]")?.scrollIntoView({ block: "nearest", inline: "center" });
 
-// Follow a link to our own pages only if the service answers; otherwise this page with its STOP remains.
+// Follow a link to our own pages only if the service answers; otherwise this page with its STOP remains. A link that opens
+// another tab or saves a file is not followed later either: it would replace this page.
 document.addEventListener("click", (event) => {
   const link = event.target.closest?.("a[href]");
   if (!link || event.defaultPrevented || event.button !== 0 || event.ctrlKey || event.metaKey || event.shiftKey || event.altKey) return;
   const within = link.pathname === location.pathname && link.search === location.search && link.hash;
-  if (link.origin !== location.origin || link.target || link.hasAttribute("download") || within) return;
+  const isApart = Boolean(link.target) || link.hasAttribute("download");
+  if (link.origin !== location.origin || within || (isApart && reach.requests)) return;
   event.preventDefault();
-  go(link.href);
+  if (isApart) stay();
+  else go(link.href);
 });
 
 function showReach() {
@@ -157,5 +162,5 @@ on("stay", () => {
 });
 
 new MutationObserver(showNeeds).observe(find("main"), { childList: true, subtree: true });
-// only after the page's own module has loaded, so that every enabled button works
+// buttons are enabled only after the page's own module has loaded, so that every enabled button works
 document.addEventListener("DOMContentLoaded", begin);

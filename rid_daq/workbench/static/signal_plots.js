@@ -1,16 +1,18 @@
 // Time plots of the live signals: one chart for each signal and unit, all with the same time axis and cursor.
 import { clockOf, element } from "./dom.js";
+import { Touches } from "./figure.js";
 import { timesOf, valuesOf } from "./signal_store.js";
 import { uPlot } from "./uplot.js";
 
 const HEIGHT_PX = 220;
 const LEAST_DRAG_PX = 8;
 const COLOURS = 8;
-const DASH = [8, 4]; // for the joints after the first COLOURS
+const DASH = [8, 4]; // dashed lines for the joints after the first COLOURS joints
 const SYNC = "signals";
 const DEGREES = 180 / Math.PI;
 
-// Signals by joint: their lanes (rid_daq/service/signals/signal_bins.py), and unit and factor by kind of joint.
+// Signals of the joints: their columns in the data (rid_daq/service/signals/signal_bins.py), and unit and factor for
+// each kind of joint.
 const SIGNALS = [
   { title: "Position", lane: "position", units: { revolute: ["°", DEGREES], prismatic: ["mm", 1000] } },
   { title: "Speed", lane: "velocity", units: { revolute: ["°/s", DEGREES], prismatic: ["mm/s", 1000] } },
@@ -20,7 +22,8 @@ const SIGNALS = [
 const TEMPERATURE = { title: "Motor temperature", low: "temperature", high: "temperature", unit: "°C", factor: 1 };
 const BUS = { title: "Bus: time from SYNC to the last answer", low: "exchange_low", high: "exchange_high", unit: "% of the cycle", factor: 100, isFromZero: true };
 
-// Return the charts for joints ({ name, kind }): title, unit, lanes, factor, and numbers of the joints (null: the cell).
+// Return the charts for joints ({ name, kind }). A chart has a title, a unit, the columns of its data, a factor, and
+// the indices of its joints (null: a signal of the cell).
 export function chartsOf(joints, hasMonitor) {
   const of = (kind) => joints.map((_, i) => i).filter((i) => kind === null || joints[i].kind === kind);
   const found = [];
@@ -36,13 +39,14 @@ export function chartsOf(joints, hasMonitor) {
 export const lineOf = (joint) => ({ colour: `--line-${1 + (joint % COLOURS)}`, dash: joint < COLOURS ? [] : DASH });
 
 export class SignalPlots {
-  // `zoomed(from, to)`: the user has chosen a part of the time axis. `pointed(time)`: the cursor has moved (null: away).
+  // `zoomed(from, to)` is called when the user has selected a part of the time axis, `pointed(time)` when the cursor
+  // has moved (null: it has left the chart).
   constructor(place, charts, joints, { zoomed, pointed }) {
     this.place = place;
     this.joints = joints;
     this.zoomed = zoomed;
     this.pointed = pointed;
-    this.hidden = new Set(); // numbers of joints without a line
+    this.hidden = new Set(); // indices of the joints whose lines are hidden
     this.range = [0, 1];
     this.plots = charts.map((chart) => this.make(chart));
     new ResizeObserver(() => this.fit()).observe(place);
@@ -60,7 +64,7 @@ export class SignalPlots {
       return { label: joint === null ? chart.title : this.joints[joint].name, stroke: colour(name), width: 1.5, dash, spanGaps: false, points: { show: false } };
     });
     const plot = new uPlot({
-      width: this.width(), height: HEIGHT_PX, pxAlign: 0, legend: { show: false },
+      width: this.width(), height: HEIGHT_PX, pxAlign: 0, legend: { show: false }, padding: [null, 28, null, null],
       cursor: { sync: { key: SYNC, setSeries: false }, drag: { x: true, y: false, setScale: false, dist: LEAST_DRAG_PX }, points: { show: false }, y: false, bind: { dblclick: () => null } },
       scales: { x: { time: true, range: () => this.range }, y: { range: chart.isFromZero ? rangeFromZero : rangeOfValues } },
       axes: [{ ...axis, space: 90, values: (_, times) => times.map(clockOf) }, { ...axis, size: 64 }],
@@ -77,7 +81,7 @@ export class SignalPlots {
     return { plot, chart };
   }
 
-  // Only the chart under the mouse reports the cursor, not those that follow it.
+  // All charts show the cursor, but only the chart under the mouse reports its movements.
   isPointing(plot) {
     return !this.isSetting && plot.cursor.event !== null && plot.cursor.event !== undefined;
   }
@@ -90,7 +94,7 @@ export class SignalPlots {
     this.zoomed(from, to);
   }
 
-  // Draw the values from a time to another one [s].
+  // Draw the values between two times [s].
   draw(store, from, to) {
     this.range = [from, to];
     const columns = store.columns(from, to, Math.max(100, this.width()));
@@ -107,7 +111,7 @@ export class SignalPlots {
     if (this.pointedAt !== null && this.pointedAt !== undefined) this.point(this.pointedAt, false);
   }
 
-  // Show the cursor at a time [s] (null: no cursor) in all charts.
+  // Show the cursor at a time [s] in all charts (null: hide it).
   point(time, isNew = true) {
     this.pointedAt = time;
     this.isSetting = true;
@@ -128,7 +132,8 @@ export class SignalPlots {
   }
 }
 
-// Range of the vertical axis: all values with a margin, and not so narrow that rounding fills the chart's height.
+// Return the range of the vertical axis: it contains all values with a margin, and is wide enough that rounding errors
+// do not fill the chart.
 function rangeOfValues(_, least, most) {
   if (!Number.isFinite(least ?? NaN)) return [0, 1];
   const margin = Math.max(0.05 * (most - least), 1e-4 * Math.max(Math.abs(least), Math.abs(most)), 1e-6);
@@ -136,34 +141,3 @@ function rangeOfValues(_, least, most) {
 }
 
 const rangeFromZero = (_, least, most) => [0, Number.isFinite(most ?? NaN) ? 1.2 * most : 1];
-
-// Fingers on a chart: one moves the cursor, two zoom; scrolling the page by one finger still works.
-class Touches {
-  constructor(place, { move, pinch, at }) {
-    const fingers = new Map(); // horizontal position of each finger [px]
-    let pinned = null; // times under the two fingers when the second one was set down
-    const x = (event) => event.clientX - place.getBoundingClientRect().left;
-    const end = (event) => {
-      fingers.delete(event.pointerId);
-      pinned = null;
-    };
-    place.addEventListener("pointerdown", (event) => {
-      if (event.pointerType !== "touch") return;
-      fingers.set(event.pointerId, x(event));
-      if (fingers.size === 2) pinned = [...fingers.values()].map(at).sort((a, b) => a - b);
-      else if (fingers.size === 1) move(x(event));
-    });
-    place.addEventListener("pointermove", (event) => {
-      if (!fingers.has(event.pointerId)) return;
-      fingers.set(event.pointerId, x(event));
-      if (fingers.size === 1) move(x(event));
-      if (fingers.size !== 2 || pinned === null) return;
-      const [left, right] = [...fingers.values()].sort((a, b) => a - b);
-      if (right - left < LEAST_DRAG_PX) return;
-      const perPixel = (pinned[1] - pinned[0]) / (right - left); // the times stay under the fingers
-      const from = pinned[0] - perPixel * left;
-      pinch(from, from + perPixel * place.clientWidth);
-    });
-    for (const name of ["pointerup", "pointercancel", "pointerleave"]) place.addEventListener(name, end);
-  }
-}

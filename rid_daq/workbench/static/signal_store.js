@@ -12,8 +12,8 @@ export class SignalStore {
     this.rows = new Map(["after_gap", ...cellLanes].map((name, i) => [name, i]));
     lanes.forEach((name, i) => this.rows.set(name, 1 + cellLanes.length + i * joints.length));
     const count = 1 + cellLanes.length + lanes.length * joints.length;
-    this.newest = -1; // number of the newest bin
-    this.numbers = new Float64Array(MOST_BINS).fill(-1); // number of the bin in each place
+    this.newest = -1; // number of the newest bin; numbers count from the beginning of the data
+    this.numbers = new Float64Array(MOST_BINS).fill(-1); // number of the bin that is stored in each place
     this.times = new Float64Array(MOST_BINS);
     this.values = Array.from({ length: count }, () => new Float32Array(MOST_BINS));
   }
@@ -39,7 +39,7 @@ export class SignalStore {
     return { ...head, isNew };
   }
 
-  // What the service has to know to continue after a lost connection.
+  // Return the position in the data from which the service continues after a lost connection.
   known() {
     return this.newest < 0 ? {} : { key: this.key, known: this.newest + 1 };
   }
@@ -48,20 +48,20 @@ export class SignalStore {
     return number >= 0 && this.numbers[number % MOST_BINS] === number;
   }
 
-  // Time of the newest bin [s]; null without bins.
+  // Time of the newest bin [s]; null if there is no bin.
   get newestTime() {
     return this.newest < 0 ? null : this.times[this.newest % MOST_BINS];
   }
 
-  // Time of the oldest bin that is kept [s]; null without bins.
+  // Time of the oldest stored bin [s]; null if there is no bin.
   get oldestTime() {
     for (let number = Math.max(0, this.newest - MOST_BINS + 1); number <= this.newest; number += 1)
       if (this.has(number)) return this.times[number % MOST_BINS];
     return null;
   }
 
-  // Return the columns of a picture: groups of bins with at most `most` columns if there are no gaps.
-  // A column is { places, isAfterGap }; no column contains a gap.
+  // Group the bins of a time range into at most `most` columns (more if there are gaps). A column is { places,
+  // isAfterGap }; no column spans a gap.
   columns(from, to, most) {
     const shown = [];
     for (let number = Math.max(0, this.newest - MOST_BINS + 1); number <= this.newest; number += 1) {
@@ -81,7 +81,7 @@ export class SignalStore {
     return found;
   }
 
-  // Return the place of the bin at a time [s], or the nearest one within `within` [s]; null without a bin there.
+  // Return the index of the bin that is nearest to `time` [s]; null if no bin is at most `within` [s] away.
   placeAt(time, within) {
     let [found, distance] = [null, within];
     for (let place = 0; place < MOST_BINS; place += 1) {
@@ -91,13 +91,13 @@ export class SignalStore {
     return found;
   }
 
-  // Return a value of a bin: of the cell, or of the joint with a number.
+  // Return one value of a bin: a value of the cell, or of the joint with the given index.
   value(lane, place, joint = 0) {
     return this.values[this.rows.get(lane) + joint][place];
   }
 }
 
-// Return the times of a picture: two for each column, and one for each gap inside.
+// Return the times at which a chart has points: two for each column, and one more for each gap.
 export function timesOf(store, columns) {
   const times = [];
   for (const { places, isAfterGap } of columns) {
@@ -108,7 +108,7 @@ export function timesOf(store, columns) {
   return times;
 }
 
-// Return the values for `timesOf`: minimum and maximum of each column, and null in gaps and without values.
+// Return the values at the times of `timesOf`: minimum and maximum of each column; null in gaps and for missing values.
 export function valuesOf(store, columns, low, high, factor) {
   const found = [];
   let before = NaN;
@@ -123,7 +123,7 @@ export function valuesOf(store, columns, low, high, factor) {
       found.push(null, null);
       continue;
     }
-    const isFalling = least + most < before; // the line then passes the maximum first
+    const isFalling = least + most < before; // draw the maximum of this column before its minimum
     before = least + most;
     if (isFalling) found.push(factor * most, factor * least);
     else found.push(factor * least, factor * most);

@@ -1,6 +1,6 @@
 // Page of the live signals: time plots with pause and zoom, and a table with the values at the cursor.
-// Between motions, the job "watch" reads the drives at rest.
-import { clockOf, duration, element, find } from "./dom.js";
+// Between motions, the job "watch" reads the values of the drives while the robot is at rest.
+import { clockOf, duration, element, find, kindWords } from "./dom.js";
 import { JobPanel } from "./job_panel.js";
 import { html, render } from "./lit.js";
 import { now, on, reach, requestSignals } from "./service.js";
@@ -11,10 +11,10 @@ const FIRST_SPAN_S = 30;
 const LEAST_SPAN_S = 0.5;
 const MOST_SPAN_S = 600;
 const OLD_MS = 1500; // values count as old if no new ones arrive for this time
-const OLD_S = 0.5; // greatest age of live values at the service
-const DRAW_MS = 100; // time between two pictures
+const OLD_S = 0.5; // live values that are older than this at the service count as old
+const DRAW_MS = 100; // time between two redraws
 const WATCH_MS = 250;
-const NEAR_S = 0.2; // greatest distance between the cursor and a bin
+const NEAR_S = 0.2; // maximum distance between the cursor and the bin whose values are shown
 
 const section = find("signals");
 const joints = JSON.parse(section.dataset.joints);
@@ -23,11 +23,11 @@ const panel = new JobPanel(find("job"));
 const store = new SignalStore();
 const plots = new SignalPlots(find("charts"), charts, joints, { zoomed: freezeAt, pointed });
 
-let span = FIRST_SPAN_S; // visible time [s]
-let end = null; // right end of a frozen picture [s]; null: the picture follows the newest values
-let cursor = null; // time of the cursor [s]; null: the newest values
-let liveAt = -Infinity; // arrival of the newest live values
-let lost = null; // { seconds, at } of values that did not reach this page
+let span = FIRST_SPAN_S; // duration of the visible time [s]
+let end = null; // end of the visible time [s] if the plots are paused; null: the plots follow the newest values
+let cursor = null; // time at the cursor [s]; null: the newest values
+let liveAt = -Infinity; // time at which the newest live values arrived
+let lost = null; // { seconds, at }: duration of the values that did not arrive on this page, and the time of the loss
 let isDue = true; // true if the picture must be drawn again
 
 find("watch").addEventListener("click", () => panel.begin("watch"));
@@ -75,7 +75,7 @@ function pointed(time) {
 }
 
 find("cursor").addEventListener("input", ({ target }) => {
-  if (end === null) end = rightEnd(); // the picture must not move under the cursor
+  if (end === null) end = rightEnd(); // the plots must not move while the user points at them
   plots.point(end - span + span * Number(target.value));
 });
 
@@ -137,7 +137,7 @@ function showValues() {
   find("bus").textContent = `${bus.title}: ${cell(bus, null)} ${bus.unit}.`;
 }
 
-// Return minimum and maximum as text; one number if they do not differ visibly.
+// Return minimum and maximum as text, or a single number if both have the same digits.
 function between(low, high) {
   const digits = Math.max(0, Math.min(3, 3 - Math.floor(Math.log10(Math.max(Math.abs(low), Math.abs(high), 1e-3)))));
   const [from, to] = [low, high].map((value) => value.toFixed(digits).replace(/^-(0\.?0*)$/, "$1"));
@@ -153,7 +153,7 @@ function showState() {
   let text = `No values are measured now.${known || " They appear during a motion, or while you watch the drives at rest."}`;
   if (isLive) text = job?.kind === "watch" ? "LIVE: values of the drives at rest." : "LIVE: values of the present motion.";
   else if (!reach.values) text = `NOT LIVE: no values arrive from the service.${known}`;
-  else if (job && ["moving", "stopping"].includes(now.status.state)) text = `NOT LIVE: ${job.kind} is running, but there are no new values.${known}`;
+  else if (job && ["moving", "stopping"].includes(now.status.state)) text = `NOT LIVE: ${kindWords(job.kind)} is running, but there are no new values.${known}`;
   if (end !== null) text += ` PAUSED at ${clockOf(end)}: the plots stand still; new values are kept.`;
   const oldest = store.oldestTime;
   if (end !== null && oldest !== null && end - span < oldest && store.newest >= 12000) text += ` Values before ${clockOf(oldest)} are no longer kept.`;

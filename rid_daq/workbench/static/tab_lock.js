@@ -1,10 +1,11 @@
-// A duplicated tab receives a copy of the session storage; a lock distinguishes the two tabs.
+// Distinguishes a duplicated browser tab from its original. Both have the same session storage, but only one tab can
+// hold a lock.
 
 const PATIENCE_MS = 1000; // maximum wait until the previous page in the same tab has released the lock
 
 let release = null;
 
-// Resolves with true once this tab has the lock with this name, with false if another tab has it.
+// The promise resolves with true once this tab holds the lock `name`, and with false if another tab holds it.
 export function lockForThisTab(name) {
   unlock();
   const ending = new AbortController();

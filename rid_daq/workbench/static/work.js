@@ -1,5 +1,6 @@
-// Shared parts of the work pages: blocks, figures, findings, choices.
+// Functions that several work pages share: blocks, figures, findings, choices.
 import { blockParts } from "./blocks.js";
+import { linked } from "./commands.js";
 import { element, find, parseNumber, seen, timeOf } from "./dom.js";
 import { keptChoice } from "./entries.js";
 import { refuseField } from "./fields.js";
@@ -10,30 +11,14 @@ import { ask } from "./service.js";
 
 export const wanted = new URLSearchParams(location.search);
 
-// Send a request to an address of the pages, which is not part of the API.
+// Request a document that is made for the pages; its address is not part of the API.
 export const look = (path, { signal = null, patienceMs = 30000 } = {}) => request(path, {}, { patienceMs, signal });
 
-// Return the address of blocks, with `values` as its query.
+// Return the address of the blocks at `path`, with `values` as its query.
 export const blocksUrl = (path, values = []) => `/blocks${path}?${new URLSearchParams(values)}`;
 export const ofRun = (run, ...sections) => blocksUrl(`/runs/${encodeURIComponent(run)}`, sections.map((name) => ["section", name]));
 
-// The plot library is large. It is loaded with the first figure, so that buttons work earlier.
-let library = null;
-function plots() {
-  library ??= new Promise((resolve, reject) => {
-    const version = new URL(import.meta.url).pathname.split("/").at(-2);
-    const script = element("script", { src: `/blocks/script/${version}/bokeh.js`, fetchpriority: "low", onload: resolve });
-    script.addEventListener("error", () => {
-      library = null;
-      script.remove();
-      reject(new Error("The plots could not be loaded: reload the page."));
-    });
-    document.head.append(script);
-  });
-  return library;
-}
-
-const FIGURE_MS = 120000; // timeout of a figure: a long run on a slow link takes long
+const FIGURE_MS = 120000; // timeout of a figure: a long run over a slow connection takes long
 
 // Cancel the loading of a figure.
 export function endFigure(place) {
@@ -43,7 +28,8 @@ export function endFigure(place) {
 }
 
 // Show a figure once its element is visible; the previous figure remains until the new one is drawn.
-// A new address cancels the present loading; if the address is the same, the figure is drawn again after it.
+// If another figure is still being loaded there, this loading is cancelled; if it is the same figure, it is loaded again
+// afterwards.
 export async function figureIn(place, url) {
   if (place.loading && place.dataset.url === url) {
     place.dataset.again = "yes";
@@ -63,7 +49,7 @@ export async function figureIn(place, url) {
     await seen(place, "50%", signal);
     if (signal.aborted) return;
     place.dataset.figureState = "loading";
-    await plots();
+    await import("./uplot.js"); // uPlot is loaded with the first figure, so that buttons work earlier
   } catch (error) {
     if (signal.aborted) return;
     place.loading = null;
@@ -75,7 +61,8 @@ export async function figureIn(place, url) {
   const of = (values) => `${url}&${new URLSearchParams(values)}`;
   const takeOut = showFigure(drawn, {
     csv: of({ as: "csv" }),
-    item: (dark) => look(of({ dark }), { signal, patienceMs: FIGURE_MS }),
+    svg: of({ as: "svg" }),
+    item: () => look(url, { signal, patienceMs: FIGURE_MS }),
   });
   const watch = new MutationObserver(() => {
     const state = drawn.dataset.figureState;
@@ -98,7 +85,7 @@ export async function figureIn(place, url) {
   });
 }
 
-// Show the blocks of an address; plots are loaded when they become visible. Resolves with the blocks.
+// Show the blocks of an address; each plot is loaded when it becomes visible. The promise resolves with the blocks.
 export async function showBlocks(place, url, { keep = () => true, signal = null } = {}) {
   const blocks = (await look(url, { signal, patienceMs: FIGURE_MS })).filter(keep);
   const figure = ({ name, number }) => {
@@ -114,7 +101,7 @@ export async function showBlocks(place, url, { keep = () => true, signal = null 
   return blocks;
 }
 
-// Show sections of a run's result, or the error; resolves with the blocks, or null after an error.
+// Show sections of a run's result, or the error. The promise resolves with the blocks, or with null after an error.
 export async function showRun(place, run, ...sections) {
   try {
     const blocks = await showBlocks(place, ofRun(run, ...sections));
@@ -126,13 +113,13 @@ export async function showRun(place, run, ...sections) {
   }
 }
 
-export const problemOf = (error) => html`<p class="problem">${error.message}</p>`;
+export const problemOf = (error) => html`<p class="problem">${linked(error.message)}</p>`;
 
 // ---- words
 const FINDINGS = { true: ["good", "Good: "], false: ["bad", "Problem: "], null: ["", ""] };
 export const findings = (list) => list.map(({ passed, text }) => {
   const [kind, word] = FINDINGS[passed];
-  return html`<li class=${kind}><b>${word}</b>${text}</li>`;
+  return html`<li class=${kind}><b>${word}</b>${linked(text)}</li>`;
 });
 
 // ---- choices
@@ -143,7 +130,7 @@ export function options(select, list, chosen = null) {
   if ([...select.options].some((option) => option.value === before)) select.value = before;
 }
 
-// Add a file that a job has written to a selection, and select it.
+// Add a file that a job has written to the options of a selection field, and select this file.
 export function offer(select, path, words = path, kind = "") {
   const there = [...select.options].find((option) => option.value === path);
   if (!there) select.prepend(element("option", { value: path, "data-kind": kind }, words));
@@ -158,7 +145,7 @@ export async function completeRuns() {
   return runs.filter((run) => run.kind !== "payload session" && (run.status === "complete" || run.status === "recovered"));
 }
 
-// Return the number in a field; throw an error with a message if it is invalid.
+// Return the number that the user has entered in a field; throw an error with a message if it is not valid.
 export function numberOf(id, { least = -Infinity, whole = false } = {}) {
   const input = find(id);
   const value = parseNumber(input.value);
@@ -168,20 +155,20 @@ export function numberOf(id, { least = -Infinity, whole = false } = {}) {
   return value;
 }
 
-// Return the chosen model and payload as fields of a request.
+// Return the selected model and payload as fields of a request.
 export function modelOf() {
   const [model, payload] = [find("model").value, find("payload").value];
   return model ? { model, ...(payload ? { payload } : {}) } : {};
 }
 
-// Return the name of an output file from a field.
+// Return the name that the user has entered for an output file, with the file name ending `ending`.
 export function nameOf(id, ending) {
   const name = find(id).value.trim();
   if (!/^[A-Za-z0-9][\w.-]{0,80}$/.test(name)) throw new Error("Name of the file: use letters, digits, - and _.");
   return name.endsWith(ending) ? name : name + ending;
 }
 
-// Run the action of a button; show an error in the panel.
+// When the user clicks a button, run its action; show an error in the panel.
 export function press(id, panel, kind, action) {
   find(id).addEventListener("click", async () => {
     try {

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from acquisition.motion.approach import approach
+from acquisition.motion.motion_file import AnyMotion
 from acquisition.motion.samples import Phase
 from config.arrays import FloatArray, IntArray
 from config.errors import ConfigError
@@ -17,7 +17,6 @@ from config.load import LoadedCell
 from dynamics.geometry.clearances import Clearances
 from dynamics.geometry.closest_approach import closest_approaches
 from dynamics.geometry.kinematics import Chain, forward
-from rid_daq.operations.cell_files import read_motion_for
 from rid_daq.workbench.view.playback_rows import choose_rows, largest_deviations
 from rid_daq.workbench.view.resting_pose import RestingPose
 
@@ -47,10 +46,10 @@ class MotionClearance:
     """Smallest distances between two solids that must stay apart, over all samples of a motion.
 
     Attributes:
-        times_s: Shape (intervals + 1,). Ends of the intervals since the motion's begin.
+        times_s: Shape (intervals + 1,). Ends of the intervals since the motion's start.
         distance_m: Shape (intervals,). Smallest distance in each interval.
         pairs: The two nearest solids, for each interval.
-        least_at_s: Time of the smallest distance since the motion's begin.
+        least_at_s: Time of the smallest distance since the motion's start.
         margin_m: Smallest allowed distance.
     """
 
@@ -76,13 +75,13 @@ class MotionPlayback:
     """Poses of a motion, with straight lines between them; a periodic motion has one period.
 
     Attributes:
-        times_s: Shape (poses,). Times since the motion's begin; negative in the approach.
+        times_s: Shape (poses,). Times since the motion's start; negative in the approach.
         position: Shape (poses, joints). Positions [rad or m].
         path_m: Shape (poses, 3). The tool point in the base frame.
-        phases: Parts of the motion: time of the begin and name.
+        phases: Parts of the motion: start time and name.
         deviation_rad: Largest difference of a revolute joint from the straight lines, in any
-            sample of the motion.
-        deviation_m: The same of a prismatic joint.
+            sample of the motion [rad].
+        deviation_m: Largest difference of a prismatic joint from the straight lines [m].
         clearance: The clearances; None if the robot file has no bodies, because then no distance is
             known.
         periods: Number of periods of the whole motion; 0 if it is not periodic.
@@ -107,7 +106,7 @@ class MotionPlayback:
             "times_s": self.times_s.round(6).tolist(),
             "position": self.position.round(5).tolist(),
             "path_m": self.path_m.round(4).tolist(),
-            "phases": [{"begin_s": round(begin, 6), "name": name} for begin, name in self.phases],
+            "phases": [{"start_s": round(start, 6), "name": name} for start, name in self.phases],
             "deviation_rad": self.deviation_rad,
             "deviation_m": self.deviation_m,
             "is_accurate": self.deviation_rad <= ANGLE_RAD and self.deviation_m <= LENGTH_M,
@@ -122,24 +121,22 @@ class MotionPlayback:
 
 
 def motion_playback(
-    cell: LoadedCell, path: Path, start: RestingPose, most_poses: int = MOST_POSES
+    cell: LoadedCell, motion: AnyMotion, start: RestingPose, most_poses: int = MOST_POSES
 ) -> MotionPlayback:
-    """Return a motion file for playback, with the approach from the robot's present pose.
+    """Return a motion for playback, with the approach from the robot's present pose.
 
     Every sample of the motion is within `ANGLE_RAD` or `LENGTH_M` of the straight lines between the
     poses, and within `PATH_M` of the path, unless this needs more than `most_poses`.
 
     Args:
         cell: The cell that will execute the motion.
-        path: The file.
+        motion: The motion.
         start: The newest known pose of the robot.
         most_poses: Largest number of poses.
 
     Raises:
-        ConfigError, LimitError: The file is invalid or of another robot, or the motion exceeds a
-            limit.
+        ConfigError, LimitError: The motion cannot be planned, or exceeds a limit.
     """
-    motion = read_motion_for(path, cell)
     period_s = cell.config.cycle_time_s
     planned = motion.plan(cell.robot, period_s)
     samples = planned.whole(1)
@@ -158,12 +155,12 @@ def motion_playback(
     rows = choose_rows(track, kept, most_poses)
     deviation = largest_deviations(position, rows)
     phase = np.concatenate([np.full(len(way), Phase.APPROACH), samples.phase])
-    begins = np.flatnonzero(np.diff(phase, prepend=-1))
+    firsts = np.flatnonzero(np.diff(phase, prepend=-1))
     return MotionPlayback(
         times_s=times_s[rows],
         position=position[rows],
         path_m=tool[rows],
-        phases=tuple((float(times_s[row]), _PHASES[Phase(phase[row])]) for row in begins),
+        phases=tuple((float(times_s[row]), _PHASES[Phase(phase[row])]) for row in firsts),
         deviation_rad=float(deviation[~chain.prismatic].max(initial=0.0)),
         deviation_m=float(deviation[chain.prismatic].max(initial=0.0)),
         clearance=clearance,
@@ -188,7 +185,7 @@ def _approach(cell: LoadedCell, start: RestingPose, end: FloatArray) -> tuple[Fl
 def _clearance(
     cell: LoadedCell, position: FloatArray, edges: IntArray, times_s: FloatArray
 ) -> tuple[MotionClearance | None, tuple[int, ...]]:
-    """Return the clearances, and the sample with the smallest one."""
+    """Return the clearances, and the sample with the smallest clearance."""
     clearances = Clearances.of(cell.robot, cell.config.workspace)
     if not cell.robot.bodies or len(clearances) == 0:
         return None, ()

@@ -63,4 +63,6 @@ def _at_last_run(loaded: LoadedCell) -> RestingPose | None:
     if last is None:
         return None
     at = datetime.fromisoformat(last.when_utc).astimezone(UTC)
-    return RestingPose(last.position, last.seen_by, at.timestamp())
+    is_run = last.seen_by.startswith("run ")  # pages show no ids
+    source = "the last run" if is_run else last.seen_by
+    return RestingPose(last.position, source, at.timestamp())

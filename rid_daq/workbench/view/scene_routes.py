@@ -7,23 +7,27 @@ import hashlib
 from dataclasses import dataclass, field
 from typing import Annotated
 
-from fastapi import APIRouter, Query, Request
+from fastapi import APIRouter, Body, Query, Request
 from fastapi.responses import JSONResponse, Response
 
+from acquisition.motion.motion_file import AnyMotion
 from config.load import LoadedCell
 from rid_daq.robot_view.scene import RobotScene
 from rid_daq.robot_view.scene_encoding import Detail, SceneDocument, encode_scene
-from rid_daq.service.api.context import OfCell, Service
+from rid_daq.service.api.context import OfCell, Operator, Service
 from rid_daq.service.refusals import UnknownError
 from rid_daq.service.request_check import require_inside
-from rid_daq.workbench.block_routes import KEPT
+from rid_daq.service.served_cell import ServedCell
+from rid_daq.service.service import CellService
 from rid_daq.workbench.compressed import CompressedBody
+from rid_daq.workbench.files.unsaved_motion import UnsavedMotion
 from rid_daq.workbench.view.payload_centre import payload_centre
 from rid_daq.workbench.view.resting_pose import resting_pose
 
 router = APIRouter(prefix="/view/cells/{cell}", include_in_schema=False)
 
 MOST_SCENES = 8
+CACHED = {"cache-control": "private, max-age=31536000, immutable"}
 
 WantedDetail = Annotated[Detail, Query()]
 
@@ -60,7 +64,7 @@ def send_triangles(request: Request, cell: OfCell, version: str, detail: Detail)
             f"the files of cell {cell.name} have changed since the page was loaded: reload it",
             code="RID-PAGE-OUTDATED",
         )
-    return body.answer(request, "application/octet-stream", KEPT)
+    return body.answer(request, "application/octet-stream", CACHED)
 
 
 @router.get("/pose")
@@ -72,12 +76,26 @@ def send_pose(cell: OfCell, service: Service) -> JSONResponse:
 @router.get("/motion")
 def send_motion_playback(cell: OfCell, service: Service, file: str) -> JSONResponse:
     """Return the poses of a motion file for playback, with approach and clearances."""
-    from rid_daq.workbench.view.motion_playback import motion_playback
+    from rid_daq.operations.cell_files import read_motion_for
 
     path = require_inside(file, service.folder)
+    return _playback(cell, service, read_motion_for(path, cell.loaded))
+
+
+@router.post("/motion")
+def send_unsaved_playback(
+    cell: OfCell, service: Service, who: Operator, unsaved: Annotated[UnsavedMotion, Body()]
+) -> JSONResponse:
+    """Return the poses of a motion that is not saved yet."""
+    return _playback(cell, service, unsaved.motion(service, cell.loaded))
+
+
+def _playback(cell: ServedCell, service: CellService, motion: AnyMotion) -> JSONResponse:
+    from rid_daq.workbench.view.motion_playback import motion_playback
+
     loaded = cell.loaded
     start = resting_pose(loaded, service.readiness.preflight(cell))
-    document = motion_playback(loaded, path, start).document()
+    document = motion_playback(loaded, motion, start).document()
     return JSONResponse({**document, "files_hash": loaded.files_hash})
 
 

@@ -220,7 +220,7 @@ class TestRepeatedPositions:
 
 
 def test_unmodelled_friction_does_not_reject_the_rebuilt_times() -> None:
-    """Model errors from the missing friction terms hide the effect of wrong times."""
+    """Missing friction terms cause model errors, which hide the effect of wrong time stamps."""
     case = Case("three", "both", "repeats", 203)
     driven = drive("three", "points", 2032, FRICTIONS["both"], DURATION_S)
     _, known = recording(case, driven, 2, ARMS["three"].description())

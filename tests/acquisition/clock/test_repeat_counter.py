@@ -1,4 +1,7 @@
-"""Count of rows in our own recordings that no drive updated, part by part."""
+"""Count the rows of our own recordings in which no drive had a new value.
+
+The recording is read in parts.
+"""
 
 from __future__ import annotations
 

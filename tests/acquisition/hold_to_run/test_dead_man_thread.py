@@ -1,4 +1,4 @@
-"""Thread that reads the jog keys: it plans one straight motion (line) for each key press."""
+"""The thread that reads the jog keys plans one straight motion (a line) for each key press."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ GOAL = np.array([0.1, 0.7])
 
 
 class Desk:
-    """Keys that the test holds, and the keys for which a line was planned."""
+    """The key that the test holds down, and the keys for which the thread has planned a motion."""
 
     def __init__(self) -> None:
         self.key = ""

@@ -23,7 +23,7 @@ NOW_S = 100.0
 
 
 class Worker:
-    """The held-key logic with a clock and message numbers for each sender."""
+    """The held-key logic with a simulated clock and a message counter for each sender."""
 
     def __init__(self) -> None:
         self.key = HeldKey()
@@ -229,7 +229,7 @@ def test_with_late_lost_reordered_or_repeated_messages_a_key_counts_only_near_it
 ) -> None:
     """Draw pauses, presses and delays in steps of 10 ms.
 
-    The person answers each newer challenge.
+    The simulated person answers each new challenge.
     """
     held_at: dict[int, int] = {}  # number of a step: number of the press held at that step
     step = 0

@@ -1,4 +1,4 @@
-"""Interpolation of coarse positions by the recorded velocity between encoder steps."""
+"""Interpolation of coarse positions: between encoder steps, the recorded velocity is integrated."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ def rows(time_s: FloatArray, position: FloatArray, velocity: FloatArray) -> Impo
         velocity=velocity[:, np.newaxis],
         torque=np.zeros((len(time_s), 1)),
         temperature=np.zeros((len(time_s), 0)),
+        command=np.zeros((len(time_s), 0)),
     )
 
 

@@ -1,4 +1,4 @@
-"""Import: effect of repeated rows and wrong stamps on the report and the recording."""
+"""Import: repeated rows and wrong time stamps change the report and the recording."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from acquisition.clock.report import ClockState
-from acquisition.imports.import_map import ImportMap, load_import_map
 from acquisition.imports.read import import_csv
 from acquisition.imports.report import ImportReport
+from acquisition.maps.import_map import ImportMap, load_import_map
 from acquisition.recording.recording import Recording
 from config.arrays import FloatArray
 from config.errors import DataQualityError
@@ -28,7 +28,9 @@ def import_table(
 
 
 def repeat_rows(table: FloatArray) -> FloatArray:
-    """Return the arm's samples with every tenth row twice, under even stamps."""
+    """Return the arm's samples with every tenth row repeated, and with evenly spaced time
+    stamps.
+    """
     table = np.repeat(table, TENTH, axis=0)
     table[:, 0] = 5.0 + 0.011 * np.arange(len(table))
     return table

@@ -1,4 +1,6 @@
-"""Import: conversion of columns by side of the gear (motor or joint), unit and robot file."""
+"""Import: columns are converted according to the side of the gear (motor or joint), the unit and
+the robot file.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +12,9 @@ from typing import Any, ClassVar
 import numpy as np
 import pytest
 
-from acquisition.imports.import_map import ImportMap
 from acquisition.imports.read import import_csv
 from acquisition.imports.report import ImportReport
+from acquisition.maps.import_map import ImportMap
 from acquisition.recording.recording import Recording
 from config.errors import ConfigError, DataQualityError
 from config.robot.robot import RobotDescription
@@ -28,7 +30,7 @@ Read = Callable[..., tuple[Recording, ImportReport]]
 
 @pytest.fixture
 def read(tmp_path: Path) -> Read:
-    """Return a function that reads a table by a map, with or without a robot."""
+    """Return a function that reads a table with an import map, with or without a robot."""
 
     def read_table(
         table: np.ndarray, import_map: ImportMap, robot: RobotDescription | None = None
@@ -41,7 +43,9 @@ def read(tmp_path: Path) -> Read:
 
 
 def table() -> np.ndarray:
-    """Return time, two positions, two velocities, two torques or currents, two values in °C."""
+    """Return a table with columns for the time, two positions, two velocities, two torques or
+    currents, and two temperatures in °C.
+    """
     t = 0.01 * np.arange(ROWS)
     warmth = np.linspace(20.0, 45.0, ROWS)
     return np.column_stack(
@@ -60,7 +64,9 @@ def table() -> np.ndarray:
 
 
 def motor_table() -> np.ndarray:
-    """Return `table()` with positions and velocities of the motors instead of the joints."""
+    """Return `table()` with positions and velocities on the motor side of the gears instead of the
+    joint side.
+    """
     motor = table()
     motor[:, 1:3] *= GEARS
     motor[:, 3:5] *= GEARS
@@ -84,7 +90,7 @@ def layout(*joints: dict[str, Any], **changes: Any) -> ImportMap:
 
 
 def robot(**changes: Any) -> RobotDescription:
-    """Gears of 50 and -20, torque constants of 60 and 30 N m/A on the link side."""
+    """The gear ratios are 50 and -20; the torque constants are 60 and 30 N m/A on the link side."""
     limits = {
         "position_min": -3.0,
         "position_max": 3.0,
@@ -101,6 +107,46 @@ def robot(**changes: Any) -> RobotDescription:
         ],
     }
     return RobotDescription.model_validate_json(json.dumps(values | changes))
+
+
+class TestVelocityCommands:
+    MAP: ClassVar = (
+        {"velocity": None, "velocity_command": 3},
+        {"velocity": None, "velocity_command": 4, "position_sign": -1},
+    )
+
+    def test_commands_have_unit_gear_and_sign_of_the_velocities(self, read: Read) -> None:
+        """Motor speeds are in deg/s; those of joint b have the opposite sign."""
+        motor = motor_table()
+        motor[:, 2] *= -1.0
+        motor[:, 3:5] *= [180.0 / np.pi, -180.0 / np.pi]
+        units = {"velocity": "deg/s"}
+        recording, _ = read(motor, layout(*self.MAP, side="motor", units=units), robot())
+        assert recording.velocity_command is not None
+        np.testing.assert_allclose(recording.velocity_command, table()[:, 3:5], atol=1e-8)
+
+    def test_commands_of_a_coupled_wrist_become_those_of_the_joints(self, read: Read) -> None:
+        joints = tuple({**joint, "position_sign": 1} for joint in self.MAP)
+        import_map = layout(*joints, side="motor")
+        recording, _ = read(motor_table(), import_map, robot(coupling=COUPLING))
+        expected = table()[:, 3:5] @ np.transpose(COUPLING)
+        assert recording.velocity_command is not None
+        np.testing.assert_allclose(recording.velocity_command, expected, atol=1e-8)
+
+    def test_commands_are_put_on_the_grid_of_the_periods(self, read: Read) -> None:
+        joints = ({**joint, "position_sign": 1} for joint in self.MAP)
+        recording, _ = read(table(), layout(*joints, period_s=1.0))
+        commands = recording.velocity_command
+        assert commands is not None
+        np.testing.assert_allclose(commands, table()[: len(commands), 3:5], atol=1e-6)
+
+    def test_a_row_with_an_absurd_command_is_left_out(self, read: Read) -> None:
+        rows = table()
+        rows[100, 3] = 1e9
+        joints = ({**joint, "position_sign": 1} for joint in self.MAP)
+        recording, report = read(rows, layout(*joints))
+        assert len(recording) == ROWS - 1
+        assert "velocity command of a" in report.damaged[0].examples[0].detail
 
 
 CURRENTS = ({"torque": None, "current": 5}, {"torque": None, "current": 6})
@@ -172,7 +218,7 @@ class TestCurrents:
 
 
 class TestDriveUnits:
-    """Increments of the motors' encoders, and fractions of rated values."""
+    """The columns contain increments of the motor encoders, and fractions of rated values."""
 
     TURN: ClassVar = {"increments_per_rev": 131072}
 

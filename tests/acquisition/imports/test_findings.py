@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.imports.import_map import ImportMap
 from acquisition.imports.read import import_csv
 from acquisition.imports.report import ImportReport
+from acquisition.maps.import_map import ImportMap
 from config.errors import DataQualityError
 from config.robot.robot import RobotDescription
 from tests.builders.foreign_tables import as_lines, sound_table, two_joint_map, two_joint_robot
@@ -39,6 +39,24 @@ def report_of(
 
 def test_a_sound_recording_has_no_findings(tmp_path: Path) -> None:
     assert report_of(tmp_path, sound_table()).findings == ()
+
+
+@pytest.mark.parametrize("meaning", ["model_based", "gravity_compensated"])
+def test_torques_that_are_not_measured_are_a_finding(meaning: str, tmp_path: Path) -> None:
+    table = as_lines(sound_table())
+    (tmp_path / "rec.csv").write_text("\n".join(table))
+    stated = two_joint_map().model_copy(update={"torques": meaning})
+    report = import_csv(tmp_path / "rec.csv", stated, two_joint_robot())[1]
+    assert report.torques == meaning
+    assert [f"torques: {meaning}" in finding for finding in report.findings] == [True]
+
+
+def test_a_torque_filter_that_lets_aliases_pass_is_reported(tmp_path: Path) -> None:
+    half_hz = 0.5 / float(np.median(np.diff(sound_table()[:, 0])))
+    for cutoff_hz, reported in ((0.5 * half_hz, []), (4.0 * half_hz, [True])):
+        stated = two_joint_map(torque_filter={"order": 2, "cutoff_hz": cutoff_hz})
+        found = report_of(tmp_path, sound_table(), stated).findings
+        assert [f"{cutoff_hz:g} Hz" in finding for finding in found] == reported
 
 
 def test_rows_seconds_apart_are_reported_with_the_likely_unit(

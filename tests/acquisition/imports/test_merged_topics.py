@@ -1,4 +1,6 @@
-"""Import: several topics in one file, and velocities that a source leaves empty."""
+"""Import: several topics of one file are merged, and velocities that a source leaves empty are
+accepted.
+"""
 
 from __future__ import annotations
 
@@ -10,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.imports.import_map import ImportMap
 from acquisition.imports.read import import_csv
+from acquisition.maps.import_map import ImportMap
 from config.errors import DataQualityError
 from tests.builders.raised_codes import raises_code
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gzip
 import math
 import re
 from collections.abc import Callable
@@ -12,9 +13,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from acquisition.imports.import_map import RowRange
 from acquisition.imports.read import import_csv
 from acquisition.imports.report import DamagedRow, group_damaged
+from acquisition.maps.import_map import RowRange
 from acquisition.motion.samples import Phase
 from acquisition.processing.periods import average_periods
 from config.errors import ConfigError, DataQualityError, RidDaqError
@@ -99,7 +100,7 @@ class TestSoundFile:
         np.testing.assert_allclose(recording.torque_nm[:, 0], 2.0 * table[:, 5], atol=1e-3)
 
     @pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
-    @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16"])
+    @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be"])
     def test_a_file_from_a_spreadsheet_is_read_without_editing(
         self, write: Write, newline: str, encoding: str
     ) -> None:
@@ -137,7 +138,9 @@ class TestSoundFile:
 
 class TestDamagedRows:
     def damage(self, write: Write, changes: dict[int, str]) -> tuple[list[str], np.ndarray]:
-        """Replace lines (numbered from 1), import, and return the findings and the kept stamps."""
+        """Replace lines (numbered from 1) of a file, import the file, and return the findings and
+        the time stamps of the kept rows.
+        """
         lines = as_lines(sound_table())
         for row, line in changes.items():
             lines[row - 1] = line
@@ -307,6 +310,17 @@ class TestUnusableFiles:
     @pytest.mark.parametrize("content", [b"", b"\n\n\n", b"\x00\xff" * 5000, b"\xff\xfe\x00"])
     def test_a_file_that_is_not_a_recording_is_refused(self, write: Write, content: bytes) -> None:
         with raises_code(DataQualityError, "RID-IMPORT-ROWS", "recording.csv: ", "only 0"):
+            import_csv(write(content), two_joint_map())
+
+    @pytest.mark.parametrize(
+        "content",
+        [gzip.compress(b"1,2\n"), b"PK\x03\x04workbook", b"SQLite format 3\0", b"<!DOCTYPE html>"],
+        ids=["gzip", "xlsx", "bag", "page"],
+    )
+    def test_a_file_of_another_kind_is_refused_by_its_kind(
+        self, write: Write, content: bytes
+    ) -> None:
+        with raises_code(ConfigError, "RID-IMPORT-FILES"):
             import_csv(write(content), two_joint_map())
 
     def test_a_missing_file_is_an_error(self, tmp_path: Path) -> None:

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.imports.import_map import ImportMap
 from acquisition.imports.read import import_csv
+from acquisition.maps.import_map import ImportMap
 from config.errors import ConfigError, DataQualityError
 from tests.builders.raised_codes import raises_code
 

@@ -1,4 +1,4 @@
-"""Journal row: written by field name, in the layout of the file."""
+"""Journal row: its values are written by field name, in the same layout as the file."""
 
 from __future__ import annotations
 

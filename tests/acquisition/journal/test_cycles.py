@@ -68,6 +68,25 @@ def path(tmp_path: Path) -> Path:
     return tmp_path / "recording.mcap"
 
 
+@pytest.mark.parametrize("cuts", [[], [0, 7, 7, 8, 900], [1990]])
+def test_many_rows_at_once_give_the_same_file_as_row_by_row(
+    tmp_path: Path, cuts: list[int]
+) -> None:
+    rows = some_rows()
+    rows["time_s"][[3, 500, 600, 601]] = -1.0, np.nan, 1e11, 700.123456789
+    one, other = tmp_path / "one.mcap", tmp_path / "other.mcap"
+    with JournalWriter(one, HEADER) as writer:
+        writer.append(rows.tobytes())
+    with JournalWriter(other, HEADER) as writer:
+        for number, part in enumerate(np.split(rows, cuts)):
+            if number % 2:
+                writer.append(part.tobytes())
+            else:
+                writer.append_array(part)
+        assert writer.rows == ROWS
+    assert one.read_bytes() == other.read_bytes()
+
+
 def test_rows_and_header_are_read_back_bit_by_bit(path: Path) -> None:
     rows = some_rows()
     write(path, rows)

@@ -1,4 +1,5 @@
-"""Recordings read as PlotJuggler or Foxglove do it: by the plain mcap reader and its schemas.
+"""Recordings can be read as PlotJuggler and Foxglove read them: with the plain mcap reader and the
+schemas in the file.
 
 The decoder below knows CDR and ros2msg definitions, and nothing of this project.
 """

@@ -1,4 +1,6 @@
-"""MCAP chunk index kept as bytes: an identical file, with memory that hardly grows."""
+"""The chunk index of an MCAP file is stored as bytes: the file is the same, and the memory hardly
+grows.
+"""
 
 from __future__ import annotations
 
@@ -55,7 +57,9 @@ def test_the_file_is_identical_to_that_of_the_library() -> None:
 
 
 def test_the_library_still_needs_more_memory() -> None:
-    """If this fails, the library limits its index itself: delete `mcap_chunks.py`."""
+    """If this test fails, the mcap library limits the memory of its index itself: then delete
+    `mcap_chunks.py`.
+    """
     assert write_chunks(io.BytesIO(), as_bytes=False) > 3 * write_chunks(
         io.BytesIO(), as_bytes=True
     )

@@ -1,4 +1,4 @@
-"""A growing journal is read in pieces, each from the end of the last one."""
+"""A growing journal is read in parts; each part begins at the end of the previous part."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Paths with too little clearance are refused with the two bodies and the time."""
+"""A path with too little clearance is refused; the error names the two bodies and the time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Joint paths: curves through poses, and tables of positions in the motion or a planner's file."""
+"""Joint paths: curves through poses, and tables of positions in the motion file or in a planner's
+file.
+"""
 
 from __future__ import annotations
 

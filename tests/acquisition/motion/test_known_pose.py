@@ -1,4 +1,6 @@
-"""Last known pose of a robot: which displacements are refused, and the text that names them."""
+"""Last known pose of a robot: too large displacements are refused, with a text that names the
+joints.
+"""
 
 from __future__ import annotations
 

@@ -41,13 +41,13 @@ def test_no_row_of_the_motion_collides() -> None:
     assert not Clearances.of(arm).is_clear(motion.plan(open_arm, 0.02).position)
     samples = motion.plan(arm, 0.02)
     assert Clearances.of(arm).is_clear(samples.position)
-    assert len(motion.poses(arm)) == 20
+    assert len(motion.draw_poses(arm)) == 20
 
 
 def test_without_bodies_the_points_depend_on_the_seed_alone() -> None:
     motion = MultipointMotion(kind="multipoint", robot="flat", seed=4, range_fraction=0.5)
     draws = np.random.default_rng(4).uniform(-1.0, 1.0, (20, 3))
-    np.testing.assert_allclose(motion.poses(robot()), 1.5 * draws)
+    np.testing.assert_allclose(motion.draw_poses(robot()), 1.5 * draws)
 
 
 def test_bodies_that_leave_no_free_pose_are_refused_with_the_remedy() -> None:

@@ -1,4 +1,6 @@
-"""Pose sequences: rests at given poses, within the limits."""
+"""Pose sequences: the robot rests at each of the given poses, and the moves stay within the
+limits.
+"""
 
 from __future__ import annotations
 

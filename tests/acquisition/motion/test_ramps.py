@@ -1,4 +1,7 @@
-"""Ramps: smooth joins, no departure from the period's path, point-to-point moves within limits."""
+"""Ramps: they join the period smoothly and stay on its path.
+
+Point-to-point moves stay within the limits.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Planned motions: at rest at both ends, within limits also between samples, or refused."""
+"""Planned motions are at rest at both ends and within the limits also between samples.
+
+Other motions are refused.
+"""
 
 from __future__ import annotations
 
@@ -143,7 +146,7 @@ class TestMultipointPlan:
     def test_a_multipoint_plan_is_at_rest_at_every_pose(self) -> None:
         motion = multipoint(points=20)
         samples = motion.plan(ROBOT, T)
-        for pose in motion.poses(ROBOT):
+        for pose in motion.draw_poses(ROBOT):
             at_pose = (samples.position == pose).all(axis=1)
             assert at_pose.any()
             np.testing.assert_array_equal(samples.velocity[at_pose], 0.0)

@@ -1,4 +1,6 @@
-"""Timed path: driven row by row, only with the robot and cycle time for which it was made."""
+"""A timed path gives one set-point per row, and is accepted only for the robot and cycle time for
+which it was made.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Arrays stored on disk are read back unchanged."""
+"""Arrays that are stored on disk are read back unchanged."""
 
 from __future__ import annotations
 

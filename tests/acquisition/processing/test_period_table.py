@@ -1,4 +1,4 @@
-"""Periods of a recording in parts are the same as those of the whole recording."""
+"""The periods of a recording that is read in parts are the same as those of the whole recording."""
 
 from __future__ import annotations
 
@@ -22,7 +22,9 @@ PERIODS = 6
 
 @pytest.fixture
 def recording() -> Recording:
-    """Run-in of 7 rows, 6 periods, run-out of 11 rows; drives warm up, two lost answers."""
+    """A run-in of 7 rows, 6 periods and a run-out of 11 rows; the drives warm up, and two answers
+    are lost.
+    """
     random = np.random.default_rng(2)
     rows = RUN_IN + PERIODS * K + 11
     turns = 2.0 * np.pi * (np.arange(rows) - RUN_IN) / K

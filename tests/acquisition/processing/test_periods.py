@@ -30,7 +30,9 @@ def one_period() -> np.ndarray:
 
 
 def record(periods: int = 8, seed: int = 0, noise: float = 1.0) -> Recording:
-    """Return a recording of run-in, one transient period (far off), main periods and run-out."""
+    """Return a recording with run-in, one transient period (far from the others), main periods and
+    run-out.
+    """
     phase = np.repeat(
         np.array([Phase.RUN_IN, Phase.TRANSIENT, Phase.MAIN, Phase.RUN_OUT], dtype=np.uint8),
         [RUN_IN, K, periods * K, 20],
@@ -78,7 +80,9 @@ def invalidate_rows(recording: Recording, rows: np.ndarray) -> Recording:
 
 
 def drop_answers(recording: Recording, rows: np.ndarray, joint: int) -> Recording:
-    """Return the recording with one joint's values absurd and unanswered in the given rows."""
+    """Return the recording with absurd values of one joint in the given rows, which are marked as
+    not answered.
+    """
     answered = np.array(recording.joint_valid)
     answered[rows, joint] = False
     position, torque = recording.position.copy(), recording.torque_nm.copy()
@@ -193,7 +197,7 @@ class TestLostRows:
         gap = np.arange(main_row(3, 100), main_row(3, 104))
         average = average_periods(invalidate_rows(record(), gap))
         assert [period.index for period in average.rejected] == [3]
-        assert "4 of 200 samples missing, 4 in sequence" in average.rejected[0].reason
+        assert "4 of 200 samples missing, 4 in a row" in average.rejected[0].reason
         assert average.periods_kept == 7
 
     def test_more_than_two_percent_of_all_rows_is_refused(self) -> None:
@@ -210,7 +214,9 @@ class TestLostRows:
 
 
 class TestLostAnswers:
-    """Each drive's answers are judged separately: with more joints, more rows lack an answer."""
+    """The answers of each drive are judged separately, because with more joints more rows lack some
+    answer.
+    """
 
     @settings(max_examples=25)
     @given(seed=st.integers(0, 1000))
@@ -231,7 +237,7 @@ class TestLostAnswers:
         average = average_periods(damaged)
         assert [period.index for period in average.rejected] == [3]
         assert average.rejected[0].reason == (
-            "joint 'b': 5 of 200 samples missing, 1 in sequence from sample 7"
+            "joint 'b': 5 of 200 samples missing, 1 in a row from sample 7"
         )
 
     def test_more_than_two_percent_of_a_joints_answers_is_refused(self) -> None:
@@ -279,7 +285,7 @@ class TestOutOfFamily:
         assert average_periods(replace(recording, position=position)).rejected == ()
 
     def test_a_joint_with_a_small_motion_is_compared_with_that_motion(self) -> None:
-        """A prismatic joint moves by millimetres, the other joint by radians."""
+        """The prismatic joint moves by some millimetres, the other joint by some radians."""
         recording = record(noise=1e-6)
         position = recording.position.copy()
         position[:, 1] *= 2e-3
@@ -317,7 +323,7 @@ class TestRefusals:
 
 
 def test_temperature_is_the_mean_over_the_accepted_periods() -> None:
-    """The drive warms up by 1 K per period; a rejected period does not count."""
+    """The drive warms up by 1 K per period; the warming of a rejected period is not counted."""
     recording = record(periods=5)
     period = (np.arange(len(recording)) - RUN_IN) // K - 1
     warm = replace(recording, temperature_k=np.stack([300.0 + period, 310.0 + 0.0 * period], 1))

@@ -56,7 +56,7 @@ def force(sync_s: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def stream(first_s: float, last_s: float, number: int = 0, seed: int = 0) -> NDArray[Any]:
-    """Return rows whose channels follow one sine, on a clock that starts with the stream."""
+    """Return plate rows whose channels all follow one sine; their clock starts with the stream."""
     random = np.random.default_rng(seed)
     device = np.arange(first_s, last_s, 1.0 / RATE_HZ)
     rows = np.zeros(len(device), dtype=ROW_DTYPE)

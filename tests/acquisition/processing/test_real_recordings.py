@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.imports.import_map import ImportMap, RowRange
 from acquisition.imports.read import import_csv
+from acquisition.maps.import_map import ImportMap, RowRange
 from acquisition.processing.periods import average_periods
 from acquisition.processing.smoothing import resample_periods, smooth_nonperiodic
 from config.load import load_bundled_or_path, load_robot

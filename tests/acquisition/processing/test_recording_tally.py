@@ -1,4 +1,6 @@
-"""Statistics of a recording are the same for the whole and for its parts."""
+"""The statistics of a recording that is read in parts are the same as those of the whole
+recording.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +22,9 @@ NUMBERS = (
 
 @pytest.fixture
 def recording() -> Recording:
-    """Two joints; 20 rows before the motion, some lost answers, hold at the end."""
+    """A recording of two joints: 20 rows before the motion, some lost answers, and a rest at the
+    end.
+    """
     random = np.random.default_rng(1)
     answered = random.random((ROWS, 2)) > 0.05
     position = random.normal(size=(ROWS, 2)).cumsum(axis=0)

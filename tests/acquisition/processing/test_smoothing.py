@@ -1,4 +1,6 @@
-"""Smoothing of a recording that is not periodic: true stamps, no phase shift, gaps kept."""
+"""Smoothing of a recording without periods: it uses the true time stamps, shifts no phase, and
+keeps gaps.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Torque channel: delay and filter by their equations; other joints are refused."""
+"""Torque channel: delay and filter agree with their equations.
+
+A channel for other joints is refused.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Signals without the low-pass, and the window filter for torque and regressor columns."""
+"""Signals without the low-pass filter, and the window filter for the torque and the regressor
+columns.
+"""
 
 from __future__ import annotations
 

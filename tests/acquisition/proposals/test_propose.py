@@ -1,4 +1,6 @@
-"""Proposed import maps: columns are found by name, units are tried, doubts are said."""
+"""Proposed import maps: columns are found by name, units are tried, and doubtful choices are
+reported.
+"""
 
 from __future__ import annotations
 
@@ -8,11 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.imports.import_map import ImportMap
 from acquisition.imports.read import import_csv
-from acquisition.proposals.propose import Proposal, propose_map
+from acquisition.maps.import_map import ImportMap
+from acquisition.proposals.proposal import Proposal
+from acquisition.proposals.propose import propose_map
 from config.errors import ConfigError
-from config.load import load_robot
+from config.load import load_robot, to_yaml
+from tests.builders.foreign_tables import as_lines, sound_table, two_joint_robot
 from tests.builders.raised_codes import raises_code
 
 ROBOT = "ir361"
@@ -38,7 +42,7 @@ def save(
 
 
 def read(path: Path, proposal: Proposal) -> np.ndarray:
-    """Positions, velocities are left out, and torques as the proposed map reads them."""
+    """Return positions and torques as the proposed map reads them; velocities are left out."""
     import_map = ImportMap.model_validate(proposal.keys, strict=False)
     recording, _ = import_csv(path, import_map, load_robot(ROBOT))
     return np.hstack([recording.position, recording.torque_nm])
@@ -75,38 +79,6 @@ def test_columns_and_units_are_found(
     np.testing.assert_allclose(read(path, proposal), np.hstack([Q, TAU]), atol=2e-5)
     ratios = [ratio for ratio in proposal.report.velocity_ratio if ratio is not None]
     np.testing.assert_allclose(ratios, 1.0, atol=0.01)
-
-
-def scope_export(path: Path, delay_ms: float = 0.0) -> Path:
-    """Write a file as TwinCAT Scope View exports it, with one time column for each channel."""
-    channels = {
-        **{f"Axis {i + 1}.ActPos": np.degrees(Q[:, i]) for i in range(3)},
-        **{f"Axis {i + 1}.ActVelo": np.degrees(QD[:, i]) for i in range(3)},
-        **{f"Axis {i + 1}.ActTorque": TAU[:, i] for i in range(3)},
-    }
-    head = ["Name\tScope", "File\tC:\\scope.csv", "Starttime of export\t132959733843760000", "", ""]
-    for key, value in (
-        ("Name", None), ("SymbolComment", ""), ("Data-Type", "REAL64"), ("SampleTime[ms]", "10"),
-        ("IndexGroup", "16448"), ("NetID", "192.168.1.20.1.1"), ("Unit", "(None)"),
-    ):  # fmt: skip
-        head.append("\t".join(f"{key}\t{name if value is None else value}" for name in channels))
-    times = [1e3 * T + (delay_ms if n == 4 else 0.0) for n in range(len(channels))]
-    columns = [each for pair in zip(times, channels.values(), strict=True) for each in pair]
-    rows = ["\t".join(f"{value:.12g}" for value in row) for row in np.column_stack(columns)]
-    text = "\n".join([*head, "", *rows, "EOF", ""])
-    path.write_text(text.replace(".", ",") if delay_ms == 0.0 else text, encoding="utf-8")
-    return path
-
-
-def test_an_export_of_twincat_scope_view_is_recognised(tmp_path: Path) -> None:
-    path = scope_export(tmp_path / "scope.csv")
-    proposal = propose_map(path, ROBOT)
-    assert proposal.keys["units"]["position"] == "deg"
-    assert proposal.keys["time"] == {"column": 0, "unit": "ms"}
-    assert any("permille" in doubt for doubt in proposal.doubts)
-    np.testing.assert_allclose(read(path, proposal), np.hstack([Q, TAU]), atol=3e-5)
-    with raises_code(ConfigError, "RID-IMPORT-PROPOSAL", "0", "8"):
-        propose_map(scope_export(tmp_path / "late.csv", 0.5), ROBOT)
 
 
 def test_targets_and_commands_are_not_measurements(tmp_path: Path) -> None:
@@ -174,17 +146,6 @@ def test_names_of_arrays_may_begin_with_a_space(tmp_path: Path) -> None:
     assert proposal.keys["joints"][0] == {"joint": "axis1", "position": " q0", "torque": " tau[0]"}
 
 
-def test_percent_of_an_unknown_current_is_left_to_the_person(tmp_path: Path) -> None:
-    names = ["Receive.IPOC", *numbers("Receive.AIPos.A{n}", 1), *numbers("Receive.ASPos.A{n}", 1),
-             *numbers("Receive.MACur.A{n}", 1)]  # fmt: skip
-    columns = [1e3 * T, np.rad2deg(Q), np.rad2deg(Q), TAU / 2.0]
-    proposal = propose_map(save(tmp_path / "r.csv", names, columns), ROBOT)
-    assert proposal.report is None
-    assert proposal.keys["joints"][0]["position"] == "Receive.AIPos.A1"
-    assert proposal.keys["joints"][0]["rated_current_a"] == "?"
-    assert proposal.keys["units"] == {"position": "deg", "current": "percent"}
-
-
 def test_an_impossible_recording_is_still_proposed_with_the_reason(tmp_path: Path) -> None:
     names = ["t", *numbers("q{n}"), *numbers("tau{n}")]
     proposal = propose_map(save(tmp_path / "r.csv", names, [T, 1e9 * Q, TAU]), ROBOT)
@@ -224,5 +185,101 @@ def test_a_file_without_a_header_fits_a_bundled_map_or_is_refused(tmp_path: Path
     np.savetxt(tmp_path / "r.csv", np.column_stack(columns), delimiter=",", fmt="%.9g")
     proposal = propose_map(tmp_path / "r.csv", "ur10e")
     assert proposal.keys["name"] == "ur10e_31"
+    assert proposal.doubts == ()
+    other = propose_map(tmp_path / "r.csv", "ur10")
+    assert [joint["joint"] for joint in other.keys["joints"]] == list(
+        load_robot("ur10").joint_names
+    )
+    assert other.keys["robot"] == "ur10"
+    assert len(other.doubts) == 1
     with raises_code(ConfigError, "RID-IMPORT-PROPOSAL", "31"):
         propose_map(tmp_path / "r.csv", ROBOT)
+
+
+@pytest.mark.parametrize(
+    ("unit", "expected"),
+    [
+        ("[%]", "rated_torque_nm"),
+        ("[‰]", "rated_torque_nm"),
+        ("[0.1%]", "rated_torque_nm"),
+        ("(1/1000)", "rated_torque_nm"),
+        ("[N·m]", None),
+        ("[mNm]", None),
+    ],
+)
+def test_the_unit_in_brackets_is_used(unit: str, expected: str | None, tmp_path: Path) -> None:
+    proposal = propose_map(_in_brackets(tmp_path, unit), str(tmp_path / "robot.yaml"))
+    joint = proposal.keys["joints"][0]
+    assert expected in joint if expected else "rated_torque_nm" not in joint
+    assert not any("torque: the file does not state" in doubt for doubt in proposal.doubts)
+
+
+def test_an_unknown_unit_in_brackets_is_refused(tmp_path: Path) -> None:
+    path = _in_brackets(tmp_path, "[kp m]")
+    with raises_code(ConfigError, "RID-IMPORT-PROPOSAL", "kp m"):
+        propose_map(path, str(tmp_path / "robot.yaml"))
+
+
+@pytest.mark.parametrize(
+    ("time", "scale", "patterns"),
+    [
+        ("t/s", 1.0, ("q{n}/rad", "tau{n}/Nm")),
+        ("ns", 1e9, ("q{n}", "tau{n}")),
+        ("__index_level_0__", 1e9, ("q{n}", "tau{n}")),
+        ("timeStamp", 1.0, ("jointPos{n}", "motorTorque{n}")),
+        ("Time", 1.0, ("Axis {n} Actual Position", "Axis {n} Motor Torque")),
+    ],
+)
+def test_other_styles_of_names_are_recognised(
+    time: str, scale: float, patterns: tuple[str, str], tmp_path: Path
+) -> None:
+    names = [time, *(name for pattern in patterns for name in numbers(pattern, 1))]
+    path = save(tmp_path / "r.csv", names, [np.round(scale * T, 6), Q, TAU])
+    np.testing.assert_allclose(read(path, propose_map(path, ROBOT)), np.hstack([Q, TAU]), atol=1e-8)
+
+
+@pytest.mark.parametrize("pattern", ["motorPos{n}", "Motor speed {n}", "Disturb torque A{n}"])
+def test_values_that_are_not_of_the_joints_are_left_out(pattern: str, tmp_path: Path) -> None:
+    names = ["t", *numbers(pattern), *numbers("q{n}"), *numbers("tau{n}")]
+    path = save(tmp_path / "r.csv", names, [T, 50.0 * Q, Q, TAU])
+    proposal = propose_map(path, ROBOT)
+    assert set(proposal.keys["joints"][0]) == {"joint", "position", "torque"}
+    assert proposal.keys["joints"][0]["torque"] == "tau0"
+
+
+def test_whole_numbers_may_be_raw_values(tmp_path: Path) -> None:
+    names = ["t", *numbers("q{n}"), *numbers("tau{n}")]
+    raw = propose_map(save(tmp_path / "raw.csv", names, [T, Q, np.round(4.0 * TAU)]), ROBOT)
+    assert any("permille" in doubt for doubt in raw.doubts)
+    real = propose_map(save(tmp_path / "real.csv", names, [T, Q, TAU]), ROBOT)
+    assert not any("permille" in doubt for doubt in real.doubts)
+
+
+def test_dates_that_are_not_iso_are_named(tmp_path: Path) -> None:
+    rows = [f"28.11.2026 08:00:{row[0]:06.3f};1;2;3;4;5;6" for row in T[:50, None]]
+    names = ["Zeit", *numbers("q{n}"), *numbers("tau{n}")]
+    (tmp_path / "r.csv").write_text("\n".join([";".join(names), *rows, ""]))
+    with raises_code(ConfigError, "RID-IMPORT-PROPOSAL", "Zeit", "28.11.2026", "ISO 8601"):
+        propose_map(tmp_path / "r.csv", ROBOT)
+
+
+def test_seconds_and_nanoseconds_are_one_time_stamp(tmp_path: Path) -> None:
+    table = sound_table()
+    lines = ["stamp.sec,stamp.nanosec,pos_a,pos_b,torque_a,torque_b"]
+    for row in table:
+        seconds, nanoseconds = divmod(round(row[0] * 1e9), 10**9)
+        lines.append(f"{seconds},{nanoseconds},{row[1]},{row[2]},{row[5]},{row[6]}")
+    (tmp_path / "rec.csv").write_text("\n".join(lines))
+    (tmp_path / "robot.yaml").write_text(to_yaml(two_joint_robot()))
+    proposal = propose_map(tmp_path / "rec.csv", str(tmp_path / "robot.yaml"))
+    expected = {"column": "stamp.sec", "nanoseconds": "stamp.nanosec", "unit": "s"}
+    assert proposal.keys["time"] == expected
+    assert proposal.report is not None
+
+
+def _in_brackets(folder: Path, unit: str) -> Path:
+    path = folder / "rec.csv"
+    head = f"t,q1 [rad],q2 [rad],qd1,qd2,tau1 {unit},tau2 {unit}"
+    path.write_text("\n".join([head, *as_lines(sound_table())]), encoding="utf-8")
+    (folder / "robot.yaml").write_text(to_yaml(two_joint_robot()))
+    return path

@@ -31,7 +31,7 @@ def plate(**changed: object) -> PlateConfig:
 
 
 def kistler(channels: np.ndarray, a: float, b: float, az0: float) -> list[float]:
-    """Return Fx, Fy, Fz, Mx', My', Mz line by line as in the data sheet."""
+    """Return Fx, Fy, Fz, Mx', My', Mz, computed line by line as in the data sheet."""
     fx12, fx34, fy14, fy23, fz1, fz2, fz3, fz4 = channels
     fx = fx12 + fx34
     fy = fy14 + fy23
@@ -67,7 +67,7 @@ def test_a_weight_on_the_surface_gives_its_position() -> None:
 
 
 def test_the_base_wrench_is_opposite_to_the_wrench_on_the_plate() -> None:
-    """Gravity acts along +z of a plate; the base pushes the robot up."""
+    """Gravity acts along +z of this plate; the base pushes the robot up."""
     geometry = PlateGeometry.from_config(plate())
     standing = geometry.base_wrench(np.array([[0.0, 0.0, 0.0, 0.0, 250.0, 250.0, 250.0, 250.0]]))
     np.testing.assert_allclose(standing, [[0.0, 0.0, -1000.0, 0.0, 0.0, 0.0]], atol=1e-12)

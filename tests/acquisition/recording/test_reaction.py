@@ -199,7 +199,7 @@ def recording_with_drift(*parts: tuple[int, int, float], limit_n_s: float = 0.5)
 
 
 def test_a_period_of_drift_is_excluded_and_named() -> None:
-    """Row 29 of docs/faults.md: drift beyond the limit marks exactly the periods with drift."""
+    """Row 29 of docs/faults.md: exactly the periods whose drift exceeds the limit are marked."""
     average = average_periods(
         recording_with_drift((3 * K, 4 * K, 0.6), (7 * K + 40, 7 * K + 60, -12.0))
     )
@@ -213,7 +213,7 @@ def test_a_period_of_drift_is_excluded_and_named() -> None:
 @pytest.mark.parametrize("at", [0, 5, 10, 11])
 @pytest.mark.parametrize("into", [0.1, 0.5, 0.9])
 def test_a_jump_rejects_only_its_own_period(at: int, into: float) -> None:
-    """Row 29 of docs/faults.md, at any place in the run; no period follows the last one."""
+    """Row 29 of docs/faults.md, the drift can be in any period of the run, also in the last one."""
     first = at * K + int(into * K)
     average = average_periods(recording_with_drift((first, first + 1, 2.0 / CYCLE_S)))
     assert [p.index for p in average.rejected] == [at]
@@ -224,7 +224,9 @@ def test_drift_within_the_limit_rejects_nothing() -> None:
 
 
 def test_a_channel_that_drifts_permanently_is_excluded_instead() -> None:
-    """Row 29 of docs/faults.md: the other channels and the torques are kept."""
+    """Row 29 of docs/faults.md: if one channel is marked, the other channels and the torques
+    remain.
+    """
     average = average_periods(recording_with_drift((0, PERIODS * K, 0.6)))
     assert average.rejected == ()
     assert average.reaction is not None

@@ -1,4 +1,4 @@
-"""Main function of the recorder, in the test's process."""
+"""Main function of the recorder process, called in the test's own process."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ def signals_restored() -> Iterator[None]:
 
 
 class Disk:
-    """A disk with limited room; a write beyond it raises `error`."""
+    """A simulated disk with limited space; a write beyond this space raises `error`."""
 
     def __init__(self, room: int, error: int) -> None:
         self.room, self.error, self.released = room, error, 0
@@ -95,7 +95,10 @@ def fail_disk(monkeypatch: pytest.MonkeyPatch) -> Play:
 
 
 class Bench:
-    """The cyclic task and the recorder in one thread each, with simulated time between them."""
+    """The cyclic task and the recorder run in one thread each.
+
+    Simulated time passes between their steps.
+    """
 
     def __init__(self, cell: CellConfig, robot: RobotDescription, axes: Any, clock: Any) -> None:
         self.ring, self.control = Ring.create(3, 64), ControlBlock.create()
@@ -184,7 +187,10 @@ def test_a_failing_disk_stops_the_motion_and_the_written_rows_are_kept(
 
 
 class Recording:
-    """The recorder alone, on a clock that advances only while it waits; rows follow the clock."""
+    """The recorder alone.
+
+    Its clock advances only while it waits, and new rows arrive as time passes.
+    """
 
     def __init__(self, ring: Ring, period_s: float, rows: int) -> None:
         self.ring, self.period_s, self.rows = ring, period_s, rows

@@ -44,7 +44,7 @@ def end_of(period: int) -> int:
 
 
 class Bench:
-    """A journal written in pieces, and the periods that the rule received."""
+    """A journal that the test writes in parts, and the periods that the stop rule has received."""
 
     def __init__(self, path: Path, rule: EarlyStopRule | None = None) -> None:
         self.control = ControlBlock.create()
@@ -59,7 +59,7 @@ class Bench:
         return next(self.answers)
 
     def write_up_to(self, row: int) -> None:
-        """Write rows up to `row` and wait until the rule has judged them."""
+        """Write the rows up to `row`, and wait until the stop rule has evaluated them."""
         self._writer.append(rows()[self._written : row].tobytes())
         self._writer.flush()
         self._written = row

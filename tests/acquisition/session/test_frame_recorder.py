@@ -46,7 +46,7 @@ def simulated(log: Path) -> SimulatedCell:
 
 
 def frames(reader: can.io.generic.MessageReader) -> list[Frame]:
-    """Return identifier, data and time [us]."""
+    """Return identifier, data and time [us] of each frame."""
     return [(m.arbitration_id, bytes(m.data), round(1e6 * m.timestamp)) for m in reader]
 
 

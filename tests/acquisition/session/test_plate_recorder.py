@@ -1,4 +1,4 @@
-"""Plate recorder on the simulated amplifier: the rows in the file are the rows sent."""
+"""Plate recorder on the simulated amplifier: the file contains exactly the rows that were sent."""
 
 from __future__ import annotations
 

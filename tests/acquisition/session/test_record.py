@@ -259,7 +259,7 @@ def test_an_error_in_the_program_stops_the_motion_at_once(
 
 
 class Start(Protocol):
-    """Starts a separate program; its robot moves when the `with` block begins."""
+    """Start a separate program; its robot moves when the `with` block begins."""
 
     def __call__(
         self, *, alone: bool = False
@@ -320,7 +320,7 @@ def test_a_terminated_program_closes_its_file_before_it_ends(
 
 @pytest.fixture
 def killed(start: Start) -> Iterator[int]:
-    """Process id of a program that was killed with SIGKILL during the motion."""
+    """Return the process id of a program that was killed with SIGKILL during its motion."""
     with start() as program:
         program.kill()
         yield program.pid

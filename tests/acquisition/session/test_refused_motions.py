@@ -42,7 +42,7 @@ def samples() -> MotionSamples:
 
 @pytest.fixture
 def try_to_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Try:
-    """Return a function that records a motion; the test fails if a process is about to start."""
+    """Return a function that records a motion; the test fails as soon as a process is started."""
 
     def begun(*_: object) -> None:
         pytest.fail("the motion was not refused")
@@ -98,7 +98,7 @@ def test_a_feedforward_beyond_the_speed_limit_is_refused(
 def test_a_sum_of_motion_and_feedforward_beyond_the_limits_is_refused(
     try_to_record: Try, samples: MotionSamples
 ) -> None:
-    """Velocity plus feedforward is within the speed limits, but begins with a step."""
+    """The sum of velocity and feedforward is within the speed limits, but begins with a step."""
     ahead = samples.velocity.copy()
     ahead[0] = 0.3 * np.array([joint.limits.velocity for joint in ROBOT.joints])
     with raises_code(PreflightError, "RID-MOTION-COMMAND"):
@@ -108,7 +108,7 @@ def test_a_sum_of_motion_and_feedforward_beyond_the_limits_is_refused(
 def test_a_motion_that_comes_too_close_to_a_wall_is_refused(
     try_to_record: Try, samples: MotionSamples
 ) -> None:
-    """The wall is at the point of the path that is farthest from the start."""
+    """The wall is at that point of the path that is farthest from the start."""
     chain = Chain.from_description(ROBOT)
     links = link_transforms(chain, samples.position)[:, -1]
     x = links[:, 0, :3] @ chain.tool_m + links[:, 0, 3]

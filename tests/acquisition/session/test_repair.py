@@ -1,4 +1,4 @@
-"""Repair of damaged journals: no wrong number, no hidden loss, few lost rows."""
+"""Repair of damaged journals: no number is wrong, no loss is hidden, and few rows are lost."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def rows() -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def whole(rows: np.ndarray, tmp_path_factory: pytest.TempPathFactory) -> bytes:
-    """Bytes of a file that the recorder's main function wrote."""
+    """The bytes of a file that the recorder's main function has written."""
     path = tmp_path_factory.mktemp("real") / "recording.mcap"
     ring, control = Ring.create(3, ROWS), ControlBlock.create()
     layout = row_struct(3)
@@ -59,7 +59,9 @@ def whole(rows: np.ndarray, tmp_path_factory: pytest.TempPathFactory) -> bytes:
 
 @dataclass
 class Damaged:
-    """Writes damaged bytes, repairs them, and checks what must hold for every repair."""
+    """Write damaged bytes, repair the file, and check the conditions that every repair must
+    meet.
+    """
 
     folder: Path
     rows: np.ndarray
@@ -196,7 +198,7 @@ def test_a_file_of_the_drive_monitor_is_repaired(tmp_path: Path) -> None:
 
 @pytest.fixture
 def file_without_header(tmp_path: Path, whole: bytes) -> Path:
-    """A file with both copies of its header damaged."""
+    """A file in which both copies of the header are damaged."""
     data = bytearray(whole)
     at = whole.index(b"axis1")
     data[at] ^= 1

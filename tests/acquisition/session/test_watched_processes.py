@@ -1,4 +1,4 @@
-"""Supervision of the cyclic task and the recorder by the program, with simulated processes."""
+"""The program supervises the cyclic task and the recorder; the processes are simulated."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ class Process:
         self._looks -= 1
         return self._looks >= 0
 
-    def kill(self) -> None:
-        self.killed = True
+    def kill_hung(self, silent_s: float) -> None:
+        self.killed, self.silent_s = True, silent_s
 
     def close(self) -> None:
         os.close(self.sentinel)
@@ -66,7 +66,7 @@ def watch(task: Process, recorder: Process, control: ControlBlock) -> None:
 def test_a_task_without_a_sign_of_life_is_killed(
     make: Make, monkeypatch: pytest.MonkeyPatch, state: TaskState
 ) -> None:
-    """The end of the task's heartbeat makes each drive stop its axis."""
+    """When the task's heartbeat ends, each drive stops its axis."""
     patience = "START" if state is TaskState.BRING_UP else "BEAT"
     monkeypatch.setattr(f"acquisition.session.record.{patience}_PATIENCE_S", -1.0)
     control = ControlBlock.create()

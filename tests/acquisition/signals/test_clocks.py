@@ -18,12 +18,12 @@ PPM, OFFSET_S, JITTER_S, LENGTH_S = 100.0, 0.003, 0.005, 170.0
 
 
 def device_time(rate_hz: float) -> NDArray[np.float64]:
-    """Return row times on the device's clock, in the microseconds that it sends."""
+    """Return the times of rows on the device's clock, in the microseconds that the device sends."""
     return np.round(np.arange(0.0, LENGTH_S, 1.0 / rate_hz), 6)
 
 
 def on_sync(device_s: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the true times on a host's monotonic clock: 100 ppm slow and 3 ms late."""
+    """Return the true times on the host's clock, which has another rate and another offset."""
     return 9000.0 + OFFSET_S + device_s * (1.0 + 1e-6 * PPM)
 
 
@@ -51,7 +51,9 @@ class TestArrivals:
         assert clock.sigma_s(device).max() < 200e-6
 
     def test_the_uncertainty_covers_the_error_if_short_delays_are_rare(self) -> None:
-        """The sum of two delays is almost never zero: even the earliest arrivals are late."""
+        """The sum of two random delays is almost never zero, so even the earliest arrivals are
+        late.
+        """
         device = device_time(125.0)
         true, inside = on_sync(device), []
         for seed in range(12):

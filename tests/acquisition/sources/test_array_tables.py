@@ -17,8 +17,8 @@ from hypothesis.extra import numpy as arrays
 from pyarrow import parquet
 from scipy.io import savemat
 
-from acquisition.imports.import_map import ImportMap
 from acquisition.imports.read import import_csv
+from acquisition.maps.import_map import ImportMap
 from acquisition.recording.recording import Recording
 from acquisition.sources.array_files import read_arrays
 from acquisition.sources.array_tables import write_array_tables
@@ -216,11 +216,11 @@ def test_a_damaged_file_is_refused(name: str, tmp_path: Path) -> None:
         read_arrays(path)
 
 
-@pytest.mark.parametrize(("name", "library"), [("r.h5", "h5py"), ("r.parquet", "pyarrow")])
 def test_a_format_without_its_library_is_refused(
-    name: str, library: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (tmp_path / name).write_bytes(b"x")
-    monkeypatch.setitem(sys.modules, library, None)
-    with raises_code(ConfigError, "RID-INSTALL-LIBRARY", str(tmp_path / name)):
-        read_arrays(tmp_path / name)
+    path = tmp_path / "r.h5"
+    path.write_bytes(b"x")
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    with raises_code(ConfigError, "RID-INSTALL-LIBRARY", str(path)):
+        read_arrays(path)

@@ -13,8 +13,8 @@ import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
-from acquisition.imports.import_map import ImportMap
 from acquisition.imports.read import import_csv
+from acquisition.maps.import_map import ImportMap
 from acquisition.sources.bags import convert_bag_to_table
 from config.errors import ConfigError, DataQualityError
 from tests.builders.raised_codes import raises_code, raises_invalid
@@ -109,7 +109,9 @@ def test_joints_are_in_the_robots_order_for_any_order_in_the_messages(tmp_path: 
 
 
 def test_each_joint_uses_its_own_sign_zero_gear_and_constant(tmp_path: Path) -> None:
-    """As in a CSV file: position = sign (raw - zero) / gear, torque = sign raw constant gear."""
+    """The conversion is that of a CSV file: position = sign (raw - zero) / gear, torque = sign raw
+    constant gear.
+    """
     elbow = {"joint": "elbow", "position_sign": -1, "torque_sign": -1, "zero_offset": 0.25}
     elbow |= {"gear_ratio": 2.0, "torque_constant_nm_per_a": 3.0}
     shoulder = {"joint": "shoulder", "torque_constant_nm_per_a": 1.0}

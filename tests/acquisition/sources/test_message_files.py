@@ -1,4 +1,6 @@
-"""Import: messages of MCAP files and bags, with names for their fields."""
+"""Import: the messages of MCAP files and ROS bags become a table, and each field gets a column
+name.
+"""
 
 from __future__ import annotations
 
@@ -16,8 +18,8 @@ from rosbags.rosbag2 import StoragePlugin
 from rosbags.rosbag2 import Writer as BagWriter
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from acquisition.imports.import_map import ImportMap
 from acquisition.imports.read import import_csv
+from acquisition.maps.import_map import ImportMap
 from acquisition.proposals.propose import propose_map
 from acquisition.sources.array_tables import write_array_tables
 from acquisition.sources.message_files import read_message_arrays
@@ -186,7 +188,7 @@ def test_joint_states_are_proposed_as_such(
         proposal = propose_map(bag, str(tmp_path / "robot.yaml"))
         assert proposal.keys["joint_states"]["effort"] == "?"
         assert ("names" in proposal.keys["joint_states"]) == (detail is not None)
-        assert detail is None or detail in proposal.doubts[1]
+        assert detail is None or detail in proposal.doubts[0]
 
 
 def test_a_damaged_file_is_refused(tmp_path: Path) -> None:

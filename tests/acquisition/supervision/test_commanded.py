@@ -1,4 +1,4 @@
-"""Limits of the sum of a motion and its feedforward, computed as for the drives.
+"""Limits apply to the sum of a motion and its feedforward, as it is sent to the drives.
 
 A feedforward within the speed limits of every row can still command any acceleration and position.
 Therefore the total command is compared with the limits.
@@ -61,7 +61,9 @@ def refusal(samples: MotionSamples, *names: str) -> str:
 
 
 def window(rows: FloatArray, count: int) -> FloatArray:
-    """Return a factor that rises smoothly from 0 and falls back to 0 over a motion's rows."""
+    """For the rows of a motion, return a factor that rises smoothly from 0 and returns smoothly to
+    0.
+    """
     return np.asarray(np.sin(np.pi * rows / (count - 1)) ** 2)
 
 
@@ -166,7 +168,9 @@ def test_a_repeated_period_is_checked_like_a_stored_one() -> None:
 def test_an_accepted_feedforward_is_commanded_within_the_limits(
     size: float, pace: float, phase: float, joint: int
 ) -> None:
-    """A feedforward is refused, or a simulated position loop with it stays within every limit."""
+    """Either the feedforward is refused, or a simulated position loop with this feedforward stays
+    within every limit.
+    """
     samples = motion(periods=1)
     k = np.arange(len(samples), dtype=float)
     ahead = samples.velocity.copy()

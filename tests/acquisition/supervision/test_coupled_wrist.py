@@ -50,7 +50,9 @@ def test_missed_answers_are_counted_for_the_silent_drive(watch: Watch) -> None:
 def test_a_joint_whose_motors_are_silent_in_turn_stops_the_motion(
     cell: CellConfig, robot: RobotDescription
 ) -> None:
-    """No drive misses two cycles in a row, but the position of joint 3 is never known."""
+    """No drive misses two cycles in a row, but the position of joint 3 is never known
+    completely.
+    """
     coupling = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.5, -0.5, 1.0))
     watch = at_speed(cell, robot.model_copy(update={"coupling": coupling}))
 
@@ -71,7 +73,7 @@ def test_a_known_position_in_between_restarts_the_count(watch: Watch) -> None:
 
 
 def test_a_position_jump_in_between_does_not_restart_the_count(watch: Watch) -> None:
-    """The value received in between is not a plausible position."""
+    """The value that arrives between the two lost answers is not a plausible position."""
 
     def fault(cycle: Cycle) -> None:
         if cycle.number in (10, 12, 13):
@@ -106,7 +108,7 @@ def test_a_stuck_motor_is_detected_although_another_one_moves_its_joint(
 def test_a_command_faster_than_a_motors_axis_allows_is_refused(
     watch: Watch, robot: RobotDescription
 ) -> None:
-    """alpha3' = q3' + 0.5 q2': both joints are within their limits, the motor is not."""
+    """The motor's speed alpha3' = q3' + 0.5 q2' is above its limit; no joint is too fast."""
     limit = robot.joints[2].limits.velocity
     fast = [0.0, robot.joints[1].limits.velocity, 0.9 * limit]
     cycle = cycle_at(1, SPEED * T)
@@ -118,7 +120,7 @@ def test_a_command_faster_than_a_motors_axis_allows_is_refused(
 
 
 def test_a_motor_measured_faster_than_its_axis_allows_stops_the_motion(watch: Watch) -> None:
-    """alpha3' = q3' + 0.5 q2' = 2.9 rad/s of 2.2, while both joints are within their limits."""
+    """The motor's speed alpha3' = q3' + 0.5 q2' is 2.9 rad/s (limit 2.2); no joint is too fast."""
 
     def fault(cycle: Cycle) -> None:
         if cycle.number == 10:

@@ -1,4 +1,6 @@
-"""All drives silent at once, or answering in a burst: a fault of the adapter, not of a drive."""
+"""All drives are silent at once, or all answers arrive in a burst: this is a fault of the adapter
+and not of a drive.
+"""
 
 from __future__ import annotations
 

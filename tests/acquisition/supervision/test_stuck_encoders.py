@@ -57,6 +57,18 @@ def test_a_slow_command_with_rising_torque_is_a_stuck_encoder(
     assert cycle_of_stop(encoders, SLOW, rising_nm=1.01 * strain_nm) == CYCLES
 
 
+@pytest.mark.parametrize(("rising", "named"), [(0.0, True), (1.01, False)])
+def test_the_velocity_unit_is_named_if_the_torque_does_not_rise(
+    encoders: StuckEncoders, robot: RobotDescription, rising: float, named: bool
+) -> None:
+    """A drive that reads a command in a much larger unit does not move and needs no torque."""
+    rise_nm = rising * RULES.stuck_encoder_torque_fraction * robot.joints[1].limits.torque
+    encoders.check(1, FAST, FAST, 0.0, 1)
+    reasons = [encoders.check(1, FAST, 0.0, rise_nm * cycle, 1) for cycle in range(1, CYCLES + 1)]
+    assert reasons[-1] is not None
+    assert ("velocity_unit" in reasons[-1].text) is named
+
+
 def cycle_of_stop_after_braking(
     encoders: StuckEncoders, strain_nm: float, after_nm: float
 ) -> int | None:

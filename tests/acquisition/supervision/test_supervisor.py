@@ -1,4 +1,4 @@
-"""Supervisor against the table of faults: the cycle and the reason of each stop."""
+"""The supervisor stops in the cycle and with the reason that the table of faults requires."""
 
 from __future__ import annotations
 
@@ -383,7 +383,10 @@ def test_the_text_names_joint_value_limit_and_what_to_check(watch: Watch) -> Non
 def test_a_feedforward_that_jumps_or_is_not_finite_is_never_sent(
     cell: CellConfig, robot: RobotDescription, joint: int, ahead: float
 ) -> None:
-    """The last guard, in the cycle itself, for sources that cannot be checked in advance."""
+    """The supervisor is the last guard in the cycle itself.
+
+    Sources of set-points cannot be checked in advance.
+    """
     number, reason = at_speed(cell, robot).run(
         set_at("target.feedforward", lambda k: k == 5, joint, ahead)
     )

@@ -1,4 +1,6 @@
-"""Before the motion: a stop request keeps the drives unpowered, and no drive times out."""
+"""Before the motion: after a stop request the drives stay without power, and no drive reports a
+timeout.
+"""
 
 from __future__ import annotations
 
@@ -131,7 +133,9 @@ def test_a_robot_that_sagged_into_its_brakes_counts_as_not_displaced(started: St
 def test_no_drive_times_out_during_the_collision_check_of_a_long_path(
     started: Started, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A drive times out 80 ms after the master's last heartbeat (1016h) or command (1400h:05)."""
+    """The drive's timeout ends 80 ms after the master's last heartbeat (1016h) or command
+    (1400h:05).
+    """
     started.use(ServoProfile())
     bus = started.bus
 

@@ -48,7 +48,7 @@ class Axes(Protocol):
 
 
 class Bench:
-    """A cyclic task with its axes, clock and ring, and the rows that it wrote."""
+    """A cyclic task with its axes, clock and ring buffer, and the rows that it has written."""
 
     def __init__(self, cell: CellConfig, robot: RobotDescription, axes: Any, clock: Any) -> None:
         self.control = ControlBlock.create()
@@ -105,12 +105,12 @@ def test_the_first_set_point_is_the_robots_position(bench: Bench, motion: Motion
 
 @dataclass(frozen=True)
 class Watching(PlannedMotion):
-    """A motion that stores the data that it receives about the robot."""
+    """A motion that stores the data that the task passes to it about the robot."""
 
     positions_seen: list[NDArray[np.float64]] = field(default_factory=list)
 
-    def watch(self, position: NDArray[np.float64], counts: NDArray[np.int32]) -> None:
-        self.positions_seen.append(position.copy())
+    def watch(self, answers: Answers) -> None:
+        self.positions_seen.append(answers.position.copy())
 
 
 def test_a_source_receives_every_position_during_approach_and_motion(

@@ -42,7 +42,10 @@ def test_a_robot_that_leaves_its_limits_during_enabling_is_not_moved(
 def test_a_row_lost_by_a_full_ring_stops_the_motion(
     bench: Bench, motion: MotionSamples, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In lock-step the task waits for the recorder to empty the ring; here the wait times out."""
+    """In lock-step the task waits until the recorder has emptied the ring buffer.
+
+    Here this wait times out.
+    """
     monkeypatch.setattr("acquisition.task.lockstep.RECORDER_PATIENCE_S", 0.0)
     bench.ring = Ring.create(3, 64)
     reason = bench.run(motion)

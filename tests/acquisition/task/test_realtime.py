@@ -29,7 +29,7 @@ def test_a_refusal_is_reported_with_its_effect_and_remedy(tmp_path: Path) -> Non
 
 
 def report_refusals_and_wait(pipe: Connection) -> None:
-    """Request low latency, send the refused requests, then wait for a message."""
+    """Request real-time scheduling, send the list of refused requests, then wait for a message."""
     pipe.send(request_realtime())
     pipe.recv()
 

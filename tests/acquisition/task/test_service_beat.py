@@ -1,4 +1,4 @@
-"""A motion ordered by the service stops without the service's heartbeat or its client's lease."""
+"""A motion that the service started stops without the service's heartbeat or its client's lease."""
 
 from __future__ import annotations
 
@@ -109,7 +109,10 @@ def test_a_motion_continues_while_the_service_gives_signs_of_life(
 
 
 def report_heartbeat_verdicts(service: ServiceBeat, found: Any) -> None:
-    """Send the stop code that this process derives from the heartbeat, "" for none."""
+    """Send the stop code that this process derives from the service's heartbeat.
+
+    "" means no stop.
+    """
     found.put([reason.code.name if (reason := service.reason(at_s)) else "" for at_s in (1.0, 9.0)])
 
 

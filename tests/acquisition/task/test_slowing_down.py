@@ -16,7 +16,7 @@ DECELERATION = 10.0
 def time_of_detection(
     speed: Callable[[float], float], period_s: float, until_s: float
 ) -> float | None:
-    """Return the time at which an axis is found too fast [s], or None."""
+    """Return the time [s] at which the check reports that an axis brakes too slowly, or None."""
     position, time_s = 0.0, 0.0
     slowing = DecelerationCheck([DECELERATION], period_s, [position], time_s)
     while time_s < until_s:

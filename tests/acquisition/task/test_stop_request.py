@@ -49,7 +49,9 @@ def test_every_axis_gets_its_quick_stop_before_the_next_sync(
     looks = 0
 
     def ask_in_mid_motion() -> bool:
-        """Request a stop; the task calls this once a cycle after its check for requests."""
+        """Request a stop. The task calls this function once a cycle, after its check for stop
+        requests.
+        """
         nonlocal looks
         looks += control.task.state is TaskState.MOVING
         if looks == AT_CYCLE:

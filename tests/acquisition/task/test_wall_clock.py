@@ -1,4 +1,6 @@
-"""Jumps of the wall clock: it is a label, no duration depends on it (docs/faults.md, row 26)."""
+"""Jumps of the wall clock: wall time is only a label, and no duration depends on it
+(docs/faults.md, row 26).
+"""
 
 from __future__ import annotations
 
@@ -46,7 +48,9 @@ NOW_NS = 1_800_000_000 * 10**9
 
 @pytest.fixture
 def leaping_clock(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """A wall clock that jumps by an hour back and forth at every read, in its own time zone."""
+    """A wall clock in its own time zone that jumps forwards or backwards by an hour at every
+    read.
+    """
     leaps = itertools.cycle((0, HOUR_NS, -HOUR_NS, 5 * 10**6))
     monkeypatch.setattr("time.time_ns", lambda: NOW_NS + next(leaps))
     monkeypatch.setattr("time.time", lambda: (NOW_NS + next(leaps)) / 1e9)

@@ -29,7 +29,9 @@ def path(time_s: FloatArray) -> FloatArray:
 def tracked(
     rate_hz: float, offset_s: float, rate: float, noise_m: float = 5e-5, begin_s: float = -1.0
 ) -> TrackedPoint:
-    """Return the path in the frame and on the clock of an instrument that also sees both rests."""
+    """Return the path in the frame and with the clock of an instrument, including the rests at both
+    ends.
+    """
     random = np.random.default_rng(1)
     own = np.arange(begin_s, 21.0, 1.0 / rate_hz)
     own = own[(own < 8.0) | (own > 9.5)]  # the beam was interrupted
@@ -38,7 +40,7 @@ def tracked(
 
 
 def found_clock(found: Alignment) -> FloatArray:
-    """Return the times of the run for two times of the instrument."""
+    """Return the two times of the run that belong to two times of the instrument."""
     return found.run_time(np.array([1000.0, 1015.0]))
 
 

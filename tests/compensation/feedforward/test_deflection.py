@@ -1,4 +1,6 @@
-"""Gear deflection that motor encoders do not measure: estimate and truth of a simulated arm."""
+"""Gear deflection that motor encoders do not measure: the estimate is compared with the truth of a
+simulated arm.
+"""
 
 from __future__ import annotations
 
@@ -107,7 +109,10 @@ def test_the_estimate_has_the_size_of_the_true_deflection() -> None:
 
 
 def test_a_model_gives_the_torques_through_the_gears() -> None:
-    """Axis 3 has a rotor parameter; the rotors of axes 1 and 2 are part of the link inertias."""
+    """Axis 3 has a parameter for its rotor.
+
+    The rotors of axes 1 and 2 are part of the link inertias.
+    """
     recording, joints = driven_circle(elastic_arm())
     main = recording.phase == Phase.MAIN
     true = (recording.position - joints)[main]

@@ -1,4 +1,6 @@
-"""Pre-compensation on the simulated arm: a circle of 40 cm at 0.6 m/s, and analytic loops."""
+"""Pre-compensation of a circle of 40 cm at 0.6 m/s on the simulated arm, and of loops with known
+responses.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Motor positions that bend elastic gears as the planned motion demands."""
+"""Motor positions that include the gear deflections which the planned motion requires."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def reference(estimate: Estimate, planned: MotionSamples) -> MotorReference:
 def test_springs_and_dampers_transmit_the_torque_of_the_links(
     reference: MotorReference, estimate: Estimate, planned: MotionSamples
 ) -> None:
-    """The derivatives of the deflection are taken by differences, in the last period."""
+    """The derivatives of the deflection are computed by differences in the last period."""
     rows = slice(-700, -500)
     motion = (planned.position, planned.velocity, planned.acceleration)
     wanted = transmitted_torque(estimate, CELL.robot, *motion)
@@ -118,7 +118,10 @@ def test_noise_above_the_band_does_not_reach_the_motors() -> None:
 def test_a_motor_inertia_of_the_robot_file_is_not_transmitted(
     estimate: Estimate, planned: MotionSamples
 ) -> None:
-    """The model cannot separate the motor of axis 1 from its link; that of axis 3 it can."""
+    """The model cannot separate the motor inertia of axis 1 from its link inertia.
+
+    For axis 3 it can.
+    """
     motion = (planned.position, planned.velocity, planned.acceleration)
     joints = tuple(
         joint.model_copy(update={"motor_inertia_kg_m2": 7.0}) for joint in CELL.robot.joints

@@ -103,7 +103,7 @@ def repeat(
     samples = compensated_motion(planned, model, loops)
     sizes = []
     for seed in range(3):
-        measured = repeated_error(samples, [drive(samples, 20 + seed)])
+        measured = repeated_error(cell.robot, samples, [drive(samples, 20 + seed)])
         found = refinement(samples, measured, model, loops, cell.config.position_gain_per_s)
         sizes.append(measured.rms)
         samples = refined(samples, found)
@@ -124,7 +124,7 @@ class TestTuning:
     ) -> None:
         wrong = [replace(loop, gain=1.15 * loop.gain, delay_s=0.0, lag_s=0.0) for loop in loops]
         reference = compensated_motion(planned, model, wrong) if compensated else planned
-        measured = repeated_error(reference, [drive(reference, 3)])
+        measured = repeated_error(cell.robot, reference, [drive(reference, 3)])
         gain = cell.config.position_gain_per_s
         found = tune(reference, measured, model, wrong, gain)
         assert found.used == (True, True, True)
@@ -146,11 +146,11 @@ class TestTuning:
         path: MotionSamples,
     ) -> None:
         gain = cell.config.position_gain_per_s
-        measured = repeated_error(planned, [drive(planned, 3)])
+        measured = repeated_error(cell.robot, planned, [drive(planned, 3)])
         other = [replace(loop, gain=2.0 * loop.gain) for loop in loops]
         with raises_code(DataQualityError, "RID-LOOP-OTHER", "axis1"):
             tune(planned, measured, model, other, gain)
-        not_periodic = repeated_error(path, [drive(path, seed) for seed in (1, 2)])
+        not_periodic = repeated_error(cell.robot, path, [drive(path, seed) for seed in (1, 2)])
         with raises_code(DataQualityError, "RID-RECORDING-NOT-PERIODIC"):
             tune(path, not_periodic, model, loops, gain)
 
@@ -163,7 +163,7 @@ class TestTuning:
         planned: MotionSamples,
     ) -> None:
         random = np.random.default_rng(0)
-        measured = repeated_error(planned, [drive(planned, 3)])
+        measured = repeated_error(cell.robot, planned, [drive(planned, 3)])
         noisy = measured.error.copy()
         noisy[:, 0] += 0.005 * random.normal(size=len(noisy))
         gain = cell.config.position_gain_per_s
@@ -182,7 +182,9 @@ class TestRefinement:
         model: Estimate,
         planned: MotionSamples,
     ) -> None:
-        """With all unmodelled effects, the error falls by factors of 200 (mean), 50 (maximum)."""
+        """With all unmodelled effects, the mean error falls by a factor of 200, the maximum error
+        by 50.
+        """
         before = error_of(cell, drive, planned)
         sizes, samples, found = repeat(cell, drive, loops, model, planned)
         after = error_of(cell, drive, samples)
@@ -215,7 +217,7 @@ class TestRefinement:
         planned: MotionSamples,
     ) -> None:
         before = error_of(cell, drive, planned)
-        measured = repeated_error(planned, [drive(planned, 3)])
+        measured = repeated_error(cell.robot, planned, [drive(planned, 3)])
         found = refinement(planned, measured, model, loops, cell.config.position_gain_per_s)
         assert not found.finished
         after = error_of(cell, drive, refined(planned, found))
@@ -231,7 +233,7 @@ class TestRefinement:
     ) -> None:
         samples = compensated_motion(path, model, loops)
         before = error_of(cell, drive, samples)
-        measured = repeated_error(samples, [drive(samples, seed) for seed in (1, 2, 3)])
+        measured = repeated_error(cell.robot, samples, [drive(samples, seed) for seed in (1, 2, 3)])
         found = refinement(samples, measured, model, loops, cell.config.position_gain_per_s)
         after = error_of(cell, drive, refined(samples, found))
         assert after.mean_m < before.mean_m / 4.0
@@ -284,18 +286,18 @@ class TestRefinement:
 
 
 def test_invalid_repetitions_are_refused(
-    drive: Drive, planned: MotionSamples, path: MotionSamples
+    cell: LoadedCell, drive: Drive, planned: MotionSamples, path: MotionSamples
 ) -> None:
     recording = drive(path, 1)
     with raises_code(DataQualityError, "RID-REFINE-RUNS"):
-        repeated_error(path, [recording])
+        repeated_error(cell.robot, path, [recording])
     torn = replace(recording, valid=np.arange(len(recording)) % 3 > 0)
     lost = str(np.count_nonzero(~torn.valid))
     with raises_code(DataQualityError, "RID-RECORDING-ROWS-LOST", lost):
-        repeated_error(path, [recording, torn])
+        repeated_error(cell.robot, path, [recording, torn])
     circle = drive(planned, 1)
     with raises_code(DataQualityError, "RID-REFINE-RUNS", "2 runs"):
-        repeated_error(planned, [circle, circle])
+        repeated_error(cell.robot, planned, [circle, circle])
 
 
 def test_a_torque_beyond_the_limit_is_refused_with_the_segment(

@@ -52,7 +52,7 @@ def recording() -> Recording:
 
 
 def tracked(recording: Recording, bent: float, rate_hz: float = 250.0) -> TrackedPoint:
-    """Return the path of the tool, whose joints deviate by `bent` rad from the encoders."""
+    """Return the path of the tool if the joints deviate by `bent` rad from their encoders."""
     links = recording.position - _wave(recording.position, bent)
     path = CubicSpline(recording.time_s, forward(CHAIN, links))
     times = np.arange(0.0, recording.time_s[-1], 1.0 / rate_hz)

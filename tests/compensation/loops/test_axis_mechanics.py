@@ -1,4 +1,6 @@
-"""Axis as one inertia: the fit's residual compared with that of noise alone."""
+"""An axis as a single inertia: the residual of the fit is compared with the residual that noise
+alone causes.
+"""
 
 from __future__ import annotations
 

@@ -147,7 +147,10 @@ def test_a_missing_filter_shows_in_p_value_and_whiteness() -> None:
 
 
 def test_one_noisy_response_in_a_hundred_is_rejected() -> None:
-    """Few periods give uncertain variances, which the distribution of the cost must include."""
+    """With few periods the variances are uncertain.
+
+    The distribution of the cost must include this.
+    """
     random = np.random.default_rng(4)
     truth = controller(500.0, 0.08, 0.0, 0.002)
     p_values = []
@@ -175,7 +178,9 @@ def proof() -> Proof:
 
 @pytest.mark.long
 def test_drives_are_identified_within_2_percent_and_within_two_sigma(proof: Proof) -> None:
-    """The plant has current loop, tachometer ripple, delay, rounding and all unmodelled effects."""
+    """The plant has a current loop, tachometer ripple, delay, rounding and all unmodelled
+    effects.
+    """
     assert np.abs(proof.error).max() < 0.02
     assert proof.held.min() >= 0.8
     assert np.mean(np.abs(proof.deviation)) > 0.3
@@ -235,7 +240,7 @@ def test_an_incomplete_realisation_is_skipped_and_the_others_keep_their_phases(
 
 
 def test_stiction_without_the_slow_sine_looks_like_a_spring(cell: LoadedCell) -> None:
-    """The drive's controller is found in both cases, the mechanics only without stiction.
+    """The drive's controller is identified in both cases, the mechanics only without stiction.
 
     During presliding, friction acts as a spring, whose torque is opposite to that of an inertia.
     """

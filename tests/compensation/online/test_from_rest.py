@@ -54,7 +54,7 @@ def elastic(tmp_path_factory: pytest.TempPathFactory) -> LoadedCell:
 
 @pytest.fixture(scope="module")
 def models(elastic: LoadedCell) -> tuple[Estimate, Estimate]:
-    """The arm identified with sign(v) friction, and with presliding hysteresis."""
+    """The arm identified with sign(v) friction, and identified with presliding hysteresis."""
     assert elastic.plant is not None
     options = TwoHarmonicOptions(10.0, tries=100, periods=8)
     motion = design_two_harmonic(elastic.robot, options, elastic.config.cycle_time_s)
@@ -85,7 +85,7 @@ def errors(
     samples: MotionSamples,
     start: tuple[float, ...],
 ) -> tuple[TrackingError, TrackingError, TrackingError]:
-    """Return the errors without compensation, with sign(v) friction, and with hysteresis."""
+    """Return the path errors without compensation, with sign(v) friction, and with hysteresis."""
     by_sign, with_memory = forwards
     pose = np.array(start)
     return (

@@ -1,4 +1,6 @@
-"""On-line stage: feedforward for good points, and stops or refusals for bad ones."""
+"""On-line stage of the compensation: it computes feedforward for valid points, and stops or refuses
+invalid points.
+"""
 
 from __future__ import annotations
 
@@ -29,6 +31,7 @@ from tests.builders.point_streams import (
     SPEED,
     Points,
     T,
+    answers_at,
     arrays,
     drive,
     held_limits,
@@ -63,7 +66,9 @@ class TestGoodPoints:
     def test_the_feedforward_equals_that_of_the_whole_motion(
         self, forward: OnlineFeedforward
     ) -> None:
-        """The feedforward computed off line from the whole motion has the same values."""
+        """The feedforward has the same values as the feedforward computed off line from the whole
+        motion.
+        """
         samples = planned()
         _, _, ahead = arrays(drive(source_of(forward, samples.position)))
         model, parameters = true_model(CELL)
@@ -300,7 +305,7 @@ def test_set_points_keep_every_limit_and_come_to_rest_for_any_stream(
         if end and sent == len(path):
             ring.end()
         at = np.array(points[-1].position if points else path[0])
-        source.watch(at, np.rint(1e6 * at).astype(np.int32))
+        source.watch(answers_at(at))
         if row in late:
             continue
         point = source.at(row)

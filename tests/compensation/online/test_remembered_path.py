@@ -1,4 +1,6 @@
-"""On-line stage with presliding hysteresis: on the path, at rest, and before the path."""
+"""On-line compensation with presliding hysteresis: on the path, at rest, and during the
+approach.
+"""
 
 from __future__ import annotations
 
@@ -6,7 +8,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from compensation.feedforward.inverse import feedforward
 from compensation.online.online_kernel import PRESLIDING
@@ -23,6 +24,7 @@ from tests.builders.point_streams import (
     REMEMBERING,
     Points,
     T,
+    answers_at,
     arrays,
     drive,
     held_limits,
@@ -38,11 +40,6 @@ REST_ROWS = 40
 AT_ONCE = slice(20, -5)  # rows in which the feedforward has its full strength
 
 
-def encoder_counts(position: Points) -> NDArray[np.int32]:
-    """Return positions as counts of an encoder with a resolution of one microradian."""
-    return np.rint(1e6 * position).astype(np.int32)
-
-
 def source_after_approach(points: Points, approach: Points) -> PointSource:
     """Return a source that received the robot's positions during the approach."""
     ring = PointRing.create(3, len(points))
@@ -52,7 +49,7 @@ def source_after_approach(points: Points, approach: Points) -> PointSource:
     source.prepare()
     source.begin(False, approach[0])
     for position in approach:
-        source.watch(position, encoder_counts(position))
+        source.watch(answers_at(position))
     return source
 
 
@@ -108,12 +105,12 @@ def test_joints_that_settle_before_the_path_change_the_state_and_get_no_torque()
     source, points = source_after_approach(q, approach), []
     for row, position in enumerate(settling):
         points.append(source.at(row))
-        source.watch(position, encoder_counts(position))
+        source.watch(answers_at(position))
     assert max(abs(x) for p in points if p is not None for x in p.feedforward) < 1e-9
     for row in range(len(settling), len(q)):
         if row >= leaves:
             source.watch(
-                START + 1.0, encoder_counts(START + 1.0)
+                answers_at(START + 1.0)
             )  # positions are ignored after the start of the path
         points.append(source.at(row))
     found = np.array([p.feedforward for p in points if p is not None])[1:]
@@ -135,13 +132,18 @@ def test_a_flickering_last_digit_does_not_reverse_a_joint() -> None:
     source.begin(False, START - 0.02)
     count_sequence = [*range(-1000, 1), *([-1, 0] * 5), -1]
     for counts in count_sequence:
-        source.watch(START + count * counts, np.full(3, counts, dtype=np.int32))
+        answers = answers_at(START + count * counts)
+        answers.position_counts[:] = counts
+        source.watch(answers)
         slides = source._found[:, DIRECTION].copy()
     np.testing.assert_allclose(slides, 1.0, atol=1e-3)
 
 
 def test_after_a_stop_the_hysteresis_state_follows_the_actual_positions() -> None:
-    """The stop brakes between the points of the path: the state follows the positions."""
+    """During the stop the robot brakes between the points of the path.
+
+    The friction state follows the measured positions.
+    """
     source = source_of(REMEMBERING, waves(3, 320), end=False)
     points = drive(source)
     held_limits(points)
@@ -166,5 +168,5 @@ def test_a_model_without_presliding_ignores_positions() -> None:
     source.prepare()
     source.begin(False, START)
     before = source._memory.copy()
-    source.watch(START + 0.1, encoder_counts(START + 0.1))
+    source.watch(answers_at(START + 0.1))
     np.testing.assert_array_equal(source._memory, before)

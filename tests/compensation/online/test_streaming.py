@@ -46,7 +46,7 @@ def gate() -> PointGate:
 
 
 def take_points(ring: PointRing, count: int) -> Points:
-    """Take points out of the ring as the stage does."""
+    """Take points out of the ring buffer as the on-line stage does."""
     read = ring.points_read
     count = min(count, ring.written - read)
     rows = np.array([ring.rows[(read + k) % ring.capacity] for k in range(count)])
@@ -230,7 +230,7 @@ def wait_until(condition: Callable[[], bool]) -> None:
 
 
 def guide_client() -> Any:
-    """Return the client that the guide shows."""
+    """Return the client program that the guide shows."""
     text = GUIDE.read_text()
     code = text.split("```python\n", 1)[1].split("```", 1)[0]
     namespace: dict[str, Any] = {}

@@ -1,4 +1,6 @@
-"""Timed motions on the simulated arm with every unmodelled effect: identify, time, compensate."""
+"""Timed motions on the simulated arm with every unmodelled effect: identify the arm, time a path,
+compensate its errors.
+"""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ def test_a_path_that_stops_at_corners_is_split_there() -> None:
 
 
 def test_a_path_that_reverses_is_split_there() -> None:
-    """The rows of the motion skip the pose at which it reverses."""
+    """No row of the motion is exactly at the pose at which it reverses."""
     first, turn = POINTS[:2]
     samples = planned(points=(first, turn, first))
     _, ways = curves_of(samples, SPEEDS)

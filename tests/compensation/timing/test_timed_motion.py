@@ -1,4 +1,4 @@
-"""Motion file timed by an identified model: its content and its safety margin."""
+"""A motion file that was timed with an identified model: its content and its safety margin."""
 
 from __future__ import annotations
 

@@ -193,7 +193,9 @@ def test_a_circle_has_equal_speed_at_start_and_end() -> None:
 
 
 def test_a_tiny_motion_is_timed_and_a_joint_at_rest_is_ignored() -> None:
-    """A small motion is timed; a rounding error of a resting joint is not a motion."""
+    """A small motion is timed, but a rounding error in the position of a resting joint is not
+    treated as a motion.
+    """
     robot = arm(axis("one", torque=60.0), axis("two", torque=25.0, friction=("coulomb",)))
     timer = timer_of(robot, fc_two=3.0)
     for way in (1e-6, 1e-3, 1.0):

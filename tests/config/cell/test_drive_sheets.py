@@ -1,4 +1,6 @@
-"""Data sheets named in a cell file: found, read, kept with a run, and read again from it."""
+"""Data sheets that a cell file names: they are found and read, kept with a run, and read again from
+the run.
+"""
 
 from __future__ import annotations
 

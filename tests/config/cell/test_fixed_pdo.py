@@ -1,4 +1,4 @@
-"""PDOs with a fixed mapping: allowed statements of a profile."""
+"""PDOs with a fixed mapping: what a drive profile can state about them."""
 
 from __future__ import annotations
 

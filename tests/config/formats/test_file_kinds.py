@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.imports.import_map import load_import_map
+from acquisition.maps.import_map import load_import_map
 from acquisition.motion.motion_file import load_motion
 from config.errors import ConfigError
 from config.load import bundled_names, load_bundled_or_path, load_cell, load_robot, read_named
@@ -59,7 +59,8 @@ def test_an_error_in_a_file_of_the_right_kind_names_its_key(files: dict[str, str
 
 
 MODEL = json.dumps({"software": "0.1", "kind": "rid-daq estimate", "robot": {}}).encode()
-LOOPS = json.dumps({"format": "rid-daq velocity loops 1"}).encode()
+PAYLOAD = json.dumps({"kind": "rid-daq payload", "robot": {"kinematics": {"kind": "dh"}}}).encode()
+LOOPS = json.dumps({"format": "rid-daq velocity loops 2"}).encode()
 
 
 @pytest.mark.parametrize(
@@ -68,6 +69,7 @@ LOOPS = json.dumps({"format": "rid-daq velocity loops 1"}).encode()
         (b"kind: multipoint\nrobot: ir361\n", "motion file"),
         (read_named("ir361", "cells", None)[0], "cell file"),
         (LOOPS, "`loop`"),
+        (PAYLOAD, "`payload identify`"),
         (b"<!DOCTYPE html>\n<html>", "(HTML)"),
         (b"\x89MCAP0\r\n\xff", "(MCAP)"),
         (b"<?xml version='1.0'?>\n<!-- made by xacro -->\n<robot name='r'>", "URDF"),

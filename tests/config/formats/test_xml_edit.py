@@ -1,4 +1,4 @@
-"""Changes of an XML file by position: every byte outside the change stays."""
+"""Changes of an XML file at given positions: all bytes outside the change stay the same."""
 
 from __future__ import annotations
 

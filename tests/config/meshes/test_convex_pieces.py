@@ -1,4 +1,4 @@
-"""Hulls around meshes of known solids: everything is inside, and little else."""
+"""Hulls around meshes of known solids: a hull contains the whole solid, and little more."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ BRACKET = joined(ANGLE, box((1.0, 0.0, 0.0), (1.1, 1.0, 0.1)))
 
 
 def corners(shape: tuple[FloatArray, IntArray]) -> FloatArray:
-    """Return the triangles of a shape, turned so that no axis is special."""
+    """Return the triangles of a shape in a general orientation."""
     vertices, faces = shape
     return (vertices @ TURN.T)[faces]
 

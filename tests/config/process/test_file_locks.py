@@ -1,4 +1,7 @@
-"""File locks: one holder, reported by the kernel; a check has no side effects."""
+"""File locks: each has one holder, which the kernel reports.
+
+Checking a lock has no side effects.
+"""
 
 from __future__ import annotations
 
@@ -118,7 +121,7 @@ def test_a_lock_that_moved_during_the_reading_of_a_long_list_is_found(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Pages:
-        """List of locks that is empty when it is read for the first time."""
+        """A list of locks that is empty at the first read."""
 
         read = 0
 

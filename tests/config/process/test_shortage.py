@@ -1,4 +1,4 @@
-"""A shortage of resources is named in the error; a programming error is not disguised as one."""
+"""An error names the resource that is short; a programming error is not reported as a shortage."""
 
 from __future__ import annotations
 

@@ -64,7 +64,7 @@ def test_a_program_in_motion_cannot_be_suspended(capfd: pytest.CaptureFixture[st
 
 
 def test_an_interrupt_also_stops_a_program_started_in_the_background() -> None:
-    """A shell ignores SIGINT for background programs; a SIGHUP ignored by `nohup` stays ignored."""
+    """Background programs of a shell ignore SIGINT; a SIGHUP that `nohup` ignores stays ignored."""
     before = {number: signal.signal(number, signal.SIG_IGN) for number in TERMINATION}
     try:
         assert {*ending_signals()} == {signal.SIGINT, signal.SIGTERM}

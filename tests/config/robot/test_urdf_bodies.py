@@ -1,4 +1,4 @@
-"""Bodies made of a URDF's meshes, compared with the meshes themselves in Pinocchio."""
+"""Bodies that are made from the meshes of a URDF are compared with the meshes in Pinocchio."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Link inertias: impossible ones become the nearest possible; massless links become guesses."""
+"""Link inertias of a URDF: impossible inertias become the nearest possible ones.
+
+Links without mass get default values.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Joints of a URDF that mimic others, compared with Pinocchio by virtual work."""
+"""Joints of a URDF that mimic other joints: the torques are compared with Pinocchio by virtual
+work.
+"""
 
 from __future__ import annotations
 

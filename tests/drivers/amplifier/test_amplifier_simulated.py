@@ -1,4 +1,7 @@
-"""Driver of the amplifier with the simulated amplifier, which share only the profile."""
+"""The amplifier's driver with the simulated amplifier.
+
+Driver and simulation share only the profile.
+"""
 
 from __future__ import annotations
 

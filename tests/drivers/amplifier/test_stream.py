@@ -1,4 +1,6 @@
-"""Stream of the amplifier: garbage, any split, counter overflows; never a wrong number."""
+"""Data stream of the amplifier with garbage, arbitrary splits and counter overflows: a decoded
+number is never wrong.
+"""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ class TestGroupedRequests:
 
 
 class TestWordValues:
-    """Values computed by hand, from IEEE 754 and two's complement."""
+    """The values were computed by hand, according to IEEE 754 and two's complement."""
 
     @pytest.mark.parametrize(
         ("kind", "words", "value"),

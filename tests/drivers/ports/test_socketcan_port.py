@@ -1,4 +1,6 @@
-"""Arrival times of frames, from kernel stamps of a date that can jump (docs/faults.md, row 26)."""
+"""Arrival times of frames are computed from kernel time stamps of a wall clock that can jump
+(docs/faults.md, row 26).
+"""
 
 from __future__ import annotations
 
@@ -17,7 +19,7 @@ WAITED_NS = st.integers(0, CYCLE_NS)
 
 
 def stamps() -> KernelStamps:
-    """Return kernel stamps whose last comparison of date and monotonic clock was a cycle ago."""
+    """Return kernel time stamps; wall clock and monotonic clock were last compared a cycle ago."""
     return KernelStamps(NOW_NS - CYCLE_NS + AHEAD_NS, NOW_NS - CYCLE_NS)
 
 

@@ -1,4 +1,4 @@
-"""`CanLink` over python-can: deadlines, typed errors, and frames other than data frames."""
+"""`CanLink` over python-can: deadlines, typed errors, and frames that are not data frames."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def test_an_ended_simulation_is_a_transport_error(
 def test_answers_of_the_previous_cycle_are_read_before_sync(
     link: CanLink, peer: can.BusABC, cell: CellConfig
 ) -> None:
-    """Without time stamps in real time, a frame that is already waiting at SYNC counts as late."""
+    """If the adapter has no time stamps, a frame that is already waiting at SYNC counts as late."""
     safety: DriveSafety = cell.drive_safety
     watch = DriveWatch(("base",), (1,), safety)
     exchange = CyclicExchange(link, (1,), watch)

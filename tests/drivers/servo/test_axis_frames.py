@@ -1,4 +1,6 @@
-"""Signals of a drive in several frames: commands spread over frames, answers joined from frames."""
+"""Signals of a drive in several frames: commands are spread over frames, answers are collected from
+frames.
+"""
 
 from __future__ import annotations
 
@@ -15,10 +17,11 @@ from config.load import load_bundled_or_path
 from drivers.canopen.pdo import ON_EVENT
 from drivers.ports.can_link import CanLink
 from drivers.ports.can_ports import Arrival
-from drivers.servo.axis_frames import ANSWER, AnswerJoiner, AxisFrames
+from drivers.servo.axis_frames import ANSWER, JOINED_ANSWER, AnswerJoiner, AxisFrames
 from drivers.servo.command_frames import SpreadCommands
 from drivers.servo.drive_watch import DriveWatch
 from drivers.servo.requirements import cyclic_pdos
+from tests.builders.raised_codes import raises_invalid
 
 FIXED = load_bundled_or_path("faulhaber_mc3000", "servos", ServoProfile)
 ASKED = load_bundled_or_path("trinamic_tmcm16xx", "servos", ServoProfile)
@@ -84,7 +87,7 @@ def trace_frame(time_s: float, counts: int = -70_000, current: int = -5) -> Arri
     return Arrival(TRACE, struct.pack("<ii", counts, current), time_s)
 
 
-ANSWER_DATA = ANSWER.pack(0x27, -70_000, -5)
+ANSWER_DATA = JOINED_ANSWER.pack(0x27, -70_000, -5, 0)
 
 
 @pytest.mark.parametrize("order", [(0, 1), (1, 0)])
@@ -126,7 +129,7 @@ def test_a_repeated_part_gives_a_second_answer(after: bool) -> None:
     batch = [status_frame(1.0), trace_frame(1.001)]
     batch.insert(2 if after else 1, again)
     joined = join_frames(FIXED, batch)[0]
-    assert [ANSWER.unpack(each.data)[0] for each in joined] == [0x27, 0x1627]
+    assert [JOINED_ANSWER.unpack(each.data)[0] for each in joined] == [0x27, 0x1627]
 
 
 def test_other_frames_are_returned_unchanged() -> None:
@@ -191,8 +194,33 @@ def test_any_frames_become_answers_at_most_once_or_are_returned_unchanged(
     joined, watch = join_frames(profile, strange)
     answers = [each for each in joined if each.cob_id == STATUS]
     assert len(joined) + len(watch.short) <= len(strange)
-    assert all(len(each.data) == ANSWER.size for each in answers)
+    assert all(len(each.data) == JOINED_ANSWER.size for each in answers)
     stamps = {each.time_s for each in strange}
     assert all(each.time_s in stamps for each in answers), (
         "an answer must have the arrival time of one of its parts"
     )
+
+
+class TestDigitalInputs:
+    """A drive with `digital_inputs` sends 60FDh in TPDO 2 at every SYNC."""
+
+    PROFILE = ServoProfile(digital_inputs=True)
+
+    def test_they_have_a_pdo_of_their_own(self) -> None:
+        pdo = cyclic_pdos(1, "full", self.PROFILE)[2]
+        assert (pdo.direction, pdo.number, pdo.transmission_type) == ("tpdo", 2, 1)
+        assert [(item.index, item.bits) for item in pdo.objects] == [(0x60FD, 32)]
+
+    def test_an_answer_is_complete_with_the_inputs_of_its_cycle(self) -> None:
+        answer = Arrival(0x181, ANSWER.pack(0x27, 5, -6), 1.001)
+        inputs = Arrival(0x281, struct.pack("<I", 1 << 16), 1.002)
+        joined, _ = join_frames(self.PROFILE, [answer], [inputs])
+        assert joined == [Arrival(0x181, JOINED_ANSWER.pack(0x27, 5, -6, 1 << 16), 1.001)]
+        assert join_frames(self.PROFILE, [answer])[0] == []
+        old = inputs._replace(time_s=0.999)
+        assert join_frames(self.PROFILE, [old], [answer])[0] == []
+
+    def test_fixed_pdos_must_carry_them_as_a_signal(self) -> None:
+        with raises_invalid("", "digital_inputs"):
+            ServoProfile(digital_inputs=True, pdos=FIXED.pdos, mode=FIXED.mode, torque=FIXED.torque)
+        assert not FIXED.sends_inputs

@@ -194,9 +194,10 @@ class TestRefusals:
         assert bench.found("6091h:00").verdict == "shown"
         assert bench.found("6065h:00").found == "3259", "the robot file's gear is used"
 
-    def test_implausible_units_are_refused(self, bench: Bench) -> None:
-        bench.drives[0].objects[0x608F, 2] = bytes(4)
-        with raises_code(PreflightError, "RID-PREFLIGHT-RED", "608Fh:02"):
+    @pytest.mark.parametrize(("part", "value"), [(2, 0), (1, 100)])
+    def test_an_impossible_encoder_is_refused(self, bench: Bench, part: int, value: int) -> None:
+        bench.drives[0].objects[0x608F, part] = value.to_bytes(4, "little")
+        with raises_code(PreflightError, "RID-PREFLIGHT-RED", f"608Fh:0{part}", str(value)):
             bench.axes.bring_up()
 
     def test_a_drive_without_cyclic_synchronous_velocity_is_refused(self, bench: Bench) -> None:
@@ -371,7 +372,7 @@ def test_a_drive_without_60c2h_is_accepted_if_the_cell_file_allows_it(
             bench.axes.bring_up()
     else:
         for drive in bench.drives[1:]:
-            drive.objects[0x60C2, 1] = bytes([cell.cycle_time_ms])
+            drive.objects[0x60C2, 1] = bytes([int(cell.cycle_time_ms)])
         bench.axes.bring_up()
     assert bench.found("60C2h:01").verdict == ("red" if red else "shown")
 
@@ -381,8 +382,18 @@ def test_a_fixed_period_of_a_drive_must_equal_the_cells_cycle_time(
 ) -> None:
     bench = make_bench(cell.model_copy(update={"servo": ServoProfile(cycle_time_written=False)}))
     for drive in bench.drives[:2]:
-        drive.objects[0x60C2, 1] = bytes([cell.cycle_time_ms])
+        drive.objects[0x60C2, 1] = bytes([int(cell.cycle_time_ms)])
     with pytest.raises(PreflightError):
         bench.axes.bring_up()
     verdicts = [bench.found("60C2h:01", node_id=node).verdict for node in (1, 2, 3)]
     assert verdicts == ["ok", "ok", "red"]
+
+
+def test_a_cycle_time_in_parts_of_a_millisecond_is_written_as_tenths(
+    make_bench: Callable[[CellConfig], Bench], cell: CellConfig
+) -> None:
+    bench = make_bench(cell.model_copy(update={"cycle_time_ms": 6.7}))
+    bench.axes.bring_up()
+    for drive in bench.drives:
+        assert drive.objects[0x60C2, 1] == bytes([67])
+        assert drive.objects[0x60C2, 2] == (-4).to_bytes(signed=True)

@@ -1,4 +1,4 @@
-"""Watch for events of drives and other nodes: reported events, and bounded memory."""
+"""Watch for events of drives and other nodes: events are reported, and the memory is bounded."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Required content of a drive's data sheet, and the findings if it is missing."""
+"""Objects that a drive's data sheet must contain, and the findings if they are missing."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def test_a_missing_reaction_object_is_left_to_the_test_on_the_drive(
 ) -> None:
     (finding,) = findings_on(cell, {title: None})
     assert (finding.found, finding.verdict) == (
-        "not in the EDS: the watchdog test decides",
+        "not in the EDS: the watchdog test must show the reaction",
         "shown",
     )
 

@@ -51,7 +51,9 @@ def test_a_sheet_states_its_device_type(
 def fit_and_missing(
     cell: CellConfig, objects: dict[str, str | None]
 ) -> tuple[EdsFit, dict[str, bool]]:
-    """Return the fit of a sheet, and for each missing object True if it protects people."""
+    """Return the fit of a sheet, and for each missing object True if the object matters for
+    people's safety.
+    """
     fit = fit_eds(sheet(objects), cell, cell.axes[0], {})
     return fit, {each.object_name: fit.protects(each) for each in fit.findings}
 

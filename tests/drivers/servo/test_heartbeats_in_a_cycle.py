@@ -65,7 +65,9 @@ def exchange_on(computer: Computer) -> tuple[CyclicExchange, DriveWatch]:
 
 @pytest.mark.parametrize("time_stamped", [False, True])
 def test_a_pause_of_the_computer_is_not_a_lost_heartbeat(time_stamped: bool) -> None:
-    """The heartbeat arrived during the pause, but the answers are read before it."""
+    """The heartbeat arrived during the program's pause, but the answers are read before the
+    heartbeat.
+    """
     computer = Computer(time_stamped=time_stamped)
     exchange, watch = exchange_on(computer)
     computer.now = 0.05
@@ -98,7 +100,7 @@ def test_silence_is_judged_when_the_timeout_has_passed(after_s: float, lost: boo
 
 
 def test_silence_is_judged_although_an_answer_is_missing() -> None:
-    """All frames until the deadline were read, without a heartbeat among them."""
+    """All frames until the deadline were read, and none was a heartbeat."""
     computer = Computer(time_stamped=True)
     exchange, watch = exchange_on(computer)
     computer.now = 0.096

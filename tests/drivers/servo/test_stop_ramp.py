@@ -47,7 +47,9 @@ def test_duration_and_distance_of_a_ramp_are_computed() -> None:
 
 
 def test_the_stop_is_reported_with_duration_and_distance(bench: Bench) -> None:
-    """The axis brakes from 1.1 times 2 rad/s at 10 rad/s², from the SYNC after the next."""
+    """The axis has 1.1 times the speed 2 rad/s and brakes at 10 rad/s², from the SYNC after the
+    next.
+    """
     bench.axes.bring_up()
     stop = setting(bench, "stop from top speed")
     assert stop.verdict == "ok"

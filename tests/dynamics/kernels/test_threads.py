@@ -1,4 +1,4 @@
-"""Distribution of samples to cores: the results are the same."""
+"""Samples are distributed to several cores; the results do not change."""
 
 from __future__ import annotations
 

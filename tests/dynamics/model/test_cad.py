@@ -44,7 +44,7 @@ def test_values_about_the_frames_origin_agree_with_pinocchio(robot) -> None:
 
 
 def test_uncertainty_is_a_fraction_of_mass_moment_and_whole_inertia(robot) -> None:
-    """An element that is zero has an uncertainty too."""
+    """An inertia element whose value is zero has an uncertainty too."""
     values, sigmas = cad_parameters(RobotModel.from_description(robot), robot)
     link, sigma = values[10:20], sigmas[10:20]
     assert sigma[0] == pytest.approx(0.2 * 4.0)
@@ -68,7 +68,10 @@ def test_a_guess_has_values_but_is_not_a_prior(ir361) -> None:
 
 @pytest.mark.parametrize("moment", [0.0, 1e-6])
 def test_zeros_in_cad_data_are_unknown_and_not_small(ir361, moment: float) -> None:
-    """A wrist of 0.2 kg has about 5e-4 kg m² about its centre, more than three decimals show."""
+    """A wrist of 0.2 kg has an inertia of about 5e-4 kg m² about its centre.
+
+    Three decimals are not enough.
+    """
     flange = LinkCad(mass_kg=0.2, inertia_kg_m2=(moment, 0.0, 0.0, moment, 0.0, moment))
     wrist = ir361.model_copy(update={"cad": (LINK, LINK, flange)})
     _, sigmas = cad_parameters(RobotModel.from_description(wrist), wrist)

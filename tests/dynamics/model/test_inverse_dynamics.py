@@ -60,7 +60,9 @@ def moving(random_motion):
 
 
 def differences(function, motion: np.ndarray) -> np.ndarray:
-    """Return central differences by q, v, a of every joint, the last two axes of (..., 3, n)."""
+    """Return central differences with respect to q, v, a of every joint, in the last two axes of
+    (..., 3, n).
+    """
     out = []
     for kind in range(3):
         for joint in range(motion.shape[2]):
@@ -107,7 +109,7 @@ def test_the_mass_matrix_agrees_with_pinocchio(
 
 @pytest.mark.parametrize("coupling", [None, WRIST], ids=["plain", "coupled"])
 def test_the_mass_matrix_contains_rotors_and_armatures_but_no_payload(ir361, coupling) -> None:
-    """The kinetic energy is v M v / 2 for any drive; friction and spring do not contribute."""
+    """The kinetic energy is v M v / 2 for any drive; friction and spring do not change it."""
     model = all_terms(ir361, coupling)
     rng = np.random.default_rng(2)
     theta, q, v = rng.standard_normal(len(model.parameter_names)), *rng.standard_normal((2, 4, 3))

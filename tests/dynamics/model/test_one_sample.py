@@ -1,4 +1,4 @@
-"""Torque of one sample, compared with the regressor's kernels term by term."""
+"""The torque of one sample is compared with the regressor's kernels, term by term."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Torque of a path sample by sample with presliding, compared with that of the whole path."""
+"""The torque of a path with presliding, computed sample by sample, is compared with the torque of
+the whole path.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Gear losses (5.16, 5.17): analytic results of a weight on a winch, and no gain of power."""
+"""Gear losses (5.16, 5.17): known results of a weight on a winch; a gear never adds power."""
 
 from __future__ import annotations
 
@@ -60,7 +60,9 @@ def test_load_friction_grows_with_the_transmitted_load() -> None:
 
 
 def test_motor_side_terms_are_not_transmitted() -> None:
-    """Net torque (5.15): armature and friction are subtracted before the gear's losses."""
+    """Equation 5.15: armature and friction are subtracted from the motor's torque; the gear losses
+    act on the rest only.
+    """
     model = RobotModel.from_description(
         pendulum(efficiency=0.5, armature=True, friction=("coulomb", "viscous"))
     )
@@ -73,7 +75,7 @@ def test_motor_side_terms_are_not_transmitted() -> None:
 
 
 def test_the_torque_function_computes_the_load(ir361, random_motion) -> None:
-    """Gears do not transmit rotors and friction; they transmit links and spring."""
+    """The torques of links and spring pass through the gear; those of rotor and friction do not."""
     first, *others = ir361.joints
     joints = (first.model_copy(update={"efficiency": 0.7}), *others)
     robot = ir361.model_copy(update={"joints": joints})

@@ -33,7 +33,7 @@ def test_armatures_agree_with_pinocchio(random_arm, judge, random_links, random_
 
 
 def test_with_a_coupling_armatures_belong_to_the_actuators(random_arm, random_motion) -> None:
-    """Kinetic energy Ia alpha.^2 / 2 gives Ia alpha.. on that actuator for any joint motion."""
+    """The kinetic energy Ia alpha'^2 / 2 gives the torque Ia alpha'' at that actuator only."""
     matrix = np.array([[1.0, 0.3], [-0.2, 1.0]])
     robot = with_armatures(random_arm(2, 0, "RR"), (True, True))
     robot = robot.model_copy(update={"coupling": tuple(map(tuple, matrix.tolist()))})

@@ -38,7 +38,7 @@ def without_friction(robot) -> RobotModel:
 
 
 def real_rotors(robot, links: np.ndarray, polar: np.ndarray):
-    """Return rotors as bodies of 0.5 kg, and the links with the rotors' lumped parts added."""
+    """Return each rotor as a body of 0.5 kg, and the links' parameters with these bodies added."""
     rng = np.random.default_rng(len(polar))
     bodies, lumped = [], links.copy()
     for joint, inertia in zip(robot.joints, polar, strict=True):
@@ -57,7 +57,7 @@ def real_rotors(robot, links: np.ndarray, polar: np.ndarray):
 def test_coupled_rotors_agree_with_separate_bodies(
     n, seed, random_arm, judge, random_links, random_motion
 ) -> None:
-    """Pinocchio's rotors spin at mu alpha. relative to the links that carry them."""
+    """Pinocchio's rotors spin at mu alpha' relative to the links that carry them."""
     robot = with_coupling(random_arm(n, 20 * n + seed), seed)
     links, polar = random_links(n, seed), np.random.default_rng(seed).uniform(0.01, 0.2, n)
     bodies, lumped = real_rotors(robot, links, polar)
@@ -74,7 +74,7 @@ def test_coupled_rotors_agree_with_separate_bodies(
 def test_the_base_wrench_of_coupled_rotors_agrees_with_bodies(
     random_arm, judge, random_links, random_motion
 ) -> None:
-    """All rotors are on moving links, so that the base carries no rotor directly."""
+    """All rotors are on moving links, so that no rotor is mounted on the base."""
     robot = with_coupling(random_arm(4, 5, "RRPR"), 5)
     joints = [
         joint.model_copy(update={"rotor": joint.rotor.model_copy(update={"link": max(i, 1)})})
@@ -94,7 +94,7 @@ def test_the_base_wrench_of_coupled_rotors_agrees_with_bodies(
 def test_torques_obey_lagranges_equations_in_the_actuators_coordinates(
     random_arm, judge, random_links
 ) -> None:
-    """Compare with d/dt dL/d(alpha.) - dL/d(alpha), by differences of Pinocchio's energies."""
+    """Compare with Lagrange's equations in alpha, by differences of Pinocchio's energies."""
     robot = with_coupling(random_arm(3, 8, "RPR"), 8)
     matrix = np.array(robot.coupling)
     links, polar = random_links(3, 8), np.array([0.02, 0.05, 0.03])
@@ -164,7 +164,7 @@ class TestWristOfTheThesis:
     def test_the_springs_torque_is_distributed_to_every_actuator_that_stretches_it(
         self, model, ir361
     ) -> None:
-        """Virtual work: along each actuator, the derivative of the spring's energy."""
+        """Virtual work: the torque along each actuator is the derivative of the spring's energy."""
         l, r = ir361.spring.l_m, ir361.spring.r_m  # noqa: E741
         stiffness, free = 8000.0, 0.35
 
@@ -210,7 +210,10 @@ def test_an_identity_coupling_changes_nothing(random_arm, random_motion) -> None
 
 
 def test_gears_transmit_actuators_torques(ir361, random_motion) -> None:
-    """C^T times the joint torques of links and spring; rotors and friction are before the gear."""
+    """The torque is C^T times the joint torques of links and spring.
+
+    Rotors and friction act before the gear.
+    """
     matrix = np.array(TestWristOfTheThesis.COUPLING)
     robot = ir361.model_copy(update={"coupling": TestWristOfTheThesis.COUPLING})
     q, v, a = random_motion(3, 4)
@@ -224,7 +227,7 @@ def test_gears_transmit_actuators_torques(ir361, random_motion) -> None:
 @settings(max_examples=30)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_joints_and_actuators_have_the_same_power(seed) -> None:
-    """tau_alpha . alpha. = tau_q . q. for any C."""
+    """The power is the same in both coordinates: tau_alpha^T alpha' = tau_q^T q' for any C."""
     rng = np.random.default_rng(seed)
     matrix = np.eye(5) + rng.uniform(-0.15, 0.15, (5, 5))
     v, tau = rng.standard_normal((2, 6, 5))

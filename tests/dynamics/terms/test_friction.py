@@ -117,7 +117,9 @@ class TestAsymmetric:
         assert names == ("fcp_axis1", "fcn_axis1", "fv_axis1")
 
     def test_asymmetric_friction_equals_coulomb_friction_with_an_offset(self, ir361) -> None:
-        """Compare as derived in docs/theory.md, section 4, with and without smoothing."""
+        """Compare with the formula derived in docs/theory.md, section 4, with and without
+        smoothing.
+        """
         speed = np.array([-1.0, -0.01, -1e-3, 1e-3, 0.02, 1.0])
         for smoothing in (0.0, 0.02):
             options = {"sign_smoothing_rad_s": smoothing}
@@ -172,7 +174,9 @@ class TestShearThinning:
         np.testing.assert_allclose(phi, np.diag(expected))
 
     def test_shear_thinning_has_a_slope_at_standstill(self, ir361) -> None:
-        """A controller that linearises its model at rest gets the viscous friction of low speed."""
+        """A controller that linearises its model at rest gets the viscous friction of low
+        speeds.
+        """
         model = RobotModel.from_description(
             with_thinning_speed(one_axis(ir361, "shear_thinning"), 0.4)
         )

@@ -79,7 +79,9 @@ class TestAppendixD:
         return [joint.gear_ratio for joint in ir361.joints]
 
     def test_torque_of_actuator_2_agrees_with_appendix_d(self, column, motion, ratios) -> None:
-        """Compare with (D.29): its Im2 contains a part that the model counts in the link's Izz2."""
+        """Compare with (D.29), in which Im2 contains a part that our model assigns to the link's
+        Izz2.
+        """
         _, mu2, mu3 = ratios
         _, a2, a3 = motion[2].T
         np.testing.assert_allclose((column("Im2") + column("Izz2"))[:, 1], (1 + mu2) ** 2 * a2)

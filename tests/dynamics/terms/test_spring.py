@@ -39,7 +39,7 @@ def test_the_torque_is_the_derivative_of_the_springs_energy(model, ir361) -> Non
 
 
 def test_the_stiffness_column_is_collinear_with_the_gravity_of_link_2(model) -> None:
-    """Therefore stiffness and gravity merge into one parameter, grav1 = l r k - g b2z (3.38)."""
+    """The thesis therefore has one parameter for both, grav1 = l r k - g b2z (3.38)."""
     q = np.zeros((7, 3))
     q[:, 1] = np.linspace(-1.4, 1.0, 7)
     phi = regressor(model, q, 0 * q, 0 * q)[:, 1]
@@ -104,7 +104,9 @@ class TestFourierForm:
         np.testing.assert_allclose(self.columns(model, q2) @ coefficients, expected)
 
     def test_three_harmonics_suffice_for_the_ir361(self, model, ir361) -> None:
-        """Example 3.4: the physical torque over the axis's range, within 0.5 % of its peak."""
+        """Example 3.4: the physical torque over the range of the axis is reproduced within 0.5 % of
+        its peak.
+        """
         limits = ir361.joints[1].limits
         q2 = np.linspace(limits.position_min, limits.position_max, 200)
         physical = RobotModel.from_description(ir361, rotors=False, friction=False)

@@ -89,7 +89,9 @@ def test_a_motion_of_all_joints_leaves_fewer_weak_parameters(
 
 
 def test_a_presliding_share_at_its_bound_is_reported_with_the_term_to_remove() -> None:
-    """The finding names `presliding` if the data show none, and `presliding_share` otherwise."""
+    """The finding names `presliding` if the data show no presliding, and `presliding_share`
+    otherwise.
+    """
     way = motion(20.0, 1)
     for gives_way, term in ((False, "presliding"), (True, "presliding_share")):
         directions = {1: iwan(way[0][:, 1], 0.01)} if gives_way else {}

@@ -103,7 +103,7 @@ def test_a_weighed_load_determines_the_drive_gains(
 def test_least_squares_and_total_least_squares_have_larger_errors(
     loaded: tuple[Estimate, tuple[TimeRun, ...]],
 ) -> None:
-    """The data are the same; both methods follow Gautier and Briot (2014)."""
+    """Both methods of Gautier and Briot (2014) use the same data."""
     estimate, runs = loaded
     ours = np.abs(drive_gains(estimate, runs, LOAD["mL"], 0.01).values - TRUE_GAINS).max()
     equations, mass = noise_weighted_equations(estimate, runs)

@@ -1,4 +1,7 @@
-"""Mistakes in the description of a force plate are found, not taken for wrong torque constants."""
+"""Mistakes in the description of a force plate are found.
+
+They are not attributed to the torque constants.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +52,7 @@ def average(weigh: Callable[..., Recording]) -> PeriodAverage:
 
 @pytest.fixture(scope="module")
 def fit(average: PeriodAverage, arm: KnownArm) -> Fit:
-    """Fit the recording with the given fields of `plate` and the given wiring of channels."""
+    """Fit the recording with the given fields of `plate` and the given assignment of channels."""
 
     def fitted(
         kind: ModelKind = "external", channels: Channels = _as_they_are, **stated: object
@@ -63,7 +66,9 @@ def fit(average: PeriodAverage, arm: KnownArm) -> Fit:
 
 @pytest.fixture(scope="module")
 def find_mistake(average: PeriodAverage, arm: KnownArm) -> Described:
-    """Find the mistake from equations without estimated delays: a fit may refuse such delays."""
+    """Find the mistake from equations without estimated delays, because a fit may refuse the
+    estimated delays.
+    """
 
     def found(kind: ModelKind, channels: Channels = _as_they_are, **stated: object) -> PlateMistake:
         averages, plate = _described(average, channels, **stated)
@@ -214,7 +219,13 @@ def _times(channels: tuple[int, ...], factor: float) -> Channels:
 def _described(
     average: PeriodAverage, channels: Channels, **stated: object
 ) -> tuple[list[PeriodAverage], PlateConfig]:
-    """Return the recording with wired channels and a plate with these fields."""
+    """Return the recording with the channels as wired, and the plate's description.
+
+    Args:
+        average: The correct recording.
+        channels: Function that exchanges or scales the channels.
+        stated: Fields of the description that differ from the true plate.
+    """
     assert average.reaction is not None
     plate = SimulatedPlate().config.model_copy(update=stated)
     reaction = replace(

@@ -13,8 +13,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from acquisition.imports.import_map import ImportMap, RowRange
 from acquisition.imports.read import import_csv
+from acquisition.maps.import_map import ImportMap, RowRange
 from acquisition.processing.smoothing import smooth_nonperiodic
 from benchmarks.consistency import with_noise
 from config.errors import EstimationError
@@ -53,7 +53,7 @@ def body_of(masses: Array, places: Array) -> Array:
 
 
 def robot_of_points(model: RobotModel, robot: RobotDescription, seed: int) -> Array:
-    """Return standard parameters of a physically consistent robot of the nominal's size."""
+    """Return parameters of a physically consistent robot that is as large as the nominal one."""
     random = np.random.default_rng(seed)
     nominal, sigmas = nominal_parameters(model, robot)
     theta = sigmas * random.uniform(0.05, 1.0)

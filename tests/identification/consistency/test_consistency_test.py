@@ -1,4 +1,4 @@
-"""Test of physical consistency: possible robots pass it, impossible parameters do not."""
+"""Test of physical consistency: consistent robots pass, impossible parameters fail."""
 
 from __future__ import annotations
 
@@ -32,7 +32,9 @@ def judged_parameters(estimate: Estimate) -> JudgedParameters:
 
 
 def below_zero(estimate: Estimate, name: str, sigmas: float) -> Estimate:
-    """Return the estimate with one parameter a number of sigmas below zero."""
+    """Return the estimate with one parameter set to the given number of standard deviations below
+    zero.
+    """
     values, place = estimate.values.copy(), estimate.base.names.index(name)
     values[place] = -sigmas * estimate.sigma[place]
     return replace(estimate, values=values)

@@ -40,7 +40,7 @@ def estimate_and_runs(
     change: Callable[..., Any] | None = None,
     noise_nm: float = 0.2,
 ) -> tuple[Estimate, tuple[TimeRun, ...]]:
-    """Return the estimate from two periods with optional changes, and the periods."""
+    """Return the estimate from two measured periods, and the periods; `change` modifies them."""
     parts = list(single_periods(measure(seed, periods=2, noise_nm=noise_nm), 10.0).values())
     if change is not None:
         parts = [change(part) for part in parts]
@@ -111,7 +111,10 @@ def test_a_check_that_is_impossible_states_its_reason(arm: KnownArm, measure: Me
 
 @pytest.mark.parametrize("late_s", [0.006, -0.004])
 def test_a_delayed_torque_gives_no_false_alarm(late_s: float) -> None:
-    """The joint equations include the delay; checks by energy and simulation are skipped."""
+    """The equations for single joints include the delay.
+
+    The checks by energy and simulation are skipped.
+    """
     way = motion(40.0, 3)
     channel = TorqueChannel.of_delays(np.full(3, late_s), np.full(3, 1e-5))
     on_time = written({}, way)

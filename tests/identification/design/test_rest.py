@@ -78,7 +78,7 @@ def test_a_weak_arm_starts_and_moves_where_its_motor_can_hold_it() -> None:
 
 
 def test_a_rare_feasible_pose_is_found_by_descent() -> None:
-    """The motor can hold the arm only near hanging; few random poses are near enough."""
+    """The motor can hold the arm only if it nearly hangs down, which few random poses do."""
     robot = swinging_arm(0.004 * WEIGHT_NM)
     task = problem(robot)
     pose = task.motion(task.start(1), task._coarse)[0].mean(axis=0)
@@ -101,7 +101,7 @@ def test_bodies_that_always_collide_are_refused_with_their_distance() -> None:
 
 
 def test_a_motion_between_bodies_is_reduced_until_it_is_free() -> None:
-    """The arm is surrounded by posts: a narrow part of the lift's range is free."""
+    """The arm is surrounded by posts: only a narrow part of the lift axis's range is free."""
     post = [
         Capsule(
             kind="capsule",

@@ -1,4 +1,6 @@
-"""Optimal excitations: they reach the closed form, beat the heuristic and are reproducible."""
+"""Optimal excitations reach the closed form, are better than the heuristic, and are
+reproducible.
+"""
 
 from __future__ import annotations
 

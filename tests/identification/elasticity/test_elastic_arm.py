@@ -13,8 +13,7 @@ from config.robot.robot import Joint, RobotDescription
 from config.simulation.plant import PlantConfig, UnmodelledAxis, UnmodelledEffects
 from dynamics.model.true_parameters import true_parameters
 from identification.elasticity.elastic_arm import ElasticArm, ElasticMotion, SmallMotion
-from identification.elasticity.elastic_problem import multisine_torque
-from identification.elasticity.elastic_runs import MultisineBins
+from identification.elasticity.elastic_runs import MultisineBins, multisine_torque
 from identification.elasticity.link_motion import Gears, solve_links
 from mock_hw.plant.rigid_bodies import BaseWrench, build_rigid_bodies
 from tests.builders.raised_codes import raises_code, raises_invalid
@@ -55,7 +54,10 @@ def motion() -> ElasticMotion:
 
 
 def coordinates(motion: ElasticMotion) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return positions, velocities and accelerations of motors and links; motors are anywhere."""
+    """Return positions, velocities and accelerations of motors and links.
+
+    The motor positions are arbitrary.
+    """
     return (
         np.hstack([motion.q, motion.q]),
         np.hstack([motion.motor_v, motion.v]),
@@ -100,7 +102,7 @@ def test_the_base_wrench_agrees_with_pinocchio(
 def test_links_follow_the_motors_as_springs_and_dampers_demand(
     arm: ElasticArm, gears: Gears
 ) -> None:
-    """Slow and fast harmonics, of which the fastest is at half the lowest resonance."""
+    """Harmonics from slow to fast; the fastest is at half the lowest resonance frequency."""
     random = np.random.default_rng(2)
     drawn = random.normal(size=(2, 31, 3))
     theta = np.asarray(0.02 * (drawn[0] + 1j * drawn[1]), dtype=np.complex128)
@@ -118,7 +120,9 @@ def test_links_follow_the_motors_as_springs_and_dampers_demand(
 def test_small_motions_agree_with_pinocchio(
     arm: ElasticArm, gears: Gears, robot: RobotDescription, plant: PlantConfig
 ) -> None:
-    """The mass matrix of motors and links, and gravity's slope, give torque over motor motion."""
+    """The mass matrix of motors and links and the slope of gravity give the ratio of torque to
+    motor motion.
+    """
     pose = np.array([0.3, -0.2, 0.5])
     bodies = build_rigid_bodies(robot, plant)
     data = bodies.model.createData()

@@ -1,6 +1,8 @@
-"""A stiffness that the data do not show is reported as such, with the reason."""
+"""A stiffness that cannot be determined from the data is reported as such, with the reason."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -16,7 +18,9 @@ from rid_daq.report.sections.gears import GearsSection
 def estimate(
     *axes: tuple[float, float, float], minimum_hz: float = 10.0, damping_sigma: float = 0.1
 ) -> GearEstimate:
-    """Return gears by relative standard deviation, deflection [rad] and residual share."""
+    """Return estimated gears from their relative standard deviation, deflection [rad] and fraction
+    of the residual.
+    """
     sigma, bend_rad, residual = np.array(axes).T
     one = np.ones(len(axes))
     lines = np.array([1.0, 20.0])
@@ -56,6 +60,11 @@ def test_one_axis_that_is_not_explained_rejects_the_joint_fit() -> None:
     assert all(reason is not None and "axis2" in reason for reason in reasons)
 
 
+def test_an_instrument_that_contradicts_the_motors_rejects_the_joint_fit() -> None:
+    found = replace(estimate((0.02, 1e-3, 0.1), (0.02, 1e-3, 0.1)), link_side_mismatch=0.9)
+    assert all(reason is not None and "90 %" in reason for reason in found.reasons)
+
+
 def test_a_resonance_above_the_last_line_is_not_shown() -> None:
     (reason,) = estimate((0.02, 1e-3, 0.1), minimum_hz=25.0).reasons
     assert reason is not None
@@ -81,7 +90,6 @@ def test_the_minimum_and_its_covariance_are_those_of_linear_least_squares() -> N
 @pytest.mark.parametrize(("iterations", "is_settled"), [(1, False), (60, True)])
 def test_a_minimum_that_was_not_reached_is_marked(iterations: int, is_settled: bool) -> None:
     def valley(x: FloatArray) -> FloatArray:
-        """Rosenbrock's function with an offset."""
         return np.array([10.0 * (x[1] - x[0] ** 2), 1.0 - x[0], 1.0])
 
     found = minimise(valley, np.array([-1.2, 1.0]), np.full(2, 1e-6), iterations)

@@ -1,4 +1,7 @@
-"""Cached low-passed columns, for terms without nonlinear parameters, equal fresh ones."""
+"""Low-passed columns of terms without nonlinear parameters are cached.
+
+Cached columns equal new ones.
+"""
 
 from __future__ import annotations
 

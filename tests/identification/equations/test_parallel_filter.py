@@ -1,4 +1,6 @@
-"""Parallel filtering of torque and columns: the true parameters leave no residual."""
+"""Torque and regressor columns are filtered in the same way: the true parameters leave no
+residual.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,7 @@ STANDSTILL_RAD_S = 0.02
 def quick_reversals(
     duration_s: float = 30.0, step_s: float = STEP_S, seed: int = 1
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return time and a sum of sines without a period, with two reversals per second."""
+    """Return times and a sum of sines that never repeats, with two reversals per second."""
     random = np.random.default_rng(seed)
     time_s = np.arange(0.0, duration_s, step_s)
     omega = 2.0 * np.pi * random.uniform(0.1, 1.0, (6, 3))
@@ -68,7 +70,9 @@ def signals() -> SmoothedSignals:
 
 
 def misfit(signals: SmoothedSignals) -> float:
-    """Return the largest residual of the true parameters on used rows, relative to the torque."""
+    """Return the largest residual of the true parameters in the used rows, relative to the
+    torque.
+    """
     model = RobotModel.from_description(arm())
     base = base_parameters(model)
     beta = base.from_standard(values_of(model))

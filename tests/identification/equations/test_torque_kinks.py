@@ -1,4 +1,4 @@
-"""Torques with a kink between two rows: sums over rows become exact integrals."""
+"""Torques with a kink between two rows: the sum over the rows becomes the exact integral."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Temperature-dependent friction at one temperature: the same torques and intervals."""
+"""`at_temperature` replaces temperature-dependent friction by friction at one temperature.
+
+Torques and intervals at this temperature stay the same."""
 
 from __future__ import annotations
 
@@ -34,7 +36,7 @@ WARM_K: FloatArray = np.array([320.0, 290.0, 305.0])
 
 
 def identify_warm_arm(terms: tuple[FrictionTerm, ...]) -> Estimate:
-    """Return the estimate of an arm with these terms in two axes; its drives warm up by 20 K."""
+    """Return the estimate of an arm with `terms` in two axes; the drives warm up by 10 to 20 K."""
     robot = with_friction(arm(), [terms, ("coulomb", "viscous"), terms])
     signals = recording(30.0, (None, None, None))
     rise = np.linspace(0.0, 20.0, len(signals))[:, np.newaxis] * np.array([1.0, 0.5, 0.8])

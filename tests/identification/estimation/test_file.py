@@ -58,7 +58,7 @@ def test_an_estimate_is_read_back_as_written(path: Path, estimate: Estimate) -> 
             assert new == old, field.name
 
 
-@pytest.mark.parametrize("other", [1, 2, 4])
+@pytest.mark.parametrize("other", [1, 3, 5])
 def test_a_file_of_another_format_is_refused(path: Path, other: int) -> None:
     with pytest.raises(ConfigError) as refused:
         read_estimate(edit_file(path, lambda d: d.update(format=other)))
@@ -216,7 +216,7 @@ def test_a_changed_model_causes_only_our_errors(
 
 @dataclass(frozen=True)
 class MoreOptions(ModelOptions):
-    """Options with a field that the file format lacks."""
+    """An options file with a field that the file format does not have."""
 
     backlash: bool = True
 
@@ -229,3 +229,26 @@ def test_an_option_without_a_place_in_the_file_is_refused(
         write_estimate(tmp_path / "model.json", replace(estimate, options=options))
     assert refused.value.refusal == "RID-MODEL-OPTION"
     assert not (tmp_path / "model.json").exists()
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda d: d["parameters"][0].update(value=10.0 * d["parameters"][0]["value"]),
+        lambda d: d["parameters"][2].update(value=-d["parameters"][2]["value"]),
+        lambda d: d["residual_nm"].__setitem__(0, 0.5 * d["residual_nm"][0]),
+        lambda d: d["robot"]["joints"][0]["limits"].update(torque=900.0),
+        lambda d: d.update(runs=["another run"]),
+        lambda d: d.update(sha256=""),
+    ],
+)
+def test_a_plausible_edit_of_one_number_is_refused(
+    path: Path, change: Callable[[dict[str, Any]], None]
+) -> None:
+    with raises_code(ConfigError, "RID-MODEL-UNSOUND", f"{path}: sha256: "):
+        read_estimate(edit_file(path, change))
+
+
+def test_a_file_in_another_layout_is_read(path: Path, estimate: Estimate) -> None:
+    path.write_text(json.dumps(dict(reversed(json.loads(path.read_text()).items()))))
+    np.testing.assert_array_equal(read_estimate(path).values, estimate.values)

@@ -1,4 +1,4 @@
-"""Torque that is compared with limits, for friction that depends on temperature."""
+"""The torque that is compared with limits, if friction depends on temperature."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Simulated robot on its plate to the combined model: servo loops, stiction, charges.
+"""From a simulated robot on its plate to the combined model, with servo loops, stiction and charge
+signals.
 
 Pinocchio simulates the plant. The plate has eight charge channels with crosstalk, drift, a jump of
 the zero, noise, a low-pass and a separate clock. Both are independent of the estimators.
@@ -46,7 +47,7 @@ PROFILE = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
 
 @dataclass
 class RobotOnPlate:
-    """The simulated arm on its plate, cycle by cycle."""
+    """Simulation of the arm on its plate, one cycle after another."""
 
     cell: LoadedCell
     unmodelled: bool = False
@@ -179,7 +180,10 @@ def test_the_plate_fits_within_its_noise(fits: list[FittedPeriods]) -> None:
 
 
 def test_the_plate_clock_is_estimated(robot: RobotOnPlate, samples: MotionSamples) -> None:
-    """100 ppm fast and 3 ms ahead: every row is within 50 us over the run (issue 4)."""
+    """The clock is 100 ppm fast and 3 ms ahead.
+
+    The time of every row of the run is within 50 us (issue 4).
+    """
     clock = fits_clock(robot.run(samples, 5))
     device = np.linspace(3.0, 90.0, 30)
     true = START_S + (device - 0.003) / (1.0 + 1e-4)

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.imports.import_map import ImportMap, RowRange
 from acquisition.imports.read import import_csv
+from acquisition.maps.import_map import ImportMap, RowRange
 from acquisition.processing.smoothing import smooth_nonperiodic
 from acquisition.recording.recording import Recording
 from config.load import load_bundled_or_path, load_robot

@@ -1,4 +1,4 @@
-"""Running estimate: at any time equal to that of all rows so far."""
+"""The running estimate equals, at any time, the estimate from all rows so far."""
 
 from __future__ import annotations
 

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.imports.import_map import ImportMap, RowRange
 from acquisition.imports.read import import_csv
+from acquisition.maps.import_map import ImportMap, RowRange
 from acquisition.processing.smoothing import SmoothedSignals, smooth_nonperiodic
 from config.load import load_bundled_or_path, load_robot
 from config.robot.robot import RobotDescription
@@ -55,7 +55,7 @@ def ur10e() -> RobotDescription:
 
 
 def assert_unchanged(name: str, **found: object) -> None:
-    """Compare results with the known ones, each relative to the largest of its kind."""
+    """Compare results with the known ones, with a tolerance relative to the largest value."""
     for kind, values in found.items():
         before = np.array(FIGURES[name][kind], dtype=float)
         size = np.abs(before).max(initial=0.0)

@@ -122,7 +122,7 @@ CASES = {
 
 
 def case(name: str) -> tuple[ExportModel, np.ndarray, Conditions]:
-    """Return a model with random parameters, a motion and its conditions."""
+    """Return a model with random parameters, a random motion, and its temperatures and payload."""
     description, options = CASES[name]
     model = options.build(description)
     rng = np.random.default_rng(7)

@@ -1,4 +1,4 @@
-"""Exported files are read by third-party parsers and engines: urdfdom, MuJoCo, libsdformat.
+"""Exported files are read by the parsers and engines of others: urdfdom, MuJoCo, libsdformat.
 
 urdfdom and libsdformat are used if they are installed, as `.ci/run` does: Debian's
 liburdfdom-tools and libsdformat-dev, the latter with a C++ compiler.

@@ -1,4 +1,4 @@
-"""Exported tables contain the estimate to the last bit, read by other programs."""
+"""Exported tables contain every bit of the estimate, and other programs can read them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Notes in an exported file: what it cannot represent, as a valid comment."""
+"""Notes in an exported file: a valid comment that lists what the format cannot represent."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A user's URDF with identified inertias, judged by Pinocchio, MuJoCo and urdfdom."""
+"""A user's URDF with identified inertias is checked by Pinocchio, MuJoCo and urdfdom."""
 
 from __future__ import annotations
 

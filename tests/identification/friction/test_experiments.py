@@ -187,7 +187,7 @@ def test_an_incomplete_recording_is_refused() -> None:
 
 
 def coupled_arm(turn: float = 0.8) -> RobotDescription:
-    """Return the arm with motor 2 also moving joint 3; `turn` is the gear ratio of motor 2."""
+    """Return the arm in which motor 2 also moves joint 3; `turn` is the gear ratio of motor 2."""
     coupling = ((1.0, 0.0, 0.0), (0.0, 1.0 / turn, 0.0), (0.0, 0.5, 1.0))
     return IR361.model_copy(update={"coupling": coupling})
 

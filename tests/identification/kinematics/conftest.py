@@ -20,21 +20,21 @@ NOISE_M = 2e-5
 
 @dataclass(frozen=True, eq=False)
 class Experiment:
-    """A simulated arm, its nominal point and its gravity by the project."""
+    """A simulated arm, its nominal tool point, and its gravity as computed by rid-daq."""
 
     arm: MeasuredArm
     point_m: FloatArray
     gravity: Gravity
 
     def measured(self, position: FloatArray, load_kg: FloatArray) -> MeasuredPoses:
-        """Return poses that the tracker measured with noise."""
+        """Return the poses as the tracker measures them, with noise."""
         noise = NOISE_M * np.random.default_rng(5).normal(size=(len(position), 3))
         rows = np.arange(2, 2 + len(position))
         points = self.arm.points(position, load_kg) + noise
         return MeasuredPoses("poses.csv", rows, position, points, load_kg)
 
     def calibration(self, count: int, load_kg: float = 0.0) -> Calibration:
-        """Return the calibration from random poses, each second one loaded."""
+        """Return the calibration from random poses; the arm is loaded in every second pose."""
         loads = np.where(np.arange(count) % 2, load_kg, 0.0)
         poses = self.measured(probe_positions(self.arm.robot, count), loads)
         return calibrate(self.arm.robot, poses, self.gravity, self.point_m)
@@ -60,6 +60,9 @@ def six_axes() -> Experiment:
 
 @pytest.fixture(scope="session")
 def calibrated(three_axes: Experiment, six_axes: Experiment) -> Callable[[str], Calibration]:
-    """Return calibrations by the name of the robot; 50 poses, each second one loaded."""
+    """Return calibrations by the name of the robot.
+
+    Each has 50 poses, every second one with a load.
+    """
     found = {"ir361": three_axes.calibration(50, 8.0), "kr15": six_axes.calibration(50, 13.6)}
     return found.__getitem__

@@ -1,4 +1,4 @@
-"""D-optimal poses: within limits, clear of obstacles, better than random ones."""
+"""D-optimal poses are within the limits, away from obstacles, and better than random poses."""
 
 from __future__ import annotations
 

@@ -188,7 +188,9 @@ class TestBaseParameters:
     def test_the_first_harmonic_of_a_fourier_spring_merges_with_the_gravity_of_link_2(
         self, arm: KnownArm
     ) -> None:
-        """As for the physical spring in (3.37), the cosine merges with sy2, the sine with sx2."""
+        """As in the physical spring (3.37), the cosine merges with the parameter sy2 and the sine
+        with sx2.
+        """
         assert arm.robot.spring is not None
         spring = arm.robot.spring.model_copy(update={"form": "fourier"})
         robot = arm.robot.model_copy(update={"spring": spring})

@@ -1,4 +1,6 @@
-"""Payload as part of the last link: the same torques and variances as with separate columns."""
+"""A payload that is part of the last link gives the same torques and variances as separate payload
+columns.
+"""
 
 from __future__ import annotations
 

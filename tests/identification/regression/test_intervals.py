@@ -1,4 +1,6 @@
-"""Jackknife intervals from clusters of residuals, compared with actually removing clusters."""
+"""Jackknife intervals from clusters of residuals are compared with intervals from estimates in
+which each cluster was left out.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +14,7 @@ from tests.builders.raised_codes import raises_code
 
 @pytest.fixture
 def clusters_of_rows() -> tuple[np.ndarray, np.ndarray, list[slice]]:
-    """Three parameters, and 30 clusters of 8 rows with a common error."""
+    """Three parameters, and 30 clusters of 8 rows; the rows of a cluster have a common error."""
     random = np.random.default_rng(4)
     matrix = random.normal(size=(240, 3))
     error = np.repeat(random.normal(size=30), 8) + 0.1 * random.normal(size=240)

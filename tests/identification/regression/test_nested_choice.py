@@ -1,4 +1,4 @@
-"""Rules by which `--choose` accepts a term."""
+"""Rules by which `--choose` adds a term to the model."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Suggestion of friction terms that the robot has and its file lacks, from held-out data."""
+"""Friction terms that the robot has but its file does not: they are suggested from held-out
+data.
+"""
 
 from __future__ import annotations
 

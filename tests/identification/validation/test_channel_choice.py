@@ -14,11 +14,11 @@ from benchmarks.honest_choice import BAND_HZ, DURATION_S, FRICTIONS, Case, recor
 from benchmarks.known_arms import ARMS, drive
 from identification.equations.block_grams import PLAIN, Grams
 from identification.equations.candidate_equations import CandidateEquations, Reach
+from identification.equations.friction_columns import FLEXIBLE
 from identification.estimation.options import EstimationOptions
 from identification.model.base_parameters import base_parameters
 from identification.validation.channel_choice import (
     AFTER_STANDSTILL_S,
-    FLEXIBLE,
     JointChannel,
     JointEquations,
     accepted_channel,
@@ -103,6 +103,21 @@ def test_a_lag_that_few_joints_show_away_from_reversals_is_rejected() -> None:
         [lag_channel(0.02, 0.1), lag_channel(0.02, 1.1), lag_channel(0.02, 1.2)], NONE
     )
     assert not found.changes
+
+
+@pytest.mark.parametrize("value_s", [0.05, -0.05, 0.0495])
+def test_a_delay_at_the_end_of_its_range_is_a_bound(value_s: float) -> None:
+    better = [0.25 * np.ones(BLOCKS), np.ones(BLOCKS)]
+    fits = [JointChannel({"delay": value_s}, {"delay": 1e-4}, each, 0.1) for each in better]
+    found = accepted_channel(fits, NONE[:2])
+    assert found.delay_s.tolist() == [value_s, 0.0], "the second joint's error does not fall"
+    assert found.delay_sigma_s.tolist() == [abs(value_s), 0.0]
+
+
+def test_a_lag_at_the_end_of_its_range_is_a_bound() -> None:
+    fit = JointChannel({"lag": 0.08}, {"lag": 1e-4}, 0.25 * np.ones(BLOCKS), 0.1)
+    found = accepted_channel([fit] * 3, NONE)
+    assert found.lag_sigma_s.tolist() == found.lag_s.tolist() == [0.08] * 3
 
 
 def test_a_zero_phase_filter_needs_evidence_away_from_reversals_on_each_joint() -> None:

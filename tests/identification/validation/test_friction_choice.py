@@ -8,17 +8,22 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
+from config.load import load_robot
 from config.robot.friction_terms import FrictionTerm
+from config.robot.robot import RobotDescription
 from identification.equations.block_grams import PLAIN, Fit, Grams, Terms
-from identification.equations.friction_columns import Column
+from identification.equations.friction_columns import SPEEDS_RAD_S, THINNING_RAD_S, Column
 from identification.validation.friction_choice import preferred_terms, remove_weak_terms
+from identification.validation.robot_terms import with_shear_thinning, with_stribeck
 
 BLOCKS = 12
 SCATTER = 0.01 * np.resize([1.0, -1.0], BLOCKS)
 
 
 def fit(terms: Terms, error: float, sigmas: float) -> Fit:
-    """Return a solution of one joint whose added terms are `sigmas` away from zero."""
+    """Return a solution of one joint in which each added term is `sigmas` standard deviations away
+    from zero.
+    """
     places: dict[tuple[int, Column], int] = {}
     for term in (*PLAIN, *terms):
         places[0, term] = len(places)
@@ -114,5 +119,17 @@ def test_a_term_may_lower_the_error_of_other_joints_only_if_all_share_a_term() -
 def test_the_error_of_other_joints_is_no_evidence_that_a_term_is_not_zero(
     term: FrictionTerm, sigmas: float, stays: bool
 ) -> None:
-    """Nine seconds of data once chose a negative load-dependent friction of 1.4 sigma."""
+    """From nine seconds of data, an earlier version chose a negative load-dependent friction of 1.4
+    sigma.
+    """
     assert is_kept(term, sigmas, "shear_thinning") == stays
+
+
+def test_a_robot_with_any_candidate_speed_can_be_read_again() -> None:
+    slow = load_robot("ur10e")  # its base turns at 2.09 rad/s at most
+    for speed in THINNING_RAD_S:
+        thinning = with_shear_thinning(slow, [speed] * len(slow.joints))
+        assert RobotDescription.model_validate(thinning.model_dump()) == thinning
+    for speed in SPEEDS_RAD_S:
+        stribeck = with_stribeck(slow, [speed] * len(slow.joints))
+        assert RobotDescription.model_validate(stribeck.model_dump()) == stribeck

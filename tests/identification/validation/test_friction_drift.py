@@ -16,7 +16,7 @@ PERIOD, PERIODS = 500, 10
 
 @pytest.fixture
 def recording() -> Recording:
-    """Two axes with 20 N m of friction; that of axis 2 falls by a tenth over the run."""
+    """Two axes with 20 N m of friction; the friction of axis 2 falls by a tenth during the run."""
     rows = PERIOD * PERIODS
     random = np.random.default_rng(0)
     angle = 2.0 * np.pi * np.arange(rows) / PERIOD

@@ -1,4 +1,6 @@
-"""Choice of torque channel and friction terms: the true ones of simulated arms, and no others."""
+"""Choice of torque channel and friction terms: the true terms of simulated arms are chosen, and no
+others.
+"""
 
 from __future__ import annotations
 

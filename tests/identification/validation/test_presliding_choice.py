@@ -65,7 +65,7 @@ def test_the_presliding_fraction_is_1_without_evidence_for_rigid_friction(
 
 
 def partial_presliding(q: FloatArray, share: float) -> FloatArray:
-    """Return the friction direction of a joint with the presliding fraction `share`."""
+    """Return the series that replaces sign(v), for a joint with the presliding fraction `share`."""
     return share * iwan(q, DISTANCE) + (1.0 - share) * iwan(q, RIGID_SLIP, elements=1)
 
 
@@ -91,7 +91,9 @@ def test_a_recording_that_cannot_be_split_is_refused() -> None:
 
 
 def estimated_distances(seed: int) -> tuple[FloatArray, FloatArray]:
-    """Return the distances of axes 2 and 3 and their deviations in one experiment."""
+    """Return the estimated presliding distances of axes 2 and 3 and their standard deviations in
+    one experiment.
+    """
     way = motion(20.0, seed)
     q = way[0]
     directions = {1: iwan(q[:, 1], DISTANCE), 2: iwan(q[:, 2], DISTANCE / 4.0)}
@@ -101,7 +103,9 @@ def estimated_distances(seed: int) -> tuple[FloatArray, FloatArray]:
 
 
 def estimated_shares(seed: int) -> tuple[FloatArray, FloatArray]:
-    """Return distance and fraction of axis 2 and their deviations in one experiment."""
+    """Return the estimated presliding distance and fraction of axis 2 and their standard deviations
+    in one experiment.
+    """
     way = motion(40.0, seed)
     measured = recording({1: partial_presliding(way[0][:, 1], 0.5)}, way, noise_nm=6.0, seed=seed)
     robot = with_presliding((1,), 0.01, share=0.7)
@@ -152,7 +156,9 @@ def test_two_sigma_cover_the_distances(experiments: int) -> None:
 
 
 def test_a_pause_has_the_same_weight_for_any_duration() -> None:
-    """A minute of rest is one observation, not thousands, so it cannot dominate the motion."""
+    """A minute of rest counts as one observation and not as thousands, so it cannot dominate the
+    motion.
+    """
     q = WAY[0]
     measured = recording({1: iwan(q[:, 1], DISTANCE)}, WAY)
     robot = with_presliding((1,), 0.01)

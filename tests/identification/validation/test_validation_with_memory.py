@@ -69,7 +69,9 @@ def whole(identified: Estimate) -> Validation:
 
 @pytest.fixture(scope="module")
 def begun_in_motion(identified: Estimate) -> Validation:
-    """The recording of `whole` without its beginning: it starts while the second axis slides."""
+    """The recording `whole` without its beginning: the new recording starts while the second axis
+    slides.
+    """
     later = measured(directions(WAY[0]), WAY, rows=slice(BEGIN, None))
     return validate_torques(identified, later, cutoff_hz=CUTOFF_HZ)
 

@@ -19,6 +19,7 @@ from identification.model.drawn_arm import drawn_parameters
 from identification.wiring.common_mistakes import common_mistakes, torque_units
 from identification.wiring.mistakes import DEGREES, MistakeKind
 from identification.wiring.possible import keeps_limits
+from identification.wiring.scale import ABSOLUTE
 from identification.wiring.search import find_impossibilities, find_mistakes
 from identification.wiring.signals import WiredSignals
 from identification.wiring.trial import CondensedEquations, plain_model
@@ -105,7 +106,9 @@ def test_a_tilted_base_is_found_with_its_direction(arm: WiredSignals, degrees: f
 def test_a_wrong_zero_of_the_first_joint_is_preferred_to_a_tilted_base(
     arm: WiredSignals,
 ) -> None:
-    """On a wall, a zero error of 40 degrees rotates gravity about the first joint."""
+    """If the robot is on a wall, a zero error of 40 degrees in the first joint rotates gravity
+    about this joint.
+    """
     wall = replace(arm, robot=arm.robot.model_copy(update={"gravity_m_s2": (9.81, 0.0, 0.0)}))
     model = plain_model(wall)
     link_columns = model.parameter_groups["rigid_body"]
@@ -154,6 +157,12 @@ def test_torques_that_copy_the_motion_are_named(arm: WiredSignals, what: str) ->
     one[:, 3] = getattr(arm, what)[:, 3]
     (found,) = find_mistakes(replace(arm, torque_nm=one))
     assert (found.mistake.what, found.mistake.joints) == (what, (3,))
+
+
+def test_torques_without_sign_are_named(arm: WiredSignals) -> None:
+    (found,) = find_mistakes(replace(arm, torque_nm=np.abs(arm.torque_nm)))
+    assert (found.mistake.kind, found.mistake.joints) == (MistakeKind.TORQUE_QUANTITY, ())
+    assert found.mistake.what == ABSOLUTE
 
 
 def test_nothing_is_proposed_for_noise(arm: WiredSignals) -> None:

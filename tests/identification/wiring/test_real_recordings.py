@@ -1,4 +1,4 @@
-"""Recordings of real robots: no mistake is found in correct ones, and an injected one is found."""
+"""In correct recordings of real robots no mistake is found; an injected mistake is found."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from acquisition.imports.import_map import ImportMap, RowRange
 from acquisition.imports.read import import_csv
+from acquisition.maps.import_map import ImportMap, RowRange
 from acquisition.processing.smoothing import smooth_nonperiodic
 from config.load import load_bundled_or_path, load_robot
 from identification.regression.fit_grade import BAD_SHARE, GOOD_SHARE
@@ -72,7 +72,9 @@ def test_the_file_of_a_kuka_fails_on_held_out_parts_of_a_ur10e(
 def test_no_torque_factor_is_proposed_if_the_estimated_weight_is_noise(
     real_robot: Path,
 ) -> None:
-    """With another robot's file the weight is zero within its noise, so 1 / weight is no factor."""
+    """With the file of another robot the estimated weight is zero within its noise, so 1 / weight
+    is not a usable factor.
+    """
     signals = of_ur10e(real_robot, "ur-20_02_10-30sec_12harm", 635, 1500)
     other = {"kinematics": load_robot("kr15").kinematics, "cad": None}
     robot = signals.robot.model_copy(update=other)

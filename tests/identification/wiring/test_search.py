@@ -1,4 +1,6 @@
-"""Injected mistakes in recordings of random robots are found, and no others."""
+"""Mistakes that are injected into recordings of random robots are found, and no other mistakes are
+reported.
+"""
 
 from __future__ import annotations
 

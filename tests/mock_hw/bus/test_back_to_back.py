@@ -1,4 +1,4 @@
-"""Python-can's requirements on every interface: two connected buses, reception of own frames.
+"""Requirements of python-can on every interface: two connected buses, and reception of own frames.
 
 Source: the back-to-back suite in python-can's repository (not part of its package), clause by
 clause for classic CAN; the messages pass through python-can's own classes.

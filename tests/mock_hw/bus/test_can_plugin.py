@@ -20,6 +20,7 @@ from drivers.canopen.frames import SYNC, Frame
 from drivers.ports.can_link import open_can
 from mock_hw.bus.arbitration import WireFrame
 from mock_hw.bus.can_plugin import RidSimBus
+from mock_hw.bus.hub_client import HubClient
 from mock_hw.bus.hub_process import listening_socket
 from mock_hw.bus.hub_protocol import FRAME, PacketKind, pack
 from mock_hw.bus.wire_time import wire_bits
@@ -178,6 +179,7 @@ def test_a_missing_bus_is_python_cans_error(tmp_path: Path) -> None:
 
 def test_a_hub_that_has_ended_is_python_cans_error(serve: Serve, join: Join) -> None:
     bus = join(serve(), participant=True)
+    assert isinstance(bus._client, HubClient)
     bus._client._socket.shutdown(2)
     with pytest.raises(can.CanOperationError):
         bus.recv(1.0)

@@ -1,4 +1,6 @@
-"""Bus hub: exact and repeatable in lock-step, punctual in real time, robust to bad clients."""
+"""The bus hub is exact and repeatable in lock-step, punctual in real time, and robust to bad
+clients.
+"""
 
 from __future__ import annotations
 

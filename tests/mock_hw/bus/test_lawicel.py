@@ -1,4 +1,6 @@
-"""Simulated slcan adapter with LAWICEL's CANUSB commands, at a terminal and with python-can."""
+"""Simulated slcan adapter with the commands of LAWICEL's CANUSB, used from a terminal and by
+python-can.
+"""
 
 from __future__ import annotations
 
@@ -182,8 +184,35 @@ def test_a_full_buffer_loses_whole_frames_only(tmp_path: Path, data_bytes: int) 
     assert lines.endswith(b"\r")
 
 
+def test_a_line_that_the_kernel_takes_in_parts_is_not_damaged(
+    port: LawicelPort, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reader = os.open(tmp_path / "adapter", os.O_RDWR | os.O_NOCTTY)
+    write, accepted = os.write, iter([None, 5, None, 3, 100])
+
+    def write_part(descriptor: int, data: bytes) -> int:
+        count = next(accepted)
+        if count is None:
+            raise BlockingIOError
+        return write(descriptor, data[:count])
+
+    try:
+        os.write(reader, b"S8\rO\r")
+        port.receive_frames(10.0)
+        assert output_of(reader, 2) == b"\r\r"
+        with monkeypatch.context() as patch:
+            patch.setattr(os, "write", write_part)
+            for number in range(3):
+                port.send_frames([(0x181, bytes([number]))])
+            port.receive_frames(0.0)
+            port.receive_frames(0.0)
+        assert output_of(reader, 24) == b"t181100\rt181101\rt181102\r"
+    finally:
+        os.close(reader)
+
+
 def read_all(terminal: int) -> bytes:
-    """Return the bytes that wait at a terminal."""
+    """Return the bytes that the adapter has sent to the terminal and that were not read yet."""
     found = b""
     while select.select([terminal], [], [], 0.1)[0]:
         found += os.read(terminal, 1 << 16)

@@ -1,4 +1,6 @@
-"""Pacing of simulated time: even; small delays are compensated, long ones are not caught up."""
+"""Simulated time runs at an even pace: small delays are compensated, the time of long delays is
+lost.
+"""
 
 from __future__ import annotations
 

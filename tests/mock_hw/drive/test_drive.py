@@ -1,4 +1,6 @@
-"""Simulated drive on the bus: boot, SDO, NMT, PDOs, heartbeats, by frames and times alone."""
+"""Simulated drive on the bus: boot, SDO, NMT, PDOs and heartbeats are judged only by frames and
+their times.
+"""
 
 from __future__ import annotations
 

@@ -118,7 +118,7 @@ def test_a_lost_connection_causes_the_reaction_in_6007(
 
 
 def test_without_a_heartbeat_consumer_the_axis_continues_to_move(bench: Bench) -> None:
-    """Object 1016h exists to prevent this hazard."""
+    """Therefore every drive needs object 1016h or another watchdog."""
     start_motion(bench)
     bench.run_for(10.0)
     assert bench.axis.rate == SPEED

@@ -32,7 +32,7 @@ def objects() -> ObjectDictionary:
 
 @pytest.fixture
 def running(objects: ObjectDictionary) -> PowerStage:
-    """A power stage that runs at velocity 1000 from time 0 on."""
+    """A power stage that runs at velocity 1000 (in the unit of the drive) from time 0 on."""
     power = PowerStage(objects)
     power.boot()
     for word in (0x06, 0x07, 0x0F):

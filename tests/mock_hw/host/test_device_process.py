@@ -1,4 +1,6 @@
-"""Process of simulated hardware: ignores signals to the process group, ends with its program."""
+"""The process of simulated hardware ignores signals to its process group, and ends with its
+program.
+"""
 
 from __future__ import annotations
 

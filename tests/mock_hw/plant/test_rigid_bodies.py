@@ -145,7 +145,7 @@ def test_an_armature_acts_on_its_own_joint_only_and_not_on_the_base() -> None:
 
 
 def test_the_bundled_arm_has_the_rotor_terms_of_appendix_d() -> None:
-    """Compare with (D.27)-(D.29): motors 2 (sign +) and 3 (sign -) are both on link 2."""
+    """Compare with (D.27)-(D.29); motors 2 (sign +) and 3 (sign -) are both mounted on link 2."""
     cell = load_cell("ir361")
     assert cell.plant is not None
     plant = cell.plant.without_unmodelled()

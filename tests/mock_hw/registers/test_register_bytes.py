@@ -1,4 +1,7 @@
-"""Simulated registers byte by byte, without a port, with examples of the specifications."""
+"""Simulated registers, compared byte by byte with examples of the specifications.
+
+No port is opened.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ from mock_hw.registers.registers import SimulatedRegisters, crc16
 
 
 def test_the_checksum_is_that_of_the_specification() -> None:
-    """Modbus over serial line 1.02, 6.2.2: 02 07 is followed by 41 12."""
+    """Modbus over serial line 1.02, 6.2.2: the CRC of the bytes 02 07 is sent as 41 12."""
     assert crc16(b"\x02\x07") == 0x1241
     assert crc16(b"\x02\x07\x41\x12") == 0
 

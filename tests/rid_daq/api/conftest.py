@@ -53,7 +53,9 @@ class Arm:
         time_s, q, v, a = self.motion(seed, seconds)
         noise = np.random.default_rng(seed + 100).standard_normal(q.shape)
         measured = self.torque_nm(q, v, a) + noise
-        return Recording.from_arrays(time_s, q, measured, robot=self.robot, name=f"run {seed}")
+        return Recording.from_arrays(
+            time_s, q, measured, torques="motor_torque", robot=self.robot, name=f"run {seed}"
+        )
 
 
 @pytest.fixture(scope="package")

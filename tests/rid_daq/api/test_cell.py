@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import itertools
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from config.errors import ConfigError, LockedError, RidDaqError
-from rid_daq.api import Cell, design, identify
+from rid_daq.api import Cell, Model, Motion, Payload, compensate, design, identify
 from rid_daq.service.sockets import socket_path_of
+from tests.builders.known_model import write_path_files
 from tests.builders.raised_codes import raises_code
 from tests.rid_daq.service.conftest import serving
 
 pytestmark = pytest.mark.slow
+
+PATH = """
+kind: joint_path
+robot: ir361
+speed_fraction: 0.3
+points:
+- [0.0, 0.0, 0.0]
+- [0.2, 0.1, -0.2]
+"""
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +52,41 @@ def test_a_motion_is_recorded_and_identified(service: str) -> None:
     assert identify(recording, diagnose=False).problems == ()
 
 
-def test_a_job_on_a_cell_that_is_not_leased_is_refused() -> None:
-    with raises_code(ConfigError, "RID-API-ARGUMENT"):
-        Cell("ir361").run("check")
+def test_a_path_is_driven_with_its_feedforward(service: str, tmp_path: Path) -> None:
+    write_path_files(tmp_path, PATH)
+    motion = Motion.load(tmp_path / "path.yaml", cell="ir361")
+    model, payload = Model.load(tmp_path / "alone.json"), Payload.load(tmp_path / "payload.json")
+    ahead = compensate(motion, model, tmp_path / "loops.json", payload=payload)
+    with Cell("ir361", service) as cell:
+        recording = cell.record(motion, feedforward=ahead)
+    assert recording.run.folder.read("feedforward.json") == ahead.content
+
+
+def test_a_file_of_the_service_is_saved(service: str, tmp_path: Path) -> None:
+    motion = Motion.through([[0.0, 0.0, 0.0], [0.1, 0.1, 0.1]], cell="ir361")
+    motion.save(tmp_path / "path.yaml")
+    with Cell("ir361", service) as cell:
+        cell._client.put_file(tmp_path / "path.yaml", "uploaded.yaml")
+        cell.download("uploaded.yaml", tmp_path / "again.yaml")
+        with raises_code(ConfigError, "RID-FILE-EXISTS"):
+            cell.download("uploaded.yaml", tmp_path / "again.yaml")
+        with pytest.raises(RidDaqError) as raised:
+            cell.download("none.yaml", tmp_path / "none.yaml")
+    assert raised.value.refusal == "RID-FILE-UNKNOWN"
+    assert (tmp_path / "again.yaml").read_bytes() == (tmp_path / "path.yaml").read_bytes()
+
+
+def test_a_cell_that_is_not_leased_is_refused(service: str) -> None:
+    closed = Cell("ir361", service)
+    with closed:
+        assert closed.status.simulated
+    motion = Motion.through([[0.0, 0.0, 0.0], [0.1, 0.1, 0.1]], cell="ir361")
+    uses: tuple[Callable[[Cell], object], ...] = (
+        lambda cell: cell.run("check"),
+        lambda cell: cell.record(motion),
+        lambda cell: cell.recording("latest"),
+        lambda cell: cell.status,
+    )
+    for cell, use in itertools.product((Cell("ir361"), closed), uses):
+        with raises_code(ConfigError, "RID-API-ARGUMENT"):
+            use(cell)

@@ -163,7 +163,9 @@ def test_short_recordings_are_judged_together_without_a_filter_across_them(
 def test_a_wrong_torque_sign_is_reported_as_a_problem(arm: Arm) -> None:
     time_s, q, v, a = arm.motion(5, 20.0)
     wrong = arm.torque_nm(q, v, a) * np.array([1.0, -1.0, 1.0])
-    model = identify(Recording.from_arrays(time_s, q, wrong, robot=arm.robot))
+    model = identify(
+        Recording.from_arrays(time_s, q, wrong, torques="motor_torque", robot=arm.robot)
+    )
     assert model.problems
     assert any("axis2" in sentence for sentence in model.problems)
 

@@ -30,7 +30,9 @@ def with_payload(arm: Arm, seed: int, mass_kg: float) -> Recording:
     theta: FloatArray = np.concatenate([arm.theta, on_link])
     measured = torque(model, q, v, a, theta, Conditions(payload=True))
     measured += np.random.default_rng(seed).standard_normal(q.shape)
-    return Recording.from_arrays(time_s, q, measured, robot=arm.robot, name=f"loaded {seed}")
+    return Recording.from_arrays(
+        time_s, q, measured, torques="motor_torque", robot=arm.robot, name=f"loaded {seed}"
+    )
 
 
 @pytest.fixture(scope="module")

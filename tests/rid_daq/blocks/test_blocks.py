@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+from typing import Any, get_args
 
 import pytest
-from bokeh.models import Row
-from bokeh.models.annotations import Span
-from bokeh.models.renderers import GlyphRenderer
 from pydantic import TypeAdapter, ValidationError
 
 from rid_daq.blocks.block import (
@@ -21,12 +19,10 @@ from rid_daq.blocks.block import (
     Text,
     Verdict,
 )
-from rid_daq.blocks.plot import Axis, Bar, Line, Panel, Plot
+from rid_daq.blocks.plot import Axis, Bar, Colour, Line, Panel, Plot
 from rid_daq.blocks.plot import Span as Stretch
-from rid_daq.figures.embedding import as_item
-from rid_daq.figures.palette import NAMED
-from rid_daq.figures.plot_figure import plot_figure
-from rid_daq.report_page.drawings.page_colours import NAMES
+from rid_daq.figures.figure_item import figure_item
+from rid_daq.report_page.drawings.page_colours import colours
 from rid_daq.report_page.drawings.plot import plot_svg
 from rid_daq.terminal.block_printer import print_blocks
 from rid_daq.terminal.console import Console
@@ -130,24 +126,23 @@ def test_a_terminal_shows_text_tables_and_the_next_command(
 
 
 def test_an_interactive_plot_has_every_part() -> None:
-    figure = plot_figure(PLOT)
-    glyphs = [
-        type(each.glyph).__name__ for each in figure.references() if isinstance(each, GlyphRenderer)
+    item: Any = figure_item(PLOT)
+    parts = [
+        (len(panel["lines"]), len(panel["limits"]), len(panel["spans"]), len(panel["bars"]))
+        for panel in item["panels"]
     ]
-    assert sorted(glyphs) == [
-        *("HBar", "Line", "Line", "Line", "Scatter", "Segment", "VArea", "VBar"),
-    ]
-    limits = [str(each.location) for each in figure.references() if isinstance(each, Span)]
-    assert sorted(limits) == ["-2.5", "2.5"]
-    text = json.dumps(as_item(figure, dark=False), allow_nan=False)
-    for word in (
-        "time [s]",
-        "torque [N m]",
-        "frequency [Hz]",
-        "active limit",
-        "other times",
-        "cycles [1]",
-    ):
+    assert parts == [(3, 2, 0, 0), (1, 0, 0, 0), (0, 0, 3, 0), (0, 0, 0, 2)]
+    lines, points, spans, bars = item["panels"]
+    assert [line["dash"] for line in lines["lines"]] == ["solid", "dotted", "solid"]
+    assert [line["isNamed"] for line in lines["lines"]] == [True, True, False]
+    assert [line["reach"] is None for line in lines["lines"]] == [False, True, True]
+    assert (lines["y"]["ends"], points["y"]["ends"]) == ([-3.0, 3.0], None)
+    assert points["lines"][0]["marker"] == "triangle"
+    assert (points["x"]["isLog"], points["y"]["isLog"]) == (True, True)
+    assert [span["row"] for span in spans["spans"]] == [0, 1, 0]
+    assert [bar["name"] for bar in bars["bars"]] == ["0–1", "≥ 1"]
+    text = json.dumps(item, allow_nan=False, ensure_ascii=False)
+    for word in ("time [s]", "torque [N m]", "frequency [Hz]", "active limit", "cycles [1]"):
         assert word in text
 
 
@@ -168,8 +163,10 @@ def test_panels_are_arranged_in_rows_of_the_given_number_of_columns() -> None:
     assert len(set(re.findall(r'id="(a-axes_\d+)"', text))) == 5
     for panel in panels:
         assert f">{panel.title}<" in text
-    assert len([each for each in plot_figure(grid).references() if isinstance(each, Row)]) == 1
+    assert figure_item(grid)["isGrid"]
 
 
-def test_the_page_has_every_colour_that_a_plot_can_name() -> None:
-    assert set(NAMED) < set(NAMES.values())
+@pytest.mark.parametrize("dark", [False, True])
+def test_the_page_has_every_colour_that_a_plot_can_name(dark: bool) -> None:
+    declared = colours(dark=dark)
+    assert all(f"--{name}: #" in declared for name in get_args(Colour))

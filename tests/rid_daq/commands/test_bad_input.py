@@ -33,6 +33,7 @@ time: {column: 0}
 joints:
   - {joint: a, position: 1, torque: 2}
   - {joint: b, position: 3, torque: 4}
+torques: motor_torque
 """
 
 

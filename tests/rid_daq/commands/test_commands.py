@@ -1,4 +1,4 @@
-"""The main commands in sequence on a simulated cell, as a new user runs them."""
+"""The main commands, one after the other, on a simulated cell, as a new user runs them."""
 
 from __future__ import annotations
 
@@ -391,7 +391,7 @@ def test_a_recording_ends_when_the_required_accuracy_is_reached(
     assert result["status"] == "complete"
     assert result["accuracy"]["reached"]
     assert result["accuracy"]["periods"] == 3
-    assert max(result["accuracy"]["relative_percent"]) < 5.0
+    assert max(result["accuracy"]["relative_percent"]) < 8.0  # single periods, with reversals
     recording = read_journal(Path(result["folder"]) / "recording.mcap").recording()
     assert (recording.phase == Phase.MAIN).sum() == 3 * (recording.samples_per_period or 0)
     assert run([*words, "--until", "fc_axis1<0.0001Nm"]) == 1

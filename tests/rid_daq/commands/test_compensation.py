@@ -29,6 +29,7 @@ from mock_hw.simulation import CellSimulation
 from rid_daq.app import run
 from rid_daq.session.cells import hold_reachable_cell
 from tests.builders.certified import MEDIUM, write_payload_file
+from tests.builders.elastic_model import write_elastic_model
 from tests.builders.json_output import document
 from tests.builders.motion_texts import CIRCLE, MULTISINE, PICK
 from tests.builders.screens import calls_of_command, recorded_calls, require_fitting
@@ -83,17 +84,25 @@ def compensated(workshop: Path) -> Path:
     return workshop / "ahead.json"
 
 
+def test_a_reference_run_of_another_cell_is_refused(
+    workshop: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = [str(workshop / "circle.yaml"), "--reference", "circle", *model_and_loops(workshop)]
+    more = ["--runs", str(workshop / "runs"), "-o", str(workshop / "other.json")]
+    assert run(["compensate", "ir361", *words, *more]) == 2
+    assert "RID-REFERENCE-CELL" in capsys.readouterr().err
+
+
 @pytest.mark.usefixtures("drawn_reports")
 def test_compensation_reduces_the_circle_error_by_an_order_of_magnitude(
     workshop: Path, compensated: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """No value is read from the plant file. The thesis reduced the error from 1.42 to 0.25 mm."""
+    """No value is read from the plant file. The thesis had 1.42 mm before and 0.25 mm after."""
     loops = json.loads((workshop / "loops.json").read_text())["loops"]
     for axis, gain in zip(loops, (900.0, 1300.0, 250.0), strict=True):
         assert axis["gain"] == pytest.approx(gain, rel=0.02)
     tuning = json.loads(compensated.read_text())["origin"]["tuning"]
-    assert tuning["same_motion"]
-    assert tuning["used"] == [True, True, True]
+    assert (tuning["same_motion"], tuning["used"]) == (True, [True, True, True])
     assert tuning["scale"] == pytest.approx([1.0, 1.0, 1.0], abs=0.1)
     runs = ["--runs", str(workshop / "runs")]
     capsys.readouterr()
@@ -112,9 +121,7 @@ def test_compensation_reduces_the_circle_error_by_an_order_of_magnitude(
     assert ": error reduced " in page
     assert "does not contain the deflection" in page
     assert "tuned on it" in page
-    stiff = json.loads((workshop / "model.json").read_text())
-    stiff["robot"]["joints"][2]["stiffness_nm_rad"] = 2e4
-    (workshop / "stiff.json").write_text(json.dumps(stiff))
+    write_elastic_model(workshop / "model.json", workshop / "stiff.json", joints=[2])
     words = ["tracking", "compensated", "--model", str(workshop / "stiff.json"), "--json", *runs]
     assert run(words) == 0
     found = document(capsys)
@@ -132,10 +139,7 @@ def test_refine_and_tracking_take_the_payload_into_account(
 ) -> None:
     runs = ["--runs", str(workshop / "runs")]
     payload = str(write_payload_file(workshop / "payload.json", MEDIUM.parameters))
-    stiff = json.loads((workshop / "model.json").read_text())
-    for joint in stiff["robot"]["joints"]:
-        joint["stiffness_nm_rad"] = 2e4
-    (workshop / "elastic.json").write_text(json.dumps(stiff))
+    write_elastic_model(workshop / "model.json", workshop / "elastic.json", joints=[0, 1, 2])
     bending, corrections, origins = [], [], []
     for name, stated in (("alone", "none"), ("loaded", payload)):
         words = ["tracking", "compensated", "--model", str(workshop / "elastic.json")]
@@ -219,7 +223,7 @@ def test_refinement_reduces_the_error_twentyfold_and_a_grown_error_is_refused(
         (["compensate", "arm.yaml", "circle.yaml", "--model", "model.json"], "Missing option"),
         (
             ["record", "arm.yaml", "circle.yaml", "--feedforward", "model.json"],
-            "not a feedforward file",
+            "RID-FILE-TYPE",
         ),
         (
             ["tracking", "circle", "--against", "multisine"],

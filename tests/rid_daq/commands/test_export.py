@@ -291,7 +291,7 @@ def test_options_of_an_update_are_checked(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert run(["export", str(model_file), "-o", "out.urdf", *extra]) == 2
+    assert run(["export", str(model_file), "-o", f"out.{extra[1]}", *extra]) == 2
     assert code in capsys.readouterr().err
 
 

@@ -183,10 +183,10 @@ def test_an_mdf_file_follows_the_standard_and_has_exact_values(
 def test_a_missing_library_is_named_with_its_extra(
     data: RunData, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setitem(__import__("sys").modules, "pyarrow", None)
+    monkeypatch.setitem(__import__("sys").modules, "asammdf", None)
     table = recording_table(data.recording, data.robot)
     with raises_code(ConfigError, "RID-INSTALL-LIBRARY"):
-        encode_recording(table, RecordingFormat.PARQUET)
+        encode_recording(table, RecordingFormat.MDF4)
 
 
 @pytest.mark.parametrize("label", ["ur10 v1.2", "model.json"])

@@ -33,7 +33,7 @@ STEP = 5
 
 @dataclass(frozen=True)
 class Replay:
-    """A motion of the robot that the model was not identified with.
+    """A motion of the robot that was not used to identify the model.
 
     Attributes:
         folder: Folder of the model, `model.json`.
@@ -50,11 +50,11 @@ class Replay:
 
     @property
     def moves(self) -> BoolArray:
-        """Samples at which friction is not stiction."""
+        """True for the samples in which friction is not stiction."""
         return np.asarray(np.abs(self.v) > SLOWEST_RAD_S)
 
     def rms(self, torques: FloatArray) -> FloatArray:
-        """Return the RMS of each joint's moving samples."""
+        """Return the RMS of each joint over the samples in which it moves."""
         return np.sqrt(np.mean(torques**2, axis=0, where=self.moves))
 
 

@@ -15,12 +15,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from acquisition.imports.import_map import load_import_map
 from acquisition.imports.read import import_csv
+from acquisition.maps.import_map import load_import_map
 from acquisition.runs.folder import RunFolder
 from config.load import to_yaml
 from identification.estimation.file import read_estimate
 from rid_daq.app import run
+from rid_daq.report.result_file import read_result
+from rid_daq.report.sections.verdict import VerdictCheck, VerdictSection
+from rid_daq.report_page.write import write_result
 from rid_daq.runs.run_data import RunData
 from tests.builders.console_blocks import assert_shown
 from tests.builders.foreign_tables import as_lines, sound_table, two_joint_map, two_joint_robot
@@ -122,6 +125,19 @@ def test_a_possible_mistake_is_a_finding_in_the_report(
     assert finding.startswith(message)
     page = Path(imported.report).read_text()
     assert message.replace("'", "&#39;") in page
+
+
+def test_the_result_of_the_import_stays_in_the_report_if_its_verdict_changes(
+    import_changed: Callable[..., SimpleNamespace],
+) -> None:
+    imported = import_changed(doubled(40), left_out_limit=0.1)
+    folder = RunFolder.open(Path(imported.report).parent)
+    before = read_result(folder)
+    judged = VerdictSection.of([VerdictCheck.of("error", 1.0, "≤", 2.0, "%")], "Passed", "")
+    page = write_result(folder, before.with_sections(verdict=judged)).read_text()
+    assert before.runs is not None
+    assert before.runs[0].imported == before.verdict.headline
+    assert before.verdict.headline in page
 
 
 def test_omitted_rows_are_counted_by_reason_and_the_map_sets_their_limit(

@@ -119,7 +119,7 @@ def record(
 
 
 def faster_cell(loaded: LoadedCell, cycle_time_ms: int, **changes: Any) -> CellConfig:
-    """Return the cell with a shorter cycle and a faster monitor."""
+    """Return the cell with a shorter cycle and a drive monitor that reads more often."""
     assert loaded.config.monitor is not None
     monitor = loaded.config.monitor.model_copy(update={"period_s": 0.5, **changes})
     return loaded.config.model_copy(update={"cycle_time_ms": cycle_time_ms, "monitor": monitor})

@@ -34,7 +34,7 @@ CLIENTS = 1000
 
 
 class Crowd:
-    """Many clients of the page that send no request or never read the answer."""
+    """Many clients of the page that send no complete request, or never read the answer."""
 
     def __init__(self, page: LivePage) -> None:
         self.lines: list[socket.socket] = []

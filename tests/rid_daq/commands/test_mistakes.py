@@ -31,6 +31,7 @@ joints:
   - {{joint: axis3, position: {2}, torque: {5}}}
 """
 RIGHT = (1, 2, 3, 4, 5, 6)
+MEANING = "torques: motor_torque\n"
 
 
 class Identified(NamedTuple):
@@ -59,11 +60,11 @@ def identify(sound: SoundRecording, tmp_path_factory: pytest.TempPathFactory) ->
 
     @cache
     def run_identify(
-        columns: tuple[int, ...], *rows: str, options: tuple[str, ...] = ()
+        columns: tuple[int, ...], *rows: str, options: tuple[str, ...] = (), keys: str = MEANING
     ) -> Identified:
         folder = tmp_path_factory.mktemp("mistakes")
         np.savetxt(folder / "rec.csv", table, delimiter=",", fmt="%.9g")
-        (folder / "map.yaml").write_text(MAP.format(*columns))
+        (folder / "map.yaml").write_text(MAP.format(*columns) + keys)
         runs = ["--runs", str(folder / "runs"), "--json"]
         files = [str(folder / "rec.csv"), "--map", str(folder / "map.yaml")]
         code, imported = run_document(["import", *files, *rows, *runs])
@@ -87,6 +88,14 @@ def test_a_valid_recording_is_graded_good_without_findings(identify: Identify) -
     assert document["estimate"]["mistakes"] == []
     assert [axis["grade"] for axis in document["estimate"]["axes"]] == ["good"] * 3
     assert all(axis["percent"] < 10.0 for axis in document["estimate"]["axes"])
+
+
+def test_torques_with_gravity_contradict_a_map_that_states_none(identify: Identify) -> None:
+    _, document, _ = identify(RIGHT, keys="torques: gravity_compensated\n")
+    assert document["estimate"]["mistakes"] == []
+    findings = [each for each in document["estimate"]["findings"] if "gravity_compensated" in each]
+    assert len(findings) == 1
+    assert not any("torques:" in each for each in identify(RIGHT).document["estimate"]["findings"])
 
 
 def test_a_short_recording_gives_wide_intervals_and_a_finding(
@@ -168,7 +177,7 @@ def test_a_model_of_another_robot_is_refused(
     )
     other = robot.model_copy(update={"kinematics": longer})
     (tmp_path / "other.yaml").write_text(to_yaml(other))
-    text = MAP.format(*RIGHT).replace("robot: ir361", "robot: other.yaml")
+    text = MAP.format(*RIGHT).replace("robot: ir361", "robot: other.yaml") + MEANING
     (tmp_path / "map.yaml").write_text(text)
     runs = ["--runs", str(tmp_path / "runs"), "--json"]
     files = [str(folder / "rec.csv"), "--map", str(tmp_path / "map.yaml")]
@@ -231,7 +240,7 @@ def test_a_well_fitting_model_with_negative_mass_gives_exit_code_6(
     """With all torques reversed, an arm of negative mass and negative friction fits well."""
     table = np.column_stack([sound.time_s, sound.position, -sound.torque_nm])
     np.savetxt(tmp_path / "rec.csv", table, delimiter=",", fmt="%.9g")
-    (tmp_path / "map.yaml").write_text(MAP.format(*RIGHT))
+    (tmp_path / "map.yaml").write_text(MAP.format(*RIGHT) + MEANING)
     runs = ["--runs", str(tmp_path / "runs"), "--json"]
     files = [str(tmp_path / "rec.csv"), "--map", str(tmp_path / "map.yaml")]
     assert run(["import", *files, *runs]) == 0

@@ -23,6 +23,7 @@ robot: robot.yaml
 columns: 7
 time: {column: 0}
 side: motor
+torques: motor_torque
 joints:
   - {joint: axis1, position: 1, torque: 4}
   - {joint: axis2, position: 2, torque: 5}

@@ -222,7 +222,7 @@ def test_a_wrong_plate_rotation_is_named_rather_than_an_implausible_delay(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """The limit is lowered, so that this fit's delay of 0.07 ms counts as implausibly long."""
+    """The limit is set so low that this fit's delay of 0.07 ms counts as implausibly long."""
     monkeypatch.setattr("identification.estimation.fitted_periods.LONGEST_DELAY_S", 1e-6)
     copy = tmp_path / "runs" / "excitation"
     shutil.copytree(find_run(workshop / "runs", "excitation").path, copy)

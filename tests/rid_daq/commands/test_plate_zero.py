@@ -90,7 +90,6 @@ def cell(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def running_devices(
     cell: Path, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[SimulatedCell]:
-    """Serve the cell's devices, which keep running between commands."""
     with (
         pytest.MonkeyPatch.context() as patch,
         serve_lockstep_cell(cell, patch, tmp_path_factory.mktemp("served")) as simulated,

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.imports.import_map import load_import_map
+from acquisition.maps.import_map import load_import_map
 from acquisition.runs.catalogue import find_run
 from config.load import load_robot, to_yaml
 from config.robot.robot import RobotDescription
@@ -189,7 +189,9 @@ def test_drive_gains_from_a_weighed_payload_pass_three_cross_checks(
 def identified_with(
     robot: RobotDescription, source: Path, folder: Path, capsys: pytest.CaptureFixture[str]
 ) -> str:
-    """Import rows of the UR10e with another robot file, and return what `identify` prints."""
+    """Import rows of the UR10e with the file of another robot, and return the output of
+    `identify`.
+    """
     (folder / "robot.yaml").write_text(to_yaml(robot))
     import_map, _ = load_import_map("ur10e_31")
     changed = import_map.model_copy(update={"robot": "robot.yaml"})

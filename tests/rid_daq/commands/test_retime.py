@@ -138,7 +138,7 @@ def test_a_result_beyond_the_torque_limits_with_payload_is_not_written(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """The search is patched to ignore the payload."""
+    """The test patches the search so that it ignores the payload."""
     empty = read_estimate(folder / "model.json")
     monkeypatch.setattr(
         "rid_daq.operations.path.retiming.retime_path",
@@ -239,7 +239,8 @@ def test_several_turns_of_a_circle_become_one_path(
     assert run(retime_words(folder, "--report", folder / "fast.html")) == 0
     output = " ".join(capsys.readouterr().out.split())
     assert (
-        "All its periods, including those for settling, are now one way from rest to rest" in output
+        "All its periods, including those for settling, are now one part from rest to rest"
+        in output
     )
     assert "The motion was periodic" in (folder / "fast.html").read_text()
     samples = planned_motion(folder / "fast.yaml")
@@ -261,7 +262,7 @@ def tool_positions(samples: MotionSamples) -> FloatArray:
         ("fourier", WAVES, "kind fourier measures by its periods"),
         ("reversed", WAVES, "kind reversed measures by its periods"),
         ("multisine", MULTISINE, "kind multisine measures by its periods and freq"),
-        ("constant_velocity", CONSTANT, "measures by its speeds, which another timing"),
+        ("constant_velocity", CONSTANT, "kind constant_velocity measures by its speeds"),
         ("joint_table", TABLE, "the table must begin and end at rest"),
     ],
 )

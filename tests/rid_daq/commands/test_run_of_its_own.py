@@ -56,7 +56,9 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def make_run(workshop: Path) -> Made:
-    """Return a function that writes a run of the bundled arm like `record` and `identify`."""
+    """Return a function that writes a run of the bundled arm as `record` and `identify` write
+    it.
+    """
     cell = load_cell("ir361")
     model = RobotModel.from_description(cell.robot)
     assert cell.plant is not None

@@ -9,8 +9,6 @@ import pytest
 
 from acquisition.runs.catalogue import find_run
 from compensation.feedforward.file import LARGEST_FILE_BYTES, feedforward_content
-from compensation.loops.loop_file import write_loops
-from compensation.loops.velocity_loop import VelocityLoop
 from config.arrays import FloatArray
 from config.formats.json_file import read_content
 from config.load import load_cell
@@ -22,10 +20,10 @@ from identification.payload.body import to_link
 from identification.payload.file import write_payload
 from identification.payload.verdict import PayloadCheck, PayloadResult
 from rid_daq.app import run
-from tests.builders.certified import MEDIUM, estimate_of, write_payload_file
+from tests.builders.certified import estimate_of, write_payload_file
 from tests.builders.identified_run import arm_in_motion, identified_run
 from tests.builders.json_output import document
-from tests.builders.known_model import known_estimate, with_payload_columns
+from tests.builders.known_model import with_payload_columns, write_path_files
 
 CIRCLE = """
 kind: joint_path
@@ -46,17 +44,7 @@ LINK_3 = tuple(
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return files of a robot: models without and with payload, velocity loops and a path."""
     folder = tmp_path_factory.mktemp("stated")
-    cell = load_cell("ir361")
-    alone = known_estimate(cell, {})
-    write_estimate(folder / "alone.json", alone)
-    write_estimate(folder / "both.json", with_payload_columns(alone))
-    loops = [
-        VelocityLoop(name, 900.0, 0.08, 0.0, 0.002, ("gain",), np.eye(1), 1.0, ())
-        for name in cell.robot.joint_names
-    ]
-    write_loops(folder / "loops.json", loops, "ir361", "a run")
-    (folder / "path.yaml").write_text(CIRCLE)
-    write_payload_file(folder / "payload.json", MEDIUM.parameters)
+    write_path_files(folder, CIRCLE)
     return folder
 
 

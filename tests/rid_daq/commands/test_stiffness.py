@@ -6,24 +6,31 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from acquisition.runs.catalogue import find_run
 from config.load import load_cell, to_yaml
-from config.simulation.plant import UnmodelledEffects
 from rid_daq.app import run
+from rid_daq.runs.run_data import RunData
 from tests.builders.console_blocks import assert_shown
 
 pytestmark = pytest.mark.slow
 
 STIFFNESS, DAMPING = (5e4, 6e4, 2e4), (100.0, 110.0, 25.0)
+"""Those of the bundled plant."""
 EXCITATION = "--period 9.6 --periods 4 --method two-harmonic --limit-fraction 0.85 --seed"
 IDENTIFY = "rid-daq stiffness excitation-1 excitation-2 multisine"
+BY_TRACKER = (
+    "rid-daq stiffness excitation-1 excitation-2 multisine --tracker tracker-1.csv"
+    " --tracker tracker-2.csv"
+)
 COMPENSATE = (
     "rid-daq compensate cell.yaml circle.yaml --model model.json --loop loops.json"
     " -o feedforward.json"
 )
 TRACK = "rid-daq tracking corrected --against rigid --model model.json"
+MEASURE = "rid-daq tracking corrected --tracker corrected.csv"
 CIRCLE = {
     "kind": "circle",
     "robot": "ir361",
@@ -47,23 +54,17 @@ def printed(words: str, capsys: pytest.CaptureFixture[str], *codes: int) -> str:
     return capsys.readouterr().out
 
 
-def document(words: str, capsys: pytest.CaptureFixture[str]) -> Any:
+def document(words: str, capsys: pytest.CaptureFixture[str], *codes: int) -> Any:
     """Run a command and return its JSON document."""
-    return json.loads(printed(f"{words} --json", capsys))
+    return json.loads(printed(f"{words} --json", capsys, *codes))
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with a cell whose gears are elastic, and runs for their identification."""
-    folder, bundled = tmp_path_factory.mktemp("elastic"), load_cell("ir361")
-    plant = bundled.plant
-    assert plant is not None
-    axes = tuple(
-        extra.model_copy(update={"joint_stiffness_nm_rad": k, "joint_damping_nm_s": d})
-        for extra, k, d in zip(plant.extras, STIFFNESS, DAMPING, strict=True)
-    )
-    plant = plant.model_copy(update={"unmodelled": UnmodelledEffects(axes=axes)})
-    (folder / "plant.yaml").write_text(to_yaml(plant))
+    folder, bundled = tmp_path_factory.mktemp("elastic"), load_cell("ir361_elastic")
+    assert bundled.plant is not None
+    (folder / "plant.yaml").write_text(to_yaml(bundled.plant))
     (folder / "robot.yaml").write_text(to_yaml(bundled.robot))
     cell = {"robot": "robot.yaml", "plant": "plant.yaml"}
     (folder / "cell.yaml").write_text(to_yaml(bundled.config.model_copy(update=cell)))
@@ -71,7 +72,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         patch.chdir(folder)
         for number in (1, 2):
             perform(f"design cell.yaml -o excitation-{number}.yaml {EXCITATION} {number}")
-            perform(f"record cell.yaml excitation-{number}.yaml --label excitation-{number}")
+            words = f"--label excitation-{number} --tracker tracker-{number}.csv"
+            perform(f"record cell.yaml excitation-{number}.yaml {words}")
         perform(
             "design cell.yaml --kind multisine --band 0.5:30 --realisations 6 -o multisine.yaml"
         )
@@ -100,6 +102,41 @@ def test_the_plate_confirms_the_stiffness(capsys: pytest.CaptureFixture[str]) ->
     assert [axis["stiffness"] for axis in found["axes"]] == pytest.approx(STIFFNESS, rel=0.03)
 
 
+def test_a_tracker_confirms_the_stiffness(capsys: pytest.CaptureFixture[str]) -> None:
+    found = document(BY_TRACKER, capsys)
+    assert [axis["stiffness"] for axis in found["axes"]] == pytest.approx(STIFFNESS, rel=0.02)
+    # The arm is off its nominal geometry; this is fitted too. The gears bend the tool by 2 mm.
+    assert found["tool_residual_m"] < 1e-4
+    assert_shown("elastic-gears", BY_TRACKER, printed(BY_TRACKER, capsys), same_numbers=False)
+
+
+def test_each_excitation_run_needs_its_own_file(capsys: pytest.CaptureFixture[str]) -> None:
+    perform(f"{IDENTIFY} --tracker tracker-1.csv", 2)
+    assert "RID-OPTION-COUNT" in capsys.readouterr().err
+    perform(f"{IDENTIFY} --tracker tracker-2.csv --tracker tracker-1.csv", 6)
+    assert "RID-TRACKER-ALIGNMENT" in capsys.readouterr().err
+
+
+def test_encoders_that_contradict_the_motors_give_no_stiffness(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    names = [f"links-{number}.csv" for number in (1, 2)]
+    for number, name in enumerate(names, start=1):
+        data = RunData.load(find_run(Path("runs"), f"excitation-{number}"))
+        recording = data.recording
+        rows = [
+            ",".join(map(str, row))
+            for row in np.column_stack([recording.time_s, recording.position])
+        ]
+        (folder / name).write_text("\n".join(["time_s,axis1,axis2,axis3", *rows]))
+    words = " ".join(f"--link-encoders {name}" for name in names)
+    # These positions are those of the motors: they contradict the resonances.
+    found = document(f"{IDENTIFY} {words}", capsys, 6)
+    assert found["has_link_encoders"]
+    assert all(axis["stiffness"] is None for axis in found["axes"])
+    assert found["robot_file"] == {}
+
+
 @pytest.mark.parametrize("runs", ["excitation-1 excitation-2", "multisine"])
 def test_both_kinds_of_runs_are_needed(runs: str, capsys: pytest.CaptureFixture[str]) -> None:
     perform(f"stiffness {runs}", 2)
@@ -121,7 +158,8 @@ def test_the_corrected_path_moves_the_tool_as_planned(
     perform("record cell.yaml circle.yaml --feedforward rigid.json --label rigid")
     output = printed(COMPENSATE, capsys)
     assert_shown("elastic-gears", COMPENSATE, output, same_numbers=False)
-    perform("record cell.yaml circle.yaml --feedforward feedforward.json --label corrected")
+    words = "--feedforward feedforward.json --label corrected --tracker corrected.csv"
+    perform(f"record cell.yaml circle.yaml {words}")
     (motion,) = document(TRACK, capsys)["motions"]
     before, after = motion["against"]["bending"], motion["bending"]
     # The motors follow equally well; the deflection of some 2 mm is corrected at the tool.
@@ -130,3 +168,7 @@ def test_the_corrected_path_moves_the_tool_as_planned(
     assert after["tool_mean_m"] < 0.1 * before["tool_mean_m"]
     assert_shown("elastic-gears", TRACK, printed(TRACK, capsys), same_numbers=False)
     assert find_run(Path("runs"), "corrected").file("report.html").exists()
+    (tool,) = document(MEASURE, capsys)["tool_side"]
+    # The tracker's noise is 0.08 mm of it; the kinematics of the robot file are wrong by more.
+    assert tool["mean_m"] < 0.4e-3
+    assert_shown("elastic-gears", MEASURE, printed(MEASURE, capsys), same_numbers=False)

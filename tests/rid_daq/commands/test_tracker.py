@@ -1,4 +1,4 @@
-"""`tracking --tracker`: the error at the tool appears beside that at the motors."""
+"""`tracking --tracker`: the error at the tool is shown next to the error at the motors."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ BENT = np.array([0.0, 1e-3, -5e-4])
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with a recorded run and the tracker's file of it."""
+    """Return a folder with a recorded run and the tracker's file of this run."""
     folder = tmp_path_factory.mktemp("tracker")
     motion = folder / "motion.yaml"
     motion.write_text("kind: multipoint\nrobot: ir361\nseed: 4\npoints: 3\n")

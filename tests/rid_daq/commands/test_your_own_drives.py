@@ -36,7 +36,7 @@ def test_a_drive_without_6007h_is_accepted_after_its_watchdog_trial(
     lines = preflight_lines(tmp_path, EPOS, capsys, 0)
     left = [line for line in lines if line["what"] == "6007h:00 abort connection"]
     assert {(line["found"], line["verdict"]) for line in left} == {
-        ("not in this drive: the watchdog test decides", "shown")
+        ("not in this drive: the watchdog test must show the reaction", "shown")
     }
     trials = [line for line in lines if ", powered" in line["what"]]
     assert {line["verdict"] for line in trials} == {"ok"}

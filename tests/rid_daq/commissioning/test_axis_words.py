@@ -68,7 +68,7 @@ def test_up_is_opposite_to_gravity() -> None:
 
 
 def test_a_vertical_axis_in_a_base_with_z_down_is_described_from_above() -> None:
-    """Axis 1 of the arm points up, against z of its base."""
+    """Axis 1 of the arm points up, opposite to the z axis of its base."""
     robot = load_cell("ir361").robot
     words = direction_words(robot, POSE, 0, np.deg2rad(2.0))
     assert words == (

@@ -1,4 +1,4 @@
-"""Motion with a held key: axis, distance, and the drive's counts afterwards."""
+"""Motion with a held key: the axis that moves, its distance, and the drive's counts afterwards."""
 
 from __future__ import annotations
 
@@ -44,7 +44,9 @@ class MessageLog:
 
 
 def jog_keys(log: MessageLog, home: FloatArray | None = None, obstacle: str = "") -> JogKeys:
-    """Return the keys of a jog with clear lines, or with an obstacle on all lines."""
+    """Return the keys of a jog whose straight motions are free, or have an obstacle in every
+    direction.
+    """
 
     def check(start: FloatArray, goal: FloatArray) -> HoldLine:
         return HoldLine(start, start if obstacle else goal, 1.0, obstacle)

@@ -5,18 +5,17 @@ from __future__ import annotations
 import csv
 import io
 import json
+from base64 import b64decode
 from typing import Any
 
 import numpy as np
 import pytest
-from bokeh.models import Axis, ColumnDataSource, HoverTool, Plot, Toolbar
-from bokeh.models.ui import UIElement
 
 from config.load import load_cell
-from rid_daq.figures.embedding import as_csv, as_item, bokeh_script, figure_script
-from rid_daq.figures.palette import INK, to_dark
-from rid_daq.figures.panel import panel, plot_text
-from rid_daq.figures.plot_figure import plot_figure
+from rid_daq.blocks.plot import Axis, Line, Mark, Panel, Plot
+from rid_daq.figures.figure_item import figure_item, figure_script
+from rid_daq.figures.palette import DARK, LIGHT
+from rid_daq.figures.plot_tables import PlotTable, as_csv
 from rid_daq.report.section_blocks.bode import bode_plot
 from rid_daq.report.section_blocks.centre_of_gravity import VIEWS, CentreOfGravity, centre_plot
 from rid_daq.report.section_blocks.curves import spectrum_plot, torque_plot
@@ -35,7 +34,7 @@ from tests.builders.drawn_figures import (
 
 
 @pytest.fixture(scope="module")
-def figures() -> dict[str, UIElement]:
+def figures() -> dict[str, Plot]:
     return all_figures()
 
 
@@ -46,79 +45,79 @@ NAMES = (
 )
 
 
-def column(table: ColumnDataSource, name: str) -> Any:
-    return np.asarray(table.data[name])
+def column(table: PlotTable, name: str) -> Any:
+    return np.asarray(table.columns[name])
 
 
-def test_there_is_a_figure_of_every_kind(figures: dict[str, UIElement]) -> None:
+def shown_item(plot: Plot) -> Any:
+    """Return what the browser receives: JSON without NaN."""
+    return json.loads(json.dumps(figure_item(plot), allow_nan=False))
+
+
+def test_there_is_a_figure_of_every_kind(figures: dict[str, Plot]) -> None:
     assert tuple(figures) == NAMES
 
 
 @pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("dark", [False, True])
-def test_a_figure_is_json_without_nan(figures: dict[str, UIElement], name: str, dark: bool) -> None:
-    text = json.dumps(as_item(figures[name], dark), allow_nan=False)
-    light = INK in text
-    assert light is not dark
+def test_a_figure_is_json_without_nan(figures: dict[str, Plot], name: str) -> None:
+    item = shown_item(figures[name])
+    assert len(item["panels"]) == len(figures[name].panels)
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_every_panel_has_zoom_hover_and_units(figures: dict[str, UIElement], name: str) -> None:
-    panels = [each for each in figures[name].references() if isinstance(each, Plot)]
-    assert panels
-    for plot in panels:
-        kinds = {type(tool).__name__ for tool in plot.tools}
-        assert {"BoxZoomTool", "WheelZoomTool", "PanTool", "ResetTool"} <= kinds
-        assert plot.sizing_mode == "stretch_width"
-    assert any(isinstance(each, HoverTool) for each in figures[name].references())
-    labels = [
-        each.axis_label
-        for plot in panels
-        for each in (*plot.below, *plot.left)
-        if isinstance(each, Axis) and each.visible and each.axis_label
-    ]
-    without = {"period", "parameter number"}
-    assert labels
-    assert all("[" in str(label) for label in labels if label not in without), labels
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_no_figure_contains_code(figures: dict[str, UIElement], name: str) -> None:
-    assert not [each for each in figures[name].references() if "CustomJS" in type(each).__name__]
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_every_column_of_a_figures_table_has_a_name(
-    figures: dict[str, UIElement], name: str
+def test_the_browser_receives_the_numbers_of_every_line(
+    figures: dict[str, Plot], name: str
 ) -> None:
+    item = shown_item(figures[name])
+    columns = [np.frombuffer(b64decode(each), dtype="<f4") for each in item["columns"]]
+    for shown, panel in zip(item["panels"], figures[name].panels, strict=True):
+        for found, line in zip(shown["lines"], panel.lines, strict=True):
+            np.testing.assert_array_equal(columns[found["x"]], np.array(line.x, dtype="<f4"))
+            np.testing.assert_array_equal(columns[found["y"]], np.array(line.y, dtype="<f4"))
+            if line.reach is not None and any(line.reach):
+                np.testing.assert_array_equal(
+                    columns[found["reach"]], np.array(line.reach, dtype="<f4")
+                )
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_axis_has_its_unit(figures: dict[str, Plot], name: str) -> None:
+    for panel in shown_item(figures[name])["panels"]:
+        for axis in (panel["x"], panel["y"]):
+            assert axis["text"] == f"{axis['label']} [{axis['unit']}]"
+
+
+def test_lines_with_equal_times_share_one_column() -> None:
+    lines = tuple(Line(name, x=(0, 1, 2), y=(i, 0, 1), stroke=i) for i, name in enumerate("abc"))
+    panel = Panel(x=Axis("time", "s"), y=Axis("torque", "N m"), lines=lines)
+    item = shown_item(Plot(name="three", panels=(panel,)))
+    assert len(item["columns"]) == 4
+    assert {line["x"] for line in item["panels"][0]["lines"]} == {0}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_column_of_a_figures_table_has_a_name(figures: dict[str, Plot], name: str) -> None:
     head, *rows = csv.reader(io.StringIO(as_csv(figures[name])))
     assert len(head) == len(set(head)) > 1
     assert rows
     assert {len(row) for row in rows} == {len(head)}
     drawn = tables(figures[name]).values()
-    assert len(rows) == max(
-        len(column(table, str(key))) for table in drawn for key in list(table.data)
-    )
+    assert len(rows) == max(len(values) for table in drawn for values in table.columns.values())
     assert not {"nan", "inf"} & {cell for row in rows for cell in row}
 
 
 def test_a_table_has_seven_digits_and_empty_cells_for_gaps() -> None:
-    from rid_daq.figures.panel import csv_source, figure_layout
-
-    plot = panel("two", "time [s]", "torque [N m]")
-    rows = csv_source("two", {"time [s]": [0.0, 0.1], "torque [N m]": [1.2345678, np.nan]})
-    plot.line("time [s]", "torque [N m]", source=rows)
-    plot.add_tools(HoverTool())
-    assert (
-        as_csv(figure_layout("two", [plot], [plot])) == "time [s],torque [N m]\n0,1.234568\n0.1,\n"
-    )
+    line = Line("torque", x=(0.0, 0.1), y=(1.2345678, None), stroke="ink")
+    panel = Panel(x=Axis("time", "s"), y=Axis("torque", "N m"), lines=(line,))
+    table = as_csv(Plot(name="two", panels=(panel,)))
+    assert table == "time [s],torque [N m]\n0,1.234568\n0.1,\n"
 
 
 def test_fit_and_residual_equal_those_of_the_result() -> None:
     curves = invented_result().curves
     assert curves is not None
     assert curves.torque is not None
-    drawn = tables(plot_figure(torque_plot(curves.torque)))
+    drawn = tables(torque_plot(curves.torque))
     for axis in curves.torque.axes:
         counted = np.array(axis.counted, dtype=bool)
         table = drawn[f"{axis.joint}: {axis.caption} torque"]
@@ -139,13 +138,12 @@ def test_all_joints_share_one_time_axis() -> None:
     curves = invented_result().curves
     assert curves is not None
     assert curves.torque is not None
-    panels = [
-        each
-        for each in plot_figure(torque_plot(curves.torque)).references()
-        if isinstance(each, Plot)
-    ]
+    panels = shown_item(torque_plot(curves.torque))["panels"]
     assert len(panels) == 2 * len(curves.torque.axes)
-    assert len({each.x_range.id for each in panels}) == 1
+    assert [panel["zoomsWithPrevious"] for panel in panels] == [False] + [True] * (len(panels) - 1)
+    assert [panel["hidesX"] for panel in panels[:-1]] == [True, False] * (len(panels) // 2 - 1) + [
+        True
+    ]
 
 
 def test_the_spectrum_equals_that_of_the_result() -> None:
@@ -153,7 +151,7 @@ def test_the_spectrum_equals_that_of_the_result() -> None:
     assert curves is not None
     assert curves.spectrum is not None
     spectrum = curves.spectrum
-    drawn = tables(plot_figure(spectrum_plot(spectrum)))
+    drawn = tables(spectrum_plot(spectrum))
     for axis in spectrum.axes:
         found = column(drawn[f"{axis.joint} RMS torque"], "residual [N m]")
         np.testing.assert_allclose(found, axis.residual_nm, rtol=1e-6)
@@ -163,13 +161,8 @@ def test_bode_shows_the_margins_of_the_result() -> None:
     loops = written("velocity_loops").velocity_loops
     assert loops is not None
     axis = loops.axes[0]
-    figure = plot_figure(bode_plot(axis))
-    texts = [
-        text
-        for each in figure.references()
-        if isinstance(each, ColumnDataSource)
-        for text in (each.data.get("text") or ())
-    ]
+    figure = bode_plot(axis)
+    texts = [mark["text"] for panel in shown_item(figure)["panels"] for mark in panel["marks"]]
     margins = axis.cascade.position.margins
     assert f"{margins.phase_deg:.0f}°" in texts
     assert f"{margins.gain_db:.1f} dB" in texts
@@ -278,33 +271,34 @@ def test_a_view_of_an_unidentifiable_coordinate_says_so() -> None:
     ]
 
 
-def test_texts_are_not_rendered_as_formulas_and_invisible_characters_are_escaped() -> None:
-    assert plot_text("$$x$$") == "$ $x$ $"
-    assert "\u202e" not in plot_text("a\u202eb")
+def test_invisible_characters_are_escaped() -> None:
+    hidden = "a\u202eb"
+    panel = Panel(
+        x=Axis(hidden, "s"),
+        y=Axis("y", "1"),
+        lines=(Line(hidden, (0.0,), (1.0,), "ink"),),
+        marks=(Mark(0.0, 1.0, hidden),),
+        title=hidden,
+    )
+    plot = Plot(name="hidden", panels=(panel,))
+    assert hidden not in json.dumps(figure_item(plot), ensure_ascii=False)
+    assert hidden not in as_csv(plot)
 
 
-def test_dark_colours_replace_light_ones_and_nothing_else() -> None:
-    assert to_dark({"a": [INK, "other", 3]}) == {"a": ["#e9eef3", "other", 3]}
+def test_light_and_dark_pages_have_the_same_colours_by_name() -> None:
+    assert set(LIGHT) == set(DARK)
+    assert not set(LIGHT.values()) & set(DARK.values())
 
 
-def test_scripts_are_local_files() -> None:
-    assert bokeh_script().stat().st_size > 1_000_000
+def test_the_script_exports_the_function_that_pages_import() -> None:
     assert "export function showFigure" in figure_script().read_text(encoding="utf-8")
-
-
-def test_dragging_zooms_in_every_panel(figures: dict[str, UIElement]) -> None:
-    """Each panel needs its own zoom tool: BokehJS ignores that of the whole figure."""
-    panels = [each for each in figures["fit"].references() if isinstance(each, Plot)]
-    assert {type(each.toolbar.active_drag).__name__ for each in panels} == {"BoxZoomTool"}
 
 
 def test_equal_results_give_identical_figures() -> None:
     curves = invented_result().curves
     assert curves is not None
     assert curves.torque is not None
-    first, again = (
-        json.dumps(as_item(plot_figure(torque_plot(curves.torque)), False)) for _ in range(2)
-    )
+    first, again = (json.dumps(figure_item(torque_plot(curves.torque))) for _ in range(2))
     assert first == again
 
 
@@ -326,12 +320,3 @@ def test_the_drawn_centre_and_ellipsoid_equal_those_of_the_result() -> None:
     np.testing.assert_allclose(
         moments, sorted(each.moment for each in section.principal), rtol=1e-6
     )
-
-
-def test_a_figure_has_one_toolbar_for_all_its_panels(figures: dict[str, UIElement]) -> None:
-    shown = [
-        each
-        for each in figures["fit"].references()
-        if isinstance(each, Toolbar) and each.logo is None
-    ]
-    assert len(shown) == 1

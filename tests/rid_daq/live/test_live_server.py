@@ -59,7 +59,7 @@ class Served:
         return socket.create_connection(("127.0.0.1", self.access.port), timeout=PATIENCE_S)
 
     def ask(self, request: bytes) -> tuple[int, str, bytes]:
-        """Return status, head and body of the whole answer."""
+        """Return status, head and body of a complete answer."""
         with self.connect() as line:
             line.sendall(request)
             return _parts(_read_all(line))
@@ -76,7 +76,10 @@ class Served:
         return STOP % self.host
 
     def watch(self) -> socket.socket:
-        """Return an open event stream; retry while clients that have left still occupy places."""
+        """Return an open event stream.
+
+        Try again while clients that have left still count against the limit.
+        """
         until_s = time.monotonic() + PATIENCE_S
         while True:
             line = self._ask_for_events()

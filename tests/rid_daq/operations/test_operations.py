@@ -1,4 +1,6 @@
-"""Every operation: one declaration, with equal limits and descriptions at every entry point."""
+"""Every operation has one declaration, and the same limits and descriptions at every entry
+point.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +35,7 @@ def fields(name: str) -> list[ShownField]:
 def with_nested_value(
     values: dict[str, object], path: tuple[str, ...], value: object
 ) -> dict[str, object]:
-    """Return values with one more value at a path, which can lead into a nested model."""
+    """Return `values` with one more value at a path, which can lead into a nested model."""
     if len(path) == 1:
         return {**values, path[0]: value}
     inner = values.get(path[0], {})
@@ -137,7 +139,7 @@ def test_a_json_request_with_a_text_for_a_number_is_refused(name: str) -> None:
 def test_an_option_without_effect_is_refused(name: str) -> None:
     for each in fields(name):
         if each.option.needs:
-            value: object = "1" if each.type in (int, float) else "a"
+            value: object = "1" if each.type in (bool, int, float) else "a"
             if get_origin(each.type) is tuple:
                 value = ("1",) * len(get_args(each.type))
             with pytest.raises(ConfigError) as caught:

@@ -28,6 +28,15 @@ NO_EFFECT = "RID-OPTION-NO-EFFECT"
         ("validate m.json latest --cell ir361", "--cell", NO_EFFECT),
         ("validate m.json here.yaml --limits 9", "--limits", NO_EFFECT),
         ("sensitivity --doubt-links 5", "--doubt-links", "RID-REQUEST-INVALID"),
+        ("export m.json --to json -o table.csv", "table.csv", "RID-OUTPUT-ENDING"),
+        ("export m.json --to csv -o arm.urdf", "arm.urdf", "RID-OUTPUT-ENDING"),
+        ("tracking latest --point 1,2,3", "--point", "RID-REQUEST-INVALID"),
+        ("stiffness latest --point 1,2,3", "--point", "RID-REQUEST-INVALID"),
+        (
+            "compensate ir361 here.yaml --model m --loop l -o x --unfinished",
+            "--unfinished",
+            "RID-REQUEST-INVALID",
+        ),
         (
             "stream ir361 here.yaml --model m --loop l --wait 9",
             "--wait",

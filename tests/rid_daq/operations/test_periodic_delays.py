@@ -1,4 +1,6 @@
-"""Delayed torques of a periodic run: found by `--choose`, used by the following commands."""
+"""Delayed torques of a periodic run: `--choose` finds the delay, and the following commands use
+it.
+"""
 
 from __future__ import annotations
 

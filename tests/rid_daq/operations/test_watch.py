@@ -1,4 +1,4 @@
-"""`rid-daq watch` reads the drives without power, and ends when it is asked to."""
+"""`rid-daq watch` reads the drives without power, and ends when the user requests it."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ENABLED = 0x0027
 
 @pytest.fixture
 def rings(monkeypatch: pytest.MonkeyPatch) -> list[Ring]:
-    """Rings that the operation has made."""
+    """Ring buffers that the operation has created."""
     made: list[Ring] = []
 
     class KeptRing(Ring):

@@ -1,4 +1,7 @@
-"""The axis test is part of the preflight of a real cell, until a file changes."""
+"""On a real cell, a valid axis test is part of the preflight.
+
+The test expires when a file changes.
+"""
 
 from __future__ import annotations
 

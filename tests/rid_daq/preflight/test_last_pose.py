@@ -45,6 +45,13 @@ def test_the_first_check_stores_the_pose_and_later_checks_compare_it(real_cell: 
     assert verdict(real_cell, ELSEWHERE) == "red", "a red check does not store the pose"
 
 
+def test_the_first_check_prints_the_pose_as_not_verified(real_cell: LoadedCell) -> None:
+    (line,) = pose_lines(real_cell, HERE, PoseRule.COMPARED)
+    assert all(text in line.found for text in ("axis1 5.7°", "axis2 11.5°", "axis3 17.2°"))
+    (again,) = pose_lines(real_cell, HERE, PoseRule.COMPARED)
+    assert (line.verdict, again.verdict) == ("shown", "ok")
+
+
 def test_an_accepted_pose_replaces_the_stored_one(real_cell: LoadedCell) -> None:
     store_pose(real_cell, HERE, "run A")
     assert verdict(real_cell, ELSEWHERE, PoseRule.ACCEPTED) == "allowed"

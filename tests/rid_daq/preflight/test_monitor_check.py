@@ -28,7 +28,10 @@ def loaded() -> LoadedCell:
 
 @pytest.fixture
 def serve(loaded: LoadedCell, tmp_path: Path) -> Iterator[Serve]:
-    """Return a function that serves six drives; by default all have the robot file's motors."""
+    """Return a function that serves six drives.
+
+    By default, they have the motors that the robot file states.
+    """
     profile = loaded.drive_profile
     monitor = loaded.config.monitor
     assert isinstance(profile, DriveProfile)

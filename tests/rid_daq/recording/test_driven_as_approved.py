@@ -1,4 +1,6 @@
-"""The executed motion is the approved one: every file is read once, before the user is asked."""
+"""The robot executes exactly the motion that the user approved: every file is read once, before the
+question.
+"""
 
 from __future__ import annotations
 
@@ -85,7 +87,7 @@ class Person(Console):
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Return a folder with a new cell, a motion, its feedforward, a model and velocity loops."""
     monkeypatch.setattr(run_session, "hold_reachable_cell", reached)
-    monkeypatch.setattr(run_session.RunSession, "record", raise_driven)
+    monkeypatch.setattr(run_session.RunSession, "recording", raise_driven)
     bundled = load_cell("ir361")
     for name, content in bundled.files.items():
         (tmp_path / name).write_bytes(content)

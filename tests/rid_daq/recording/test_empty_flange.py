@@ -134,6 +134,18 @@ def test_the_cell_must_be_cleared_again_after_the_payload_is_attached(
     assert cleared[0] < attached < cleared[1]
 
 
+def test_a_confirmation_before_the_session_counts_until_a_person_attaches_the_payload(
+    run_session: Lead, state: SessionFile
+) -> None:
+    for step in ("rehearsal", "unloaded"):
+        state.note_step(step, "RUN")
+    person = Person()
+    assert run_session(person, practise=True, cleared=True) is not None
+    (cleared,) = (number for number, each in enumerate(person.asked) if "free of people" in each)
+    (attached,) = (number for number, each in enumerate(person.asked) if "attached" in each)
+    assert attached < cleared
+
+
 def test_with_yes_the_verdict_states_that_the_question_was_skipped(
     run_session: Lead, state: SessionFile
 ) -> None:

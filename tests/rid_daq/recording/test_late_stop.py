@@ -1,4 +1,6 @@
-"""A stop between two motions of a job: the first one is kept, the next one does not start."""
+"""A stop between two motions of a job: the first motion is kept, and the next motion does not
+start.
+"""
 
 from __future__ import annotations
 

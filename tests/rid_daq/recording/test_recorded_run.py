@@ -25,7 +25,7 @@ from rid_daq.runs.run_quality import RunQuality
 from rid_daq.terminal.exit_codes import ExitCode
 from tests.builders.raised_codes import raises_code
 
-LOST = StopReason(StopCode.MISSED_FRAMES, "axis2: 10 answers in sequence are missing")
+LOST = StopReason(StopCode.MISSED_FRAMES, "axis2: 10 answers in a row are missing")
 TROUBLE = "joint 'axis1': 12 of 100 rows of the motion are missing"
 
 
@@ -91,7 +91,7 @@ def test_the_stop_sentence_gives_cause_place_and_advice(ended_run: RecordedRun) 
     verdict = stopped.verdict(["never told"])
     assert (stopped.status, stopped.exit_code) == (RunStatus.STOPPED, ExitCode.COMMUNICATION)
     assert verdict.sentence == (
-        "Stopped: axis2: 10 answers in sequence are missing. Check cable and bus load, then run"
+        "Stopped: axis2: 10 answers in a row are missing. Check cable and bus load, then run"
         " `rid-daq check`."
     )
     assert verdict.passed is False

@@ -24,7 +24,7 @@ NOTE = "the drives of axis2 did not confirm being disabled"
 
 @pytest.fixture
 def unwritable_result(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Make writing of results fail, after a motion with a warning about the drives."""
+    """Make the writing of results fail after a motion with a warning about the drives."""
 
     def refuse(folder: RunFolder, _result: dict[str, Any]) -> Path:
         raise RecordingError(f"{folder.path}/result.json: cannot be written: Input/output error")

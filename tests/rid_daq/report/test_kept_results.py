@@ -24,7 +24,7 @@ KINDS = sorted(path.stem for path in WRITTEN.glob("*.json"))
 
 
 def with_kinds(value: Any) -> Any:
-    """Return a document in which 1 and 1.0 differ."""
+    """Return a document in which the numbers 1 and 1.0 are distinguishable."""
     if isinstance(value, dict):
         return {key: with_kinds(child) for key, child in value.items()}
     if isinstance(value, list):

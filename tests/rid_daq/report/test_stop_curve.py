@@ -1,4 +1,4 @@
-"""The curve of the joint that caused a stop: the supervised quantity up to the stop."""
+"""The curve of the joint that caused a stop shows the supervised quantity until the stop."""
 
 from __future__ import annotations
 

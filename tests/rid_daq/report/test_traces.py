@@ -1,4 +1,6 @@
-"""Traces of a recording: thinned, with every peak, whatever the parts in which it is read."""
+"""Traces of a recording: they have fewer points but every peak, and do not depend on the parts in
+which the recording is read.
+"""
 
 from __future__ import annotations
 

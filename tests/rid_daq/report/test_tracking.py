@@ -119,20 +119,44 @@ def test_the_headline_states_the_change_at_the_motors_and_at_the_tool() -> None:
     assert re.findall(r"([\d.]+)-fold", headline) == ["1.03"]
 
 
-def test_the_headline_states_which_part_of_the_motion_was_measured() -> None:
-    size = ToolSideSize(
+def measured(mean_m: float, share: float = 0.95) -> ToolSideSize:
+    """Return the errors at the tool by an instrument."""
+    return ToolSideSize(
         run="a",
         file="t.csv",
         rows=9,
-        share=0.7,
-        mean_m=1e-3,
-        max_m=2e-3,
+        share=share,
+        mean_m=mean_m,
+        max_m=2.0 * mean_m,
         motor_mean_m=1e-4,
         clock_offset_s=0.0,
         clock_ppm=0.0,
         residual_m=1e-3,
     )
-    section = tracking_with_ratios(None).model_copy(update={"tool_side": (size,)})
-    assert "70 %" in section.verdict.headline
-    whole = size.model_copy(update={"share": 0.95})
-    assert "%" not in section.model_copy(update={"tool_side": (whole,)}).verdict.headline
+
+
+def test_the_headline_states_which_part_of_the_motion_was_measured() -> None:
+    section = tracking_with_ratios(None)
+    part = section.model_copy(update={"tool_side": (measured(1e-3, 0.7),)})
+    assert "70 %" in part.verdict.headline
+    whole = section.model_copy(update={"tool_side": (measured(1e-3),)})
+    assert "%" not in whole.verdict.headline
+
+
+@pytest.mark.parametrize(("mean_m", "is_contradicted"), [(1.5e-3, True), (2.5e-4, False)])
+def test_a_measured_error_replaces_the_estimate(mean_m: float, is_contradicted: bool) -> None:
+    section = tracking_with_ratios(0.97)
+    (motion,) = section.motions
+    assert motion.before is not None
+    bent = ToolDeflection(rms_m=1e-3, max_m=2e-3, tool_mean_m=2e-4)
+    motion = motion.model_copy(
+        update={
+            "before": motion.before.model_copy(update={"bending": bent}),
+            "after": motion.after.model_copy(update={"bending": bent}),
+        }
+    )
+    update = {"motions": (motion,), "tool_side": (measured(mean_m),)}
+    section = section.model_copy(update=update)
+    assert re.findall(r"([\d.]+)-fold", section.verdict.headline) == ["1.03"]
+    assert bool(section.contradiction) == is_contradicted
+    assert ("1.5 mm" in section.contradiction) == is_contradicted

@@ -1,4 +1,7 @@
-"""Sections that are hard to draw have a page; if one cannot be drawn, nothing is written."""
+"""Sections that are hard to draw have a page.
+
+If a section cannot be drawn, no report is written.
+"""
 
 from __future__ import annotations
 
@@ -29,7 +32,9 @@ def empty_result() -> Result:
 
 
 def tracking(wanted_m: Columns) -> TrackingSection:
-    """Return the invented tracking section of one motion with another path."""
+    """Return the tracking section with invented numbers for one motion, with another path of the
+    tool.
+    """
     section = Result.model_validate_json(json.dumps(whole_result())).tracking
     assert section is not None
     motion = section.motions[0]
@@ -53,7 +58,7 @@ def folder(tmp_path: Path) -> RunFolder:
 def test_a_tool_point_at_rest_has_a_page_without_a_scale_bar(
     folder: RunFolder, shake_m: float
 ) -> None:
-    """Only one joint moves, and the tool point is on its axis."""
+    """Only one joint moves, and the tool point is on the axis of this joint."""
     still = tracking(tuple((at, at + shake_m) * 50 for at in (0.0, 0.5, 1.7)))
     for panel in path_plots(still.motions[0], still.joints)[0].panels:
         assert not panel.marks

@@ -1,4 +1,4 @@
-"""Still pictures: overlaps, outlines, bytes, and what a wrong robot file changes."""
+"""Still pictures: overlaps, outlines, equal bytes, and effects of a wrong robot file."""
 
 from __future__ import annotations
 

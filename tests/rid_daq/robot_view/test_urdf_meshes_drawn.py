@@ -1,4 +1,7 @@
-"""A robot of a URDF is drawn with its meshes, placed as by Pinocchio; its file must match."""
+"""A robot from a URDF is drawn with its meshes, placed as by Pinocchio.
+
+A file that has changed is refused.
+"""
 
 from __future__ import annotations
 

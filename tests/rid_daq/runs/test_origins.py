@@ -1,4 +1,4 @@
-"""Advice to change a key names file and line of the original file, not of the run's copy."""
+"""Advice to change a key names file and line in the user's original file, not in the run's copy."""
 
 from __future__ import annotations
 

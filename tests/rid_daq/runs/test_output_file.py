@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,7 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
 from config.errors import ConfigError
 from rid_daq.app import run
-from rid_daq.runs.made_file import LOOPS, MODEL, MOTION
+from rid_daq.runs.made_file import EXPORT, LOOPS, MODEL, MOTION
 from rid_daq.runs.output_file import refuse_output
 from tests.builders.raised_codes import raises_code
 
@@ -55,10 +56,24 @@ def test_results_can_be_written_into_a_run_folder(folder: RunFolder, name: str) 
 )
 def test_overwrite_refuses_files_of_another_kind(tmp_path: Path, name: str, content: str) -> None:
     (tmp_path / name).write_text(content)
-    for made in (MOTION, MODEL, LOOPS):
+    for made in (MOTION, MODEL, LOOPS, EXPORT):
         with pytest.raises(ConfigError) as refused:
             refuse_output(tmp_path / name, overwrite=True, made=made)
         assert refused.value.refusal == "RID-OUTPUT-FOREIGN"
+
+
+@pytest.mark.parametrize(
+    ("kind", "software"), [("estimate", "rid-daq 0.1.0"), ("payload", "rid-daq 0.1.0")]
+)
+def test_an_export_does_not_replace_a_model_or_a_payload(
+    tmp_path: Path, kind: str, software: str
+) -> None:
+    path = tmp_path / "model.json"
+    path.write_text(json.dumps({"kind": f"rid-daq {kind}", "software": software}, indent=1))
+    with raises_code(ConfigError, "RID-OUTPUT-FOREIGN", str(path)):
+        refuse_output(path, overwrite=True, made=EXPORT)
+    path.write_text(json.dumps({"kind": "rid-daq parameters", "software": software}, indent=1))
+    refuse_output(path, overwrite=True, made=EXPORT)
 
 
 def test_overwrite_replaces_an_output_of_the_same_kind(tmp_path: Path) -> None:

@@ -74,7 +74,7 @@ def job(kind: str = "payload_session") -> Job:
 
 
 class ClosedInput:
-    """Standard input of a worker that no longer reads."""
+    """Standard input of a worker that no longer reads from it."""
 
     def is_closing(self) -> bool:
         return True

@@ -113,7 +113,7 @@ def test_a_simulated_cell_is_marked(api: Api) -> None:
     assert answer["simulated"] is True
     assert answer["pace"] == 20.0
     assert answer["state"] == "closed"
-    assert answer["not_ready_because"] == "the cell has had no preflight yet: run the preflight."
+    assert answer["not_ready_because"] == "the cell has had no preflight yet: check the cell."
 
 
 def test_a_job_on_the_cell_needs_its_lease(api: Api) -> None:

@@ -143,5 +143,5 @@ def test_a_cell_with_a_deleted_folder_is_not_ready(tmp_path: Path) -> None:
     cell.reload_if_changed()
     assert (
         service.status(cell).not_ready_because
-        == "the cell has had no preflight yet: run the preflight."
+        == "the cell has had no preflight yet: check the cell."
     )

@@ -9,6 +9,8 @@ from typing import Any
 import pytest
 
 from acquisition.motion.motion_file import MOTION_KINDS
+from acquisition.runs.folder import RunFolder
+from acquisition.runs.manifest import RunStatus
 from rid_daq.service.folder_files import folder_files
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
@@ -16,7 +18,7 @@ from rid_daq.service.service import CellService
 MOTION = "# An excitation.\nkind: fourier\nrobot: ir361\n"
 MODEL = '{\n "kind": "rid-daq estimate",\n "robot": {"name": "ir361"}\n}'
 PAYLOAD = MODEL.replace("estimate", "payload")
-LOOPS = '{"schema": "rid-daq velocity loops 1"}'
+LOOPS = '{"schema": "rid-daq velocity loops 2"}'
 
 
 def test_files_are_listed_by_their_content(tmp_path: Path) -> None:
@@ -41,6 +43,20 @@ def test_files_are_listed_by_their_content(tmp_path: Path) -> None:
     assert [each.path for each in found.loops] == ["runs/01A/loops.json"]
     assert found.feedforwards == ()
     assert [each.path for each in found.payloads] == ["runs/01A/payload.json"]
+
+
+def test_the_results_of_a_run_are_named_by_the_run(tmp_path: Path) -> None:
+    service = CellService(tmp_path, [ServedCell("ir361", 20.0)])
+    run = RunFolder.create(service.runs, "spring")
+    (run.path / "model.json").write_text(MODEL)
+    (run.path / "second.json").write_text(MODEL)
+    run.finish(RunStatus.COMPLETE, {"robot": "ir361"})
+    (tmp_path / "kept.json").write_text(MODEL)
+    models = {each.path: each for each in folder_files(service, "ir361").models}
+    model, second = (models[f"runs/{run.run_id}/{name}.json"] for name in ("model", "second"))
+    assert (model.words, second.words) == ("spring (ir361)", "spring (ir361, second.json)")
+    assert model.made_utc == run.manifest().created_utc
+    assert (models["kept.json"].words, models["kept.json"].made_utc) == ("kept.json", "")
 
 
 def test_an_unchanged_run_folder_is_not_read_again(

@@ -25,7 +25,7 @@ def groups(root: Path) -> list[RunGroup]:
 
 
 def labels(root: Path) -> list[list[str]]:
-    """Return the labels of each group, that of the head first."""
+    """Return the labels of the runs in each group; the first label is that of the head."""
     return [[each.head.label, *(part.label for part in each.parts)] for each in groups(root)]
 
 
@@ -44,7 +44,7 @@ def test_a_rehearsal_belongs_to_the_motion_that_was_recorded_after_it(tmp_path: 
 
 
 def test_runs_of_a_result_and_validations_belong_to_the_run_with_the_model(tmp_path: Path) -> None:
-    """The validation is of the model's SHA-256, whatever the names of the files are."""
+    """A validation belongs to a model by the model's SHA-256, independently of the file names."""
     second = recorded(tmp_path, "second excitation", session="2")
     first = recorded(tmp_path, "first excitation", session="1")
     first.write(MODEL, MODEL_BYTES, {"used_runs": [first.run_id, second.run_id]})

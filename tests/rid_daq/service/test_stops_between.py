@@ -1,4 +1,4 @@
-"""A stop of a job without a motion: between two motions, or while its worker starts."""
+"""A job is stopped while no motion runs: between two motions, or while its worker starts."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A served simulated cell with client programs: jobs, stops, and all kinds of ends."""
+"""Client programs use a served simulated cell: jobs, stops, and all kinds of ends."""
 
 from __future__ import annotations
 
@@ -167,7 +167,7 @@ def test_a_question_ends_if_the_service_hangs(shared: ServedProcess, motion: str
 
 
 def has_ended(pid: int) -> bool:
-    """Return True if a worker has ended; the template may not have collected it yet."""
+    """Return True if a worker has ended, even if the template has not yet read its exit status."""
     try:
         return Path(f"/proc/{pid}/stat").read_bytes().rpartition(b") ")[2][:1] == b"Z"
     except (FileNotFoundError, ProcessLookupError):

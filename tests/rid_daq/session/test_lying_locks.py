@@ -57,7 +57,7 @@ def cell() -> CellConfig:
 
 
 def false_locks(innocent: int) -> dict[str, tuple[str, str]]:
-    """Return false lock files: kind and content by name."""
+    """Return false lock files: for each name, the kind of file (text, folder, ...) and its text."""
     identity = ProcessIdentity.of(innocent)
     assert identity is not None
     texts = {

@@ -50,7 +50,7 @@ class FakeSession:
 
 @pytest.fixture(autouse=True)
 def zero_timeouts(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Set all timeouts to 0: a session has already reacted, or never reacts."""
+    """Set all timeouts to 0: a session has either reacted already, or never reacts."""
     for name in ("STOP_PATIENCE_S", "REST_PATIENCE_S", "END_PATIENCE_S"):
         monkeypatch.setattr(stopping, name, 0.0)
 

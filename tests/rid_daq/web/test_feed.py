@@ -1,4 +1,4 @@
-"""Messages of a feed to fast and slow viewers."""
+"""Messages that a feed sends to fast and slow viewers."""
 
 from __future__ import annotations
 

@@ -65,6 +65,10 @@ def test_an_alarm_ends_when_the_service_answers_again(
     expect(words).to_be_empty(timeout=15_000)
 
 
+NEW_TAB = """() => document.querySelector("main").insertAdjacentHTML(
+    "afterbegin", '<a id="apart" target="_blank" href="/api/v1/health">Health</a>')"""
+
+
 @pytest.mark.promise("page-stays-with-stop")
 def test_a_link_is_not_followed_while_the_service_is_out_of_reach(
     open_by_link: OpenByLink, link: BadLink
@@ -76,8 +80,11 @@ def test_a_link_is_not_followed_while_the_service_is_out_of_reach(
     expect(reach).to_be_visible()
     runs.click()
     expect(reach).to_contain_text("stays open")
+    page.evaluate(NEW_TAB)
+    page.locator("#apart").click()
     expect(page).to_have_url(re.compile(f"/cells/{CELL}$"))
     expect(page.locator("#stop")).to_be_visible()
+    assert len(page.context.pages) == 1
     link.mend()
     expect(reach).to_be_hidden(timeout=10_000)
     go_to(page, "Runs")
@@ -158,7 +165,9 @@ def test_a_copy_of_a_tab_does_not_have_its_lease(
             "() => { window.open(location.href); }"
         )  # the new tab copies the storage of the first
     second = opened.value
-    expect(second.locator("#lease-words")).to_contain_text("Another page of this device holds")
+    expect(second.locator("#lease-words")).to_contain_text(
+        "Another page that is open on this device holds"
+    )
     expect(second.locator("#lease-back")).to_be_hidden()
     first.reload()
     expect(first.locator("#lease-back")).to_be_visible()

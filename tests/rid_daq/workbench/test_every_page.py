@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -16,11 +17,12 @@ from rid_daq.report_page.write import write_result
 from rid_daq.workbench.menu import MENU
 from tests.builders.invented import whole_result
 from tests.rid_daq.service.conftest import ServedProcess
+from tests.rid_daq.service.test_file_edits import MOTION
 from tests.rid_daq.workbench.conftest import OpenPage, checked, estimated, give_back, take_cell
 
 pytestmark = pytest.mark.slow
 
-WIDTHS = (390, 820, 1280)
+WIDTHS = (390, 820, 1440)
 LARGE_ENOUGH_PX = 48
 TARGETS = "button, .button, select, nav a, summary"
 SMALL_TARGETS = f"""(least) => [...document.querySelectorAll({TARGETS!r})]
@@ -29,7 +31,8 @@ SMALL_TARGETS = f"""(least) => [...document.querySelectorAll({TARGETS!r})]
 MENU_ROWS = """() => { const menu = document.querySelector("nav"), links = [...menu.children];
   if (menu.scrollWidth > menu.clientWidth) return 0;
   return new Set(links.map((each) => each.offsetTop)).size; }"""
-ROWS = {390: 2, 820: 1, 1280: 1}
+ROWS = {390: 2, 820: 1, 1440: 1}
+COMMAND = r"rid-daq [a-z]+"
 CUT_OFF = "() => document.documentElement.scrollWidth - document.documentElement.clientWidth"
 
 
@@ -58,12 +61,12 @@ def test_every_page_is_accessible_and_fits_all_widths(
     open_page: OpenPage, served_pages: ServedProcess, a_run: str, screenshots: Path, dark: bool
 ) -> None:
     page = open_page(dark=dark)
-    pictured = WIDTHS[1:2] if dark else WIDTHS
     base = served_pages.url.split("/?")[0] + "/cells/ir361"
     paths = [entry.path for entry in MENU] + [
         *("/runs/history", f"/runs/{a_run}"),
-        *("/operations", "/operations/retime"),
+        *("/operations", "/operations/retime", "/signals", "/edit/poses.yaml"),
     ]
+    (served_pages.folder / "poses.yaml").write_text(MOTION)
     wrong = []
     for path in paths:
         page.goto(base + path)
@@ -72,6 +75,9 @@ def test_every_page_is_accessible_and_fits_all_widths(
         if path == "/runs/history":
             expect(page.locator('#history .figure[data-figure-state="shown"]')).to_be_visible()
         expect(page.get_by_text("…", exact=True)).to_have_count(0)  # everything is loaded
+        told = re.findall(COMMAND, page.locator("main").inner_text())
+        if told and not path.startswith("/operations"):
+            wrong.append(f"{path}: a terminal command instead of a button: {told}")
         name = (path.strip("/") or "cell").replace(a_run, "one").replace("/", "-")
         found = Axe().run(page)
         if found.violations_count:
@@ -87,9 +93,8 @@ def test_every_page_is_accessible_and_fits_all_widths(
                 wrong.append(
                     f"{name}: these controls are too small for gloves at {width} px: {small}"
                 )
-            if width in pictured:
-                colours = "dark" if dark else "light"
-                page.screenshot(path=screenshots / f"{name}-{width}-{colours}.png", full_page=True)
+            colours = "dark" if dark else "light"
+            page.screenshot(path=screenshots / f"{name}-{width}-{colours}.png", full_page=True)
     assert wrong == []
 
 

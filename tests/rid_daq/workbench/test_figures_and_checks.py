@@ -14,8 +14,7 @@ from config.errors import ConfigError, LimitError
 from config.load import LoadedCell, load_cell
 from rid_daq.blocks.block import Text
 from rid_daq.blocks.plot import Plot
-from rid_daq.figures.embedding import as_item
-from rid_daq.figures.plot_figure import plot_figure
+from rid_daq.figures.figure_item import figure_item
 from rid_daq.report.result_file import RESULT
 from rid_daq.workbench.data_check import check_data
 from rid_daq.workbench.motion_blocks import motion_blocks
@@ -60,7 +59,7 @@ def test_a_run_has_the_blocks_of_its_results(tmp_path: Path, cell: LoadedCell) -
     plots = [each for each in run_blocks(folder) if isinstance(each, Plot)]
     assert {"fit", "residual_spectrum", "path", "stop"} <= {each.name for each in plots}
     (fit, _) = [each for each in run_blocks(folder, ["curves"]) if isinstance(each, Plot)]
-    assert as_item(plot_figure(fit), dark=False)["doc"]
+    assert figure_item(fit)["columns"]
 
 
 def test_compatible_runs_pass_their_checks(tmp_path: Path, cell: LoadedCell) -> None:
@@ -95,7 +94,7 @@ def test_a_motion_has_facts_and_plots(tmp_path: Path, cell: LoadedCell) -> None:
     assert re.search(r"Duration: (8|9|10)\.\d s", facts.text)
     for plot in plots:
         assert isinstance(plot, Plot)
-        assert as_item(plot_figure(plot), dark=True)["doc"]
+        assert figure_item(plot)["columns"]
 
 
 def test_a_motion_of_another_robot_or_beyond_a_limit_is_refused(

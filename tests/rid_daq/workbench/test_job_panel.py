@@ -33,12 +33,29 @@ PANEL = """
 """A panel of a job whose requests for events are counted and answered by the test."""
 
 
+LINKED = """async () => {
+  const { linked } = await import("/static/commands.js");
+  const { render } = await import("/static/lit.js");
+  const place = document.createElement("p");
+  render(linked("zero it (`rid-daq plate zero`), `rid-daq loop RUN`, `rid-daq mock`."), place);
+  const links = [...place.querySelectorAll("a")].map((each) => each.getAttribute("href"));
+  return [place.textContent, ...links];
+}"""
+
+
 @pytest.fixture
 def page(open_page: OpenPage) -> Page:
     """Open a page whose modules have started."""
     opened = open_page()
     expect(opened.locator("#lease-take")).to_be_visible()
     return opened
+
+
+def test_commands_in_messages_are_links_to_the_page_with_their_button(page: Page) -> None:
+    text, *links = page.evaluate(LINKED)
+    assert text.count("rid-daq") == 1  # no page can do `mock`
+    assert "`" not in text
+    assert links == ["/cells/ir361", "/cells/ir361/compensation"]
 
 
 def test_only_missed_events_are_requested(page: Page) -> None:

@@ -1,4 +1,6 @@
-"""What a page keeps: entries after a change of page, and the present version after an update."""
+"""A page keeps the user's entries after a change of page, and is reloaded after an update of the
+service.
+"""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ CELL = "ir361"
 def session(served_pages: ServedProcess) -> str:
     """Return an interrupted session with options that differ from the defaults."""
     runs = served_pages.folder / "runs"
-    begun = PayloadSessionRequest(
+    request = PayloadSessionRequest(
         cell=CELL,
         runs=runs,
         label="gripper",
@@ -38,7 +38,7 @@ def session(served_pages: ServedProcess) -> str:
         limits=VerdictLimits(mass_percent=20.0),
     )
     folder = RunFolder.create(runs, "gripper", kind="payload session")
-    SessionFile.begin(folder, CELL, begun.choices)
+    SessionFile.begin(folder, CELL, request.choices)
     return folder.run_id
 
 

@@ -66,13 +66,13 @@ def test_times_are_those_of_the_service_with_their_zone(
     folder: Path, browser: Browser, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ((_, session),) = [run for run in list_runs(folder / "runs") if run[1].label == LABEL]
-    begun = datetime.fromisoformat(session.created_utc)
+    started = datetime.fromisoformat(session.created_utc)
     monkeypatch.setenv("TZ", "Asia/Kolkata")
     with serving(folder, cell="kr15") as served:
         context = browser.new_context(timezone_id="America/New_York")
         page = context.new_page()
         page.goto(served.url)
-        local = begun.astimezone(timezone(timedelta(hours=5, minutes=30)))
+        local = started.astimezone(timezone(timedelta(hours=5, minutes=30)))
         expected = f"{local:%Y-%m-%d %H:%M}"
         go_to(page, "Runs")
         expect(page.locator("#runs tbody tr", has_text=LABEL).first).to_contain_text(

@@ -22,7 +22,8 @@ from tests.builders.motion_texts import MULTISINE, PICK
 from tests.builders.warm_model import by_temperature
 from tests.rid_daq.service.conftest import ServedProcess
 from tests.rid_daq.service.moving import begin_motion, leased_cell, until
-from tests.rid_daq.workbench.conftest import OpenPage, give_back, take_cell
+from tests.rid_daq.workbench.conftest import OpenPage, give_back, go_to, take_cell
+from tests.rid_daq.workbench.test_every_page import CUT_OFF, WIDTHS
 from tests.rid_daq.workbench.test_work import pictured
 
 pytestmark = pytest.mark.slow
@@ -61,6 +62,21 @@ def test_two_identified_runs_are_compared(open_page: OpenPage, screenshots: Path
     expect(page.locator("#compared")).to_contain_text("Conditions and verdicts")
     expect(page.locator("#job .said")).to_be_empty()
     pictured(page, screenshots, "runs-compared")
+    for width in WIDTHS:
+        page.set_viewport_size({"width": width, "height": 900})
+        assert not page.evaluate(CUT_OFF), width
+
+
+@pytest.mark.usefixtures("identified")
+def test_models_are_named_by_their_run(open_page: OpenPage, served_pages: ServedProcess) -> None:
+    page = open_page()
+    for tab in ("Experiment", "Compensation", "Payload"):
+        page.get_by_role("link", name=tab, exact=True).click()
+        option = page.locator("#model option", has_text="dry (ir361), 20")
+        path = option.get_attribute("value")
+        assert path is not None
+        assert (served_pages.folder / path).name == "model.json"
+        expect(page.locator("#model option", has_text="model.json")).to_have_count(0)
 
 
 def test_a_run_left_by_a_crash_is_recovered(
@@ -86,6 +102,22 @@ def test_a_run_left_by_a_crash_is_recovered(
     expect(page.locator("#runs tbody tr")).to_have_count(1)
 
 
+def test_a_run_that_is_recorded_now_is_not_offered_for_recovery(
+    open_page: OpenPage, served_pages: ServedProcess, long_motion: str
+) -> None:
+    page = open_page()
+    unfinished = page.locator("#runs tbody tr", has_text="unfinished")
+    recover = page.get_by_role("button", name=re.compile("^Recover "))
+    with leased_cell(served_pages, long_motion) as key:
+        go_to(page, "Runs")
+        expect(page.locator("#runs tbody tr")).not_to_have_count(0)
+        before = unfinished.count(), recover.count()
+        begin_motion(served_pages, key)
+        page.reload()
+        expect(unfinished).to_have_count(before[0] + 1)
+        expect(recover).to_have_count(before[1])
+
+
 def test_friction_is_identified_and_shown(
     open_page: OpenPage, served_pages: ServedProcess, screenshots: Path
 ) -> None:
@@ -99,6 +131,7 @@ def test_friction_is_identified_and_shown(
     page.locator("#measure").click()
     expect(page.locator("#job .verdict.end")).to_have_text("Friction: done")
     expect(page.locator("#result")).to_contain_text("in the robot file: friction: [")
+    expect(page.locator("#job .results")).to_be_empty()  # the page shows the result below
     page.locator(
         "[data-figure=friction]"
     ).scroll_into_view_if_needed()  # a figure loads once it is visible
@@ -195,6 +228,8 @@ def test_loops_are_measured_and_a_path_is_compensated_compared_refined_and_strea
     page.locator("#make").click()
     expect(page.locator("#job .verdict.end")).to_have_text("Compensate: done")
     expect(page.locator("#feedforward")).to_have_value("feedforward.json")
+    after = page.locator("#after").input_value()
+    page.locator("#before").select_option(after)
     page.locator("#compare").click()  # compares a run with itself
     expect(page.locator("#job [role=alert]")).to_contain_text(
         "The runs before and after are the same"
@@ -203,7 +238,7 @@ def test_loops_are_measured_and_a_path_is_compensated_compared_refined_and_strea
     take_cell(page)
     buttons = ("#drive-plain", "#drive")
     runs = [run_by_button(page, served_pages, button, "Record: done") for button in buttons]
-    page.locator("#before").select_option(runs[0])
+    expect(page.locator("#before")).to_have_value(runs[0])  # the newest other run of the motion
     expect(page.locator("#after")).to_have_value(runs[1])
     page.locator("#compare").click()
     expect(page.locator("#job .verdict.end")).to_contain_text("Tracking: done")
@@ -227,7 +262,7 @@ def test_loops_are_measured_and_a_path_is_compensated_compared_refined_and_strea
     page.get_by_text("Optional: first retime the motion").click()
     page.locator("#retime").click()
     expect(page.locator("#job .verdict.end")).to_have_text("Retime: done")
-    expect(page.locator("#job .said")).to_contain_text("% shorter")
+    expect(page.locator("#job .results")).to_contain_text("% shorter")
     expect(page.locator("#motion")).to_have_value("timed.yaml")
     page.reload()
     expect(page.locator("#motion option[value='timed.yaml']")).to_have_text(

@@ -10,6 +10,7 @@ from pydantic import JsonValue
 
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
+from rid_daq.service.api.run_index import REPORT
 from tests.rid_daq.service.conftest import ServedProcess
 from tests.rid_daq.workbench.conftest import OpenPage, go_to
 
@@ -31,6 +32,9 @@ def runs(served_pages: ServedProcess) -> Path:
         recorded(root, f"old {i}")
     recorded(root, "monday rehearsal", session="1", verdict="passed", headline="Good")
     recorded(root, "monday", session="1", verdict="not judged", headline="Recorded completely")
+    earlier = RunFolder.create(root, "earlier")
+    earlier.file(REPORT).write_text("<!doctype html>")
+    earlier.finish(RunStatus.COMPLETE, {"robot": "ir361", "cell": "ir361"})
     recorded(root, "too fast", RunStatus.STOPPED, verdict="failed", why="axis2 is too fast")
     recorded(root, "imported", cell="")
     recorded(root, "of the other cell", cell="kr15", robot="kr15")
@@ -75,9 +79,18 @@ def test_verdict_and_stop_reason_are_words(page: Page) -> None:
     expect(rows).to_contain_text("axis2 is too fast")
 
 
+def test_a_run_of_an_earlier_version_refers_to_its_report(page: Page) -> None:
+    page.locator("#search").fill("earlier")
+    row = page.locator("#runs tbody tr")
+    expect(row).to_have_count(1)
+    expect(row).to_contain_text("unknown")
+    row.get_by_role("link", name="earlier").click()
+    expect(page.locator("main .verdict")).to_contain_text("report")
+
+
 def test_more_runs_are_loaded_on_request(page: Page) -> None:
     page.get_by_role("button", name="Show more").click()
-    expect(page.locator("#runs tbody tr")).to_have_count(MANY + 3)
+    expect(page.locator("#runs tbody tr")).to_have_count(MANY + 4)
     expect(page.get_by_role("button", name="Show more")).to_have_count(0)
     page.locator("#search").fill("old 11")
     expect(page.locator("#runs tbody tr")).to_have_count(11)

@@ -1,4 +1,4 @@
-"""Data of the pages about files and past jobs, without a browser."""
+"""Data that the pages show about files and past jobs, tested without a browser."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rid_daq.service.records import Role
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
 from rid_daq.workbench import runs_pages
-from rid_daq.workbench.cell_sources import sources_of
+from rid_daq.workbench.files.cell_sources import sources_of
 from rid_daq.workbench.menu import MENU
 from rid_daq.workbench.pages import PAGES
 from rid_daq.workbench.robot_history import HistoryEntry, QuantityHistory, history_of
@@ -35,11 +35,11 @@ def cell_file(tmp_path: Path) -> Path:
 
 def test_an_error_is_shown_at_its_line(cell_file: Path) -> None:
     cell = ServedCell(str(cell_file), 1.0)
-    assert [each.wrong_line for each in sources_of(cell)] == [None] * 4
+    assert [each.wrong_line for each in sources_of(cell, cell_file.parent)] == [None] * 4
     text = cell_file.read_text()
     line = next(i for i, each in enumerate(text.splitlines(), 1) if "cycle_time_ms" in each)
     cell_file.write_text(text.replace("cycle_time_ms: 8", "cycle_time_ms: -8"))
-    sources = {each.name: each for each in sources_of(cell)}
+    sources = {each.name: each for each in sources_of(cell, cell_file.parent)}
     assert sources["cell.yaml"].wrong_line == line
     assert sources["cell.yaml"].lines[line - 1] == "cycle_time_ms: -8"
     assert sources["robot.yaml"].wrong_line is None

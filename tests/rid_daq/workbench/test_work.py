@@ -11,7 +11,7 @@ from playwright.sync_api import Page, expect
 
 from tests.rid_daq.service.conftest import ServedProcess, serving
 from tests.rid_daq.workbench.conftest import OpenPage, checked, give_back, take_cell
-from tests.rid_daq.workbench.test_every_page import require_axe
+from tests.rid_daq.workbench.test_every_page import WIDTHS, require_axe
 
 pytestmark = pytest.mark.slow
 
@@ -41,12 +41,21 @@ def begin_motion(page: Page, button: str) -> None:
     page.get_by_role("dialog").get_by_role("button", name="is clear: start").click()
 
 
+REPEATED = """() => {
+  const texts = (id) => document.getElementById(id).innerText.split("\\n");
+  const lines = (id) => texts(id).map((each) => each.trim());
+  const below = new Set(lines("stage-result").filter((each) => each.length > 20)); // no button
+  return lines("job").filter((each) => below.has(each));
+}"""
+"""Sentences of the job's card that stand again in the result below it."""
+
+
 def pictured(page: Page, screenshots: Path, name: str) -> None:
     """Store pictures of a page, and check it with axe in both themes."""
     for colours in ("light", "dark"):
         page.emulate_media(color_scheme="dark" if colours == "dark" else "light")
         expect(page.locator("[data-figure-state=loading]")).to_have_count(0)
-        for width in (390, 820, 1280) if colours == "light" else (820,):
+        for width in WIDTHS:
             page.set_viewport_size({"width": width, "height": 900})
             page.screenshot(path=screenshots / f"{name}-{width}-{colours}.png", full_page=True)
         require_axe(page)
@@ -96,11 +105,13 @@ def test_a_new_user_gets_from_an_experiment_to_a_validated_model(
         page.locator(f"[data-figure={figure}]").scroll_into_view_if_needed()
         expect(page.locator(f"[data-figure={figure}] {SHOWN_FIGURE}").first).to_be_visible()
 
+    assert page.evaluate(REPEATED) == []
     page.locator("#other").select_option(
         page.locator("#other option", has_text="other,").first.get_attribute("value")
     )
     page.locator("#validate").click()
     expect(page.locator("#validation .verdict").first).to_contain_text("Passed")
+    assert page.evaluate(REPEATED) == []
     page.locator("#export").click()
     with page.expect_download() as saved:
         page.get_by_role("link", name="Save robot.urdf").click()

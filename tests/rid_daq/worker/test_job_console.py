@@ -1,4 +1,7 @@
-"""The output of a job becomes events; when displayed, they equal the output of the command."""
+"""The output of a job is stored as events.
+
+When the events are displayed, they equal the output of the command.
+"""
 
 from __future__ import annotations
 

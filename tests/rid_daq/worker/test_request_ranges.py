@@ -239,7 +239,10 @@ def paths_in(value: object) -> Iterator[Path]:
 
 @pytest.mark.parametrize("kind", JobKind)
 def test_a_random_document_is_accepted_or_refused(kind: JobKind, tmp_path: Path) -> None:
-    """A document has no other outcome; an accepted one names no file outside the folder."""
+    """Service and worker accept a document or refuse it with a `RidDaqError`.
+
+    An accepted document names no file outside the folder.
+    """
 
     @settings(
         max_examples=20,

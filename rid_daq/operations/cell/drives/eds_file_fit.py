@@ -28,7 +28,10 @@ class EdsFileFit:
 
     @property
     def identity(self) -> dict[str, int]:
-        """Vendor and product number by the data sheet; the drive states them in object 1018h."""
+        """Vendor and product number that the data sheet states.
+
+        The drive has them in object 1018h.
+        """
         known = {"vendor": self.eds.vendor, "product": self.eds.product}
         return {name: value for name, value in known.items() if value is not None}
 

@@ -49,7 +49,7 @@ class RestoredDrives:
 
     @property
     def settings_not_restored(self) -> tuple[RestoredSetting, ...]:
-        """Settings that still differ from the saved ones after they were written."""
+        """Settings that still differ from the saved values after they were written."""
         if self.request.dry_run:
             return ()
         return tuple(each for each in self.settings if not each.restored)

@@ -1,4 +1,6 @@
-"""`FrontStopHandler`: permission to stop, the stopped process, and the kind of stop."""
+"""`FrontStopHandler`: who is allowed to stop, which process is stopped, and the kind of the
+stop.
+"""
 
 from __future__ import annotations
 

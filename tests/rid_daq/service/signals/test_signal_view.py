@@ -17,7 +17,7 @@ JOINTS = ("axis1", "axis2")
 
 
 def add_bins(history: SignalHistory, count: int, joints: tuple[str, ...] = JOINTS) -> None:
-    """Append bins whose times and values are their numbers."""
+    """Append bins; the time and the values of each bin are equal to its number."""
     numbers = np.arange(history.count, history.count + count, dtype=float)
     values = np.repeat(numbers[:, np.newaxis], lanes_of(len(joints)), axis=1).astype(np.float32)
     history.append(joints, SignalBins(numbers, numbers % 7 == 0, values))

@@ -1,4 +1,4 @@
-"""Live signals of drives at rest; they count as old after the end of motion and service."""
+"""Live signals of drives at rest count as old after the end of the motion or of the service."""
 
 from __future__ import annotations
 
@@ -53,5 +53,5 @@ def test_drives_are_watched_at_rest(served: ServedProcess, open_page_of: OpenPag
     expect(row.locator("td").nth(1)).to_have_text(re.compile(r"^0\.0"))
     expect(row.locator("td").nth(3)).to_have_text("–")  # without set-points, no following error
     page.get_by_role("button", name="End this job").click()
-    expect(page.locator("#job .verdict.end")).to_contain_text("Watch: ")
+    expect(page.locator("#job .verdict.end")).to_contain_text("Watch at rest: ")
     expect(state).to_have_attribute("data-kind", "old")

@@ -1,4 +1,6 @@
-"""The colours of the joints' lines differ for every eye, and from the ground, in both themes."""
+"""Viewers with any kind of colour vision can distinguish the joints' lines from each other and from
+the background, in both themes.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""The page of live signals in a browser: it moves, pauses, zooms, and shows values."""
+"""The page of live signals in a browser: its plots follow the time, can be paused and zoomed, and
+show values.
+"""
 
 from __future__ import annotations
 
@@ -44,8 +46,8 @@ def open_signals(open_page: OpenPage, served: ServedProcess, **options: object) 
 
 
 def visible_s(page: Page) -> float:
-    begin, end = page.evaluate(RANGE)
-    return float(end - begin)
+    start, end = page.evaluate(RANGE)
+    return float(end - start)
 
 
 def test_a_page_without_values_says_so(open_page_of: OpenPage, served: ServedProcess) -> None:
@@ -88,6 +90,7 @@ def test_plots_move_pause_and_continue(
     assert page.evaluate(WIDEST_LINE) > 20
     page.locator("#pause").click()
     expect(state).to_contain_text("PAUSED at")
+    expect(page.locator("#pause")).to_have_text("Continue")  # the fixed range is drawn
     frozen, newest = page.evaluate(RANGE), page.evaluate(NEWEST)
     page.wait_for_function(MORE, arg=newest)
     assert page.evaluate(RANGE) == frozen
@@ -117,7 +120,7 @@ def test_zoom_by_buttons_mouse_and_fingers(
     box = plot.bounding_box()
     assert box is not None
     y = box["y"] + box["height"] / 2
-    begin, _ = page.evaluate(RANGE)
+    start, _ = page.evaluate(RANGE)
     page.mouse.move(box["x"] + 0.25 * box["width"], y)
     page.mouse.down()
     page.mouse.move(box["x"] + 0.6 * box["width"], y, steps=5)
@@ -125,7 +128,7 @@ def test_zoom_by_buttons_mouse_and_fingers(
     page.mouse.up()
     expect(page.locator("#span")).to_have_text("15 s visible")
     part = page.evaluate(RANGE)
-    assert part == pytest.approx([begin + 7.5, begin + 22.5], abs=0.2)
+    assert part == pytest.approx([start + 7.5, start + 22.5], abs=0.2)
 
     session = page.context.new_cdp_session(page)
     pinch(session_send=session.send, box=box, first=0.1, last=0.4)
@@ -168,6 +171,8 @@ def test_the_table_shows_the_values_at_the_cursor(
     expect(row.locator("td").first).to_have_text(re.compile(r"^-?\d"))
     expect(page.locator("#values thead")).to_contain_text("Position [°]")
     expect(page.locator("#values thead")).to_contain_text("Torque [N m]")
+    for name in ("zoom-out",) * 6 + ("earlier",) * 2:  # to a time before the service was started
+        page.locator(f"#{name}").click()
     cursor.press("Home")
     expect(cursor).to_have_attribute("aria-valuetext", re.compile("^no values at"))
     expect(row.locator("td").first).to_have_text("–")

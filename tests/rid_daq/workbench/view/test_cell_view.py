@@ -39,7 +39,7 @@ def test_the_pose_is_live_during_a_motion_and_old_before_and_after(
     with moving(served_pages, program_lease):
         expect(state).to_have_text("LIVE: measured pose")
         expect(page.locator("#view tbody")).not_to_contain_text(f"{before[0]:.1f} °")
-    expect(state).to_contain_text("NO LIVE DATA: last pose of the motion")
+    expect(state).to_contain_text("NO LIVE DATA: last measured pose")
     page.wait_for_timeout(300)  # the last update of the table
     after = positions(page)
     assert after != before

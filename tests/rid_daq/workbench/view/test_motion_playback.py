@@ -88,12 +88,12 @@ def near_miss(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def six_shown(six: Path) -> MotionPlayback:
-    return motion_playback(KR15, six, RestingPose())
+    return motion_playback(KR15, load_motion(six), RestingPose())
 
 
 @pytest.fixture(scope="module")
 def fast_shown(fast: Path) -> MotionPlayback:
-    return motion_playback(KR15, fast, RestingPose())
+    return motion_playback(KR15, load_motion(fast), RestingPose())
 
 
 def test_the_poses_are_those_of_the_motion(six: Path, six_shown: MotionPlayback) -> None:
@@ -105,8 +105,8 @@ def test_the_poses_are_those_of_the_motion(six: Path, six_shown: MotionPlayback)
     assert rows[-1] == len(one.position) - 1
     np.testing.assert_array_equal(found.position, one.position[rows])
     assert [name for _, name in found.phases] == ["run-in", "transient", "main part", "run-out"]
-    for begin_s, name in found.phases:
-        row = round(begin_s / one.sample_period_s)
+    for start_s, name in found.phases:
+        row = round(start_s / one.sample_period_s)
         assert Phase(one.phase[row]).name.lower().replace("_", "-") == name.split()[0]
         assert row == 0 or one.phase[row - 1] != one.phase[row]
 
@@ -135,7 +135,7 @@ def test_the_drawn_path_is_near_the_tool_point_of_pinocchio(
 
 
 def test_a_motion_with_too_many_poses_states_the_deviation(fast: Path) -> None:
-    found = motion_playback(KR15, fast, RestingPose(), most_poses=700)
+    found = motion_playback(KR15, load_motion(fast), RestingPose(), most_poses=700)
     assert len(found.times_s) == 700
     assert found.deviation_rad == pytest.approx(largest_deviation(found, plan(fast)))
     assert found.deviation_rad > np.radians(0.5)
@@ -157,7 +157,7 @@ def test_the_clearances_are_the_smallest_of_all_samples(
 
 
 def test_a_closest_approach_of_a_moment_is_found_and_shown(near_miss: Path) -> None:
-    found, samples = motion_playback(KR15, near_miss, RestingPose()), plan(near_miss)
+    found, samples = motion_playback(KR15, load_motion(near_miss), RestingPose()), plan(near_miss)
     clearance = found.clearance
     assert clearance is not None
     clearances = Clearances.of(KR15.robot, KR15.config.workspace)
@@ -174,12 +174,12 @@ def test_a_closest_approach_of_a_moment_is_found_and_shown(near_miss: Path) -> N
 def test_the_approach_from_the_present_pose_is_part_of_the_motion(six: Path) -> None:
     samples = plan(six)
     folded = (0.5, 0.9, -2.4, 0.3, 1.5, 0.0)
-    found = motion_playback(KR15, six, RestingPose(folded, "the preflight", 1e9))
+    found = motion_playback(KR15, load_motion(six), RestingPose(folded, "the preflight", 1e9))
     way = approach(np.array(folded), samples.position[0], KR15.robot, KR15.config.cycle_time_s)
     assert found.times_s[0] == pytest.approx(-way.duration_s)
     np.testing.assert_array_equal(found.position[0], folded)
-    begin = int(np.flatnonzero(found.times_s == 0.0)[0])
-    np.testing.assert_array_equal(found.position[begin], samples.position[0])
+    first = int(np.flatnonzero(found.times_s == 0.0)[0])
+    np.testing.assert_array_equal(found.position[first], samples.position[0])
     assert found.phases[0] == (found.times_s[0], "approach")
     assert found.phases[1] == (0.0, "run-in")
     clearances = Clearances.of(KR15.robot, KR15.config.workspace)
@@ -192,7 +192,7 @@ def test_the_approach_from_the_present_pose_is_part_of_the_motion(six: Path) -> 
 
 def test_a_motion_from_outside_the_limits_has_no_approach(six: Path) -> None:
     outside = RestingPose((9.0, 0.0, 0.0, 0.0, 0.0, 0.0), "the preflight", 1e9)
-    found = motion_playback(KR15, six, outside)
+    found = motion_playback(KR15, load_motion(six), outside)
     assert found.times_s[0] == 0.0
     assert "axis1" in found.no_approach
 
@@ -200,7 +200,7 @@ def test_a_motion_from_outside_the_limits_has_no_approach(six: Path) -> None:
 def test_a_robot_without_bodies_has_no_clearance(motion: str, tmp_path: Path) -> None:
     path = tmp_path / "motion.yaml"
     path.write_text(motion)
-    assert motion_playback(load_cell("ir361"), path, RestingPose()).clearance is None
+    assert motion_playback(load_cell("ir361"), load_motion(path), RestingPose()).clearance is None
 
 
 @pytest.mark.slow
@@ -211,7 +211,7 @@ def test_a_motion_is_played_and_can_be_scrubbed(
     page.goto(served_pages.url.split("/?")[0] + "/cells/kr15/experiment")
     wait_for_picture(page)
     expect(page.locator("#view .view-state")).to_contain_text("PLANNED MOTION, NO LIVE DATA")
-    found = motion_playback(KR15, six, RestingPose())
+    found = motion_playback(KR15, load_motion(six), RestingPose())
     end_s = found.times_s[-1]
     expect(page.locator(CLOCK)).to_contain_text(f"0.0 of {end_s:.1f} s")
 

@@ -1,4 +1,6 @@
-"""During jog and axis test, the picture shows the positive direction of the joint that moves."""
+"""During a jog and an axis test, the picture shows the positive direction of the joint that
+moves.
+"""
 
 from __future__ import annotations
 
@@ -31,6 +33,17 @@ def require_shown(page: Page, shown: list[bool]) -> None:
     assert page.evaluate(SHOWN) == shown
 
 
+def require_rest(page: Page) -> None:
+    """Wait until the shown pose no longer moves: the arm settles after its drives are enabled."""
+    before, _ = page.evaluate(ARMS)
+    for _ in range(300):
+        page.wait_for_timeout(300)
+        last, (before, _) = before, page.evaluate(ARMS)
+        if np.degrees(np.subtract(before, last)) == pytest.approx([0.0, 0.0, 0.0], abs=0.01):
+            return
+    pytest.fail("the arm does not come to rest")
+
+
 def test_a_jog_shows_the_chosen_joint_and_a_ghost_that_stays(
     open_page: OpenPage, served_pages: ServedProcess
 ) -> None:
@@ -40,6 +53,7 @@ def test_a_jog_shows_the_chosen_joint_and_a_ghost_that_stays(
     ready(page, served_pages)
     begin(page, "#jog")
     require_shown(page, [True, False, False])
+    require_rest(page)
     page.locator(".joint", has_text="axis2").click()
     require_shown(page, [False, True, False])
     ahead = pytest.approx([0.0, 2.0, 0.0], abs=0.05)

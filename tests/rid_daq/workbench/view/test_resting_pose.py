@@ -48,4 +48,4 @@ def test_the_newer_source_counts(cell: LoadedCell) -> None:
     newer = resting_pose(cell, preflight(cell, stored_s + 60.0))
     assert newer == RestingPose(MEASURED, "the preflight", stored_s + 60.0)
     older = resting_pose(cell, preflight(cell, stored_s - 60.0))
-    assert older == RestingPose((0.5, 0.5, 0.5), "run 01M8", stored_s)
+    assert older == RestingPose((0.5, 0.5, 0.5), "the last run", stored_s)

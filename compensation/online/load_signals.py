@@ -1,0 +1,237 @@
+"""`LoadSignals`: signals at which the load changes, watched in the cyclic task."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from multiprocessing import get_context
+from typing import Any, Final
+
+import numpy as np
+
+from acquisition.motion.load_changes import LoadChange, LoadChanges
+from acquisition.supervision.stop_reason import StopCode, StopReason
+from compensation.online.load_kernels import (
+    BEGIN,
+    EARLIEST,
+    END,
+    NOTICED,
+    SETTLED,
+    LoadArrays,
+)
+from config.arrays import FloatArray
+from drivers.interfaces.servo_axes import Answers
+
+ROUNDING_S: Final = 1e-9
+"""Tolerance of comparisons between times that are multiples of the cycle time [s]."""
+
+
+class LoadSignals:
+    """Signals of a motion's load changes; the changes wait for one another, in their order.
+
+    A change whose load the robot carries already, because an earlier signal was missed, needs no
+    signal. The times are in shared memory, so that the program can read them after the motion.
+
+    Args:
+        changes: The changes, at least one with a signal.
+        joints: Names of the joints, in the order of the drives.
+        cycle_time_s: Cycle time [s].
+        came_s: Shared memory of one number per change; made if left out.
+    """
+
+    def __init__(
+        self,
+        changes: LoadChanges,
+        joints: Sequence[str],
+        cycle_time_s: float,
+        came_s: Any = None,
+    ) -> None:
+        count = len(changes.changes)
+        self._changes = changes
+        self._joints = tuple(joints)
+        self._cycle_time_s = cycle_time_s
+        self._memory = get_context("spawn").RawArray("d", count) if came_s is None else came_s
+        self._came_s: FloatArray = np.frombuffer(self._memory, dtype=np.float64)
+        if came_s is None:
+            self._came_s[:] = math.nan
+        self._next = 0  # number of the change that is awaited
+        self._carried = 0  # number of the present load
+        self._since_s = math.nan  # time since which the input has been active
+        self._free_s = 0.0  # end of the previous change
+        self._missed: list[int] = []
+        self._unneeded: list[int] = []
+        self._stopped: list[int] = []
+
+    def __reduce__(self) -> tuple[Callable[..., LoadSignals], tuple[Any, ...]]:
+        return LoadSignals, (self._changes, self._joints, self._cycle_time_s, self._memory)
+
+    @property
+    def changes(self) -> LoadChanges:
+        """The changes, with the times at which their signals came."""
+        found = [
+            change.model_copy(update={"came_s": None if math.isnan(came_s) else float(came_s)})
+            for change, came_s in zip(self._changes.changes, self._came_s, strict=True)
+        ]
+        return self._changes.model_copy(update={"changes": tuple(found)})
+
+    @property
+    def notes(self) -> list[str]:
+        """One sentence for each change that came, was missed, or was not needed, without a stop."""
+        notes = []
+        for number, change in enumerate(self.changes.changes):
+            if number in self._stopped:
+                continue
+            if change.came_s is not None:
+                notes.append(f"{_name(number)}: {_lateness_words(change)}")
+            elif number in self._missed:
+                notes.append(f"{_missed_words(number, change)}; the motion went on without it")
+            elif number in self._unneeded:
+                notes.append(
+                    f"{_name(number)}: the robot carried this load already, because an earlier"
+                    " signal did not come"
+                )
+        return notes
+
+    def begin(self, loads: LoadArrays, ahead_s: float) -> LoadArrays:
+        """Return the loads of a motion in which no signal has come yet; they change with `observe`.
+
+        Args:
+            loads: The loads, with the changes at their stated times.
+            ahead_s: Time by which the path's head is ahead of the robot [s].
+        """
+        times = loads[0].copy()
+        earliest_s = 0.0
+        overlap_s = 0.0  # ramp of the previous change, if its signal may come just before this one
+        for row, change in zip(times, self._changes.changes, strict=True):
+            signal = change.signal
+            row[SETTLED] = max(row[SETTLED], change.earliest_s + overlap_s)
+            overlap_s = 0.0 if signal is None or signal.missed == "stop" else change.ramp_s
+            if signal is None or signal.outside == "stop":
+                earliest_s = change.earliest_s
+            row[EARLIEST] = earliest_s
+            if signal is not None:
+                row[BEGIN] = row[END] = row[SETTLED] = math.inf
+                if signal.missed == "stop":
+                    noticed_s = change.latest_s + signal.debounce_s + self._cycle_time_s + ahead_s
+                    row[SETTLED] = noticed_s + change.ramp_s
+        self._loads = times, loads[1], loads[2]
+        return self._loads
+
+    def observe(self, time_s: float, head_s: float, answers: Answers) -> StopReason | None:
+        """Evaluate the inputs of a cycle; return a reason to stop, if the file states a stop.
+
+        An input was actuated half a cycle time before it was first seen, on average.
+
+        Args:
+            time_s: Time of the cycle on the path, from its first point [s].
+            head_s: Time of the path's head [s].
+            answers: The drives' answers.
+        """
+        changes = self._changes.changes
+        while self._next < len(changes) and time_s >= self._free_s:
+            number = self._next
+            change = changes[number]
+            if change.signal is None:
+                if time_s < change.at_s:
+                    return None
+                self._finish(number, change.end_s)
+            elif self._is_carried(number + 1):
+                self._unneeded.append(number)
+                self._next += 1
+            elif number in self._missed and head_s >= self._next_earliest_s:
+                self._next += 1
+            else:
+                return self._watch(number, time_s, head_s, answers)
+        return None
+
+    def _watch(
+        self, number: int, time_s: float, head_s: float, answers: Answers
+    ) -> StopReason | None:
+        change = self._changes.changes[number]
+        signal = change.signal
+        assert signal is not None
+        axis = self._joints.index(signal.joint)
+        if not answers.received[axis]:
+            return None
+        level = bool(int(answers.inputs[axis]) >> signal.bit & 1)
+        seen_s = max(time_s - 0.5 * self._cycle_time_s, 0.0)
+        if level != (signal.active == "high"):
+            self._since_s = math.nan
+        elif math.isnan(self._since_s):
+            self._since_s = seen_s
+        if seen_s - self._since_s >= signal.debounce_s - ROUNDING_S:
+            return self._accept(number, self._since_s, head_s)
+        late = math.isnan(self._since_s) or self._since_s > change.latest_s
+        if late and time_s > change.latest_s and number not in self._missed:
+            self._missed.append(number)
+            if signal.missed == "stop":
+                self._stopped.append(number)
+                return StopReason(
+                    StopCode.LOAD_SIGNAL, _missed_words(number, change), joint=signal.joint
+                )
+        return None
+
+    def _accept(self, number: int, came_s: float, head_s: float) -> StopReason | None:
+        """Begin a change at the time of its signal, or return the reason to stop."""
+        self._came_s[number] = came_s
+        change = self.changes.changes[number]
+        signal = change.signal
+        assert signal is not None
+        later = self._loads[0][number + 1 :, BEGIN]
+        too_late = len(later) > 0 and later[0] <= head_s
+        if too_late or (not change.in_window and signal.outside == "stop"):
+            self._stopped.append(number)
+            text = f"{_name(number)}: {_lateness_words(change)}"
+            if too_late:
+                text += ". The next change had already begun: give it a later at_s"
+            return StopReason(
+                StopCode.LOAD_SIGNAL,
+                text,
+                joint=signal.joint,
+                value=came_s,
+                limit=change.earliest_s if came_s < change.at_s else change.latest_s,
+            )
+        row = self._loads[0][number]
+        row[BEGIN], row[END], row[NOTICED] = came_s, came_s + change.ramp_s, head_s
+        self._finish(number, came_s + change.ramp_s)
+        return None
+
+    def _finish(self, number: int, end_s: float) -> None:
+        self._next, self._carried = number + 1, number + 1
+        self._since_s, self._free_s = math.nan, end_s
+
+    def _is_carried(self, load: int) -> bool:
+        """Return True if a load equals the present one, after an earlier signal was missed."""
+        _, bodies, terms = self._loads
+        same = np.array_equal(bodies[self._carried], bodies[load])
+        return bool(self._missed) and same and np.array_equal(terms[self._carried], terms[load])
+
+    @property
+    def _next_earliest_s(self) -> float:
+        """Time from which the change after the awaited one is expected [s]."""
+        later = self._changes.changes[self._next + 1 :]
+        return later[0].earliest_s if later else math.inf
+
+
+def _name(number: int) -> str:
+    return f"load change {number + 1}"
+
+
+def _missed_words(number: int, change: LoadChange) -> str:
+    signal = change.signal
+    assert signal is not None
+    return (
+        f"{_name(number)}: the signal (bit {signal.bit} of 60FDh, drive of {signal.joint}) did not"
+        f" come between {change.earliest_s:g} and {change.latest_s:g} s. Check the gripper, the"
+        " part and the switch"
+    )
+
+
+def _lateness_words(change: LoadChange) -> str:
+    assert change.lateness_s is not None
+    late_ms = 1e3 * change.lateness_s
+    words = f"{abs(late_ms):.0f} ms {'later' if late_ms > 0.0 else 'earlier'} than at_s"
+    window = ""
+    if not change.in_window:
+        window = f", outside its window from {change.earliest_s:g} to {change.latest_s:g} s"
+    return f"the signal came at {change.came_s:.3f} s, {words}{window}"

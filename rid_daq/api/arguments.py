@@ -1,0 +1,138 @@
+"""Check the arguments of the public functions, so that every refusal is a `RidDaqError`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+from pydantic import BaseModel, ValidationError
+
+from config.arrays import FloatArray
+from config.errors import ConfigError, EstimationError
+from identification.estimation.estimate import Estimate
+from identification.payload.carried import contains_payload
+
+T = TypeVar("T")
+M = TypeVar("M", bound=BaseModel)
+
+ARGUMENT = "RID-API-ARGUMENT"
+
+
+def require(name: str, value: object, kind: type[T]) -> T:
+    """Return an argument of the expected type.
+
+    Raises:
+        ConfigError: It has another type.
+    """
+    if not isinstance(value, kind):
+        raise ConfigError(
+            f"{name}: {type(value).__name__} {str(value)[:40]!r}; give a {kind.__name__}",
+            code=ARGUMENT,
+        )
+    return value
+
+
+def require_each(name: str, value: T | Iterable[T], kind: type[T]) -> list[T]:
+    """Return one object, or several, as a list.
+
+    Raises:
+        ConfigError: One of them has another type.
+    """
+    if isinstance(value, kind):
+        return [value]
+    if isinstance(value, str) or not isinstance(value, Iterable):
+        require(name, value, kind)
+        raise AssertionError("unreachable")
+    return [require(f"{name}[{number}]", each, kind) for number, each in enumerate(value)]
+
+
+def as_path(name: str, value: object) -> Path:
+    """Return a path.
+
+    Raises:
+        ConfigError: It is neither a text nor a path.
+    """
+    return Path(value) if isinstance(value, str) else require(name, value, Path)
+
+
+def as_numbers(name: str, values: npt.ArrayLike, *, finite: bool = True) -> FloatArray:
+    """Return an argument as an array of real numbers.
+
+    Args:
+        name: Name of the argument.
+        values: The argument.
+        finite: False if the caller treats NaN itself, such as damaged rows of a recording.
+
+    Raises:
+        ConfigError: The values are not real numbers, are ragged, or are not finite.
+    """
+    try:
+        found = np.asarray(values)
+    except ValueError:
+        raise ConfigError(f"{name}: rows of different lengths; give a table", code=ARGUMENT) from (
+            None
+        )
+    if found.dtype.kind not in "iuf":
+        raise ConfigError(f"{name}: values of type {found.dtype}; give real numbers", code=ARGUMENT)
+    if finite and not np.isfinite(found).all():
+        place = tuple(np.argwhere(~np.isfinite(found))[0].tolist())
+        where = f"[{', '.join(map(str, place))}]" if place else ""
+        raise ConfigError(
+            f"{name}{where}: {found[place]} is not a finite number; give finite values only",
+            code=ARGUMENT,
+        )
+    return found.astype(np.float64)
+
+
+def validated(kind: type[M], values: Mapping[str, Any]) -> M:
+    """Return a model of a file from arguments.
+
+    Raises:
+        ConfigError: A value is not allowed; the text names it.
+    """
+    try:
+        return kind(**values)
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(map(str, first["loc"]))
+        raise ConfigError(f"{where}: {first['input']!r}: {first['msg']}", code=ARGUMENT) from None
+
+
+def with_options(own: Mapping[str, Any], options: object) -> dict[str, Any]:
+    """Return the fields of a request: a function's own arguments and further `options`.
+
+    Raises:
+        ConfigError: `options` is not a mapping, or has a field that an argument determines.
+    """
+    if options is None:
+        return dict(own)
+    if not isinstance(options, Mapping):
+        raise ConfigError(
+            f"options: {type(options).__name__} {str(options)[:40]!r}; give a mapping of fields",
+            code=ARGUMENT,
+        )
+    twice = [str(each) for each in options if each in own]
+    if twice:
+        raise ConfigError(
+            f"options: {', '.join(twice)}: this function determines the field itself; use its"
+            " arguments instead",
+            code=ARGUMENT,
+        )
+    return {**own, **options}
+
+
+def require_stated_payload(estimate: Estimate) -> None:
+    """Refuse a model that contains a payload, because nothing states what the robot carries.
+
+    Raises:
+        EstimationError: The model contains a payload.
+    """
+    if contains_payload(estimate):
+        raise EstimationError(
+            "the model contains a payload: use model.with_payload('model') for the robot with"
+            " it, or model.with_payload('none') for the robot alone",
+            code="RID-PAYLOAD-UNSTATED",
+        )

@@ -1,0 +1,58 @@
+// Writes a measured zero of the force plate into the cell file, after the user has compared old and new values.
+import { table } from "./blocks.js";
+import { dialog } from "./dialog.js";
+import { element, find, timeOf } from "./dom.js";
+import { html, render } from "./lit.js";
+import { CELL, ask, lease, mayMove, page } from "./service.js";
+
+const WRITE_MS = 30000;
+
+// Return the button for the zero of a run, with the outcome below it. `check` starts the check that is needed afterwards.
+export function zeroButton(run, check = () => location.assign(CELL)) {
+  const outcome = element("div", { class: "part", role: "status" });
+  const say = (parts) => render(parts, outcome);
+  const button = element("button", { type: "button", class: "main", disabled: !mayMove }, "Write the zero into the cell file");
+  button.addEventListener("click", async () => {
+    say([]);
+    button.disabled = true; // a second click would read the file while it is written
+    try {
+      button.hidden = await write(run, check, say);
+    } catch (error) {
+      say(html`<p class="problem">${error.message}</p>`);
+    }
+    button.disabled = false;
+  });
+  return element("div", { class: "part zero" }, element("div", { class: "actions" }, button), outcome);
+}
+
+// Resolves with true if the zero is in the cell file at the end.
+async function write(run, check, say) {
+  const planned = await ask("GET", `${CELL}/plate-zero?run=${encodeURIComponent(run)}`);
+  const state = (next) => say(html`<p class="verdict good">✓ The zero is in ${planned.file}.</p>${next}`);
+  if (isSame(planned.before, planned.after)) {
+    state([]);
+    return true;
+  }
+  const values = element("div", {});
+  render(comparison(planned), values);
+  const afterwards = page.simulated ? "The cell must be checked again afterwards." : "Afterwards the cell needs its axis test and its check again.";
+  const words = element("p", {}, `Measured at ${timeOf(planned.measured_utc)}. The other lines of ${planned.file} stay as they are. ${afterwards}`);
+  if (!(await dialog("Write this zero into the cell file?", [words, values], "Write the zero"))) return false;
+  await ask("POST", `${CELL}/plate-zero`, { run, version: planned.version }, WRITE_MS, lease.key);
+  state(html`<div class="actions"><button type="button" class="main" @click=${check}>Check the cell before the next motion</button></div>`);
+  return true;
+}
+
+const isSame = (before, after) => JSON.stringify(before) === JSON.stringify(after);
+
+function comparison({ channels, before, after }) {
+  const number = (value, digits) => value.toFixed(digits).replace("-", "−");
+  const offset = (zero, i) => (zero === null ? "none" : number(zero.offset_n[i], 3));
+  const drift = (zero, i) => (zero === null ? "none" : number(1e3 * zero.drift_n_s[i], 1));
+  const rows = channels.map((name, i) => [name, offset(before, i), offset(after, i), drift(before, i), drift(after, i)]);
+  const columns = ["channel", "old offset [N]", "new offset [N]", "old drift [mN/s]", "new drift [mN/s]"];
+  return table(columns, rows, null, "old and new zero");
+}
+
+const place = find("zero-of-run"); // on the page of a run
+if (place) place.append(zeroButton(place.dataset.run));

@@ -1,0 +1,316 @@
+"""A load that is taken up or put down at a signal: a digital input of a drive."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from acquisition.motion.load_changes import LoadChange, LoadChanges
+from acquisition.motion.load_signal import LoadSignal
+from acquisition.supervision.cycle import SetPoint
+from acquisition.supervision.stop_reason import StopCode
+from compensation.online import path_kernels as path
+from compensation.online.load_kernels import CATCH_UP, possible_loads, set_load
+from compensation.online.load_signals import LoadSignals
+from compensation.online.online import OnlineFeedforward
+from compensation.online.point_ring import PointRing
+from compensation.online.point_source import PointSource
+from compensation.ramped_load import RampedLoad
+from config.errors import ConfigError
+from identification.estimation.estimate import Estimate
+from identification.payload.carried import carry
+from tests.builders.certified import estimate_of
+from tests.builders.known_model import known_estimate
+from tests.builders.point_streams import (
+    CELL,
+    Points,
+    T,
+    answers_at,
+    arrays,
+    held_limits,
+    loops_of,
+    planned,
+)
+from tests.builders.raised_codes import raises_code, raises_invalid
+
+AT_S, RAMP_S, BIT = 1.0, 0.1, 17
+ALONE = known_estimate(CELL, {})
+PAYLOAD = estimate_of(CELL, ("run",))
+LOADED = carry(ALONE, replace(PAYLOAD, values=0.5 * PAYLOAD.values))
+Levels = Callable[[float], bool]
+
+
+def change(at_s: float = AT_S, payload: str = "model", **signal: Any) -> LoadChange:
+    """Return a change at a signal of axis 2; keys of the signal can be replaced."""
+    keys: dict[str, Any] = {"joint": "axis2", "bit": BIT, "debounce_s": 0.0}
+    keys |= {"early_s": 0.1, "late_s": 0.2, "missed": "stop"}
+    own = LoadSignal.model_validate(keys | signal)
+    return LoadChange(at_s=at_s, payload=payload, ramp_s=RAMP_S, signal=own)
+
+
+def forward_of(*changes: LoadChange, loads: tuple[Estimate, ...] = (LOADED,)) -> OnlineFeedforward:
+    """Return the arm without load, and with a load after each change."""
+    begin_s = np.array([each.at_s for each in changes])
+    load = RampedLoad((ALONE, *loads), begin_s, np.full(len(changes), RAMP_S))
+    forward = OnlineFeedforward.from_model(CELL.config, CELL.robot, load, loops_of(CELL))
+    if all(each.signal is None for each in changes):
+        return forward
+    stated = LoadChanges(changes=changes)
+    return replace(forward, signals=LoadSignals(stated, CELL.robot.joint_names, T))
+
+
+def source_of(forward: OnlineFeedforward) -> PointSource:
+    points = planned().position
+    ring = PointRing.create(3, len(points))
+    ring.write(np.asarray(points))
+    ring.end()
+    source = PointSource(forward, ring)
+    source.prepare()
+    source.begin(False, np.zeros(3))
+    return source
+
+
+def follow(source: PointSource, level: Levels, lost: Levels = lambda _: False) -> list[SetPoint]:
+    """Drive a path; the input of axis 2 has a level at times of the path."""
+    points: list[SetPoint] = []
+    for row in range(5000):
+        if points:
+            time_s = points[-1].sample_index * T
+            word = int(level(time_s)) << BIT
+            answers = answers_at(np.array(points[-1].position), inputs=(0, word, 0))
+            answers.received[1] = not lost(time_s)
+            source.watch(answers)
+        point = source.at(row)
+        if point is None:
+            return points
+        points.append(point)
+    raise AssertionError("the robot did not come to rest")
+
+
+def from_time(time_s: float) -> Levels:
+    return lambda now_s: now_s >= time_s
+
+
+def changes_of(source: PointSource) -> tuple[LoadChange, ...]:
+    signals = source._feedforward.signals
+    assert signals is not None
+    return signals.changes.changes
+
+
+def stated_at(time_s: float, load: Estimate = LOADED) -> Points:
+    """Return the feedforward of a load that changes at a stated time."""
+    stated = LoadChange(at_s=time_s, payload="model", ramp_s=RAMP_S)
+    return arrays(follow(source_of(forward_of(stated, loads=(load,))), lambda _: False))[2]
+
+
+@pytest.mark.parametrize("late_s", [-0.05, 0.0, 0.05])
+def test_the_load_follows_the_signal(late_s: float) -> None:
+    source = source_of(forward_of(change()))
+    points = follow(source, from_time(AT_S + late_s))
+    held_limits(points)
+    assert source.stop is None
+    (came,) = changes_of(source)
+    assert came.lateness_s == pytest.approx(late_s, abs=T)
+    assert came.came_s is not None
+    assert came.lateness_s is not None
+    assert any(f"{abs(1e3 * came.lateness_s):.0f} ms" in note for note in source.notes)
+    ahead, expected = arrays(points)[2], stated_at(came.came_s)
+    begun = math.floor(came.came_s / T)
+    # before the signal the load is not known; the ramp is caught up half way
+    np.testing.assert_allclose(ahead[: begun - 4], stated_at(5.0)[: begun - 4], atol=1e-9)
+    inside = slice(begun + 10, begun + 60)
+    effect = np.abs(expected - stated_at(5.0))[inside].max()
+    assert np.abs(ahead - expected)[inside].max() < 0.15 * effect
+
+
+def test_a_missed_signal_stops_the_robot_on_its_path_at_once() -> None:
+    source = source_of(forward_of(change()))
+    points = follow(source, lambda _: False)
+    held_limits(points)
+    assert source.stop is not None
+    assert (source.stop.code, source.stop.joint) == (StopCode.LOAD_SIGNAL, "axis2")
+    nearest = np.abs(arrays(points)[0][:, np.newaxis] - planned().position).max(axis=2).min(axis=1)
+    assert nearest.max() < 1.1 * np.abs(np.diff(planned().position, axis=0)).max()
+    index = [point.sample_index * T for point in points]
+    assert AT_S + 0.2 < index[-1] < AT_S + 0.2 + 0.6
+    assert changes_of(source)[0].came_s is None
+    assert source._signals is not None
+    assert source._signals.notes == []
+
+
+def test_a_missed_signal_can_leave_the_robot_without_the_load() -> None:
+    source = source_of(forward_of(change(missed="unloaded")))
+    points = follow(source, lambda _: False)
+    assert source.stop is None
+    np.testing.assert_allclose(arrays(points)[2], stated_at(5.0), atol=1e-9)
+    assert len(source.notes) == 1
+
+
+@pytest.mark.parametrize("signal_s", [0.5, AT_S + 0.4])
+def test_a_signal_outside_its_window_stops_the_robot(signal_s: float) -> None:
+    source = source_of(forward_of(change(missed="unloaded")))
+    held_limits(follow(source, from_time(signal_s)))
+    assert source.stop is not None
+    assert source.stop.code is StopCode.LOAD_SIGNAL
+    assert source.stop.value == pytest.approx(signal_s, abs=T)
+
+
+@pytest.mark.parametrize("signal_s", [0.5, AT_S + 0.4])
+def test_a_signal_outside_its_window_can_be_followed_and_is_reported(signal_s: float) -> None:
+    source = source_of(forward_of(change(missed="unloaded", outside="report")))
+    points = follow(source, from_time(signal_s))
+    assert source.stop is None
+    (came,) = changes_of(source)
+    assert not came.in_window
+    assert len(source.notes) == 1
+    end = math.ceil((signal_s + RAMP_S) / T)
+    expected = stated_at(signal_s)[end : end + 60]
+    effect = np.abs(expected - stated_at(5.0)[end : end + 60]).max()
+    assert np.abs(arrays(points)[2][end : end + 60] - expected).max() < 0.15 * effect
+
+
+def test_a_signal_that_is_active_from_the_beginning_is_outside_its_window() -> None:
+    source = source_of(forward_of(change()))
+    follow(source, lambda _: True)
+    assert source.stop is not None
+    assert source.stop.code is StopCode.LOAD_SIGNAL
+    assert changes_of(source)[0].came_s == 0.0
+
+
+def test_the_signal_must_be_active_for_the_debounce_time() -> None:
+    """A bouncing contact counts from the time at which it stays closed."""
+    source = source_of(forward_of(change(debounce_s=0.02)))
+    bounces = (AT_S, AT_S + 0.016)
+    follow(source, lambda now_s: any(0 <= now_s - t < 0.008 for t in bounces) or now_s > 1.048)
+    came_s = changes_of(source)[0].came_s
+    assert came_s == pytest.approx(1.052, abs=T)
+
+
+def test_lost_answers_do_not_count_as_a_signal() -> None:
+    source = source_of(forward_of(change(debounce_s=0.0)))
+    follow(source, lambda _: True, lost=lambda now_s: now_s < AT_S + 0.1)
+    assert changes_of(source)[0].came_s == pytest.approx(AT_S + 0.1, abs=T)
+
+
+def test_an_input_can_be_active_at_low_level() -> None:
+    source = source_of(forward_of(change(active="low")))
+    follow(source, lambda now_s: now_s < AT_S)
+    assert changes_of(source)[0].lateness_s == pytest.approx(0.0, abs=T)
+
+
+def test_what_was_not_taken_up_needs_no_signal_to_be_put_down() -> None:
+    up = change(missed="unloaded")
+    down = change(1.5, "none", active="low")
+    source = source_of(forward_of(up, down, loads=(LOADED, ALONE)))
+    points = follow(source, lambda _: False)
+    assert source.stop is None
+    np.testing.assert_allclose(arrays(points)[2], stated_at(5.0), atol=1e-9)
+    assert [each.came_s for each in changes_of(source)] == [None, None]
+    assert len(source.notes) == 2
+
+
+def test_a_load_is_taken_up_and_put_down_at_two_signals() -> None:
+    source = source_of(
+        forward_of(change(), change(1.5, "none", active="low"), loads=(LOADED, ALONE))
+    )
+    points = follow(source, lambda now_s: AT_S <= now_s < 1.5)
+    assert source.stop is None
+    lateness = [each.lateness_s for each in changes_of(source)]
+    assert lateness == pytest.approx([0.0, 0.0], abs=T)
+    held_limits(points)
+    last = slice(math.ceil(1.8 / T), -10)
+    assert np.abs(arrays(points)[2] - stated_at(5.0))[last].max() < 0.02
+
+
+def test_a_late_signal_just_before_the_next_change_is_followed() -> None:
+    stated = LoadChange(at_s=1.5, payload="none", ramp_s=RAMP_S)
+    late = change(missed="unloaded", outside="report")
+    source = source_of(forward_of(late, stated, loads=(LOADED, ALONE)))
+    points = follow(source, from_time(1.4))
+    assert source.stop is None
+    assert changes_of(source)[0].came_s == pytest.approx(1.4, abs=T)
+    held_limits(points)
+    last = slice(math.ceil(1.9 / T), -10)
+    assert np.abs(arrays(points)[2] - stated_at(5.0))[last].max() < 0.02
+
+
+def test_a_signal_that_is_noticed_after_the_next_change_has_begun_stops_the_robot() -> None:
+    """The path's head is some cycles ahead of the robot, and the ramp is shorter than this time."""
+    stated = LoadChange(at_s=1.21, payload="none", ramp_s=RAMP_S)
+    short = change().model_copy(update={"ramp_s": 0.01})
+    source = source_of(forward_of(short, stated, loads=(LOADED, ALONE)))
+    held_limits(follow(source, from_time(1.19)))
+    assert source.stop is not None
+    assert source.stop.code is StopCode.LOAD_SIGNAL
+
+
+@pytest.mark.parametrize("second_s", [0.05, 0.1, 0.4])
+def test_the_load_has_no_step_if_a_change_begins_before_the_previous_one_is_complete(
+    second_s: float,
+) -> None:
+    """The first change begins late, at 1.35 s, and is noticed at 1.37 s."""
+    forward = forward_of(change(), change(2.0), loads=(LOADED, ALONE))
+    _, bodies, terms = forward.loads
+    begin_s, ramp_s, noticed_s = np.array([1.35, 1.4]), np.array([0.2, second_s]), [1.37, -np.inf]
+    times = np.stack([begin_s, begin_s + ramp_s, noticed_s, begin_s, begin_s + ramp_s], axis=1)
+    model = forward.torque.arrays
+    found = []
+    for time_s in np.arange(1.3, 1.9, 1e-3):
+        set_load(model, (times, bodies, terms), time_s)
+        found.append(model[3].copy())
+    low, high = np.minimum(bodies[0], bodies[1]), np.maximum(bodies[0], bodies[1])
+    steps = np.abs(np.diff(found, axis=0)).max(axis=0)
+    assert (steps <= CATCH_UP * 1e-3 / ramp_s.min() * (high - low) + 1e-12).all()
+    assert (np.array(found) >= low - 1e-12).all()
+    assert (np.array(found) <= high + 1e-12).all()
+    np.testing.assert_array_equal(found[0], bodies[0])
+    np.testing.assert_array_equal(found[-1], bodies[2])
+
+
+@pytest.mark.parametrize(("early_s", "refused_s"), [(0.1, AT_S - 0.1), (0.6, AT_S - 0.6)])
+def test_limits_hold_for_both_loads_from_the_earliest_signal_on(
+    early_s: float, refused_s: float
+) -> None:
+    """Axis 3 needs at most 66 N m without the load, and more than 80 N m with it."""
+    forward = with_torque_limit(75.0, early_s=early_s)
+    source = source_of(forward)
+    follow(source, lambda _: False)
+    assert source.stop is not None
+    assert (source.stop.code, source.stop.joint) == (StopCode.POINTS_REFUSED, "axis3")
+    assert source._counts[path.REASON_POINT] == pytest.approx(refused_s / T, abs=1)
+
+
+def test_limits_hold_for_both_loads_everywhere_if_a_signal_may_come_at_any_time() -> None:
+    with raises_code(ConfigError, "RID-STREAM-POINTS", "axis3"):
+        source_of(with_torque_limit(75.0, outside="report"))
+
+
+def with_torque_limit(axis3_nm: float, **signal: Any) -> OnlineFeedforward:
+    forward = forward_of(change(missed="unloaded", **signal))
+    axes = np.array(forward.axes)
+    axes[path.TORQUE, 2] = axis3_nm
+    return replace(forward, axes=axes)
+
+
+def test_possible_loads_depend_on_the_reactions_to_a_missed_signal() -> None:
+    changes = (change(), change(2.0, missed="unloaded"), change(3.0))
+    signals = forward_of(*changes, loads=(LOADED, ALONE, LOADED)).signals
+    loads = forward_of(*changes, loads=(LOADED, ALONE, LOADED)).loads
+    assert signals is not None
+    begun = signals.begin(loads, 0.03)
+    times_s = (0.5, 1.0, 1.5, 2.0, 2.7, 3.0, 3.5)
+    assert [possible_loads(begun, time_s) for time_s in times_s] == [
+        (0, 0), (0, 1), (1, 1), (1, 2), (1, 2), (1, 3), (3, 3)
+    ]  # fmt: skip
+
+
+def test_windows_must_not_overlap_and_not_begin_before_the_motion() -> None:
+    with raises_invalid("", "1.15 s"):
+        LoadChanges(changes=(change(), change(1.25)))
+    with raises_invalid("", "-0.05 s"):
+        change(0.05)

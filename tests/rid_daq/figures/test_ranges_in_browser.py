@@ -1,0 +1,97 @@
+"""Ranges of a figure's axes in a real browser: zooms beyond the values, and hidden lines."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from playwright.sync_api import Browser, Locator, Page
+
+from rid_daq.blocks.plot import Axis, Line, Panel, Plot
+from rid_daq.figures.palette import LIGHT
+from tests.builders.figure_page import served_figures
+from tests.rid_daq.figures.test_in_browser import (
+    COLOURS,
+    hex_to_rgb,
+    open_page,
+    wait_until_shown,
+)
+
+pytestmark = pytest.mark.slow
+
+FREQUENCY = Axis("frequency", "Hz", log=True)
+SHORT = Line("short", (1.0, 100.0), (20.0, 21.0), "blue", width=4.0)
+LONG = Line("long", (1.0, 10_000.0), (20.0, 21.0), "orange", width=4.0)
+PLOT = Plot(
+    name="gains",
+    panels=(
+        Panel(x=FREQUENCY, y=Axis("gain", "dB"), lines=(SHORT, LONG)),
+        Panel(x=FREQUENCY, y=Axis("loss", "dB"), lines=(SHORT,), zooms_with_previous=True),
+    ),
+)
+
+PINCH = """(over) => {
+  const { left, top, width } = over.getBoundingClientRect();
+  const send = (type, pointerId, part) => over.dispatchEvent(new PointerEvent(type,
+    { pointerType: "touch", pointerId, clientX: left + part * width, clientY: top + 20 }));
+  send("pointerdown", 1, 0.6);
+  send("pointerdown", 2, 0.8);
+  send("pointermove", 1, 0.7);
+  send("pointermove", 1, 0.75);
+}"""
+
+
+@pytest.fixture
+def page(browser: Browser) -> Iterator[Page]:
+    errors: list[str] = []
+    with served_figures({"gains": PLOT}) as address:
+        page = open_page(browser, address, 1280, "light", errors)
+        wait_until_shown(page)
+        yield page
+        page.close()
+    assert errors == []
+
+
+def shows_blue(canvas: Locator) -> bool:
+    return hex_to_rgb(LIGHT["blue"]) in canvas.evaluate(COLOURS)
+
+
+def test_a_line_stays_visible_in_a_range_between_two_of_its_points(page: Page) -> None:
+    box = page.locator(".u-over").first.bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + 0.2 * box["width"], box["y"] + 0.5 * box["height"])
+    page.mouse.down()
+    page.mouse.move(box["x"] + 0.3 * box["width"], box["y"] + 0.5 * box["height"], steps=4)
+    page.mouse.up()
+    page.get_by_role("button", name="Whole").wait_for()
+    assert shows_blue(page.locator("canvas").first)
+
+
+def test_two_fingers_zoom_a_logarithmic_axis_out(page: Page) -> None:
+    page.locator(".u-over").first.evaluate(PINCH)
+    page.get_by_role("button", name="Whole").wait_for()
+    assert shows_blue(page.locator("canvas").first)
+
+
+@pytest.mark.parametrize("turn", [-100, 100])
+def test_the_wheel_stops_at_ranges_that_an_axis_cannot_show(page: Page, turn: int) -> None:
+    page.locator(".u-over").first.evaluate(
+        """(over, deltaY) => {
+          const { left, width } = over.getBoundingClientRect();
+          for (let i = 0; i < 300; i += 1)
+            over.dispatchEvent(new WheelEvent("wheel",
+              { deltaY, ctrlKey: true, clientX: left + width / 5, cancelable: true }));
+        }""",
+        turn,
+    )
+    page.get_by_role("button", name="Whole").click()
+    assert shows_blue(page.locator("canvas").first)
+
+
+def test_panels_that_zoom_together_keep_one_range_when_a_line_is_hidden(page: Page) -> None:
+    below = page.locator("canvas").nth(1)
+    before = below.evaluate("(each) => each.toDataURL()")
+    page.get_by_role("button", name="long").click()
+    page.wait_for_function(
+        "([canvas, before]) => canvas.toDataURL() !== before", arg=[below.element_handle(), before]
+    )
