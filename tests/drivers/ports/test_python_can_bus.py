@@ -13,6 +13,8 @@ from drivers.ports.can_ports import Arrival
 from mock_hw.bus.lawicel_port import LawicelPort
 from tests.builders.raised_codes import raises_code
 
+PATIENCE_S = 60.0  # time within which frames arrive, even on a busy computer
+
 
 def test_frames_left_by_a_dead_program_on_an_slcan_channel_are_not_read(
     tmp_path: Path,
@@ -36,9 +38,9 @@ def test_frames_left_by_a_dead_program_on_an_slcan_channel_are_not_read(
     sender.start()
     try:
         link = open_can(CanBusConfig(interface="slcan", channel=str(tmp_path / "adapter")))
-        until_s = link.clock.now_s() + 0.3
+        until_s = link.clock.now_s() + PATIENCE_S
         arrived: list[Arrival] = []
-        while link.clock.now_s() < until_s:
+        while len(arrived) <= 10 and link.clock.now_s() < until_s:
             arrived += link.receive_all(until_s)
         link.close()
     finally:
