@@ -13,12 +13,19 @@ from acquisition.imports.columns import ImportColumns, ImportRows
 from acquisition.imports.merged_topics import NO_NEIGHBOUR
 from acquisition.imports.report import DamagedRow
 from acquisition.maps.import_map import ImportMap
-from acquisition.maps.time_column import match_iso
+from acquisition.maps.time_column import match_date
 from config.arrays import FloatArray
 from config.robot.robot import JointLimits, RobotDescription
 
 BEYOND_LIMIT = 0.05
 """Distance by which positions may exceed a joint's limits, as a fraction of the joint's range."""
+
+_GROUPED = re.compile(r"['\"][-+]?\d{1,3}(\.\d{3})+,\d|['\"][-+]?\d{1,3}([,' ]\d{3})+\.\d")
+"""A number with separators of thousands and a decimal separator in a message."""
+
+MOST_STARTS = 10
+START_STEPS = 10.0
+"""Number of steps of the time within which it starts again, from the first time stamp."""
 
 _BY_REASON = {
     "with a wrong number of columns": "check columns, delimiter and header_rows of the map",
@@ -113,6 +120,8 @@ def likely_cause_of_damage(
     if not damaged:
         return "record more"
     ((reason, _),) = Counter(row.reason for row in damaged).most_common(1)
+    if reason == "without a number" and _GROUPED.search(damaged[-1].detail):
+        return "the numbers have separators of thousands: export the file without them"
     if reason == "without a number" and _has_decimal_commas(damaged, import_map):
         return "the numbers have a decimal comma: put `decimal: ','` into the map"
     if reason == "without a number" and " is empty (" in damaged[-1].detail:
@@ -122,6 +131,11 @@ def likely_cause_of_damage(
         )
     if reason == "without a time stamp" and _has_dates(damaged):
         return "the time stamps are dates: put `unit: iso` into `time` of the map"
+    if reason == "with a time stamp out of order" and (starts := _starts_again(rows)):
+        return (
+            f"the time starts again in row {', '.join(map(str, starts))}: import each part alone,"
+            " with --rows"
+        )
     if reason == "with a repeated time stamp" and _are_whole_seconds(rows.time_s, import_map):
         return (
             "the time stamps are whole seconds: if another column has their nanoseconds, give its"
@@ -158,8 +172,18 @@ def _has_decimal_commas(damaged: Sequence[DamagedRow], import_map: ImportMap) ->
 
 
 def _has_dates(damaged: Sequence[DamagedRow]) -> bool:
-    """Return True if the time stamp of the last damaged row is an ISO 8601 date."""
-    return any(match_iso(text) for text in damaged[-1].detail.split("'"))
+    """Return True if the time stamp of the last damaged row is a date."""
+    return any(match_date(text) for text in damaged[-1].detail.split("'"))
+
+
+def _starts_again(rows: ImportRows) -> list[int]:
+    """Return the rows in which the time starts again; none if it goes back for another reason."""
+    back = np.flatnonzero(np.diff(rows.time_s) < 0.0) + 1
+    if not 0 < len(back) <= MOST_STARTS:
+        return []
+    first, step_s = rows.time_s[0], float(np.median(np.diff(rows.time_s)))
+    near = rows.time_s[back] <= first + START_STEPS * step_s
+    return [int(row) for row in rows.row[back]] if near.all() else []
 
 
 def _are_whole_seconds(time_s: FloatArray, import_map: ImportMap) -> bool:

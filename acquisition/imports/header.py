@@ -117,20 +117,31 @@ def with_numbers(
 
 
 def _read_header(file: Path, import_map: ImportMap) -> list[str]:
-    """Return the names in the last of the header rows."""
+    """Return the names in the last of the header rows.
+
+    A separator after the last name is ignored if the next row has none.
+    """
+    names: list[str] | None = None
     for row, line in read_lines(file):
-        if row == import_map.header_rows:
-            try:
-                cells = split_cells(line, SEPARATORS[import_map.delimiter])
-            except csv.Error as error:
-                raise ConfigError(
-                    f"{file} row {row}: cannot be read as a header ({error}): correct header_rows"
-                    " or delimiter",
-                    code="RID-IMPORT-HEADER",
-                ) from None
-            return [name.strip('"') for name in cells]
-        if row > import_map.header_rows:
+        if row < import_map.header_rows:
+            continue
+        if row > import_map.header_rows and names is None:
             break
+        try:
+            cells = split_cells(line, SEPARATORS[import_map.delimiter])
+        except csv.Error as error:
+            if names is not None:
+                break
+            raise ConfigError(
+                f"{file} row {row}: cannot be read as a header ({error}): correct header_rows"
+                " or delimiter",
+                code="RID-IMPORT-HEADER",
+            ) from None
+        if names is not None:
+            return names[:-1] if not names[-1] and len(cells) == len(names) - 1 else names
+        names = [name.strip('"') for name in cells]
+    if names is not None:
+        return names
     raise ConfigError(
         f"{file} row {import_map.header_rows}: is empty or missing, but header_rows of map"
         f" {import_map.name!r} says that it is the header: correct header_rows",

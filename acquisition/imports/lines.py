@@ -92,6 +92,8 @@ def read_blocks(path: Path) -> Iterator[tuple[int, str]]:
 
 def _encoding(beginning: bytes) -> str:
     """Return the encoding of a text; UTF-16 without a byte order mark has zero bytes in digits."""
+    if beginning[:4] in (b"\xff\xfe\0\0", b"\0\0\xfe\xff"):
+        return "utf-32"
     if beginning[:2] in (b"\xff\xfe", b"\xfe\xff"):
         return "utf-16"
     first, second = beginning[0::2], beginning[1::2]

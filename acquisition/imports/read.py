@@ -21,6 +21,7 @@ from acquisition.imports.between_steps import position_steps, refine_between_ste
 from acquisition.imports.causes import likely_cause_of_damage
 from acquisition.imports.columns import ImportColumns
 from acquisition.imports.findings import check_rows
+from acquisition.imports.grouped_digits import refuse_grouped_digits
 from acquisition.imports.header import number_columns
 from acquisition.imports.report import DamagedRow, ImportReport, group_damaged
 from acquisition.imports.soundness import drop_copies, drop_unsound_rows
@@ -74,8 +75,8 @@ def import_csv(
         ConfigError: A file cannot be read, or neither map nor robot gives a value that is needed
             for the conversion to SI units.
         DataQualityError: More rows are damaged than the map's `left_out_limit` permits, the file is
-            too short, the velocities contradict the positions, or positions are far beyond the
-            robot's limits.
+            too short, the velocities contradict the positions, positions are far beyond the
+            robot's limits, or separators of thousands would be read as decimal separators.
     """
     files = (file, *further)
     layout = layout or number_columns(import_map, files)
@@ -83,6 +84,7 @@ def import_csv(
     damaged: list[DamagedRow] = []
     optional = {numbered(j.velocity) for j in layout.joints if j.velocity is not None}
     table = read_tables(files, layout, columns.columns, damaged, optional)
+    refuse_grouped_digits(file, layout, table, columns.columns)
     import_map, missing = without_missing_velocities(import_map, table)
     layout, _ = without_missing_velocities(layout, table)
     columns = ImportColumns.of(layout, robot)

@@ -117,6 +117,8 @@ class RowReader:
     def _add_line(self, row: int, line: str) -> None:
         """Read one line, or report it as damaged."""
         fields, read_one = _split(line, self._map)
+        if len(fields) == self._width + 1 and not fields[-1].strip():
+            del fields[-1]  # a separator after the last number
         if len(fields) != self._width:
             detail = f"{len(fields)} columns instead of {self._width}"
             detail += _delimiter_hint(line, self._map, self._width)

@@ -16,10 +16,22 @@ from config.model import ConfigModel
 
 _NS = 10**9
 _MOST_SECONDS = 9 * 10**9
-_SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+_SECONDS = {"min": 60.0, "s": 1.0, "ms": 1e-3, "us": 1e-6}
+_TICKS_UNTIL_1970 = 116_444_736_000_000_000
+"""Intervals of 100 ns from 1601 to 1970: Windows counts its file times from 1601."""
+
+_MOST_TICKS = (1 << 63) // 100
 _WHOLE = re.compile(r"[-+]?[0-9]+")
-_ISO = re.compile(
-    r"(\d{4}-\d\d-\d\d)[Tt ](\d\d:\d\d:\d\d)(?:[.,](\d{1,9}))?\s*([Zz]|[-+]\d\d:?\d\d)?", re.ASCII
+_CLOCK = (
+    r"[Tt ](?P<h>\d\d?)(?P<ms>:\d\d:\d\d)(?:[.,](?P<part>\d{1,9}))?"
+    r"\s*(?P<zone>[Zz]|[-+]\d\d:?\d\d)?"
+)
+_DATES = tuple(
+    re.compile(date + _CLOCK, re.ASCII)
+    for date in (
+        r"(?P<y>\d{4})(?P<sign>[-/])(?P<m>\d\d)(?P=sign)(?P<d>\d\d)",
+        r"(?P<d>\d\d?)\.(?P<m>\d\d?)\.(?P<y>\d{4})",
+    )
 )
 
 
@@ -55,14 +67,16 @@ class TimeColumn(ConfigModel):
 
     Attributes:
         column: Column of the time stamps, counted from 0, or its name in the header.
-        unit: Unit of the time stamps; `ns` are whole nanoseconds, `iso` are dates with a time of
-            day (2026-11-26T08:00:00.123456+01:00; without time zone UTC).
+        unit: Unit of the time stamps; `ns` are whole nanoseconds, `filetime` are whole intervals
+            of 100 ns since 1601, as Windows counts them, `iso` are dates with a time of day
+            (2026-11-26T08:00:00.123456+01:00, 2026/11/26 08:00:00 or 26.11.2026 08:00:00,123;
+            without time zone UTC).
         nanoseconds: Additional column with the nanoseconds within the second; `column` has whole
             seconds.
     """
 
     column: Column
-    unit: Literal["s", "ms", "us", "ns", "iso"] = "s"
+    unit: Literal["min", "s", "ms", "us", "ns", "filetime", "iso"] = "s"
     nanoseconds: Column | None = None
 
     @model_validator(mode="after")
@@ -91,7 +105,7 @@ class Stamps:
         self._time = time
         self._column = numbered(time.column)
         self._nanoseconds = None if time.nanoseconds is None else numbered(time.nanoseconds)
-        self._exact = time.unit in ("ns", "iso") or time.nanoseconds is not None
+        self._exact = time.unit in ("ns", "filetime", "iso") or time.nanoseconds is not None
         self._ns, self._numbers = array("q"), array("d")
         self._has_zone: bool | None = None
 
@@ -113,8 +127,10 @@ class Stamps:
             self._ns.append(_whole(text, read) * _NS + part)
         elif self._time.unit == "ns":
             self._ns.append(int(text) if _WHOLE.fullmatch(text) else round(read(text)))
+        elif self._time.unit == "filetime":
+            self._ns.append((_whole(text, read) - _TICKS_UNTIL_1970) * 100)
         elif self._time.unit == "iso":
-            self._ns.append(self._iso(text))
+            self._ns.append(self._date(text))
         else:
             self._numbers.append(read(text))
 
@@ -146,6 +162,10 @@ class Stamps:
             if (np.abs(stamps) >= _MOST_SECONDS).any() or ((part < 0) | (part >= _NS)).any():
                 return False
             stamps = stamps * _NS + part
+        elif self._time.unit == "filetime":
+            if (np.abs(stamps) >= _MOST_TICKS).any():
+                return False
+            stamps = (stamps - _TICKS_UNTIL_1970) * 100
         self._ns.frombytes(stamps.tobytes())
         return True
 
@@ -163,24 +183,29 @@ class Stamps:
             origin_ns = self._ns[0] if self._ns else 0
         return (np.array(self._ns, dtype=np.int64) - origin_ns) / _NS, origin_ns
 
-    def _iso(self, text: str) -> int:
+    def _date(self, text: str) -> int:
         """Return the nanoseconds since 1970 of a date with a time of day."""
-        found = match_iso(text)
+        found = match_date(text)
         if found is None:
-            raise ValueError(f"{text!r} is not an ISO 8601 date with a time of day")
-        date, clock, fraction, zone = found.groups()
+            raise ValueError(f"{text!r} is not a date with a time of day")
+        zone = found["zone"]
         if self._has_zone not in (None, zone is not None):
             raise ValueError(f"{text!r}: some rows have a time zone, others have none")
         zone_text = "+00:00" if zone is None or zone in "Zz" else zone
-        when = datetime.fromisoformat(f"{date}T{clock}{zone_text}")
+        date = f"{found['y']}-{found['m']:0>2}-{found['d']:0>2}"
+        when = datetime.fromisoformat(f"{date}T{found['h']:0>2}{found['ms']}{zone_text}")
         self._has_zone = zone is not None
         seconds = when - datetime(1970, 1, 1, tzinfo=UTC)
-        return (seconds.days * 86400 + seconds.seconds) * _NS + int(f"{fraction or '':0<9}")
+        part = f"{found['part'] or '':0<9}"
+        return (seconds.days * 86400 + seconds.seconds) * _NS + int(part)
 
 
-def match_iso(text: str) -> re.Match[str] | None:
-    """Return the match of a text with an ISO 8601 date with a time of day; None without a match."""
-    return _ISO.fullmatch(text.strip())
+def match_date(text: str) -> re.Match[str] | None:
+    """Return the match of a text with a date with a time of day, as unit `iso` reads it, or None.
+
+    Dates with the month first, such as 11/29/2026, are not read, because others mean the day.
+    """
+    return next((found for each in _DATES if (found := each.fullmatch(text.strip()))), None)
 
 
 def _whole(text: str, read: Callable[[str], float]) -> int:

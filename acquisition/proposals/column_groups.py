@@ -78,6 +78,15 @@ UNITS: Final[Mapping[str, Mapping[str, str]]] = {
 }
 """Units in the names of columns of each quantity, and as an import map writes them."""
 
+TIME_UNITS: Final = {
+    **dict.fromkeys(("min", "minute", "minutes"), "min"),
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), "s"),
+    **dict.fromkeys(("ms", "msec", "msecs", "millisecond", "milliseconds"), "ms"),
+    **dict.fromkeys(("us", "µs", "μs", "usec", "microsecond", "microseconds"), "us"),
+    **dict.fromkeys(("ns", "nsec", "nanosecond", "nanoseconds"), "ns"),
+}
+"""Units in the names of columns of time stamps, and as an import map writes them."""
+
 _SHOWS_QUANTITY: Final = ("position", "velocity", "torque", "current")
 
 _UNIT: Final = re.compile(

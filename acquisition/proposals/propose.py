@@ -14,19 +14,17 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
-import numpy as np
-
 from acquisition.imports.read import import_csv
 from acquisition.imports.report import ImportReport
 from acquisition.maps.import_map import ImportMap
 from acquisition.maps.import_units import RATED
-from acquisition.maps.time_column import match_iso
 from acquisition.maps.torque_meaning import MOTOR_CURRENT
 from acquisition.proposals.column_groups import UNITS, ColumnGroup, find_groups
 from acquisition.proposals.joint_states import propose_joint_states
 from acquisition.proposals.known_sources import KnownSource, recognise
 from acquisition.proposals.proposal import Proposal, map_name
 from acquisition.proposals.source_table import SourceTable, look_at
+from acquisition.proposals.time_stamps import find_time
 from acquisition.proposals.unit_guesses import find_assumed_units, possible_units, unit_in_name
 from acquisition.recording.recording import Recording
 from acquisition.sources.array_tables import has_named_arrays, write_array_tables
@@ -37,16 +35,6 @@ from config.load import bundled_names, load_bundled_or_path, load_robot
 from config.refusals import PLACEHOLDER
 from config.robot.robot import RobotDescription
 
-_TIME_NAME: Final = re.compile(
-    r"(__)?(time|t|timestamp|stamp|zeit|zeitstempel|ipoc|secs?|seconds|log_time)([^a-z].*)?"
-    r"|ns|us|ms|(nano|micro|milli)seconds|__index_level_0__",  # the last is the index of pandas
-    re.IGNORECASE,
-)
-_UNIT_AFTER_SLASH: Final = re.compile(r"/(s|ms|us|µs|ns)$")
-_STEPS_S: Final = (2e-4, 0.2)
-_UNITS: Final = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9))
-_NANOSECONDS: Final = re.compile(r"(.*?)(nanoseconds|nanosecs?|nsecs?|ns)", re.IGNORECASE)
-_WHOLE: Final = re.compile(r"[-+]?\d+")
 _WHOLE_VALUE: Final = re.compile(r"[-+]?\d+([.,]0*)?")
 _FEWEST_RAW: Final = 20
 _LOADS: Final = frozenset({"torque", "current"})
@@ -80,9 +68,9 @@ def propose_map(path: Path, robot_reference: str) -> Proposal:
     if source is not None and source.torques == MOTOR_CURRENT:
         groups.pop("torque", None)
     _require_groups(path, groups, table, robot, source)
-    doubts += _raw_values(groups, table)
+    doubts += (*_raw_values(groups, table), *_same_names(groups, table))
     reasons: list[str] = [] if source is None else [f"The columns are those of {source.title}"]
-    time, time_units, why = _time(path, table, source)
+    time, time_units, why = find_time(path, table, source)
     reasons.append(why)
     for quantity, group in groups.items():
         first, last = table.names[group.columns[0]], table.names[group.columns[-1]]
@@ -121,6 +109,17 @@ def _raw_values(groups: Mapping[str, ColumnGroup], table: SourceTable) -> tuple[
     return tuple(doubts)
 
 
+def _same_names(groups: Mapping[str, ColumnGroup], table: SourceTable) -> tuple[str, ...]:
+    """Return a doubt for each column whose name another column has, too."""
+    return tuple(
+        f"{quantity}: {table.names.count(table.names[column])} columns are named"
+        f" {table.names[column]}; column {column} is used, the first of them"
+        for quantity, group in groups.items()
+        for column in group.columns
+        if table.names.count(table.names[column]) > 1
+    )
+
+
 def _require_groups(
     path: Path,
     groups: Mapping[str, ColumnGroup],
@@ -152,57 +151,6 @@ def _require_groups(
             )
 
 
-def _time(
-    path: Path, table: SourceTable, source: KnownSource | None
-) -> tuple[dict[str, str | int], tuple[str, ...], str]:
-    """Return the columns of the time stamps, their possible units, the likeliest first, and why."""
-    pair = None if source is not None or not table.by_name else _split_stamps(table.names)
-    if pair is not None:
-        columns = {"column": pair[0], "nanoseconds": pair[1]}
-        return dict(columns), ("s",), f"time: seconds in {pair[0]}, nanoseconds in {pair[1]}"
-    candidates = [
-        n
-        for n, name in enumerate(table.names)
-        if _TIME_NAME.fullmatch(re.split(r"[./]", _UNIT_AFTER_SLASH.sub("", name.strip()))[-1])
-    ]
-    if source is not None:
-        candidates = [_common_time(path, table, source)]
-    unread = ""
-    for number in candidates:
-        name = table.names[number]
-        column: str | int = name if table.by_name and table.names.count(name) == 1 else number
-        texts = [row[number] for row in table.cells if row[number]]
-        if source is not None:
-            return (
-                {"column": column},
-                (source.time_unit,),
-                f"time: column {name}, unit {source.time_unit}",
-            )
-        if all(match_iso(text) for text in texts):
-            return {"column": column}, ("iso",), f"time: column {name} has dates with a time of day"
-        try:
-            stamps = np.array([float(text.replace(",", ".")) for text in texts])
-        except ValueError:
-            unread = f" Column {name}, such as {texts[0]!r}, is neither numbers nor ISO 8601 dates."
-            continue
-        steps = np.diff(stamps)
-        step = float(np.median(steps)) if len(steps) else 0.0
-        if step <= 0.0 or np.mean(steps > 0.0) < 0.5:
-            continue
-        units = tuple(unit for unit, s in _UNITS if _STEPS_S[0] <= step * s <= _STEPS_S[1])
-        if "ns" in units and not all(_WHOLE.fullmatch(text) for text in texts):
-            units = tuple(unit for unit in units if unit != "ns")
-        if units:
-            why = f"time: column {name} increases by {step:.6g} from row to row"
-            return {"column": column}, units, why
-    raise ConfigError(
-        f"{path}: no import map can be proposed, because no column of time stamps was recognised."
-        f"{unread} Write a map with `time`, or with rate_hz (`rid-daq docs"
-        " someone-elses-recording`)",
-        code="RID-IMPORT-PROPOSAL",
-    )
-
-
 def _has_numbers(table: SourceTable, name: str) -> bool:
     """Return True if the cells of a column are numbers, with a decimal point or comma."""
     column = table.names.index(name)
@@ -215,36 +163,6 @@ def _is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _split_stamps(names: Sequence[str]) -> tuple[str, str] | None:
-    """Return the names of the columns of seconds and nanoseconds of one time stamp, or None."""
-    for name in names:
-        found = _NANOSECONDS.fullmatch(name.strip())
-        if found is None:
-            continue
-        for seconds in ("sec", "secs", "seconds", "s"):
-            whole = f"{found[1]}{seconds}"
-            if names.count(whole) == 1 and names.count(name) == 1:
-                return whole, name
-    return None
-
-
-def _common_time(path: Path, table: SourceTable, source: KnownSource) -> int:
-    """Return the first column of time stamps of a known program.
-
-    Raises:
-        ConfigError: The columns of time stamps differ, so that a row has values of several times.
-    """
-    first, *others = (n for n, name in enumerate(table.names) if name == source.time)
-    for other in others:
-        if any(row[first] != row[other] for row in table.cells):
-            raise ConfigError(
-                f"{path}: columns {first} and {other}, both time stamps ({source.time}), differ:"
-                " export all channels with one sample time, or with one time for all channels",
-                code="RID-IMPORT-PROPOSAL",
-            )
-    return first
 
 
 def _joints(

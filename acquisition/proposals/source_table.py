@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import Final
 
 from acquisition.imports.lines import DECIMAL_COMMA, SEPARATORS, read_lines, split_by_delimiters
-from acquisition.maps.time_column import match_iso
+from acquisition.maps.time_column import match_date
+from acquisition.proposals.column_groups import TIME_UNITS, UNITS
 from acquisition.sources.array_tables import has_named_arrays, read_named_arrays
 from config.errors import ConfigError
 
@@ -24,7 +25,15 @@ _SCOPE_SYMBOLS: Final = "SymbolName"
 _SCOPE_ROWS: Final = frozenset({_SCOPE_UNITS, "SampleTime[ms]", _SCOPE_SYMBOLS, "Data-Type"})
 """Beginnings of rows above the data of TwinCAT Scope View, besides that with the names."""
 
+_OTHER_UNITS: Final = ("1", "bool", "v", "w", "kg", "-")
+"""Units of columns that are not used, in lower case."""
+
 _NUMBER: Final = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?|nan", re.IGNORECASE)
+
+
+_ALL_UNITS: Final = frozenset(
+    unit.lower() for units in (*UNITS.values(), TIME_UNITS, _OTHER_UNITS) for unit in units
+)
 
 
 @dataclass(frozen=True)
@@ -85,8 +94,18 @@ def _look_at_text(path: Path) -> SourceTable:
         raise _no_table(path)
     width, delimiter, first = best
     rows = [cells[delimiter] for cells in cells_by_delimiter]
+    if all(not row[-1] for row in rows[first:] if len(row) == width) and any(
+        len(row) == width - 1 for row in rows[:first]
+    ):
+        width -= 1  # only the rows of numbers have a separator at their end
+    rows = [row[:-1] if len(row) == width + 1 and not row[-1] else row for row in rows]
     heads = [number for number in range(first) if len(rows[number]) == width]
-    header = max(heads, key=lambda number: (len({*rows[number]}), -number), default=None)
+    of_units = next((number for number in heads if _are_units(rows[number])), None)
+    header = max(
+        (number for number in heads if number != of_units),
+        key=lambda number: (len({*rows[number]}), -number),
+        default=None,
+    )
     scope = {rows[number][0]: number for number in heads}
     is_scope = _SCOPE_NAMES in scope and not _SCOPE_ROWS.isdisjoint(scope)
     if is_scope:
@@ -96,12 +115,16 @@ def _look_at_text(path: Path) -> SourceTable:
     cells = tuple(tuple(row) for row in rows[first:] if len(row) == width)
     if any(DECIMAL_COMMA.fullmatch(cell) for row in cells for cell in row):
         keys["decimal"] = ","
-    if any(_is_sparse(column) for column in zip(*cells, strict=True)):
+    named = ("",) * width if header is None else rows[header]
+    if any(map(_is_sparse, named, zip(*cells, strict=True))):
         keys["empty_cells"] = "interpolate"
     by_name = header is not None and lines[header][0] == before and not is_scope
+    by_name = by_name and of_units is None  # the units are added to the names
     if not by_name:
         keys["columns"] = width
-    names = ("",) * width if header is None else tuple(rows[header])
+    names = tuple(named)
+    if of_units is not None and not is_scope:
+        names = tuple(map(_with_unit, names, rows[of_units]))
     symbols: tuple[str, ...] = ()
     if is_scope:  # names, units and symbols are in several rows
         units = rows[scope[_SCOPE_UNITS]] if _SCOPE_UNITS in scope else [""] * width
@@ -120,8 +143,25 @@ def _with_scope_unit(name: str, unit: str) -> str:
     return name if not symbol or unit == _SCOPE_UNITS else f"{name} [{symbol}]"
 
 
-def _is_sparse(column: Sequence[str]) -> bool:
-    """Return True if cells are empty, or `nan` in many rows but not in all."""
+def _are_units(cells: Sequence[str]) -> bool:
+    """Return True if a row contains only units, at least two different ones."""
+    found = {cell.strip("[]() ").lower() for cell in cells if cell.strip("[]() -")}
+    return len(found) > 1 and found <= _ALL_UNITS
+
+
+def _with_unit(name: str, cell: str) -> str:
+    """Return the name of a column with the unit in another row of the header."""
+    unit = cell.strip("[]() ")
+    return name if not unit or unit == "-" else f"{name} [{unit}]"
+
+
+def _is_sparse(name: str, column: Sequence[str]) -> bool:
+    """Return True if cells are empty, or `nan` in many rows but not in all.
+
+    A column without a name and without values follows a separator at the end of the rows.
+    """
+    if not name and not any(column):
+        return False
     absent = sum(cell.lower() == "nan" for cell in column) / len(column)
     return not all(column) or _FEWEST_ABSENT < absent < 1.0
 
@@ -149,7 +189,7 @@ def _is_first(row: list[str], later: list[str]) -> bool:
 
 
 def _is_number(cell: str) -> bool:
-    return bool(_NUMBER.fullmatch(cell) or match_iso(cell))
+    return bool(_NUMBER.fullmatch(cell) or match_date(cell))
 
 
 def _no_table(path: Path) -> ConfigError:

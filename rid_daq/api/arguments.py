@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import os
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -19,6 +20,8 @@ T = TypeVar("T")
 M = TypeVar("M", bound=BaseModel)
 
 ARGUMENT = "RID-API-ARGUMENT"
+MOST_NAME_BYTES = 255
+"""Longest name of a file on the usual file systems."""
 
 
 def require(name: str, value: object, kind: type[T]) -> T:
@@ -29,7 +32,7 @@ def require(name: str, value: object, kind: type[T]) -> T:
     """
     if not isinstance(value, kind):
         raise ConfigError(
-            f"{name}: {type(value).__name__} {str(value)[:40]!r}; give a {kind.__name__}",
+            f"{name}: {type(value).__name__} {str(value)[:40]!a}; give a {kind.__name__}",
             code=ARGUMENT,
         )
     return value
@@ -53,9 +56,76 @@ def as_path(name: str, value: object) -> Path:
     """Return a path.
 
     Raises:
-        ConfigError: It is neither a text nor a path.
+        ConfigError: It is neither a text nor a path, or no file can have this name.
     """
-    return Path(value) if isinstance(value, str) else require(name, value, Path)
+    path = Path(value) if isinstance(value, str) else require(name, value, Path)
+    try:
+        is_name = "\0" not in str(path) and all(
+            len(os.fsencode(part)) <= MOST_NAME_BYTES for part in path.parts
+        )
+    except UnicodeEncodeError:
+        is_name = False
+    if not is_name:
+        raise ConfigError(f"{name}: no file can have the name {str(path)[:40]!a}", code=ARGUMENT)
+    return path
+
+
+def as_paths(name: str, values: object) -> tuple[Path, ...]:
+    """Return several paths.
+
+    Raises:
+        ConfigError: It is not a list or tuple of paths.
+    """
+    return tuple(as_path(f"{name}[{i}]", each) for i, each in enumerate(_several(name, values)))
+
+
+def as_texts(name: str, values: object) -> tuple[str, ...]:
+    """Return several texts.
+
+    Raises:
+        ConfigError: It is not a list or tuple of texts.
+    """
+    return tuple(
+        require(f"{name}[{i}]", each, str) for i, each in enumerate(_several(name, values))
+    )
+
+
+def _several(name: str, values: object) -> Sequence[object]:
+    if not isinstance(values, list | tuple):
+        raise ConfigError(
+            f"{name}: {type(values).__name__} {str(values)[:40]!a}; give a list", code=ARGUMENT
+        )
+    return values
+
+
+def as_mapping(name: str, values: object) -> Mapping[str, Any]:
+    """Return a mapping; None counts as empty.
+
+    Raises:
+        ConfigError: It is neither a mapping nor None, or a key is not a text.
+    """
+    if values is None:
+        return {}
+    if not isinstance(values, Mapping):
+        raise ConfigError(
+            f"{name}: {type(values).__name__} {str(values)[:40]!a}; give a mapping of fields",
+            code=ARGUMENT,
+        )
+    for key in values:
+        require(f"{name}: key", key, str)
+    return values
+
+
+def require_callable(name: str, value: object) -> None:
+    """Raise an error if an optional function is given and cannot be called.
+
+    Raises:
+        ConfigError: It is neither None nor callable.
+    """
+    if value is not None and not callable(value):
+        raise ConfigError(
+            f"{name}: {type(value).__name__} {str(value)[:40]!a}; give a function", code=ARGUMENT
+        )
 
 
 def as_numbers(name: str, values: npt.ArrayLike, *, finite: bool = True) -> FloatArray:
@@ -107,14 +177,8 @@ def with_options(own: Mapping[str, Any], options: object) -> dict[str, Any]:
     Raises:
         ConfigError: `options` is not a mapping, or has a field that an argument determines.
     """
-    if options is None:
-        return dict(own)
-    if not isinstance(options, Mapping):
-        raise ConfigError(
-            f"options: {type(options).__name__} {str(options)[:40]!r}; give a mapping of fields",
-            code=ARGUMENT,
-        )
-    twice = [str(each) for each in options if each in own]
+    options = as_mapping("options", options)
+    twice = [each for each in options if each in own]
     if twice:
         raise ConfigError(
             f"options: {', '.join(twice)}: this function determines the field itself; use its"

@@ -16,7 +16,7 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import MANIFEST
 from config.errors import ConfigError
 from config.formats.whole_file import write_new
-from rid_daq.api.arguments import as_path, require, with_options
+from rid_daq.api.arguments import ARGUMENT, as_path, require, with_options
 from rid_daq.api.compensation import Feedforward
 from rid_daq.api.console import ProgressCallback
 from rid_daq.api.motion import Motion
@@ -52,6 +52,10 @@ class Cell:
     token: str | None = field(default=None, repr=False)
 
     def __enter__(self) -> Self:
+        require("name", self.name, str)
+        require("service", self.service, str)
+        if self.token is not None and not require("token", self.token, str).isascii():
+            raise ConfigError("token: contains other characters than ASCII", code=ARGUMENT)
         with ExitStack() as stack:
             client = stack.enter_context(ServiceClient.at(self.service, self.token))
             leased = stack.enter_context(client.lease(self.name, note="rid_daq.api"))

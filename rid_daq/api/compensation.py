@@ -57,8 +57,9 @@ class Feedforward:
             ConfigError: The file exists already (RID-OUTPUT-EXISTS).
             RecordingError: The file cannot be written.
         """
-        refuse_output(Path(path), overwrite, made_file.FEEDFORWARD)
-        write_whole(Path(path), self.content)
+        path = as_path("path", path)
+        refuse_output(path, overwrite, made_file.FEEDFORWARD)
+        write_whole(path, self.content)
 
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield the blocks of the result."""

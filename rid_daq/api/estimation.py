@@ -8,7 +8,15 @@ from pathlib import Path
 import numpy as np
 
 from config.errors import ConfigError
-from rid_daq.api.arguments import as_numbers, require, require_each, with_options
+from rid_daq.api.arguments import (
+    as_mapping,
+    as_numbers,
+    as_texts,
+    require,
+    require_callable,
+    require_each,
+    with_options,
+)
 from rid_daq.api.console import ProgressCallback, SilentConsole
 from rid_daq.api.model import Model
 from rid_daq.api.recording import Recording, named_recordings
@@ -58,6 +66,7 @@ def identify(
         DataQualityError, EstimationError: The recordings do not determine the parameters.
     """
     recordings = require_each("recordings", recordings, Recording)
+    require_callable("progress", progress)
     if not recordings:
         raise ConfigError("identify needs a recording: give at least one", code="RID-API-ARGUMENT")
     if robot is not None:
@@ -69,7 +78,7 @@ def identify(
     }
     asked = with_options(asked, options)
     if friction is not None:
-        asked["how"] = _with_friction(asked.get("how"), friction)
+        asked["how"] = _with_friction(asked.get("how"), as_texts("friction", friction))
     request = IdentifyRequest.of(asked, shown="identify")
     console = SilentConsole(callback=progress)
     with named_recordings(recordings):
@@ -130,7 +139,12 @@ def validate(
 
 def _with_friction(how: object, terms: Sequence[str]) -> dict[str, object]:
     """Return the request field `how` with these friction terms."""
-    how = dict(how) if isinstance(how, Mapping) else {}
-    options = dict(how.get("options", {}))
-    model = {**dict(options.get("model", {})), "friction_terms": tuple(terms)}
-    return {**how, "options": {**options, "model": model}}
+    how = as_mapping("options.how", how)
+    options = as_mapping("options.how.options", how.get("options"))
+    model = as_mapping("options.how.options.model", options.get("model"))
+    if "friction_terms" in model:
+        raise ConfigError(
+            "friction: options give friction_terms too; leave one of them out",
+            code="RID-API-ARGUMENT",
+        )
+    return {**how, "options": {**options, "model": {**model, "friction_terms": tuple(terms)}}}

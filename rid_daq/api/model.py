@@ -22,7 +22,7 @@ from identification.export.description import mjcf, pinocchio_model
 from identification.export.description import urdf as description_urdf
 from identification.export.model import ExportModel
 from identification.friction.curve import friction_columns
-from rid_daq.api.arguments import ARGUMENT, as_numbers, require_stated_payload
+from rid_daq.api.arguments import ARGUMENT, as_numbers, as_path, require, require_stated_payload
 from rid_daq.api.console import text_of
 from rid_daq.api.curves import curves_plot
 from rid_daq.api.parameter import Parameter
@@ -70,7 +70,7 @@ class Model:
         Raises:
             ConfigError, RecordingError: The file is not a model, or is in another run's folder.
         """
-        estimate = read_model(Path(path))
+        estimate = read_model(as_path("path", path))
         return cls(estimate, EstimateSection.of(estimate))
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
@@ -84,8 +84,9 @@ class Model:
             ConfigError: The file exists already (RID-OUTPUT-EXISTS) or is not a model.
             RecordingError: The file cannot be written.
         """
-        refuse_output(Path(path), overwrite, made_file.MODEL)
-        write_estimate(Path(path), self.estimate)
+        path = as_path("path", path)
+        refuse_output(path, overwrite, made_file.MODEL)
+        write_estimate(path, self.estimate)
 
     @property
     def robot(self) -> Robot:
@@ -264,7 +265,7 @@ class Model:
 
         if isinstance(payload, Payload):
             found = carry_judged(self.estimate, payload.result, Path("the payload"))
-        elif payload in (NO_PAYLOAD, PAYLOAD_OF_MODEL):
+        elif isinstance(payload, str) and payload in (NO_PAYLOAD, PAYLOAD_OF_MODEL):
             found = state_payload(self.estimate, "the model", payload, DEFAULT_RUNS).estimate
         else:
             raise ConfigError(
@@ -304,8 +305,10 @@ class Model:
             )
         if urdf is None:
             return description_urdf(self._export_model(Format.URDF, despite_misfit))
+        if tip is not None:
+            require("tip", tip, str)
         request = self._request(Format.URDF, despite_misfit).model_copy(update={"tip": tip})
-        data = updated_urdf(request, Path(urdf), self.estimate)[2].data
+        data = updated_urdf(request, as_path("urdf", urdf), self.estimate)[2].data
         try:
             return data.decode()
         except UnicodeDecodeError:

@@ -19,7 +19,9 @@ from config.formats.whole_file import write_whole
 from config.load import LoadedCell, load_cell, to_yaml
 from rid_daq.api.arguments import (
     as_numbers,
+    as_path,
     require,
+    require_callable,
     require_stated_payload,
     validated,
     with_options,
@@ -84,7 +86,7 @@ class Motion:
         """
         with request_folder() as folder:
             loaded = load_cell(cell_reference(cell, folder))
-        return cls._plan(load_motion(path), loaded, cell)
+        return cls._plan(load_motion(str(as_path("path", path))), loaded, cell)
 
     @classmethod
     def through(
@@ -158,10 +160,11 @@ class Motion:
             ConfigError: The file exists already (RID-OUTPUT-EXISTS).
             RecordingError: The file cannot be written.
         """
-        refuse_output(Path(path), overwrite, made_file.MOTION)
+        path = as_path("path", path)
+        refuse_output(path, overwrite, made_file.MOTION)
         origin = "Motion by rid-daq, verified within the limits of the robot."
         comment = f"{origin} {self.description.describe()}"
-        write_whole(Path(path), to_yaml(self.description, comment).encode())
+        write_whole(path, to_yaml(self.description, comment).encode())
 
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield the result of the search, or a description of the motion, and curves over time."""
@@ -212,6 +215,8 @@ def design(
         ConfigError: No motion keeps every limit (RID-DESIGN-NONE), or an option is invalid.
         KeyboardInterrupt: Ctrl-C before any motion was found.
     """
+    require("kind", kind, str)
+    require_callable("progress", progress)
     asked = with_options({}, options)
     if kind in ("excitation", "reversed"):
         own = {"period_s": period_s, "periods": periods}
@@ -298,7 +303,7 @@ def cell_reference(cell: Robot | str | Path, folder: Path) -> str:
     Like the cell of `rid-daq init`, a robot's cell has a cycle of 8 ms and no workspace.
     """
     if isinstance(cell, str | Path):
-        return str(cell)
+        return str(as_path("cell", cell))
     require("cell", cell, Robot)
     config = starting_cell(cell.description)
     config = config.model_copy(update={"simulated": False, "plant": None})

@@ -13,7 +13,7 @@ from identification.choices import REPORTED, LoadFormat
 from identification.payload.body import REPORTED_UNITS
 from identification.payload.file import read_payload, write_payload
 from identification.payload.verdict import PayloadResult
-from rid_daq.api.arguments import require, require_each, with_options
+from rid_daq.api.arguments import as_mapping, as_path, require, require_each, with_options
 from rid_daq.api.console import text_of
 from rid_daq.api.model import Model
 from rid_daq.api.parameter import Parameter
@@ -52,7 +52,7 @@ class Payload:
         Raises:
             ConfigError: The file cannot be read, is not a payload file, or was edited.
         """
-        result = read_payload(Path(path))
+        result = read_payload(as_path("path", path))
         return cls(result, PayloadSection.of(result, None))
 
     def save(self, path: str | Path, *, overwrite: bool = False) -> None:
@@ -66,8 +66,9 @@ class Payload:
             ConfigError: The file exists already (RID-OUTPUT-EXISTS).
             RecordingError: The file cannot be written.
         """
-        refuse_output(Path(path), overwrite, made_file.PAYLOAD)
-        write_payload(Path(path), self.result)
+        path = as_path("path", path)
+        refuse_output(path, overwrite, made_file.PAYLOAD)
+        write_payload(path, self.result)
 
     @property
     def passed(self) -> bool:
@@ -170,7 +171,7 @@ def identify_payload(
     ]
     names = [[each.run.folder.run_id for each in group] for group in groups]
     quantities = []
-    for name, pair in (known or {}).items():
+    for name, pair in as_mapping("known", known).items():
         if not isinstance(pair, Sequence) or len(pair) != 2:
             raise ConfigError(
                 f"known: {name}: {pair!r}; give value and standard deviation, such as (2.805,"

@@ -30,6 +30,6 @@ def to_request_payload(payload: Payload | str | None, model: Model, folder: Path
         return str(folder / PAYLOAD)
     if payload is None:
         require_stated_payload(model.estimate)
-    elif payload not in (NO_PAYLOAD, PAYLOAD_OF_MODEL):
+    elif not isinstance(payload, str) or payload not in (NO_PAYLOAD, PAYLOAD_OF_MODEL):
         raise ConfigError(f"payload {payload!r}: give a Payload, 'model' or 'none'", code=ARGUMENT)
     return payload

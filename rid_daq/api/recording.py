@@ -91,7 +91,9 @@ class Recording:
             DataQualityError: Too many rows are damaged, or the values are impossible for a robot.
         """
         n = len(require("robot", robot, Robot).joint_names)
-        require_label(name)
+        require_label(require("name", name, str))
+        if torques is not None:
+            require("torques", torques, str)
         if torques == MOTOR_CURRENT or torques not in (None, *MEANINGS):
             others = ", ".join(each for each in MEANINGS if each != MOTOR_CURRENT)
             raise ConfigError(
@@ -273,8 +275,14 @@ def read_recording(
         RecordingError: The run folder is damaged.
     """
     path = as_path("source", source)
+    require("rows", rows, str)
+    if robot is not None:
+        require("robot", robot, Robot)
+    others = tuple(as_path(f"further[{i}]", each) for i, each in enumerate(further))
+    if not isinstance(map, ProposedMap):
+        map = str(as_path("map", map)) if map != "" else ""
     if (path / MANIFEST).is_file():
-        if map or rows or further:
+        if map or rows or others:
             raise ConfigError(
                 f"{path}: a run folder is read as a whole: leave map, rows and further files out",
                 code="RID-OPTION-NO-EFFECT",
@@ -287,7 +295,9 @@ def read_recording(
             f" propose_map({str(path)!r}, robot=...) proposes one",
             code="RID-OPTION-NEEDS",
         )
-    layout: str | ImportMap = str(map)
     if isinstance(map, ProposedMap):
-        layout, robot = map.to_import_map(), robot or map.robot
-    return Recording._import_files((path, *(Path(each) for each in further)), layout, robot, rows)
+        layout: str | ImportMap = map.to_import_map()
+        robot = robot or map.robot
+    else:
+        layout = map
+    return Recording._import_files((path, *others), layout, robot, rows)

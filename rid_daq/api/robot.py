@@ -10,6 +10,7 @@ from typing import Self
 from config.formats.whole_file import write_whole
 from config.load import load_robot, to_yaml
 from config.robot.robot import RobotDescription
+from rid_daq.api.arguments import as_path, as_paths, as_texts
 from rid_daq.operations.start.init import InitRequest
 from rid_daq.operations.start.urdf_starter import starting_robot
 from rid_daq.runs.output_file import require_writable
@@ -37,7 +38,7 @@ class Robot:
         Raises:
             ConfigError: The robot does not exist (RID-FILE-UNKNOWN), or its file is invalid.
         """
-        return cls(load_robot(str(name)))
+        return cls(load_robot(str(as_path("name", name))))
 
     @classmethod
     def from_urdf(
@@ -68,11 +69,11 @@ class Robot:
         request = InitRequest.of(
             {
                 "folder": Path(),
-                "urdf": Path(path),
+                "urdf": as_path("path", path),
                 "base": base,
                 "tip": tip,
-                "packages": tuple(map(Path, packages)),
-                "parallelograms": tuple(parallelograms),
+                "packages": as_paths("packages", packages),
+                "parallelograms": as_texts("parallelograms", parallelograms),
             },
             shown="from_urdf",
         )
@@ -95,8 +96,9 @@ class Robot:
         Raises:
             RecordingError: The file cannot be written.
         """
-        require_writable(Path(path))
-        write_whole(Path(path), self.to_text().encode())
+        path = as_path("path", path)
+        require_writable(path)
+        write_whole(path, self.to_text().encode())
 
     def to_text(self) -> str:
         """Return the robot file (YAML) without meshes."""

@@ -38,6 +38,12 @@ def save(path: Path, stamp: Callable[[int], str], delimiter: str = ",") -> Path:
     return path
 
 
+def german(ns: int) -> str:
+    """Return a date as Windows writes it in Germany, in quotation marks because of its comma."""
+    when = datetime.fromtimestamp(ns // 10**9, UTC)
+    return f'"{when:%d.%m.%Y %H:%M:%S},{ns % 10**9:09d}"'
+
+
 def date(ns: int, zone: str = "", hours: float = 0.0) -> str:
     """Return a date with all nine digits of its nanoseconds."""
     when = datetime.fromtimestamp(ns // 10**9, UTC) + timedelta(hours=hours)
@@ -62,6 +68,8 @@ def date(ns: int, zone: str = "", hours: float = 0.0) -> str:
         (lambda ns: date(ns, "Z"), '{"column": 0, "unit": "iso"}', 3),
         (lambda ns: date(ns, "+05:30", 5.5), '{"column": 0, "unit": "iso"}', 3),
         (lambda ns: date(ns, "-0800", -8.0), '{"column": 0, "unit": "iso"}', 3),
+        (german, '{"column": 0, "unit": "iso"}', 3),
+        (lambda ns: date(ns).replace("-", "/"), '{"column": 0, "unit": "iso"}', 3),
         (lambda ns: f'"{date(ns).replace("T", " ")}"', '{"column": 0, "unit": "iso"}', 3),
     ],
 )
@@ -72,6 +80,30 @@ def test_stamps_keep_every_nanosecond(
     assert report.rows_damaged == 0
     np.testing.assert_allclose(recording.time_s, T, atol=1e-12)
     np.testing.assert_array_equal(recording.position[:, 0], POSITION)
+
+
+@pytest.mark.parametrize("text", [str, lambda ticks: f" {ticks}"])
+def test_file_times_of_windows_keep_every_100_ns(
+    tmp_path: Path, text: Callable[[int], str]
+) -> None:
+    """A space makes the text unusual: rows are then read one by one."""
+    ticks_until_1970 = 116_444_736_000_000_000
+    path = save(tmp_path / "r.csv", lambda ns: text(ticks_until_1970 + ns // 100))
+    recording, report = import_csv(path, layout('{"column": 0, "unit": "filetime"}'))
+    np.testing.assert_allclose(recording.time_s, T, atol=1e-12)
+    assert report.time_origin_ns == NS[0] // 100 * 100
+
+
+def test_minutes_are_read(tmp_path: Path) -> None:
+    path = save(tmp_path / "r.csv", lambda ns: repr((ns - int(NS[0])) / 60e9))
+    recording, _ = import_csv(path, layout('{"column": 0, "unit": "min"}'))
+    np.testing.assert_allclose(recording.time_s, T, atol=1e-12)
+
+
+def test_a_time_that_starts_again_is_refused_with_the_rows(tmp_path: Path) -> None:
+    path = save(tmp_path / "r.csv", lambda ns: repr((ns - int(NS[0])) % 10**9 / 1e9))
+    with raises_code(DataQualityError, "RID-IMPORT-ROWS", "row 101, 201"):
+        import_csv(path, layout('{"column": 0}'))
 
 
 def test_a_change_of_the_time_zone_is_not_a_time_step(tmp_path: Path) -> None:
@@ -89,6 +121,9 @@ def test_a_change_of_the_time_zone_is_not_a_time_step(tmp_path: Path) -> None:
         ("2023-11-14T25:00:00", '{"column": 0, "unit": "iso"}'),
         ("2023-02-30T10:00:00", '{"column": 0, "unit": "iso"}'),
         ("2023-11-14", '{"column": 0, "unit": "iso"}'),
+        ("11/14/2023 22:13:20", '{"column": 0, "unit": "iso"}'),
+        ("14.11.2023", '{"column": 0, "unit": "iso"}'),
+        ("14.13.2023 22:13:20", '{"column": 0, "unit": "iso"}'),
         ("2023-11-14T22:13:20.5Z", '{"column": 0, "unit": "iso"}'),
         ("1_700_000_000", '{"column": 0, "unit": "ns"}'),
         ("nan", '{"column": 0, "unit": "ns"}'),

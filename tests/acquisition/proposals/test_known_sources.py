@@ -290,6 +290,23 @@ def test_channels_of_different_sample_times_are_refused(tmp_path: Path) -> None:
         propose_map(scope_view(tmp_path, Motion.of(6), 0.5), "ur10e")
 
 
+def test_full_time_stamps_of_a_scope_are_file_times(tmp_path: Path) -> None:
+    motion = Motion.of(6)
+    path = scope_view_with_one_time(tmp_path, motion)
+    lines = path.read_text(encoding="utf-8-sig").splitlines()
+    for number, line in enumerate(lines):
+        stamp, _, rest = line.partition(";")
+        if stamp.replace(".", "").isdigit():
+            ticks = 132_959_733_843_760_000 + round(1e4 * float(stamp))
+            lines[number] = f"{ticks};{rest}"
+    path.write_text("\n".join([*lines, ""]), encoding="utf-8")
+    proposal = propose_map(path, "ur10e")
+    assert proposal.keys["time"] == {"column": 0, "unit": "filetime"}
+    assert proposal.recording is not None
+    span_s = np.ptp(proposal.recording.time_s)
+    assert span_s == pytest.approx(np.ptp(motion.time_s), abs=1e-4)
+
+
 def test_a_column_of_names_is_no_scope(tmp_path: Path) -> None:
     """Any log can have a column `Name`; that of the scope contains times."""
     t, q, _, torque = Motion.of(6)

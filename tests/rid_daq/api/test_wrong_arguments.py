@@ -37,6 +37,8 @@ Change = Callable[[dict[str, Any]], object]
         (lambda a: a.update(robot="ir361"), ARGUMENT, "robot: "),
         (lambda a: a.update(period_s=-1.0), ARGUMENT, "period_s: -1.0"),
         (lambda a: a.update(period_s=float("nan")), ARGUMENT, "period_s: nan"),
+        (lambda a: a.update(name=3), ARGUMENT, "name: "),
+        (lambda a: a.update(torques=np.array([1, 2])), ARGUMENT, "torques: "),
         (lambda a: a.update(name="a/b"), "RID-FILE-NAME", "'a/b'"),
         (lambda a: a.update(name="x" * 300), "RID-FILE-NAME", "'xxx"),
     ],
@@ -111,13 +113,55 @@ def test_points_that_are_no_path_are_refused(points: Any, speed: float, place: s
         (lambda m, r: design("ir361", model="model.json"), "model: "),
         (lambda m, r: Motion.through(POINTS, cell=None), "cell: "),
         (lambda m, r: read_recording(None), "source: "),
+        (lambda m, r: read_recording("a.csv", 3, map="ur10e_31"), "further[0]: "),
+        (lambda m, r: read_recording("a.csv", map=3), "map: "),
+        (lambda m, r: read_recording("a.csv", map="ur10e_31", rows=(1, 2)), "rows: "),
+        (lambda m, r: read_recording("a.csv", map="ur10e_31", robot="ur10e"), "robot: "),
+        (lambda m, r: identify(r, friction="viscous"), "friction: "),
+        (lambda m, r: identify(r, friction=["viscous"], options={"how": 3}), "options.how: "),
+        (lambda m, r: identify(r, friction=["viscous"], options={"how": {"options": "x"}}),
+         "options.how.options: "),
+        (lambda m, r: identify(r, friction=["viscous"], options={"how": {"options": {"model": {
+            "friction_terms": ("coulomb",)}}}}), "friction: "),
+        (lambda m, r: identify(r, progress=3), "progress: "),
+        (lambda m, r: identify(r, options={1: 2}), "options: key: "),
+        (lambda m, r: identify_payload(r, model=m, known=[2.8]), "known: "),
+        (lambda m, r: m.with_payload(np.zeros(2)), "payload "),
+        (lambda m, r: m.to_urdf(3), "urdf: "),
+        (lambda m, r: m.to_urdf("arm.urdf", tip=[]), "tip: "),
+        (lambda m, r: design("ir361", kind=np.zeros(2)), "kind: "),
+        (lambda m, r: api.Robot.from_urdf("arm.urdf", packages=None), "packages: "),
+        (lambda m, r: api.Robot.from_urdf("arm.urdf", parallelograms="a"), "parallelograms: "),
+        (lambda m, r: api.Cell("ir361", 3).__enter__(), "service: "),
+        (lambda m, r: api.Cell(3).__enter__(), "name: "),
+        (lambda m, r: api.Cell("ir361", "https://localhost:1", "\ud800").__enter__(), "token: "),
     ],
-)
+)  # fmt: skip
 def test_an_argument_of_a_wrong_type_or_range_is_refused_with_its_name(
     model: Model, train: Recording, call: Callable[[Model, Recording], object], place: str
 ) -> None:
     with raises_code(ConfigError, ARGUMENT, place):
         call(model, train)
+
+
+@pytest.mark.parametrize("path", [None, 3, b"arm", [], "a\0b", "a" * 300, "\ud800"])
+def test_a_path_that_names_no_file_is_refused(model: Model, path: Any) -> None:
+    motion = Motion.through(POINTS, cell="ir361")
+    uses: tuple[tuple[str, Callable[[], object]], ...] = (
+        ("name: ", lambda: api.Robot.load(path)),
+        ("path: ", lambda: api.Robot.from_urdf(path)),
+        ("path: ", lambda: Model.load(path)),
+        ("path: ", lambda: api.Payload.load(path)),
+        ("path: ", lambda: Motion.load(path, cell="ir361")),
+        ("source: ", lambda: api.propose_map(path, robot="ir361")),
+        ("path: ", lambda: model.save(path)),
+        ("path: ", lambda: motion.save(path)),
+        ("loops: ", lambda: compensate(motion, model, path)),
+        ("cell: ", lambda: Motion.through(POINTS, cell=path)),
+    )
+    for place, use in uses:
+        with raises_code(ConfigError, ARGUMENT, place):
+            use()
 
 
 def test_limits_can_be_an_array(model: Model, arm: Arm) -> None:

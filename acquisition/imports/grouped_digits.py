@@ -1,0 +1,101 @@
+"""`refuse_grouped_digits`: refuses columns in which `1.234` means 1234.
+
+A number without a fraction, such as `1.234` with a decimal point, is a sound decimal number by
+itself. It shows that it is not if other numbers of its column have no fraction.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from acquisition.imports.lines import SEPARATORS, read_lines, split_cells
+from acquisition.imports.table import ImportTable
+from acquisition.maps.import_map import ImportMap
+from config.arrays import BoolArray, FloatArray, IntArray
+from config.errors import DataQualityError
+
+FEWEST_GROUPED: Final = 50
+FEWEST_PLAIN: Final = 20
+_PLAIN: Final = re.compile(r"[-+]?\d{1,3}")
+
+
+def refuse_grouped_digits(
+    path: Path, import_map: ImportMap, table: ImportTable, columns: Sequence[int]
+) -> None:
+    """Refuse a file whose decimal separator separates the thousands of a column.
+
+    Args:
+        path: The first file.
+        import_map: Layout of the files.
+        table: The rows as read.
+        columns: Column of each column of the table, counted through all files.
+
+    Raises:
+        DataQualityError: All numbers of a column are whole if the separator is left out (at least
+            50 with it and 20 without it); the text names the row and column.
+    """
+    width = import_map.first_columns[1]
+    suspects = {
+        column: table.row[_is_grouped(values)]
+        for column, values in zip(columns, table.values.T, strict=True)
+        if column < width and _may_be_grouped(values)
+    }
+    if suspects:
+        _refuse_confirmed(path, import_map, table.row, suspects)
+
+
+def _is_grouped(values: FloatArray) -> BoolArray:
+    """Return True for numbers that are 1 to 999.999 and have a fraction of three digits or less."""
+    return np.asarray((np.abs(values) >= 1.0) & (values != np.round(values)))
+
+
+def _may_be_grouped(values: FloatArray) -> bool:
+    """Return True if numbers below 1000 are whole, or have three digits and at least 1."""
+    values = values[np.isfinite(values)]
+    grouped = _is_grouped(values)
+    thousands = 1e3 * values[grouped]
+    return bool(
+        np.count_nonzero(grouped) >= FEWEST_GROUPED
+        and np.count_nonzero(~grouped) >= FEWEST_PLAIN
+        and (values[~grouped] == np.round(values[~grouped])).all()
+        and (np.abs(values) < 1e3).all()
+        and np.allclose(thousands, np.round(thousands), rtol=0.0, atol=1e-6)
+    )
+
+
+def _refuse_confirmed(
+    path: Path, import_map: ImportMap, rows: IntArray, suspects: Mapping[int, IntArray]
+) -> None:
+    """Refuse the file if the texts of a column confirm that its digits are grouped."""
+    separator, sign = SEPARATORS[import_map.delimiter], import_map.decimal
+    grouped = re.compile(rf"[-+]?[1-9]\d{{0,2}}{re.escape(sign)}\d{{3}}")
+    read = set(rows.tolist())
+    found: dict[int, list[tuple[int, str]]] = {column: [] for column in suspects}
+    plain: dict[int, str] = {}
+    for row, line in read_lines(path):
+        if row not in read:
+            continue
+        cells = split_cells(line, separator)
+        for column in list(found):
+            text = cells[column].strip('"')
+            if grouped.fullmatch(text):
+                found[column].append((row, text))
+            elif _PLAIN.fullmatch(text):
+                plain.setdefault(column, text)
+            else:
+                del found[column]
+    for column, several in found.items():
+        if len(several) >= FEWEST_GROUPED and column in plain:
+            row, text = several[0]
+            raise DataQualityError(
+                f"{path.name} row {row}: column {column} is {text!r}, but other numbers of this"
+                f" column are whole, such as {plain[column]!r}: {sign!r} separates thousands, and"
+                " would be read as the decimal separator. Export the file without separators of"
+                " thousands",
+                code="RID-IMPORT-UNITS",
+            )
