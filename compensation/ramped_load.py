@@ -55,10 +55,6 @@ class RampedLoad:
         ones, zeros = np.ones((len(time_s), 1)), np.zeros((len(time_s), 1))
         return np.asarray(np.hstack([ones, risen]) - np.hstack([risen, zeros]))
 
-    def with_estimates(self, change: Callable[[Estimate], Estimate]) -> RampedLoad:
-        """Return the load with each model changed by a function."""
-        return replace(self, estimates=tuple(map(change, self.estimates)))
-
     def blended(self, weights: FloatArray) -> Estimate:
         """Return the model with the parameters of a blend; weights have the shape (loads,)."""
         values = np.array([estimate.values for estimate in self.estimates])

@@ -88,11 +88,6 @@ class Plausible:
         """Add the range in words to the JSON schema."""
         return {**handler(schema), "plausible": str(self)}
 
-    @property
-    def in_percent(self) -> Plausible:
-        """This range of a fraction, converted to percent."""
-        return Plausible(100.0 * self.low, 100.0 * self.high, "%", zero=self.zero)
-
     def holds(self, size: float) -> bool:
         """Return whether a magnitude is plausible."""
         return (size == 0.0 and self.zero) or self.low <= size <= self.high

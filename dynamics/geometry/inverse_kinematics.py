@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from config.arrays import FloatArray
 from config.errors import ConfigError
+from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain, jacobian, link_transforms
 
 ITERATIONS: Final = 50
@@ -15,6 +17,30 @@ TOLERANCE_M: Final = 1e-11
 LONGEST_STEP: Final = 0.3
 SINGULAR: Final = 1e-3
 STEP: Final = 1e-5
+
+
+def pose_near_path(
+    robot: RobotDescription, near: Sequence[float]
+) -> tuple[Chain, FloatArray, FloatArray | None]:
+    """Return arm, pose and orientation with which the search along a path of the tool starts.
+
+    With three joints, the orientation of the flange is free (None); with more joints, the flange
+    keeps its orientation at `near`.
+
+    Raises:
+        ConfigError: `near` does not have one value per joint (RID-MOTION-JOINTS).
+    """
+    n = len(robot.joints)
+    if len(near) != n:
+        raise ConfigError(
+            f"near has {len(near)} values, but robot {robot.name!r} has {n} joints: give one value"
+            " per joint",
+            code="RID-MOTION-JOINTS",
+        )
+    chain = Chain.from_description(robot)
+    pose = np.array(near, dtype=float)
+    rotation = None if n == 3 else link_transforms(chain, pose[np.newaxis])[0, -1][:3, :3]
+    return chain, pose, rotation
 
 
 def follow_tool_path(

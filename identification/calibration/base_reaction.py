@@ -12,7 +12,7 @@ from config.cell.plate import PlateLimits
 from config.errors import EstimationError
 from dynamics.model.cad import cad_parameters
 from dynamics.model.robot_model import base_wrench_regressor
-from identification.estimation.estimate import Estimate
+from identification.estimation.estimate import Estimate, refuse_internal_model
 
 SIGMAS = 2.0
 
@@ -133,12 +133,7 @@ def with_known_mass(
     Raises:
         EstimationError: The estimate is of the internal model.
     """
-    if estimate.options.kind == "internal":
-        raise EstimationError(
-            "an estimate of the internal model does not determine the base wrench: identify the"
-            " combined model, from a run with a force plate",
-            code="RID-MODEL-NOT-COMBINED",
-        )
+    refuse_internal_model(estimate)
     model, base = estimate.model, estimate.base
     constant = weight_parameters(estimate)
     values, covariance = estimate.values.copy(), estimate.covariance_jackknife.copy()

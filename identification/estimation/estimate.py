@@ -287,12 +287,7 @@ def predict_base_wrench(
     Raises:
         EstimationError: The estimate is of the internal model, which does not determine the wrench.
     """
-    if estimate.options.kind == "internal":
-        raise EstimationError(
-            "an estimate of the internal model does not determine the base wrench: identify the"
-            " combined model, from a run with a force plate",
-            code="RID-MODEL-NOT-COMBINED",
-        )
+    refuse_internal_model(estimate)
     _refuse_other_positions(estimate, q)
     wrench = np.empty((len(q), 6))
     for start in range(0, len(q), BLOCK_ROWS):
@@ -301,6 +296,20 @@ def predict_base_wrench(
         phi = base_wrench_regressor(estimate.model, q[rows], v[rows], a[rows], block)
         wrench[rows] = estimate.base.columns(phi) @ estimate.values
     return wrench
+
+
+def refuse_internal_model(estimate: Estimate) -> None:
+    """Refuse an estimate of the internal model, which does not determine the base wrench.
+
+    Raises:
+        EstimationError: The estimate is of this model (RID-MODEL-NOT-COMBINED).
+    """
+    if estimate.options.kind == "internal":
+        raise EstimationError(
+            "an estimate of the internal model does not determine the base wrench: identify the"
+            " combined model, from a run with a force plate",
+            code="RID-MODEL-NOT-COMBINED",
+        )
 
 
 def _refuse_other_positions(estimate: Estimate, q: FloatArray) -> None:

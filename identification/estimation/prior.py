@@ -78,27 +78,3 @@ class PriorRows:
 def prior_rows(base: BaseParameters, prior: Prior | None) -> PriorRows:
     """Return prior knowledge as equations; no equations if `prior` is None."""
     return PriorRows.none(base) if prior is None else PriorRows.of(base, *prior)
-
-
-def prior_of_known(base: BaseParameters, known: dict[str, tuple[float, float]]) -> Prior:
-    """Return values and sigmas of all standard parameters, of which some are known by name.
-
-    Args:
-        base: The base parameters.
-        known: Dict of name to (value, sigma). Such as {"mL": (2.805, 0.002)}.
-
-    Raises:
-        EstimationError: A name is not a parameter of the model.
-    """
-    values = np.zeros(len(base.standard_names))
-    sigmas = np.full(len(values), np.inf)
-    for name, (value, sigma) in known.items():
-        if name not in base.standard_names:
-            raise EstimationError(
-                f"{name!r} is not a parameter of the model; its parameters are"
-                f" {', '.join(base.standard_names)}",
-                code="RID-OPTION-NAME",
-            )
-        index = base.standard_names.index(name)
-        values[index], sigmas[index] = value, sigma
-    return values, sigmas

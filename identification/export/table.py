@@ -24,7 +24,6 @@ _HEAT = (
     " joint (of its actuator in a coupled wrist); x is 0 for a cold robot, with 1 K per watt; fcT"
     " and fvT multiply x"
 )
-_HEATING = "friction that heats the joint"
 
 
 @dataclass(frozen=True)

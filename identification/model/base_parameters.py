@@ -31,6 +31,7 @@ _RIGID = re.compile(r"(m|s[xyz]|I[xyz]{2})(\d+|L)")
 # Order in which a link's columns are kept; its Iyy, sz and m come last (Khalil's choice).
 _KEEP_ORDER = ("Izz", "Ixx", "Ixy", "Ixz", "Iyz", "sx", "sy", "Iyy", "sz", "m")
 _ROUNDING = 1e-10
+_SAMPLES = 300
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,8 +101,6 @@ def base_parameters(
     *,
     kind: ModelKind = "internal",
     still: Sequence[StillJoint] = (),
-    tolerance: float = 1e-8,
-    samples: int = 300,
     seed: int = 0,
 ) -> BaseParameters:
     """Find the base parameters of a robot model, from random samples with large excitation.
@@ -113,17 +112,14 @@ def base_parameters(
             with and without it.
         still: Joints that stand still, whose torques count as not measured, because friction at
             standstill can have any value.
-        tolerance: A column counts as dependent if its part that is independent of the kept columns
-            is smaller than this fraction of the column.
-        samples: Number of random samples; positions are in -pi..pi rad (or -1..1 m), so that the
-            result is a property of the structure and not of one motion.
-        seed: Seed of the samples.
+        seed: Seed of the samples; positions are in -pi..pi rad (or -1..1 m), so that the result is
+            a property of the structure and not of one motion.
 
     Raises:
-        EstimationError: The rank is ambiguous at this tolerance.
+        EstimationError: The rank is ambiguous.
     """
-    stacked = random_regressor(model, kind=kind, still=still, samples=samples, seed=seed)
-    return independent_columns(stacked, model.parameter_names, model.parameter_units, tolerance)
+    stacked = random_regressor(model, kind=kind, still=still, seed=seed)
+    return independent_columns(stacked, model.parameter_names, model.parameter_units)
 
 
 def random_regressor(
@@ -131,17 +127,16 @@ def random_regressor(
     *,
     kind: ModelKind = "internal",
     still: Sequence[StillJoint] = (),
-    samples: int = 300,
     seed: int = 0,
 ) -> FloatArray:
     """Return the regressor for `base_parameters`, shape (rows, p)."""
     random = np.random.default_rng(seed)
-    shape = (samples, len(model.joint_names))
+    shape = (_SAMPLES, len(model.joint_names))
     q = random.uniform(-np.pi, np.pi, shape)
     v, a = random.normal(0.0, 2.0, shape), random.normal(0.0, 5.0, shape)
     for each in still:
         j = model.joint_names.index(each.joint)
-        q[:, j], v[:, j], a[:, j] = random.choice(each.positions, samples), 0.0, 0.0
+        q[:, j], v[:, j], a[:, j] = random.choice(each.positions, _SAMPLES), 0.0, 0.0
     measured = np.any(model.actuator_speed(v) != 0.0, axis=0)
     if not measured.any():
         raise EstimationError(
@@ -164,7 +159,11 @@ def random_regressor(
 def independent_columns(
     stacked: FloatArray, names: tuple[str, ...], units: tuple[str, ...], tolerance: float = 1e-8
 ) -> BaseParameters:
-    """Find the base parameters of a stacked regressor of shape (rows, p)."""
+    """Find the base parameters of a stacked regressor of shape (rows, p).
+
+    A column counts as dependent if its part that is independent of the kept columns is smaller than
+    the fraction `tolerance` of the column.
+    """
     size = np.linalg.norm(stacked, axis=0)
     seen = size > 1e-12 * size.max(initial=0.0)
     if not seen.any():

@@ -29,9 +29,7 @@ class _Second:
     judge: tuple[Triangle, ...]
 
 
-def held_out_errors(
-    plain: FittedSignals, full: FittedSignals, folds: int = FOLDS, *, low_passed: bool = True
-) -> FloatArray:
+def held_out_errors(plain: FittedSignals, full: FittedSignals, folds: int = FOLDS) -> FloatArray:
     """Return mean squared errors of two fits of the same recordings on held-out seconds.
 
     The nonlinear parameters are fitted to all data and are the same in every fold. The linear
@@ -41,8 +39,6 @@ def held_out_errors(
         plain, full: The simpler and the richer fit. The errors of both are computed on the samples
             that the richer one uses.
         folds: Number of contiguous parts of the recordings; each is left out once.
-        low_passed: True if the columns are low-passed like the torque. A model with sign(v) as
-            friction is fitted without the low-pass, on samples away from reversals.
 
     Returns:
         Shape (2, seconds, n). NaN for a second without usable samples.
@@ -52,9 +48,7 @@ def held_out_errors(
     """
     part = _parts([int(run.event[-1]) + 1 for run in plain.problem.runs], folds)
     errors = np.full((2, len(part), plain.model.chain.n), np.nan)
-    for own, seconds in zip(
-        errors, zip(*_seconds(plain, full, low_passed), strict=True), strict=True
-    ):
+    for own, seconds in zip(errors, zip(*_seconds(plain, full), strict=True), strict=True):
         for left_out in range(int(part[-1]) + 1):
             rest = [s.train for s, p in zip(seconds, part, strict=True) if p != left_out]
             joined = [_join(of_joint) for of_joint in zip(*rest, strict=True)]
@@ -106,12 +100,10 @@ def _parts(seconds: Sequence[int], folds: int) -> IntArray:
     return np.repeat(np.arange(len(cut)), [len(piece) for piece in cut])
 
 
-def _seconds(
-    plain: FittedSignals, full: FittedSignals, low_passed: bool
-) -> Iterator[tuple[_Second, _Second]]:
+def _seconds(plain: FittedSignals, full: FittedSignals) -> Iterator[tuple[_Second, _Second]]:
     """Yield the equations of each second for the simpler and for the richer model."""
     simpler, richer = (
-        rows_by_event(fit.problem.blocks(fit.model, fit.standard, low_passed=low_passed))
+        rows_by_event(fit.problem.blocks(fit.model, fit.standard, low_passed=True))
         for fit in (plain, full)
     )
     for stretches in zip(simpler, richer, strict=True):

@@ -42,8 +42,7 @@ from identification.validation.held_out import held_out_errors, identified_value
 from identification.validation.presliding_choice import PreslidingChoice, choose_presliding
 from identification.validation.robot_terms import (
     with_friction,
-    with_shear_thinning,
-    with_stribeck,
+    with_speeds,
 )
 from identification.validation.warming_choice import choose_warming
 
@@ -89,8 +88,8 @@ class ModelChoice:
 
     def robot(self, robot: RobotDescription) -> RobotDescription:
         """Return a robot with the chosen friction."""
-        robot = with_stribeck(with_friction(robot, self.terms), self.stribeck_rad_s)
-        robot = with_shear_thinning(robot, self.thinning_rad_s)
+        robot = with_speeds(with_friction(robot, self.terms), "stribeck", self.stribeck_rad_s)
+        robot = with_speeds(robot, "shear_thinning", self.thinning_rad_s)
         robot = robot if self.presliding is None else self.presliding.robot(robot)
         return robot if self.warming is None else self.warming.robot(robot)
 

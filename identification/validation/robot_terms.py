@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Literal
 
 from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import RobotDescription
@@ -22,28 +23,18 @@ def with_friction(robot: RobotDescription, terms: Sequence[Terms]) -> RobotDescr
     return robot.model_copy(update={"joints": tuple(joints)})
 
 
-def with_stribeck(robot: RobotDescription, speeds: Sequence[float | None]) -> RobotDescription:
-    """Return a robot with Stribeck friction on exactly the joints that have a speed."""
-    joints = []
-    for joint, speed in zip(robot.joints, speeds, strict=True):
-        friction = tuple(term for term in joint.friction if term != "stribeck")
-        update: dict[str, object] = {"friction": friction}
-        if speed is not None:
-            update = {"friction": (*friction, "stribeck"), "stribeck_velocity": speed}
-        joints.append(joint.model_copy(update=update))
-    return robot.model_copy(update={"joints": tuple(joints)})
-
-
-def with_shear_thinning(
-    robot: RobotDescription, speeds: Sequence[float | None]
+def with_speeds(
+    robot: RobotDescription,
+    term: Literal["stribeck", "shear_thinning"],
+    speeds: Sequence[float | None],
 ) -> RobotDescription:
-    """Return a robot with shear-thinning friction on exactly the joints that have a speed."""
+    """Return a robot with a friction term on exactly the joints that have a speed for it."""
     joints = []
     for joint, speed in zip(robot.joints, speeds, strict=True):
-        friction = tuple(term for term in joint.friction if term != "shear_thinning")
+        friction = tuple(each for each in joint.friction if each != term)
         update: dict[str, object] = {"friction": friction}
         if speed is not None:
-            update = {"friction": (*friction, "shear_thinning"), "shear_thinning_velocity": speed}
+            update = {"friction": (*friction, term), f"{term}_velocity": speed}
         joints.append(joint.model_copy(update=update))
     return robot.model_copy(update={"joints": tuple(joints)})
 

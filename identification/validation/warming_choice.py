@@ -31,7 +31,7 @@ from identification.equations.warming import Warming
 from identification.estimation.fitted_signals import FittedSignals, fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.regression.nested_choice import DISTINCT_SIGMAS, joints_that_gain
-from identification.validation.held_out import FOLDS, held_out_errors
+from identification.validation.held_out import held_out_errors
 from identification.validation.parameter_steps import additional_parameter_steps
 from identification.validation.robot_terms import with_friction
 
@@ -49,8 +49,6 @@ def choose_warming(
     robot: RobotDescription,
     signals: Sequence[SmoothedSignals],
     options: EstimationOptions | None = None,
-    *,
-    folds: int = FOLDS,
 ) -> Warming | None:
     """Return the warming of the joints; None if no joint shows it.
 
@@ -58,7 +56,6 @@ def choose_warming(
         robot: The robot with all its other friction terms.
         signals: The recordings of the training runs, without temperatures.
         options: The other terms of the model, and the speed above which a joint counts as moving.
-        folds: Number of parts of the recordings.
 
     Raises:
         EstimationError: The recordings are too short to be split, or do not determine the model.
@@ -94,7 +91,7 @@ def choose_warming(
     shown &= warming.time_constant_s - margin_s > 0.0
     shown &= warming.time_constant_s + margin_s < longest_s
     shown &= warming.time_constant_s > SHORTEST_S
-    shown &= joints_that_gain(*held_out_errors(plain, full, folds))
+    shown &= joints_that_gain(*held_out_errors(plain, full))
     if not shown.any():
         return None
     return replace(

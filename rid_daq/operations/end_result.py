@@ -17,7 +17,6 @@ class EndResult:
     """
 
     text: str = ""
-    exit_code: int = 0
 
     def document(self) -> dict[str, object]:
         """Return an empty document: programs have already received everything."""

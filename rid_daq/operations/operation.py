@@ -23,20 +23,22 @@ NUMERICS_BYTES: Final = 750 << 20
 class OperationResult(Protocol):
     """Result of an operation, as its function returns it."""
 
-    @property
-    def exit_code(self) -> int:
-        """Exit code of the program: 0 if the result is good.
-
-        A failed verdict is a result, not an exception.
-        """
-        ...
-
     def document(self) -> Mapping[str, object]:
         """Return the JSON document of the result, as `--json` prints it."""
         ...
 
     def blocks(self) -> Iterable[AnyBlock]:
         """Return the blocks that people read, in order."""
+        ...
+
+
+@runtime_checkable
+class JudgedResult(Protocol):
+    """A result that can be bad: a failed verdict is a result, not an exception."""
+
+    @property
+    def exit_code(self) -> int:
+        """Exit code of the program: 0 if the result is good."""
         ...
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from config.process.linux import require_linux
-from rid_daq.operations.operation import FailedResult, Operation
+from rid_daq.operations.operation import FailedResult, JudgedResult, Operation
 from rid_daq.requests.request import Request
 from rid_daq.terminal.console import Console
 
@@ -26,5 +26,5 @@ def perform(operation: Operation, request: Request, console: Console) -> None:
     console.result(result.document(), result.blocks())
     if isinstance(result, FailedResult) and result.failure is not None:
         raise result.failure
-    if result.exit_code:
+    if isinstance(result, JudgedResult) and result.exit_code:
         raise SystemExit(result.exit_code)

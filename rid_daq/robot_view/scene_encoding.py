@@ -118,16 +118,7 @@ def encode_scene(scene: RobotScene, geometry: str, detail: Detail) -> tuple[Scen
         shape=scene.shape,
         upright=_nested(scene.upright),
         gravity=_nested(scene.gravity_m_s2),
-        joints=tuple(
-            JointDocument(
-                name=joint.name,
-                origin=_nested(joint.origin),
-                axis=_nested(joint.axis),
-                kind=joint.kind,
-                limits=joint.limits,
-            )
-            for joint in scene.joints
-        ),
+        joints=tuple(JointDocument.from_attributes(joint) for joint in scene.joints),
         links=tuple(links),
         tool=_nested(scene.tool),
         plate=None if scene.plate is None else _nested(scene.plate),

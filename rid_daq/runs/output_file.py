@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Final
 
@@ -11,6 +12,7 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import MANIFEST
 from acquisition.runs.run_id import RUN_ID
 from config.errors import ConfigError, RecordingError, system_errors
+from config.formats.whole_file import write_whole
 from rid_daq.runs.made_file import MadeFile
 
 _RESULTS: Final = (".json", ".pdf", ".html")
@@ -74,6 +76,36 @@ def require_writable(output: Path) -> None:
             code="RID-FILE-WRITE",
         )
     _refuse_part_of_run(output)
+
+
+def write_new_files(folder: Path, files: Mapping[str, bytes]) -> None:
+    """Write files into a folder, which is made if it is missing; replace nothing.
+
+    Raises:
+        ConfigError: One of the files exists already; nothing was written.
+        RecordingError: The folder or a file cannot be written.
+    """
+    refuse_present(folder, files)
+    where = f"{folder}: cannot make the folder"
+    with system_errors(RecordingError, where, code="RID-FILE-WRITE"):
+        folder.mkdir(parents=True, exist_ok=True)
+    for name, content in files.items():
+        write_whole(folder / name, content)
+
+
+def refuse_present(folder: Path, names: Iterable[str]) -> None:
+    """Refuse a folder that contains one of these files.
+
+    Raises:
+        ConfigError: One of the files exists (RID-FILE-EXISTS).
+    """
+    present = [name for name in names if (folder / name).exists()]
+    if present:
+        raise ConfigError(
+            f"{folder}: {', '.join(present)} exists already; nothing was written. Give another"
+            " folder, or move the files away.",
+            code="RID-FILE-EXISTS",
+        )
 
 
 def _refuse_part_of_run(output: Path) -> None:

@@ -23,8 +23,14 @@ from config.process.safety_clock import safety_now_s
 from rid_daq.service.pairing import Pairing
 from rid_daq.service.records import Identity, Role, TokenEnd
 from rid_daq.service.refusals import NotAllowedError, NotKnownError
-from rid_daq.service.store.tokens import UNUSED_S, TokenStore, hash_secret
-from rid_daq.web.request_secrets import all_secrets_of, bearer_of, cookies_of, socket_secret_of
+from rid_daq.service.store.tokens import UNUSED_S, TokenStore
+from rid_daq.web.request_secrets import (
+    all_secrets_of,
+    bearer_of,
+    cookies_of,
+    hash_secret,
+    socket_secret_of,
+)
 
 USE_NOTED_EVERY_S: Final = 60.0
 LOCAL: Final = Identity(name="this computer", role=Role.ADMINISTRATOR, person=False, token="")

@@ -14,7 +14,7 @@ from config.process.safety_clock import boot_id, safety_now_s
 from rid_daq.service.records import HeldLease, Identity, Lease
 from rid_daq.service.refusals import NotAllowedError
 from rid_daq.service.store.leases import LeaseStore, StoredLease
-from rid_daq.service.store.tokens import hash_secret
+from rid_daq.web.request_secrets import hash_secret
 
 LEAST_S: Final = 2.0
 MOST_S: Final = 3600.0

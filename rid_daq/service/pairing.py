@@ -16,7 +16,8 @@ from config.errors import LockedError
 from config.process.safety_clock import safety_now_s
 from rid_daq.service.records import Record, Role, Token, TokenEnd
 from rid_daq.service.refusals import UnknownError
-from rid_daq.service.store.tokens import TokenStore, hash_secret
+from rid_daq.service.store.tokens import TokenStore
+from rid_daq.web.request_secrets import hash_secret
 
 LASTS_S: Final = 300.0
 MOST_WAITING: Final = 100

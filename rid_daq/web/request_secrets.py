@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from typing import Final
 
@@ -34,6 +35,11 @@ def all_secrets_of(headers: Mapping[str, str]) -> Sequence[str]:
     """Return every secret in a request, in cookies of any name; each may authorise a STOP."""
     shown = [bearer_of(headers), socket_secret_of(headers)]
     return [each for each in (*shown, *(value for _, value in cookies_of(headers))) if each]
+
+
+def hash_secret(secret: str) -> str:
+    """Return the SHA-256 of a secret; no salt is needed, because a secret has 256 random bits."""
+    return hashlib.sha256(secret.encode("utf-8", "surrogatepass")).hexdigest()
 
 
 def _header_parts(headers: Mapping[str, str], name: str, separator: str) -> Sequence[str]:

@@ -23,8 +23,7 @@ from config.errors import ConfigError
 from config.plausible import Plausible
 from config.quantities import Place, Positive, Vector3
 from config.robot.robot import RobotDescription
-from dynamics.geometry.inverse_kinematics import follow_tool_path
-from dynamics.geometry.kinematics import Chain, link_transforms
+from dynamics.geometry.inverse_kinematics import follow_tool_path, pose_near_path
 
 NEGLIGIBLE: Final = 1e-9
 POINTS: Final = 512
@@ -106,16 +105,7 @@ class CircleMotion(Motion):
             ConfigError: The circle cannot be reached, or the motion has too many harmonics for the
                 sampling rate.
         """
-        n = len(robot.joints)
-        if len(self.near) != n:
-            raise ConfigError(
-                f"near has {len(self.near)} values, but robot {robot.name!r} has {n} joints: give"
-                " one value per joint",
-                code="RID-MOTION-JOINTS",
-            )
-        chain = Chain.from_description(robot)
-        near = np.array(self.near, dtype=float)
-        rotation = None if n == 3 else link_transforms(chain, near[np.newaxis])[0, -1][:3, :3]
+        chain, near, rotation = pose_near_path(robot, self.near)
         period_s = self.turn_s(sample_period_s)
         position = follow_tool_path(chain, self.points(np.arange(POINTS) / POINTS), near, rotation)
         bins = to_bins(position, MOST_HARMONICS)

@@ -35,7 +35,7 @@ from config.errors import ConfigError
 from config.plausible import Plausible
 from config.quantities import Place, Positive
 from config.robot.robot import RobotDescription
-from dynamics.geometry.inverse_kinematics import PathSlopes, reach, refine_positions
+from dynamics.geometry.inverse_kinematics import PathSlopes, pose_near_path, reach, refine_positions
 from dynamics.geometry.kinematics import Chain, link_transforms
 
 if TYPE_CHECKING:
@@ -152,16 +152,7 @@ class PathMotion(Motion):
 
     def _section_paths(self, robot: RobotDescription) -> Iterator[_SectionPath]:
         """Yield the joint path of each section, starting from the end pose of the previous one."""
-        n = len(robot.joints)
-        if len(self.near) != n:
-            raise ConfigError(
-                f"near has {len(self.near)} values, but robot {robot.name!r} has {n} joints: give"
-                " one value per joint",
-                code="RID-MOTION-JOINTS",
-            )
-        chain = Chain.from_description(robot)
-        near = np.array(self.near, dtype=float)
-        rotation = None if n == 3 else link_transforms(chain, near[np.newaxis])[0, -1][:3, :3]
+        chain, near, rotation = pose_near_path(robot, self.near)
         pose = reach(chain, np.array(self.start_m), near, rotation, "the start of the path")
         for section in self.sections():
             way = _SectionPath.of(section, chain, rotation, pose)

@@ -115,7 +115,6 @@ class CalibratePosesResult:
 
     request: CalibratePosesRequest
     found: ProposedPoses
-    exit_code: int = 0
 
     def document(self) -> dict[str, object]:
         """Return the poses and the expected spread as numbers."""

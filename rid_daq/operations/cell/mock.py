@@ -100,7 +100,6 @@ class EdsFiles:
     cell: str
     folder: Path
     files: tuple[str, ...]
-    exit_code: int = 0
 
     def document(self) -> dict[str, object]:
         """Return cell, folder and file names."""
@@ -124,7 +123,6 @@ class MockResult:
 
     request: MockRequest
     served: DeviceServer
-    exit_code: int = 0
 
     def document(self) -> dict[str, object]:
         """Return the addresses of the served devices."""

@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import Final
 
 from config.cell.cell import CellConfig
-from config.errors import ConfigError, LockedError, RecordingError, TransportError
-from config.formats.whole_file import write_whole
+from config.errors import ConfigError, LockedError, TransportError
 from config.load import LoadedCell, load_cell, load_faults
 from config.process.termination import ending_signals, ignore_termination
 from config.simulation.faults import NO_SCRIPT
@@ -25,7 +24,7 @@ from mock_hw.drive.objects import SimulatedIdentity
 from mock_hw.host.runtime_directory import runtime_directory
 from mock_hw.simulation import CellSimulation
 from rid_daq.operations.cell.mock import MockRequest
-from rid_daq.runs.output_file import require_writable
+from rid_daq.runs.output_file import require_writable, write_new_files
 from rid_daq.session.cells import is_served, refuse_one_process
 
 LOOK_S: Final = 2.0
@@ -149,21 +148,7 @@ def write_eds_files(cell: str, folder: Path) -> tuple[str, list[str]]:
         name = f"node{axis.node_id}.eds"
         identity = SimulatedIdentity.of_axis(loaded.config, axis, joint, simulated)
         eds_files[name] = drive_eds(identity, name, created).encode("ascii")
-    present = [name for name in eds_files if (folder / name).exists()]
-    if present:
-        raise ConfigError(
-            f"{folder}: {', '.join(present)} exists already; nothing was written. Give another"
-            " folder, or move the files away.",
-            code="RID-FILE-EXISTS",
-        )
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise RecordingError(
-            f"{folder}: cannot make the folder: {error.strerror}", code="RID-FILE-WRITE"
-        ) from None
-    for name, content in eds_files.items():
-        write_whole(folder / name, content)
+    write_new_files(folder, eds_files)
     return loaded.config.name, [*eds_files]
 
 

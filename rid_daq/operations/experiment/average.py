@@ -43,7 +43,6 @@ class AverageResult:
     section: AverageSection
     notes: list[str]
     report: Path
-    exit_code: int = 0
 
     def document(self) -> dict[str, object]:
         """Return periods and noise as numbers."""

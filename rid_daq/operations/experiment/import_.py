@@ -112,7 +112,6 @@ class ImportResult:
     """
 
     runs: tuple[ImportedRun, ...]
-    exit_code: int = 0
 
     def document(self) -> Mapping[str, object]:
         """Return the import report of one run, or a list of reports of several runs."""

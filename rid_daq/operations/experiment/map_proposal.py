@@ -34,7 +34,6 @@ class MapProposal:
     path: Path
     recording: Path
     proposal: Proposal
-    exit_code: int = 0
 
     def document(self) -> Mapping[str, object]:
         """Return the map, the reasons and the doubts."""

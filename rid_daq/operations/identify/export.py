@@ -130,7 +130,6 @@ class ExportedModel:
     torques: tuple[ExportedTorques, ...] = ()
     urdf: UpdatedUrdfSection | None = None
     notes: tuple[str, ...] = ()
-    exit_code: int = 0
 
     def document(self) -> dict[str, object]:
         """Return the properties of the written model."""
@@ -176,7 +175,6 @@ class ExportedRecording:
     data: RunData
     table: RecordingTable
     notes: list[str]
-    exit_code: int = 0
 
     def document(self) -> dict[str, object]:
         """Return the properties of the written recording."""

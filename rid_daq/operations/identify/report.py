@@ -33,7 +33,6 @@ class ReportResult:
 
     result: Result
     report: Path
-    exit_code: int = 0
 
     def document(self) -> dict[str, object]:
         """Return the result of the run and the report's path."""

@@ -138,7 +138,6 @@ class SensitivityResult:
 
     request: SensitivityRequest
     found: Sensitivity
-    exit_code: int = 0
 
     def document(self) -> dict[str, object]:
         """Return the errors as numbers."""

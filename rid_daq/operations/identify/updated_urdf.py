@@ -105,16 +105,7 @@ class UpdatedUrdfSection(Section):
         )
         return cls(
             links=links,
-            joints=tuple(
-                UpdatedJoint(
-                    name=each.name,
-                    damping_before=each.damping_before,
-                    damping=each.damping,
-                    friction_before=each.friction_before,
-                    friction=each.friction,
-                )
-                for each in updated.joints
-            ),
+            joints=tuple(UpdatedJoint.from_attributes(each) for each in updated.joints),
             combinations=_combinations(estimate, model, updated),
             notes=updated.notes,
         )

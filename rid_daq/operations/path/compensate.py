@@ -83,7 +83,6 @@ class CompensateResult:
 
     request: CompensateRequest
     made: CompensatedMotion
-    exit_code: int = 0
 
     def document(self) -> dict[str, object]:
         """Return size, corrections and tuning as numbers."""

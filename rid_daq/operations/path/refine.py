@@ -63,7 +63,6 @@ class RefineResult:
 
     request: RefineRequest
     refined: RefinedFeedforward
-    exit_code: int = 0
 
     @property
     def has_stalled(self) -> bool:

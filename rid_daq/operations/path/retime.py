@@ -119,7 +119,6 @@ class RetimeResult:
 
     request: RetimeRequest
     made: RetimedMotion
-    exit_code: int = 0
 
     def document(self) -> dict[str, object]:
         """Return the timing and the used fraction of each limit as numbers."""

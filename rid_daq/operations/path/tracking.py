@@ -80,7 +80,6 @@ class TrackingResult:
     """
 
     tracked: TrackedRuns
-    exit_code: int = 0
 
     def document(self) -> dict[str, object]:
         """Return the path errors as numbers."""

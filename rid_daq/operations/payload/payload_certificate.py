@@ -65,7 +65,6 @@ class PayloadCertificateResult:
 
     certificate: Certificate
     file: Path
-    exit_code: int = 0
 
     def document(self) -> dict[str, object]:
         """Return file, run and verdict."""

@@ -63,7 +63,6 @@ class PayloadExportResult:
     estimate: PayloadEstimate
     text: str
     notes: tuple[str, ...]
-    exit_code: int = 0
 
     def document(self) -> dict[str, object]:
         """Return the text of the file and the payload's mass."""

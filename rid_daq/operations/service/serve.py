@@ -85,7 +85,6 @@ class WrittenUnit:
 
     unit: Path
     next: str
-    exit_code: int = 0
 
     def document(self) -> dict[str, object]:
         """Return the path of the systemd unit and the command that starts it."""
@@ -110,7 +109,6 @@ class ServiceReady:
     url: str
     socket: Path
     cells: tuple[str, ...]
-    exit_code: int = 0
 
     def document(self) -> dict[str, object]:
         """Return the addresses and the cells."""

@@ -57,7 +57,6 @@ class TokenResult:
 
     request: TokenRequest
     secret: str | None
-    exit_code: int = 0
 
     def document(self) -> dict[str, object]:
         """Return name and role, and the token of a program."""

@@ -49,7 +49,6 @@ class DocsResult:
 
     page: Path
     is_shown: bool
-    exit_code: int = 0
 
     def document(self) -> dict[str, object]:
         """Return the path of the page."""
@@ -67,7 +66,6 @@ class ExplainedCode:
     """Cause and remedy of an error code."""
 
     code: ErrorCode
-    exit_code: int = 0
 
     def document(self) -> dict[str, object]:
         """Return the code with its cause and remedy."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -10,8 +10,6 @@ from typing import Annotated, Final
 
 from pydantic import Field
 
-from config.errors import ConfigError, RecordingError, system_errors
-from config.formats.whole_file import write_whole
 from rid_daq.blocks.block import AnyBlock, Text, Verdict
 from rid_daq.operations.operation import Context, Operation
 from rid_daq.requests.option import Option
@@ -176,15 +174,12 @@ class InitResult:
 
 def run(request: InitRequest, _context: Context) -> InitResult:
     """Make the files, rehearse the cell of a URDF, and write the files."""
+    from rid_daq.runs.output_file import write_new_files
+
     files, made = (
         _starter_files(request) if request.urdf is None else _urdf_files(request, request.urdf)
     )
-    _refuse_present(request.folder, files)
-    where = f"{request.folder}: cannot make the folder"
-    with system_errors(RecordingError, where, code="RID-FILE-WRITE"):
-        request.folder.mkdir(parents=True, exist_ok=True)
-    for name, content in files.items():
-        write_whole(request.folder / name, content)
+    write_new_files(request.folder, files)
     return made
 
 
@@ -201,9 +196,10 @@ def _urdf_files(request: InitRequest, urdf: Path) -> tuple[Mapping[str, bytes], 
     from config.process.linux import has_linux
     from rid_daq.operations.start.drawn_robot import files_with_drawing
     from rid_daq.operations.start.urdf_starter import starting_robot
+    from rid_daq.runs.output_file import refuse_present
 
     robot = starting_robot(request, urdf)
-    _refuse_present(request.folder, URDF_FILES)
+    refuse_present(request.folder, URDF_FILES)
     if not request.rehearsal or not has_linux():
         files = files_with_drawing(urdf, robot)
         notes = (*robot.notes, *((NOT_REHEARSED,) if request.rehearsal else ()))
@@ -214,16 +210,6 @@ def _urdf_files(request: InitRequest, urdf: Path) -> tuple[Mapping[str, bytes], 
     files = files_with_drawing(urdf, tried.made)
     made = InitResult(request.folder, tuple(files), tried.made.notes, True, tried.obstacle)
     return files, made
-
-
-def _refuse_present(folder: Path, names: Iterable[str]) -> None:
-    present = [name for name in names if (folder / name).exists()]
-    if present:
-        raise ConfigError(
-            f"{folder}: {', '.join(present)} exists already; nothing was written. Give another"
-            " folder, or move the files away.",
-            code="RID-FILE-EXISTS",
-        )
 
 
 OPERATION: Final = Operation(

@@ -171,18 +171,14 @@ class EstimateSection(Section):
             has_truth=truth is not None,
             parameters=(*_base_parameters(estimate, truth), *_nonlinear_parameters(estimate)),
             axes=tuple(
-                AxisResidual(
-                    joint=fit.joint,
+                AxisResidual.from_attributes(
+                    fit,
                     unit=joint.torque_unit,
                     residual=fit.residual_nm,
                     noise=fit.noise_nm,
                     left_out_fraction=float(left_out),
                     torque=finite_or_none(fit.torque_nm),
-                    percent=fit.percent,
-                    over_noise=fit.over_noise,
                     held_out_percent=None if share is None else 100.0 * float(share),
-                    grade=fit.grade,
-                    reason=fit.reason,
                 )
                 for joint, fit, left_out, share in zip(
                     estimate.robot.joints,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import hashlib
 import logging
 import os
 import signal
@@ -14,7 +13,7 @@ from acquisition.task.control_block import ControlBlock
 from rid_daq.service.refusals import UnknownError
 from rid_daq.service.stop.stop_answer import ALL, StopAnswer, stop_each, unknown_sender_error
 from rid_daq.web.access import is_loopback
-from rid_daq.web.request_secrets import all_secrets_of
+from rid_daq.web.request_secrets import all_secrets_of, hash_secret
 
 _LOG = logging.getLogger("rid_daq.service.front")
 
@@ -59,7 +58,7 @@ class FrontStopHandler:
             NotKnownError: The sender is on another computer, and the request contains no secret
                 that was ever issued.
         """
-        shown = (sha256_of_secret(secret) for secret in all_secrets_of(headers))
+        shown = (hash_secret(secret) for secret in all_secrets_of(headers))
         known = next((each for each in shown if each in self._issued), None)
         if known is None and not (local or is_loopback(address)):
             raise unknown_sender_error()
@@ -91,11 +90,6 @@ class FrontStopHandler:
         if descriptor is not None:
             stop_process(descriptor)
         return True
-
-
-def sha256_of_secret(secret: str) -> str:
-    """Return the SHA-256 of a secret, as `store.tokens.sha256_of_secret` does."""
-    return hashlib.sha256(secret.encode("utf-8", "surrogatepass")).hexdigest()
 
 
 def stop_process(descriptor: int) -> None:

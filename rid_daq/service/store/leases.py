@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from rid_daq.service.records import Lease
 from rid_daq.service.store.database import Database
-from rid_daq.service.store.tokens import hash_secret
+from rid_daq.web.request_secrets import hash_secret
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import secrets
 import time
 from collections.abc import Callable, Sequence
@@ -10,6 +9,7 @@ from typing import Final
 
 from rid_daq.service.records import Role, Token, TokenEnd
 from rid_daq.service.store.database import Database
+from rid_daq.web.request_secrets import hash_secret
 
 MOST_ISSUED: Final = 100_000
 """Maximum number of stored hashes of secrets; the oldest hash is deleted first. The sender of a
@@ -18,11 +18,6 @@ secret with a stored hash may stop motions.
 
 UNUSED_S: Final = 30 * 86400.0
 """Time without use after which the token of a paired device expires [s]."""
-
-
-def hash_secret(secret: str) -> str:
-    """Return the SHA-256 of a secret; no salt is needed, because a secret has 256 random bits."""
-    return hashlib.sha256(secret.encode("utf-8", "surrogatepass")).hexdigest()
 
 
 class TokenStore:

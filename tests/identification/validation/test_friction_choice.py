@@ -14,7 +14,7 @@ from config.robot.robot import RobotDescription
 from identification.equations.block_grams import PLAIN, Fit, Grams, Terms
 from identification.equations.friction_columns import SPEEDS_RAD_S, THINNING_RAD_S, Column
 from identification.validation.friction_choice import preferred_terms, remove_weak_terms
-from identification.validation.robot_terms import with_shear_thinning, with_stribeck
+from identification.validation.robot_terms import with_speeds
 
 BLOCKS = 12
 SCATTER = 0.01 * np.resize([1.0, -1.0], BLOCKS)
@@ -128,8 +128,8 @@ def test_the_error_of_other_joints_is_no_evidence_that_a_term_is_not_zero(
 def test_a_robot_with_any_candidate_speed_can_be_read_again() -> None:
     slow = load_robot("ur10e")  # its base turns at 2.09 rad/s at most
     for speed in THINNING_RAD_S:
-        thinning = with_shear_thinning(slow, [speed] * len(slow.joints))
+        thinning = with_speeds(slow, "shear_thinning", [speed] * len(slow.joints))
         assert RobotDescription.model_validate(thinning.model_dump()) == thinning
     for speed in SPEEDS_RAD_S:
-        stribeck = with_stribeck(slow, [speed] * len(slow.joints))
+        stribeck = with_speeds(slow, "stribeck", [speed] * len(slow.joints))
         assert RobotDescription.model_validate(stribeck.model_dump()) == stribeck

@@ -44,7 +44,6 @@ class DrivesBackup:
 
     request: DrivesBackupRequest
     backup: DriveBackup
-    exit_code: int = 0
 
     @property
     def counts(self) -> dict[int, int]:

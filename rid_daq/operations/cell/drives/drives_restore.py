@@ -29,9 +29,10 @@ class DrivesRestoreRequest(RestoreRequest):
 
 def run(request: DrivesRestoreRequest, _context: Context) -> RestoredDrives:
     """Restore the settings of a backup."""
-    from rid_daq.operations.cell.drives.settings_files import restore_backup
+    from drivers.settings.saved_drive import DriveBackup
+    from rid_daq.operations.cell.drives.settings_files import restore_settings
 
-    return restore_backup(request.file, request)
+    return restore_settings(DriveBackup.read(request.file).drives, request)
 
 
 OPERATION: Final = Operation(

@@ -27,9 +27,10 @@ class DrivesRollbackRequest(RestoreRequest):
 
 def run(request: DrivesRollbackRequest, _context: Context) -> RestoredDrives:
     """Restore the settings as they were before a run."""
-    from rid_daq.operations.cell.drives.settings_files import roll_back
+    from rid_daq.operations.cell.drives.settings_files import restore_settings
+    from rid_daq.session.drive_writes import settings_before_writes
 
-    return roll_back(request.run, request)
+    return restore_settings(settings_before_writes(request.runs, request.run), request)
 
 
 OPERATION: Final = Operation(

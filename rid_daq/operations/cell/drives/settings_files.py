@@ -23,7 +23,7 @@ from rid_daq.operations.cell.drives.restored_drives import RestoredDrives, Resto
 from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
 from rid_daq.session.cells import hold_reachable_cell
-from rid_daq.session.drive_writes import new_write_log, settings_before_writes
+from rid_daq.session.drive_writes import new_write_log
 
 STORE_TIMEOUT_S = 10.0
 
@@ -51,28 +51,19 @@ def backup_drives(cell: str, path: Path, *, overwrite: bool) -> DriveBackup:
     return backup
 
 
-def restore_backup(path: Path, request: RestoreRequest) -> RestoredDrives:
-    """Restore the settings of drives from a backup. Parameters and errors are as in `roll_back`."""
-    return _restore_settings(DriveBackup.read(path).drives, request)
-
-
-def roll_back(run: str, request: RestoreRequest) -> RestoredDrives:
-    """Restore the settings of a cell's drives as they were before a run.
+def restore_settings(saved: Sequence[SavedDrive], request: RestoreRequest) -> RestoredDrives:
+    """Restore settings of a cell's drives.
 
     Args:
-        run: A run, or the path of a command's write log.
+        saved: Settings from a backup, or from before a run.
         request: Options of the command.
 
     Raises:
-        ConfigError: There is no such run, or its drives are not those of the cell.
+        ConfigError: The drives are not those of the cell.
         PreflightError: A drive was replaced by another one, or is powered; nothing was written. Or
             a drive does not store its settings.
         RidDaqError: Another session holds the cell, or a drive does not answer.
     """
-    return _restore_settings(settings_before_writes(request.runs, run), request)
-
-
-def _restore_settings(saved: Sequence[SavedDrive], request: RestoreRequest) -> RestoredDrives:
     loaded = load_cell(request.cell)
     joints = {axis.node_id: axis.joint for axis in loaded.config.axes}
     strange = [str(drive.node_id) for drive in saved if drive.node_id not in joints]
