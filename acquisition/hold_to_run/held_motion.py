@@ -89,6 +89,9 @@ class HeldMotion:
     def prepare(self) -> None:
         """Do nothing."""
 
+    def refuse_begin(self, answers: Answers) -> None:
+        """Do nothing: the motion may always begin."""
+
     def begin(self, lockstep: bool, position: FloatArray) -> FloatArray:
         """Begin the motion at the robot's present position."""
         self._paced_s = self._now_s() if lockstep and not self._unattended else None

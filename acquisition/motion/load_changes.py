@@ -16,6 +16,11 @@ from config.model import ConfigModel
 from config.plausible import PhysicalFile, Plausible
 
 MOST_CHANGES: Final = 64
+ChangeOutcome = Literal[
+    "not_reached", "awaited", "begun", "came", "missed", "not_needed", "already_active"
+]
+"""Outcome of a load change in a motion; `LoadChange` describes the values."""
+
 Seconds = Annotated[float, Field(ge=0.0), Plausible(0.0, 86_400.0, "s")]
 LateS = Annotated[float, Plausible(-86_400.0, 86_400.0, "s")]
 RampS = Annotated[float, Field(gt=0.0), Plausible(1e-3, 10.0, "s")]
@@ -32,7 +37,7 @@ class SimulatedChange(ConfigModel):
             actuated.
         bounce_s: Time for which the contact of the switch then bounces.
         fault: `never_closes`: the gripper misses the part. The payload does not change, and the
-            switch is not actuated.
+            switch is not actuated. `stuck`: the switch is actuated from the beginning on.
     """
 
     payload: str
@@ -40,7 +45,7 @@ class SimulatedChange(ConfigModel):
     ramp_s: RampS | None = None
     signal_delay_s: ShortS = 0.0
     bounce_s: ShortS = 0.0
-    fault: Literal["never_closes"] | None = None
+    fault: Literal["never_closes", "stuck"] | None = None
 
 
 class LoadChange(ConfigModel):
@@ -56,6 +61,11 @@ class LoadChange(ConfigModel):
         signal: Signal at which the change begins; None if it begins at `at_s`.
         came_s: In the copy of a run that was driven, the time at which the signal came; None if it
             did not come.
+        outcome: In the copy of a run with signals: `begun` at its stated time; the signal `came`;
+            it was `missed`, because it did not come in its window; it was still `awaited` when the
+            motion ended; it was `not_needed`, because the robot carried this load already; its
+            input was `already_active` before it was awaited; or the change was `not_reached`. None
+            if it is not known.
         simulated: Change of a simulated robot's payload; None if its payload does not change.
     """
 
@@ -64,6 +74,7 @@ class LoadChange(ConfigModel):
     ramp_s: RampS
     signal: LoadSignal | None = None
     came_s: Seconds | None = None
+    outcome: ChangeOutcome | None = None
     simulated: SimulatedChange | None = None
 
     @field_validator("payload")
@@ -102,8 +113,10 @@ class LoadChange(ConfigModel):
 
     @property
     def begin_s(self) -> float | None:
-        """Time at which the change began in a run; None if its signal did not come."""
-        return self.at_s if self.signal is None else self.came_s
+        """Time at which the change began in a run; None if it did not begin."""
+        if self.signal is not None:
+            return self.came_s
+        return None if self.outcome == "not_reached" else self.at_s
 
     @property
     def in_window(self) -> bool:
@@ -154,9 +167,9 @@ class LoadChanges(PhysicalFile):
     def has_same_loads(self, other: LoadChanges) -> bool:
         """Return True if times, signals and payloads are stated equally.
 
-        Those of simulated robots, and the times at which signals came, are not compared.
+        Those of simulated robots, and what was observed in a run, are not compared.
         """
-        unstated = {"simulated": None, "came_s": None}
+        unstated = {"simulated": None, "came_s": None, "outcome": None}
         own, others = (
             [change.model_copy(update=unstated) for change in each.changes]
             for each in (self, other)

@@ -108,12 +108,14 @@ class CyclicTask:
             Reason for which the motion was stopped before its end, as in the control block.
 
         Raises:
-            PreflightError: The robot is outside its limits, or the approach would collide.
+            PreflightError: The robot is outside its limits, the approach would collide, or the
+                source refuses to begin.
             DriverError: The drives cannot be enabled.
             SafetyStop: A stop was ordered while the drives were being enabled.
         """
         control, axes = self._control, self._axes
         refuse_pose(self._robot, axes.answers.position.tolist())
+        source.refuse_begin(axes.answers)
         # A first call of `approach`, so that its one-time costs do not occur between two cycles.
         start = source.begin(self._lockstep is not None, axes.answers.position)
         approach(start, start, self._robot, self._period_s)

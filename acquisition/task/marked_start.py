@@ -68,6 +68,10 @@ class MarkedStart:
         self._source.prepare()
         self._marker.open()
 
+    def refuse_begin(self, answers: Answers) -> None:
+        """Refuse to begin if the motion refuses."""
+        self._source.refuse_begin(answers)
+
     def begin(self, lockstep: bool, position: FloatArray) -> FloatArray:
         """Return the start pose."""
         return self._source.begin(lockstep, position)

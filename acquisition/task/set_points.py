@@ -53,6 +53,17 @@ class SetPointSource(Protocol):
         """
 
     @abstractmethod
+    def refuse_begin(self, answers: Answers) -> None:
+        """Refuse to begin, before the drives are enabled; must be fast.
+
+        Args:
+            answers: The drives' answers to the last SYNC.
+
+        Raises:
+            PreflightError: The motion must not begin.
+        """
+
+    @abstractmethod
     def begin(self, lockstep: bool, position: FloatArray) -> FloatArray:
         """Return the start pose, at rest; called before the drives are enabled; must be fast.
 
@@ -115,6 +126,9 @@ class PlannedMotion:
 
     def prepare(self) -> None:
         """Do nothing."""
+
+    def refuse_begin(self, answers: Answers) -> None:
+        """Do nothing: a planned motion may always begin."""
 
     def begin(self, lockstep: bool, position: FloatArray) -> FloatArray:
         """Return the pose of the first row."""

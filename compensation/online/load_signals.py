@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from multiprocessing import get_context
-from typing import Any, Final
+from typing import Any, Final, get_args
 
 import numpy as np
 
-from acquisition.motion.load_changes import LoadChange, LoadChanges
+from acquisition.motion.load_changes import ChangeOutcome, LoadChange, LoadChanges
 from acquisition.supervision.stop_reason import StopCode, StopReason
 from compensation.online.load_kernels import (
     BEGIN,
@@ -20,23 +20,29 @@ from compensation.online.load_kernels import (
     LoadArrays,
 )
 from config.arrays import FloatArray
+from config.errors import PreflightError
 from drivers.interfaces.servo_axes import Answers
 
 ROUNDING_S: Final = 1e-9
 """Tolerance of comparisons between times that are multiples of the cycle time [s]."""
 
+_OUTCOMES: Final[tuple[ChangeOutcome, ...]] = get_args(ChangeOutcome)
+
 
 class LoadSignals:
     """Signals of a motion's load changes; the changes wait for one another, in their order.
 
-    A change whose load the robot carries already, because an earlier signal was missed, needs no
-    signal. The times are in shared memory, so that the program can read them after the motion.
+    A signal is an input that becomes active while its change is awaited. An input that is active
+    already has no known time, and cannot show the change. A change whose load the robot carries
+    already, because an earlier signal was missed, needs no signal.
+
+    What was observed is in shared memory, so that the program can read it after the motion.
 
     Args:
         changes: The changes, at least one with a signal.
         joints: Names of the joints, in the order of the drives.
         cycle_time_s: Cycle time [s].
-        came_s: Shared memory of one number per change; made if left out.
+        memory: Shared memory of two numbers per change; made if left out.
     """
 
     def __init__(
@@ -44,22 +50,22 @@ class LoadSignals:
         changes: LoadChanges,
         joints: Sequence[str],
         cycle_time_s: float,
-        came_s: Any = None,
+        memory: Any = None,
     ) -> None:
         count = len(changes.changes)
         self._changes = changes
         self._joints = tuple(joints)
         self._cycle_time_s = cycle_time_s
-        self._memory = get_context("spawn").RawArray("d", count) if came_s is None else came_s
-        self._came_s: FloatArray = np.frombuffer(self._memory, dtype=np.float64)
-        if came_s is None:
+        self._memory = get_context("spawn").RawArray("d", 2 * count) if memory is None else memory
+        shared: FloatArray = np.frombuffer(self._memory, dtype=np.float64)
+        self._came_s, self._outcomes = shared[:count], shared[count:]  # time; index in _OUTCOMES
+        if memory is None:
             self._came_s[:] = math.nan
+            self._outcomes[:] = _OUTCOMES.index("not_reached")
         self._next = 0  # number of the change that is awaited
         self._carried = 0  # number of the present load
+        self._inactive = False  # true if its input has been inactive since it is awaited
         self._since_s = math.nan  # time since which the input has been active
-        self._free_s = 0.0  # end of the previous change
-        self._missed: list[int] = []
-        self._unneeded: list[int] = []
         self._stopped: list[int] = []
 
     def __reduce__(self) -> tuple[Callable[..., LoadSignals], tuple[Any, ...]]:
@@ -67,11 +73,15 @@ class LoadSignals:
 
     @property
     def changes(self) -> LoadChanges:
-        """The changes, with the times at which their signals came."""
-        found = [
-            change.model_copy(update={"came_s": None if math.isnan(came_s) else float(came_s)})
-            for change, came_s in zip(self._changes.changes, self._came_s, strict=True)
-        ]
+        """The changes, with their outcomes and the times at which their signals came."""
+        found = []
+        for number, change in enumerate(self._changes.changes):
+            came_s = float(self._came_s[number])
+            observed = {
+                "came_s": None if math.isnan(came_s) else came_s,
+                "outcome": self._outcome(number),
+            }
+            found.append(change.model_copy(update=observed))
         return self._changes.model_copy(update={"changes": tuple(found)})
 
     @property
@@ -81,16 +91,36 @@ class LoadSignals:
         for number, change in enumerate(self.changes.changes):
             if number in self._stopped:
                 continue
-            if change.came_s is not None:
+            if change.outcome == "came":
                 notes.append(f"{_name(number)}: {_lateness_words(change)}")
-            elif number in self._missed:
+            elif change.outcome == "missed":
                 notes.append(f"{_missed_words(number, change)}; the motion went on without it")
-            elif number in self._unneeded:
+            elif change.outcome == "not_needed":
                 notes.append(
                     f"{_name(number)}: the robot carried this load already, because an earlier"
                     " signal did not come"
                 )
         return notes
+
+    def refuse_active(self, answers: Answers) -> None:
+        """Refuse to begin a motion whose first change waits for an input that is active already.
+
+        Raises:
+            PreflightError: The input is active.
+        """
+        reason = self.watch_approach(answers)
+        if reason is not None:
+            raise PreflightError(f"{reason.text}; nothing was moved", code="RID-LOAD-SIGNAL-ACTIVE")
+
+    def watch_approach(self, answers: Answers) -> StopReason | None:
+        """Return a reason not to begin the path, if the input of the first change is active."""
+        change = self._changes.changes[0]
+        active = None if change.signal is None else self._is_active(change, answers)
+        if active is None:
+            return None
+        self._inactive = not active
+        self._set(0, "already_active" if active else "not_reached")
+        return _active_reason(0, change, "when the motion begins") if active else None
 
     def begin(self, loads: LoadArrays, ahead_s: float) -> LoadArrays:
         """Return the loads of a motion in which no signal has come yet; they change with `observe`.
@@ -118,7 +148,7 @@ class LoadSignals:
         return self._loads
 
     def observe(self, time_s: float, head_s: float, answers: Answers) -> StopReason | None:
-        """Evaluate the inputs of a cycle; return a reason to stop, if the file states a stop.
+        """Evaluate the inputs of a cycle; return a reason to stop, if there is one.
 
         An input was actuated half a cycle time before it was first seen, on average.
 
@@ -128,18 +158,18 @@ class LoadSignals:
             answers: The drives' answers.
         """
         changes = self._changes.changes
-        while self._next < len(changes) and time_s >= self._free_s:
+        while self._next < len(changes):
             number = self._next
             change = changes[number]
             if change.signal is None:
                 if time_s < change.at_s:
                     return None
-                self._finish(number, change.end_s)
+                self._finish(number, "begun")
             elif self._is_carried(number + 1):
-                self._unneeded.append(number)
-                self._next += 1
-            elif number in self._missed and head_s >= self._next_earliest_s:
-                self._next += 1
+                self._set(number, "not_needed")
+                self._await(number + 1)
+            elif self._outcome(number) == "missed" and head_s >= self._next_earliest_s:
+                self._await(number + 1)
             else:
                 return self._watch(number, time_s, head_s, answers)
         return None
@@ -150,20 +180,27 @@ class LoadSignals:
         change = self._changes.changes[number]
         signal = change.signal
         assert signal is not None
-        axis = self._joints.index(signal.joint)
-        if not answers.received[axis]:
+        if self._outcome(number) == "not_reached":
+            self._set(number, "awaited")
+        active = self._is_active(change, answers)
+        if active is None:
             return None
-        level = bool(int(answers.inputs[axis]) >> signal.bit & 1)
         seen_s = max(time_s - 0.5 * self._cycle_time_s, 0.0)
-        if level != (signal.active == "high"):
-            self._since_s = math.nan
+        if not active:
+            self._inactive, self._since_s = True, math.nan
+        elif not self._inactive:
+            if time_s < change.earliest_s:
+                return None
+            self._stopped.append(number)
+            self._set(number, "already_active")
+            return _active_reason(number, change, f"at {change.earliest_s:g} s")
         elif math.isnan(self._since_s):
             self._since_s = seen_s
         if seen_s - self._since_s >= signal.debounce_s - ROUNDING_S:
             return self._accept(number, self._since_s, head_s)
         late = math.isnan(self._since_s) or self._since_s > change.latest_s
-        if late and time_s > change.latest_s and number not in self._missed:
-            self._missed.append(number)
+        if late and time_s > change.latest_s and self._outcome(number) != "missed":
+            self._set(number, "missed")
             if signal.missed == "stop":
                 self._stopped.append(number)
                 return StopReason(
@@ -171,9 +208,19 @@ class LoadSignals:
                 )
         return None
 
+    def _is_active(self, change: LoadChange, answers: Answers) -> bool | None:
+        """Return True if the input of a change is active; None if the drive did not answer."""
+        signal = change.signal
+        assert signal is not None
+        axis = self._joints.index(signal.joint)
+        if not answers.received[axis]:
+            return None
+        return bool(int(answers.inputs[axis]) >> signal.bit & 1) == (signal.active == "high")
+
     def _accept(self, number: int, came_s: float, head_s: float) -> StopReason | None:
         """Begin a change at the time of its signal, or return the reason to stop."""
         self._came_s[number] = came_s
+        self._set(number, "came")
         change = self.changes.changes[number]
         signal = change.signal
         assert signal is not None
@@ -193,18 +240,30 @@ class LoadSignals:
             )
         row = self._loads[0][number]
         row[BEGIN], row[END], row[NOTICED] = came_s, came_s + change.ramp_s, head_s
-        self._finish(number, came_s + change.ramp_s)
+        self._finish(number, "came")
         return None
 
-    def _finish(self, number: int, end_s: float) -> None:
-        self._next, self._carried = number + 1, number + 1
-        self._since_s, self._free_s = math.nan, end_s
+    def _finish(self, number: int, outcome: ChangeOutcome) -> None:
+        self._set(number, outcome)
+        self._carried = number + 1
+        self._await(number + 1)
+
+    def _await(self, number: int) -> None:
+        self._next, self._inactive, self._since_s = number, False, math.nan
+
+    def _set(self, number: int, outcome: ChangeOutcome) -> None:
+        self._outcomes[number] = _OUTCOMES.index(outcome)
+
+    def _outcome(self, number: int) -> ChangeOutcome:
+        return _OUTCOMES[int(self._outcomes[number])]
 
     def _is_carried(self, load: int) -> bool:
         """Return True if a load equals the present one, after an earlier signal was missed."""
+        if not (self._outcomes == _OUTCOMES.index("missed")).any():
+            return False
         _, bodies, terms = self._loads
         same = np.array_equal(bodies[self._carried], bodies[load])
-        return bool(self._missed) and same and np.array_equal(terms[self._carried], terms[load])
+        return same and np.array_equal(terms[self._carried], terms[load])
 
     @property
     def _next_earliest_s(self) -> float:
@@ -224,6 +283,18 @@ def _missed_words(number: int, change: LoadChange) -> str:
         f"{_name(number)}: the signal (bit {signal.bit} of 60FDh, drive of {signal.joint}) did not"
         f" come between {change.earliest_s:g} and {change.latest_s:g} s. Check the gripper, the"
         " part and the switch"
+    )
+
+
+def _active_reason(number: int, change: LoadChange, when: str) -> StopReason:
+    signal = change.signal
+    assert signal is not None
+    return StopReason(
+        StopCode.LOAD_SIGNAL,
+        f"{_name(number)}: its input (bit {signal.bit} of 60FDh, drive of {signal.joint}) is active"
+        f" already {when}, so that it cannot show the change. Check if the switch is stuck and if"
+        " the part is there already",
+        joint=signal.joint,
     )
 
 

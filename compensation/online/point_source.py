@@ -216,6 +216,15 @@ class PointSource:
         self._observe_joints()
         self._memory[stage.MEASURED] = initial_states(n)
 
+    def refuse_begin(self, answers: Answers) -> None:
+        """Refuse to begin while the input of the first load change is active.
+
+        Raises:
+            PreflightError: The input is active.
+        """
+        if self._signals is not None:
+            self._signals.refuse_active(answers)
+
     def begin(self, lockstep: bool, position: FloatArray) -> FloatArray:
         """Return the pose at which the motion begins."""
         self._lockstep = lockstep
@@ -230,7 +239,9 @@ class PointSource:
         A change by one encoder count does not count as motion, because the last digit fluctuates at
         rest.
         """
-        if self._signals is not None and self._row >= 0 and self._signal_stop is None:
+        if self._signals is not None and self._row < 0:
+            self._signal_stop = self._signals.watch_approach(answers)
+        elif self._signals is not None and self._signal_stop is None:
             head_s = (self._counts[path.NODE] - path.BEFORE) * self._feedforward.cycle_time_s
             time_s = self._present_point * self._feedforward.cycle_time_s
             self._signal_stop = self._signals.observe(time_s, head_s, answers)
@@ -246,6 +257,8 @@ class PointSource:
 
     def at(self, row: int) -> SetPoint | None:
         """Return the set-point of a cycle; None once the robot is at rest on the path."""
+        if self._row < 0 and self._signal_stop is not None:
+            return None
         if self._lockstep:
             self._wait_for_points()
         if self._row < 0:

@@ -23,6 +23,7 @@ class GripperSwitch:
         level: Level of the bit after the switch has been actuated.
         delay_s: Time from the beginning of the load transfer until the switch is actuated [s].
         bounce_s: Time for which the contact then opens and closes in turn [s].
+        stuck: True if the switch is actuated from the beginning on.
     """
 
     joint: str
@@ -30,9 +31,12 @@ class GripperSwitch:
     level: bool
     delay_s: float = 0.0
     bounce_s: float = 0.0
+    stuck: bool = False
 
     def level_at(self, after_s: float) -> bool | None:
         """Return the level at a time after the beginning of the load transfer; None before it."""
+        if self.stuck:
+            return self.level
         since_s = after_s - self.delay_s
         if since_s < 0.0:
             return None

@@ -153,7 +153,8 @@ def read_stated_changes(path: Path) -> StatedChanges:
             content = read_content(file, LARGEST_FILE_BYTES)
             payload_content(content, file)
             change = change.model_copy(update={"payload": sha256_of(content)})
-        change = change.model_copy(update={"came_s": None})  # only runs contain it
+        # only runs contain what was observed
+        change = change.model_copy(update={"came_s": None, "outcome": None})
         changes.append(change)
         contents.append(content)
     return StatedChanges(path, read.model_copy(update={"changes": tuple(changes)}), tuple(contents))

@@ -25,7 +25,7 @@ from acquisition.session.record import DeviceProfiles, MotionContext, record_mot
 from acquisition.task.service_beat import ServiceBeat
 from acquisition.task.set_points import SetPointSource
 from config.cell.cell import CellConfig
-from config.errors import RecordingError, TransportError
+from config.errors import RecordingError, RidDaqError, TransportError
 from config.load import LoadedCell
 from rid_daq.live.live_page import LivePage, live_page
 from rid_daq.preflight.axis_test import AxisTestRule, require_axis_test
@@ -92,6 +92,8 @@ class RunRequest:
             set-points. None to record `samples`.
         role: Purpose of the motion, shown on the terminal and in the report.
         files: Content by name of files for the folder, in addition to the cell's files.
+        observed: Function that returns files with what was observed during the motion. They are
+            written after the motion, also if an error ended it, and may replace some of `files`.
         watch: Observer of the periods, which can end the motion.
         frames: True to record all frames on the bus too.
         epilogue: Sentence that a storage error contains if this run is only one step of a job.
@@ -104,6 +106,7 @@ class RunRequest:
     drive: Callable[[Record], RecordOutcome] | None = None
     role: str = "recording"
     files: Mapping[str, bytes] = field(default_factory=dict)
+    observed: Callable[[], Mapping[str, bytes]] = dict
     watch: Watch | None = None
     frames: bool = False
     epilogue: str = ""
@@ -171,11 +174,13 @@ class RunSession:
             write_cell_origin(folder, self.loaded)
             if self.simulated is not None:
                 facts |= write_flange_state(folder, self.loaded, self.simulated.attached)
-            for name, content in request.files.items():
-                folder.write(name, content)
+            _write_files(folder, request.files)
             created_utc = folder.manifest().created_utc
             started_s = time.monotonic()
-            with self._recorded_frames(folder, request.frames):
+            with (
+                _stored_after_error(folder, request),
+                self._recorded_frames(folder, request.frames),
+            ):
                 if request.drive is not None:
                     outcome = request.drive(partial(self._drive, folder, request))
                 else:
@@ -183,6 +188,7 @@ class RunSession:
                     outcome = self._drive(folder, request, request.samples)
             elapsed_s = time.monotonic() - started_s
             with prefix_errors_with_outcome(outcome, request.epilogue):
+                _write_files(folder, request.observed())
                 self._store_pose(folder, outcome)
                 run = self._evaluate(folder, request, outcome)
                 run.facts.update(facts, rows=outcome.rows, **stop_facts(outcome))
@@ -314,6 +320,22 @@ class RunSession:
                 self.display.say(f"{FRAMES}: {recorder.finish()} frames")
             except (RecordingError, TransportError) as error:
                 self.display.say(f"note: {FRAMES} is incomplete: {error}")
+
+
+def _write_files(folder: RunFolder, files: Mapping[str, bytes]) -> None:
+    for name, content in files.items():
+        folder.write(name, content)
+
+
+@contextlib.contextmanager
+def _stored_after_error(folder: RunFolder, request: RunRequest) -> Iterator[None]:
+    """Write the files with observations also if an error or a signal ends the `with` block."""
+    try:
+        yield
+    except BaseException:
+        with contextlib.suppress(RidDaqError):
+            _write_files(folder, request.observed())
+        raise
 
 
 def require_runs_folder(runs: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from acquisition.motion.load_changes import LoadChanges, load_changes_content
@@ -9,6 +10,15 @@ from acquisition.runs.folder import RunFolder
 from config.errors import DataQualityError
 
 LOAD_CHANGES: Final = "load_changes.json"
+
+_NOT_BEGUN: Final = {
+    "not_reached": "the motion ended before it",
+    "awaited": "the motion ended before its signal came",
+    "missed": "its signal did not come in time",
+    "not_needed": "the robot carried this load already",
+    "already_active": "its input was active already",
+    None: "it is not known if its signal came, because the program ended first",
+}
 
 
 def load_changes_bytes(changes: LoadChanges) -> bytes:
@@ -29,31 +39,53 @@ def load_changes_of(folder: RunFolder) -> LoadChanges | None:
     return load_changes_content(folder.read(LOAD_CHANGES), str(path))
 
 
-def load_change_notes(folder: RunFolder, name: str) -> list[str]:
+def load_change_notes(folder: RunFolder, name: str, reached_s: float = math.inf) -> list[str]:
     """Return sentences on the changes of the payload during a run; empty without changes.
 
     Args:
         folder: The run.
         name: Name of the run in the sentences.
+        reached_s: Time of the last recorded row, from the first row of the motion [s].
     """
     changes = load_changes_of(folder)
     if changes is None:
         return []
-    found, missed = [], []
+    found, notes = [], []
     for change in changes.changes:
+        if change.signal is None and change.outcome is None and change.at_s > reached_s:
+            change = change.model_copy(update={"outcome": "not_reached"})
         if change.lateness_s is not None:
             late_ms = 1e3 * change.lateness_s
             side = "later" if late_ms > 0.0 else "earlier"
             found.append(f"{change.came_s:.3f} s (signal, {abs(late_ms):.0f} ms {side} than at_s)")
-        elif change.signal is not None:
-            missed.append(
-                f"{name}: the signal of the load change at {change.at_s:g} s did not come"
-            )
-        else:
+        elif change.begin_s is not None:
             found.append(f"{change.at_s:g} s")
+        else:
+            words = _NOT_BEGUN[change.outcome]
+            notes.append(f"{name}: the load change at {change.at_s:g} s did not begin: {words}")
     if found:
-        missed.insert(0, f"{name}: the payload changed during the motion, at {', '.join(found)}")
-    return missed
+        notes.insert(0, f"{name}: the payload changed during the motion, at {', '.join(found)}")
+    return notes
+
+
+def require_known_outcomes(changes: LoadChanges | None, name: str) -> None:
+    """Refuse a run that does not contain the outcomes of its load changes at signals.
+
+    Args:
+        changes: The changes of the run; None if there were none.
+        name: Name of the run, for messages.
+
+    Raises:
+        DataQualityError: It is not known if a signal came.
+    """
+    for number, change in enumerate(() if changes is None else changes.changes, start=1):
+        if change.signal is not None and change.came_s is None and change.outcome is None:
+            raise DataQualityError(
+                f"{name}: it is not known if the signal of load change {number} came, because the"
+                " program ended before it stored the signals: use another run, or leave the model"
+                " out",
+                code="RID-LOAD-SIGNAL-UNKNOWN",
+            )
 
 
 def refuse_changed_load(folder: RunFolder) -> None:

@@ -6,6 +6,7 @@ accepts an unfinished run only if requested.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -328,7 +329,9 @@ def data_defects(runs: Sequence[RunData]) -> list[str]:
             case RunStatus.RECOVERED:
                 lost = manifest.facts.get("rows_lost", 0)
                 said.append(f"{name}: the run was recovered; {lost} rows are known to be lost")
-        said += load_change_notes(data.folder, name)
+        period_s = data.tally.head.sample_period_s
+        reached_s = math.inf if period_s is None else data.tally.last_row * period_s
+        said += load_change_notes(data.folder, name, reached_s)
         found = () if data.import_report is None else data.import_report.findings
         held = repeated_torque_sentence(next(data.parts()))
         said += [f"{name}: {note}" for note in (*data.damage, *found, *([held] if held else ()))]

@@ -84,8 +84,9 @@ def load_transfers(changes: LoadChanges | None) -> tuple[LoadTransfer, ...]:
             continue
         if signal is not None:
             closed = signal.active == "high"
+            stuck = own.fault == "stuck"
             switch = GripperSwitch(
-                signal.joint, signal.bit, closed, own.signal_delay_s, own.bounce_s
+                signal.joint, signal.bit, closed, own.signal_delay_s, own.bounce_s, stuck
             )
         name = None if own.payload == NO_PAYLOAD else own.payload
         begin_s, ramp_s = change.at_s + own.late_s, own.ramp_s or change.ramp_s

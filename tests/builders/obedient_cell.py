@@ -207,6 +207,9 @@ class SpeedUp:
     def prepare(self) -> None:
         pass
 
+    def refuse_begin(self, answers: Any) -> None:
+        pass
+
     def begin(self, lockstep: bool, position: Any) -> Any:
         return np.array(self._middle)
 

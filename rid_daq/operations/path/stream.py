@@ -122,6 +122,7 @@ class StreamResult:
                 "came_s": change.came_s,
                 "lateness_s": change.lateness_s,
                 "in_window": change.in_window,
+                "outcome": change.outcome,
             }
             for number, change in enumerate(() if changes is None else changes.changes, start=1)
             if change.signal is not None

@@ -89,11 +89,14 @@ def stream_path(request: StreamRequest, context: Context) -> RecordedRun:
             listening = _announce_socket(context, path, options.patience_s)
             return stream_socket(cell, forward, path, record, options, listening)
 
-        asked = RunRequest(name, words, samples, drive, role="streaming", files=files)
-        with session.recording(asked) as run:
-            if signals is not None:
-                run.folder.write(LOAD_CHANGES, load_changes_bytes(signals.changes))
-        return run
+        def observed() -> dict[str, bytes]:
+            return {} if signals is None else {LOAD_CHANGES: load_changes_bytes(signals.changes)}
+
+        return session.record(
+            RunRequest(
+                name, words, samples, drive, role="streaming", files=files, observed=observed
+            )
+        )
 
 
 def _signals(loads: StatedLoads, loaded: LoadedCell) -> LoadSignals | None:

@@ -23,7 +23,7 @@ from rid_daq.operations.stated_payload import payload_words
 from rid_daq.report.sections.tracking import MOTOR_TORQUES, TrackingSection
 from rid_daq.report.tool_error_entries import ToolSideSize
 from rid_daq.report_page.write import write_result
-from rid_daq.runs.changed_load import load_changes_of
+from rid_daq.runs.changed_load import load_changes_of, require_known_outcomes
 from rid_daq.runs.followed_motion import compare_with_motion, motor_lead
 from rid_daq.runs.motion_runs import PLAIN, MotionRun, read_motion_run
 from rid_daq.runs.run_data import all_defects, result_of
@@ -95,6 +95,7 @@ def track_runs(request: TrackingRequest) -> TrackedRuns:
         stated_loads = state_loads(estimate, *stated)
         for one in (*driven, *others):
             recorded = load_changes_of(one.data.folder)
+            require_known_outcomes(recorded, f"run {one.run_id}")
             require_same_changes(stated_loads.changes, recorded, f"run {one.run_id}")
             loads[one.run_id] = stated_loads.as_driven(recorded)
     torques = MOTOR_TORQUES

@@ -21,7 +21,8 @@ from compensation.online.online import OnlineFeedforward
 from compensation.online.point_ring import PointRing
 from compensation.online.point_source import PointSource
 from compensation.ramped_load import RampedLoad
-from config.errors import ConfigError
+from config.errors import ConfigError, PreflightError
+from drivers.interfaces.servo_axes import Answers
 from identification.estimation.estimate import Estimate
 from identification.payload.carried import carry
 from tests.builders.certified import estimate_of
@@ -79,12 +80,9 @@ def follow(source: PointSource, level: Levels, lost: Levels = lambda _: False) -
     """Drive a path; the input of axis 2 has a level at times of the path."""
     points: list[SetPoint] = []
     for row in range(5000):
-        if points:
-            time_s = points[-1].sample_index * T
-            word = int(level(time_s)) << BIT
-            answers = answers_at(np.array(points[-1].position), inputs=(0, word, 0))
-            answers.received[1] = not lost(time_s)
-            source.watch(answers)
+        time_s = points[-1].sample_index * T if points else -T  # the last row of the approach
+        position = np.array(points[-1].position) if points else planned().position[0]
+        source.watch(answers_of(position, level(time_s), lost(time_s)))
         point = source.at(row)
         if point is None:
             return points
@@ -92,8 +90,19 @@ def follow(source: PointSource, level: Levels, lost: Levels = lambda _: False) -
     raise AssertionError("the robot did not come to rest")
 
 
+def answers_of(position: Points, level: bool, lost: bool = False) -> Answers:
+    """Return the drives' answers with a level of the input of axis 2."""
+    answers = answers_at(position, inputs=(0, int(level) << BIT, 0))
+    answers.received[1] = not lost
+    return answers
+
+
 def from_time(time_s: float) -> Levels:
     return lambda now_s: now_s >= time_s
+
+
+def outcomes_of(source: PointSource) -> list[str | None]:
+    return [each.outcome for each in changes_of(source)]
 
 
 def changes_of(source: PointSource) -> tuple[LoadChange, ...]:
@@ -174,12 +183,103 @@ def test_a_signal_outside_its_window_can_be_followed_and_is_reported(signal_s: f
     assert np.abs(arrays(points)[2][end : end + 60] - expected).max() < 0.15 * effect
 
 
-def test_a_signal_that_is_active_from_the_beginning_is_outside_its_window() -> None:
+@pytest.mark.parametrize("reaction", [{}, {"missed": "unloaded", "outside": "report"}])
+def test_a_motion_does_not_begin_while_its_input_is_active(reaction: dict[str, Any]) -> None:
+    """The part is there already, or the switch is stuck: the input cannot show the grip."""
+    source = source_of(forward_of(change(**reaction)))
+    answers = answers_of(planned().position[0], level=True)
+    with raises_code(PreflightError, "RID-LOAD-SIGNAL-ACTIVE", "axis2"):
+        source.refuse_begin(answers)
+    assert outcomes_of(source) == ["already_active"]
+
+
+def test_a_motion_begins_with_an_inactive_input() -> None:
     source = source_of(forward_of(change()))
-    follow(source, lambda _: True)
+    source.refuse_begin(answers_of(planned().position[0], level=False))
+    assert outcomes_of(source) == ["not_reached"]
+
+
+def test_an_input_that_becomes_active_in_the_approach_leaves_the_robot_at_the_start() -> None:
+    source = source_of(forward_of(change(missed="unloaded", outside="report")))
+    assert follow(source, lambda _: True) == []
     assert source.stop is not None
-    assert source.stop.code is StopCode.LOAD_SIGNAL
-    assert changes_of(source)[0].came_s == 0.0
+    assert (source.stop.code, source.stop.joint) == (StopCode.LOAD_SIGNAL, "axis2")
+    (found,) = changes_of(source)
+    assert (found.came_s, found.outcome) == (None, "already_active")
+
+
+def test_a_switch_that_was_active_for_a_while_in_the_approach_does_not_prevent_the_motion() -> None:
+    source = source_of(forward_of(change()))
+    source.watch(answers_of(planned().position[0], level=True))
+    follow(source, from_time(AT_S))
+    assert source.stop is None
+    assert outcomes_of(source) == ["came"]
+
+
+@pytest.mark.parametrize("reaction", [{}, {"missed": "unloaded", "outside": "report"}])
+@pytest.mark.parametrize("since_s", [0.4, AT_S + 0.05])
+def test_an_input_that_is_active_before_its_change_is_awaited_stops_the_robot(
+    since_s: float, reaction: dict[str, Any]
+) -> None:
+    """The second change is awaited from 1.1 s on; its window begins at 1.4 s."""
+    first = LoadChange(at_s=AT_S + 0.1, payload="model", ramp_s=RAMP_S)
+    source = source_of(forward_of(first, change(1.5, **reaction), loads=(LOADED, ALONE)))
+    points = follow(source, from_time(since_s))
+    held_limits(points)
+    assert source.stop is not None
+    assert (source.stop.code, source.stop.joint) == (StopCode.LOAD_SIGNAL, "axis2")
+    assert outcomes_of(source) == ["begun", "already_active"]
+    assert changes_of(source)[1].came_s is None
+    last_s = points[-1].sample_index * T
+    assert 1.4 < last_s < 1.4 + 0.6
+
+
+def test_a_switch_that_reports_two_changes_must_be_released_between_them() -> None:
+    """The switch closes at each of two parts."""
+    again = change(1.4), change(1.9)
+    source = source_of(forward_of(*again, loads=(LOADED, ALONE)))
+    follow(source, lambda now_s: 1.4 <= now_s < 1.55 or now_s >= 1.9)
+    assert source.stop is None
+    assert [each.lateness_s for each in changes_of(source)] == pytest.approx([0, 0], abs=T)
+
+    stuck = source_of(forward_of(*again, loads=(LOADED, ALONE)))
+    follow(stuck, from_time(1.4))
+    assert stuck.stop is not None
+    assert stuck.stop.code is StopCode.LOAD_SIGNAL
+    assert outcomes_of(stuck) == ["came", "already_active"]
+
+
+def test_a_signal_in_the_ramp_of_the_previous_change_has_its_true_time() -> None:
+    """The first change comes late, so that its ramp ends in the window of the second one."""
+    late = change(missed="unloaded", outside="report")
+    source = source_of(forward_of(late, change(1.5, bit=BIT + 1), loads=(LOADED, ALONE)))
+    points: list[SetPoint] = []
+    while (point := source.at(len(points))) is not None:
+        points.append(point)
+        time_s = point.sample_index * T
+        word = int(time_s >= 1.35) << BIT | int(time_s >= 1.43) << BIT + 1
+        source.watch(answers_at(np.array(point.position), inputs=(0, word, 0)))
+    assert source.stop is None
+    assert [each.came_s for each in changes_of(source)] == pytest.approx([1.35, 1.43], abs=T)
+    last = slice(math.ceil(1.9 / T), -10)
+    assert np.abs(arrays(points)[2] - stated_at(5.0))[last].max() < 0.02
+
+
+def test_changes_that_were_not_awaited_were_not_reached() -> None:
+    """The first signal is missed and stops the robot before the other changes."""
+    stated = LoadChange(at_s=2.0, payload="none", ramp_s=RAMP_S)
+    changes, loads = (change(), change(1.5), stated), (LOADED, ALONE, LOADED)
+    source = source_of(forward_of(*changes, loads=loads))
+    assert outcomes_of(source) == ["not_reached"] * 3
+    for row in range(3):
+        source.watch(answers_of(planned().position[0], level=False))
+        source.at(row)
+    assert outcomes_of(source) == ["awaited", "not_reached", "not_reached"]
+    source = source_of(forward_of(*changes, loads=loads))
+    follow(source, lambda _: False)
+    assert source.stop is not None
+    assert outcomes_of(source) == ["missed", "not_reached", "not_reached"]
+    assert [each.begin_s for each in changes_of(source)] == [None, None, None]
 
 
 def test_the_signal_must_be_active_for_the_debounce_time() -> None:
@@ -193,7 +293,7 @@ def test_the_signal_must_be_active_for_the_debounce_time() -> None:
 
 def test_lost_answers_do_not_count_as_a_signal() -> None:
     source = source_of(forward_of(change(debounce_s=0.0)))
-    follow(source, lambda _: True, lost=lambda now_s: now_s < AT_S + 0.1)
+    follow(source, from_time(AT_S), lost=lambda now_s: AT_S <= now_s < AT_S + 0.1)
     assert changes_of(source)[0].came_s == pytest.approx(AT_S + 0.1, abs=T)
 
 
@@ -211,6 +311,7 @@ def test_what_was_not_taken_up_needs_no_signal_to_be_put_down() -> None:
     assert source.stop is None
     np.testing.assert_allclose(arrays(points)[2], stated_at(5.0), atol=1e-9)
     assert [each.came_s for each in changes_of(source)] == [None, None]
+    assert outcomes_of(source) == ["missed", "not_needed"]
     assert len(source.notes) == 2
 
 

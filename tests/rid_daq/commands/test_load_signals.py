@@ -7,17 +7,28 @@ from typing import Any
 
 import pytest
 
-from acquisition.motion.load_changes import LoadChange, LoadChanges
+from acquisition.motion.load_changes import LoadChange, LoadChanges, read_load_changes
 from acquisition.motion.load_signal import LoadSignal
 from acquisition.runs.catalogue import find_run
+from acquisition.runs.folder import RunFolder
+from compensation.online.stream import stream_motion
 from config.cell.servo_profile import ServoProfile
+from config.errors import DataQualityError, RecordingError
 from config.load import load_cell, to_yaml
 from config.simulation.plant import MountedBody
 from rid_daq.app import run
-from rid_daq.runs.changed_load import load_change_notes, load_changes_of
+from rid_daq.operations.path import streamed_path
+from rid_daq.runs.changed_load import (
+    LOAD_CHANGES,
+    load_change_notes,
+    load_changes_bytes,
+    load_changes_of,
+    require_known_outcomes,
+)
 from rid_daq.session.scenario import load_transfers
 from tests.builders.json_output import document
 from tests.builders.known_model import write_path_files
+from tests.builders.raised_codes import raises_code
 
 TOOL = MountedBody(
     mass_kg=4.0, centre_m=(0.8, 0.02, 0.01), inertia_kg_m2=(0.02, 0.03, 0.03, 0.0, 0.0, 0.0)
@@ -60,6 +71,26 @@ def load_file(folder: Path, name: str, simulated: str, **signal: Any) -> Path:
         f" signal: {{{words}}}, simulated: {{payload: tool, {simulated}}}}}\n"
     )
     return file
+
+
+def three_changes(folder: Path, name: str, simulated: str, missed: str = "stop") -> Path:
+    """Write a load-change file with two signals at one switch, and a change at a stated time."""
+    keys = "joint: axis2, bit: 16, debounce_s: 0.01, early_s: 0.1, late_s: 0.1"
+    up = f"at_s: 0.5, ramp_s: 0.1, signal: {{{keys}, missed: {missed}}}"
+    down = f"at_s: 1.0, ramp_s: 0.1, signal: {{{keys}, missed: {missed}, active: low}}"
+    file = folder / f"{name}.yaml"
+    file.write_text(
+        f"changes:\n- {{{up}, payload: payload.json, simulated: {{payload: tool, {simulated}}}}}\n"
+        f"- {{{down}, payload: none, simulated: {{payload: none}}}}\n"
+        "- {at_s: 1.5, ramp_s: 0.1, payload: payload.json, simulated: {payload: tool}}\n"
+    )
+    return file
+
+
+def outcomes_of(folder: Path, name: str) -> list[str | None]:
+    stored = load_changes_of(find_run(folder / "runs", name))
+    assert stored is not None
+    return [change.outcome for change in stored.changes]
 
 
 def stream(folder: Path, name: str, loads: Path, *words: str) -> int:
@@ -116,6 +147,67 @@ def test_a_signal_that_does_not_come_in_time_stops_the_robot(
     assert found["stop"]["code"] == "LOAD_SIGNAL"
     (signal,) = found["load_signals"]
     assert (signal["came_s"] is None) == (name == "never")
+
+
+@pytest.mark.slow
+def test_a_motion_with_an_active_input_is_refused_before_the_drives_are_enabled(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    loads = load_file(folder, "stuck", "fault: stuck", missed="unloaded", outside="report")
+    assert stream(folder, "stuck", loads) == 3
+    assert "RID-LOAD-SIGNAL-ACTIVE" in capsys.readouterr().err
+    assert outcomes_of(folder, "stuck") == ["already_active"]
+
+
+@pytest.mark.slow
+def test_a_stopped_run_tells_which_changes_were_not_reached(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert stream(folder, "first", three_changes(folder, "first", "fault: never_closes")) == 5
+    assert outcomes_of(folder, "first") == ["missed", "not_reached", "not_reached"]
+    notes = load_change_notes(find_run(folder / "runs", "first"), "first")
+    assert len(notes) == 3
+    capsys.readouterr()
+    assert stream(folder, "all", three_changes(folder, "all", "late_s: 0")) == 0
+    assert outcomes_of(folder, "all") == ["came", "came", "begun"]
+    assert [each["outcome"] for each in document(capsys)["load_signals"]] == ["came", "came"]
+
+
+@pytest.mark.slow
+def test_a_run_that_an_error_ended_contains_its_signals(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail_afterwards(*arguments: Any) -> None:
+        stream_motion(*arguments)
+        raise RecordingError("the recorder failed", code="RID-RECORDING-LOST")
+
+    monkeypatch.setattr(streamed_path, "stream_motion", fail_afterwards)
+    loads = load_file(folder, "failed", "late_s: 0.05")
+    assert stream(folder, "failed", loads) != 0
+    assert outcomes_of(folder, "failed") == ["came"]
+
+
+def test_a_run_whose_program_was_killed_does_not_claim_that_a_signal_was_missed(
+    tmp_path: Path,
+) -> None:
+    """A run contains the stated changes from the beginning on."""
+    changes = read_load_changes(load_file(tmp_path, "killed", "late_s: 0"))
+    folder = RunFolder.create(tmp_path / "runs", "killed", software={}, facts={})
+    folder.write(LOAD_CHANGES, load_changes_bytes(changes))
+    assert outcomes_of(tmp_path, "killed") == [None]
+    assert len(load_change_notes(folder, "killed")) == 1
+    with raises_code(DataQualityError, "RID-LOAD-SIGNAL-UNKNOWN", "load change 1"):
+        require_known_outcomes(load_changes_of(folder), "killed")
+
+
+def test_a_change_after_the_last_row_of_a_run_did_not_begin(tmp_path: Path) -> None:
+    stated = LoadChange(at_s=1.5, payload="none", ramp_s=0.1)
+    folder = RunFolder.create(tmp_path / "runs", "stopped", software={}, facts={})
+    folder.write(LOAD_CHANGES, load_changes_bytes(LoadChanges(changes=(stated,))))
+    (reached,) = load_change_notes(folder, "stopped", 1.6)
+    (before,) = load_change_notes(folder, "stopped", 1.4)
+    assert "1.5 s" in reached
+    assert reached != before
 
 
 @pytest.mark.slow
