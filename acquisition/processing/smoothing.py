@@ -128,15 +128,20 @@ def _sections(cutoff: float) -> tuple[FloatArray, FloatArray]:
     # The bilinear transform gives g(f) = tan(pi f T); f0 makes the gain -3 dB at the cut-off.
     warped = np.tan(np.pi * cutoff)
     warped /= (np.sqrt(2.0) - 1.0) ** (0.5 / FILTER_ORDER)
-    from scipy import signal  # a slow import that few commands need
-
-    sections = signal.butter(FILTER_ORDER, np.arctan(warped) / np.pi, fs=1.0, output="sos")
+    # Each section is the bilinear transform of w^2 / (s^2 + 2 d w s + w^2). `scipy.signal` has the
+    # same filter, but its import takes longer than most commands.
+    sections = np.empty((FILTER_ORDER // 2, 6))
+    for section, pair in zip(sections, range(FILTER_ORDER // 2, 0, -1), strict=True):
+        damped = 2.0 * np.sin(np.pi * (2 * pair - 1) / (2 * FILTER_ORDER)) * warped
+        scale = 1.0 + damped + warped**2
+        section[:3] = warped**2 / scale * np.array([1.0, 2.0, 1.0])
+        section[3:] = 1.0, 2.0 * (warped**2 - 1.0) / scale, (1.0 - damped + warped**2) / scale
     before, start = 1.0, np.zeros((len(sections), 2))
     for own, (b0, b1, b2, _, a1, a2) in zip(start, sections, strict=True):
         after = before * (b0 + b1 + b2) / (1.0 + a1 + a2)
         own[:] = after - b0 * before, b2 * before - a2 * after
         before = after
-    return np.ascontiguousarray(sections), start
+    return sections, start
 
 
 def smooth_nonperiodic(
