@@ -85,10 +85,10 @@ class LowPassedColumns:
         """Return low-passed columns of every `stride`-th row of `rows`, as in `torque_columns`."""
         shared = ParallelFilter(self.signals)
         wide, inner = shared.window(np.arange(rows.start, rows.stop, stride))
-        changing = changing_columns(self.model, self.base)
-        if changing is None:
+        if self.model.transmission.losses:  # all columns depend on nonlinear parameters
             columns = self._flat(wide, self._seen)
             return _expand_columns(self._seen, self._filter(columns, self._seen, wide, inner))
+        changing = changing_columns(self.model, self.base)
         fixed = ~changing
         names = tuple(name for name, own in zip(self.base.names, fixed, strict=True) if own)
         self.kept.begin(self.model.chain, names)
@@ -101,6 +101,8 @@ class LowPassedColumns:
             self.kept.keep(place, *block)
         else:
             block = self.kept.blocks[place]
+        if fixed.all() and self.standard is None:
+            return _expand_columns(*block)
         moving = changing_torque_columns(
             self.model, self.base, shared.motion(wide), self.conditions.part(wide), self.standard
         )

@@ -65,7 +65,7 @@ def further_term_findings(
         return ()
     asked: dict[str, list[str]] = {}
     try:
-        trial = _Trial.of(fit_smoothed(robot, [thin_rows(run) for run in signals], options))
+        trial = TermTrial.of(fit_smoothed(robot, [thin_rows(run) for run in signals], options))
         before = trial.equations.errors(trial.kept())
         for term in trial.terms:
             kept = trial.kept(term)
@@ -109,7 +109,7 @@ def _decrease(before: FloatArray, after: FloatArray) -> tuple[float, float] | No
 
 
 @dataclass(frozen=True, eq=False)
-class _Trial:
+class TermTrial:
     """Condensed equations of a robot with all candidate terms.
 
     Attributes:
@@ -130,7 +130,7 @@ class _Trial:
         return np.sort(np.append(self.own, np.array(more, dtype=np.int64)))
 
     @classmethod
-    def of(cls, plain: FittedSignals) -> _Trial:
+    def of(cls, plain: FittedSignals) -> TermTrial:
         """Condense the equations of the recordings.
 
         Raises:

@@ -309,12 +309,12 @@ def coarse_signals(
     recordings = [item.recording for item in data]
     total_s = sum(float(each.time_s[-1] - each.time_s[0]) for each in recordings)
     share = min(1.0, COMPARED_S / max(total_s, COMPARED_S))
-    parts = (part for each in recordings for part in _stretches(each, share))
+    parts = (part for each in recordings for part in stretches(each, share))
     return [smoothed_recording(_thinned_recording(each), how.options.band_hz) for each in parts]
 
 
-def _stretches(recording: Recording, share: float) -> list[Recording]:
-    """Return evenly spaced stretches that contain a share of a recording."""
+def stretches(recording: Recording, share: float) -> list[Recording]:
+    """Return evenly spaced stretches of `STRETCH_S` that contain about a share of a recording."""
     since_s = recording.time_s - recording.time_s[0]
     count = math.ceil(share * since_s[-1] / STRETCH_S)
     if share == 1.0 or count * STRETCH_S >= since_s[-1]:
