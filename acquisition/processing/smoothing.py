@@ -128,15 +128,20 @@ def _sections(cutoff: float) -> tuple[FloatArray, FloatArray]:
     # The bilinear transform gives g(f) = tan(pi f T); f0 makes the gain -3 dB at the cut-off.
     warped = np.tan(np.pi * cutoff)
     warped /= (np.sqrt(2.0) - 1.0) ** (0.5 / FILTER_ORDER)
-    from scipy import signal  # a slow import that few commands need
-
-    sections = signal.butter(FILTER_ORDER, np.arctan(warped) / np.pi, fs=1.0, output="sos")
+    # Each section is the bilinear transform of w^2 / (s^2 + 2 d w s + w^2). `scipy.signal` has the
+    # same filter, but its import takes longer than most commands.
+    sections = np.empty((FILTER_ORDER // 2, 6))
+    for section, pair in zip(sections, range(FILTER_ORDER // 2, 0, -1), strict=True):
+        damped = 2.0 * np.sin(np.pi * (2 * pair - 1) / (2 * FILTER_ORDER)) * warped
+        scale = 1.0 + damped + warped**2
+        section[:3] = warped**2 / scale * np.array([1.0, 2.0, 1.0])
+        section[3:] = 1.0, 2.0 * (warped**2 - 1.0) / scale, (1.0 - damped + warped**2) / scale
     before, start = 1.0, np.zeros((len(sections), 2))
     for own, (b0, b1, b2, _, a1, a2) in zip(start, sections, strict=True):
         after = before * (b0 + b1 + b2) / (1.0 + a1 + a2)
         own[:] = after - b0 * before, b2 * before - a2 * after
         before = after
-    return np.ascontiguousarray(sections), start
+    return sections, start
 
 
 def smooth_nonperiodic(
@@ -169,8 +174,9 @@ def smooth_nonperiodic(
             " longer",
             code="RID-RECORDING-SHORT",
         )
-    position = recording.position[recording.valid]
-    torque = recording.torque_nm[recording.valid]
+    position, torque = recording.position, recording.torque_nm
+    if not recording.valid.all():
+        position, torque = position[recording.valid], torque[recording.valid]
     step_s = float(np.median(np.diff(time_s)))
     cuts = np.flatnonzero(np.diff(time_s) > GAP_STEPS * step_s) + 1
     width_s = smoothing_width(position, step_s)
@@ -179,21 +185,23 @@ def smooth_nonperiodic(
     rough: list[_Segment] = []
     inner: list[IntArray] = []
     renewed: list[IntArray] = []
-    for rows in np.split(np.arange(len(time_s)), cuts):
+    edges = [0, *cuts.tolist(), len(time_s)]
+    for rows in map(slice, edges, edges[1:]):
         stamps = time_s[rows]
         if stamps[-1] - stamps[0] < max(6.0 / cutoff_hz, 10.0 * step_s):
             continue
         grid = stamps[0] + step_s * np.arange(math.ceil(_steps(stamps[-1] - stamps[0], step_s)))
         edge = math.floor(_steps(2.0 / cutoff_hz, step_s)) + 1
-        kept = np.arange(edge, len(grid) - edge)
-        raw_position, raw_torque = (
-            interpolate.CubicSpline(stamps, values[rows])(grid) for values in (position, torque)
-        )
+        inside = slice(edge, len(grid) - edge)
+        raw_position, raw_torque = np.empty((2, len(grid), position.shape[1]))
+        for j in range(position.shape[1]):  # one joint at a time, to limit the memory
+            both = np.stack([position[rows, j], torque[rows, j]], axis=1)
+            raw_position[:, j], raw_torque[:, j] = interpolate.CubicSpline(stamps, both)(grid).T
         before = sum(len(piece.time_s) for piece in rough)
-        inner.append(kept + before)
+        inner.append(np.arange(inside.start, inside.stop) + before)
         if held is not None:
             at = _rows_at(stamps, grid)
-            own = np.maximum(held.update_row[rows][at] - rows[0], 0)
+            own = np.maximum(held.update_row[rows][at] - rows.start, 0)
             raw_torque = np.take_along_axis(torque[rows], own, axis=0)
             renewed.append(before + _rows_at(grid, stamps)[own])
         motion = (raw_position, *spline_derivatives(raw_position, step_s))
@@ -203,8 +211,8 @@ def smooth_nonperiodic(
         rough.append(_Segment(grid, *signals))
         smooth_position = low_pass(raw_position, step_s, cutoff_hz)
         motion = (smooth_position, *spline_derivatives(smooth_position, step_s))
-        signals = (values[kept] for values in (*motion, low_pass(raw_torque, step_s, cutoff_hz)))
-        segments.append(_Segment(grid[kept], *signals))
+        signals = (values[inside] for values in (*motion, low_pass(raw_torque, step_s, cutoff_hz)))
+        segments.append(_Segment(grid[inside], *signals))
     if not segments:
         raise DataQualityError(
             f"no part of the recording is longer than {6.0 / cutoff_hz:.3g} s without a gap of"
@@ -241,7 +249,15 @@ def _rows_at(stamps: FloatArray, time_s: FloatArray) -> IntArray:
 
 
 def _join(segments: Sequence[_Segment]) -> _Segment:
-    return _Segment(*(np.concatenate(arrays) for arrays in zip(*segments, strict=True)))
+    """Return the segments as one, with read-only arrays, which `freeze` does not copy."""
+    if len(segments) > 1:
+        segments = [_Segment(*map(np.concatenate, zip(*segments, strict=True)))]
+    for values in segments[0]:
+        own: object = values
+        while isinstance(own, np.ndarray):
+            own.setflags(write=False)
+            own = own.base
+    return segments[0]
 
 
 def _numbers(segments: Sequence[_Segment]) -> IntArray:

@@ -9,6 +9,7 @@ once, and then reused.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -24,10 +25,13 @@ from identification.model.torque_columns import (
     changing_columns,
     changing_torque_columns,
     torque_columns,
+    torque_structure,
 )
 
 MOST_BYTES: Final = 2**27
 """Largest size of a recording's cache; columns that do not fit in it are computed every time."""
+CHUNK_ROWS: Final = 512
+"""Rows whose columns are computed at a time: more would not fit in the cache of a processor."""
 
 
 @dataclass(eq=False)
@@ -81,18 +85,24 @@ class LowPassedColumns:
         """Return low-passed columns of every `stride`-th row of `rows`, as in `torque_columns`."""
         shared = ParallelFilter(self.signals)
         wide, inner = shared.window(np.arange(rows.start, rows.stop, stride))
+        if self.model.transmission.losses:  # all columns depend on nonlinear parameters
+            columns = self._flat(wide, self._seen)
+            return _expand_columns(self._seen, self._filter(columns, self._seen, wide, inner))
         changing = changing_columns(self.model, self.base)
-        if changing is None:
-            return _expand_columns(*self._filter(self.unfiltered(wide), wide, inner))
         fixed = ~changing
         names = tuple(name for name, own in zip(self.base.names, fixed, strict=True) if own)
         self.kept.begin(self.model.chain, names)
         place = (rows.start, stride)
         if place not in self.kept.blocks:
-            columns = self.unfiltered(wide, linear=True)[:, :, fixed]
-            self.kept.keep(place, *(block := self._filter(columns, wide, inner)))
+            seen = self._seen[:, : len(self.base)]
+            columns = self._flat(wide, seen & fixed, linear=True)
+            seen = seen[:, fixed]
+            block = seen, self._filter(columns, seen, wide, inner)
+            self.kept.keep(place, *block)
         else:
             block = self.kept.blocks[place]
+        if fixed.all() and self.standard is None:
+            return _expand_columns(*block)
         moving = changing_torque_columns(
             self.model, self.base, shared.motion(wide), self.conditions.part(wide), self.standard
         )
@@ -100,7 +110,8 @@ class LowPassedColumns:
         slopes = moving.shape[2] - count
         out = np.empty((len(block[1]), moving.shape[1], len(self.base) + slopes))
         out[:, :, : len(self.base)][:, :, fixed] = _expand_columns(*block)
-        rest = _expand_columns(*self._filter(moving, wide, inner))
+        seen = np.any(moving, axis=0)
+        rest = _expand_columns(seen, self._filter(moving[:, seen], seen, wide, inner))
         out[:, :, : len(self.base)][:, :, changing] = rest[:, :, :count]
         out[:, :, len(self.base) :] = rest[:, :, count:]
         return out
@@ -112,14 +123,38 @@ class LowPassedColumns:
         motion = ParallelFilter(self.signals).motion(rows)
         return torque_columns(self.model, self.base, motion, conditions, standard)
 
+    @cached_property
+    def _seen(self) -> BoolArray:
+        """Mask of the columns that a joint's torque can depend on, (n, any)."""
+        slopes = self.standard is not None
+        count = len(self.base) + (len(self.model.nonlinear_names) if slopes else 0)
+        seen = np.zeros((self.model.chain.n, count), dtype=bool)
+        structure = torque_structure(self.model, self.base, slopes)
+        for own, columns in zip(seen, structure, strict=True):
+            own[columns] = True
+        return seen
+
+    def _flat(self, rows: slice, seen: BoolArray, *, linear: bool = False) -> FloatArray:
+        """Return the unfiltered columns in a mask (n, any) of source rows, (rows, columns)."""
+        places = np.flatnonzero(seen)
+        flat = np.empty((rows.stop - rows.start, len(places)))
+        for start in range(rows.start, rows.stop, CHUNK_ROWS):
+            piece = slice(start, min(start + CHUNK_ROWS, rows.stop))
+            columns = self.unfiltered(piece, linear=linear).reshape(piece.stop - start, -1)
+            columns.take(places, axis=1, out=flat[start - rows.start :][: len(columns)])
+        return flat
+
     def _filter(
-        self, columns: FloatArray, wide: slice, inner: IntArray
-    ) -> tuple[BoolArray, FloatArray]:
-        """Return the mask of the columns that are not zero, (n, any), and their low-passed rows."""
+        self, flat: FloatArray, seen: BoolArray, wide: slice, inner: IntArray
+    ) -> FloatArray:
+        """Return the low-passed rows of a window's columns, of each joint those in a mask."""
         shared = ParallelFilter(self.signals)
-        seen: BoolArray = np.any(columns, axis=0)
-        own = (shared.apply_channel(columns[:, j, used], j, wide) for j, used in enumerate(seen))
-        return seen, shared.columns(np.concatenate(list(own), axis=1), inner)
+        if shared.has_channel:
+            ends = np.cumsum(seen.sum(axis=1))
+            parts = np.split(flat, ends[:-1], axis=1)
+            own = [shared.apply_channel(part, j, wide) for j, part in enumerate(parts)]
+            flat = np.concatenate(own, axis=1)
+        return shared.columns(flat, inner)
 
 
 def _expand_columns(seen: BoolArray, values: FloatArray) -> FloatArray:

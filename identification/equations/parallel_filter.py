@@ -101,6 +101,14 @@ class ParallelFilter:
         start = max(int(first), int(wanted[0]) - reach)
         return slice(start, min(int(end), int(wanted[-1]) + reach + 1)), wanted - start
 
+    @property
+    def has_channel(self) -> bool:
+        """True if `apply_channel` changes columns."""
+        source = self.signals.unfiltered
+        return self.signals.channel is not None or (
+            source is not None and source.torque_row is not None
+        )
+
     def apply_channel(self, values: FloatArray, joint: int, wide: slice) -> FloatArray:
         """Apply the recording process of a joint's torque to the joint's columns.
 

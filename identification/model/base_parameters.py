@@ -76,7 +76,7 @@ class BaseParameters:
 
     def columns(self, standard_regressor: FloatArray) -> FloatArray:
         """Return the base regressor (..., b) of a standard regressor (..., p)."""
-        return standard_regressor[..., list(self.kept)]
+        return standard_regressor.take(self.kept, axis=-1)
 
     def to_standard(self, values: FloatArray) -> FloatArray:
         """Return standard parameters (p,) with the same torques: heads only, others zero."""

@@ -55,13 +55,11 @@ def torque_columns(
     return columns
 
 
-def changing_columns(model: RobotModel, base: BaseParameters) -> BoolArray | None:
-    """Return a mask of the base columns that depend on nonlinear parameters, (b,), or None.
+def changing_columns(model: RobotModel, base: BaseParameters) -> BoolArray:
+    """Return a mask of the base columns that depend on nonlinear parameters, (b,).
 
-    None means that all columns may depend on them: gear losses change all transmitted torques.
+    Gear losses are not considered: they change all transmitted torques.
     """
-    if not model.nonlinear_names or model.transmission.losses:
-        return None
     changing = np.zeros(len(model.parameter_names), dtype=bool)
     for term, columns in zip(model.terms, model.parameter_groups.values(), strict=True):
         if isinstance(term, NonlinearTerm):

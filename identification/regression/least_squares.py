@@ -94,6 +94,12 @@ class Triangle:
         factor = _factor_in_place(stacked)
         return Triangle(factor, self.columns, self.parameters, self.rows + rows)
 
+    def reduced(self, kept: IntArray) -> Triangle:
+        """Return the equations with the ascending parameters `kept` only; the others are zero."""
+        own = np.isin(self.columns, kept)
+        places = np.searchsorted(kept, self.columns[own])
+        return Triangle(self.factor[:, np.append(own, True)], places, len(kept), self.rows)
+
     def full(self) -> FloatArray:
         """Return the factor with a column for every parameter, shape (any, p + 1)."""
         wide = np.zeros((len(self.factor), self.parameters + 1))

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from acquisition.processing.periods import PeriodAverage
+from acquisition.processing.smoothing import SmoothedSignals
 from acquisition.runs.catalogue import find_run, find_runs
 from config.errors import ConfigError, EstimationError
 from identification.accuracy.identifiability import (
@@ -41,6 +42,7 @@ from rid_daq.operations.identify.run_estimation import (
     cross_check_estimate,
     estimate_drive_gains,
     estimate_runs,
+    smoothed_runs,
     with_bodies,
 )
 from rid_daq.operations.identify.wiring_diagnosis import (
@@ -206,18 +208,20 @@ def identify_robot(
     if how.options.model.kind != "external":
         require_torques(data)
     first = data[0]
-    comparison = _choose_model(data, how, context) if request.choose else None
+    smoothed = smoothed_runs(data, how)
+    comparison = _choose_model(data, how, context, smoothed) if request.choose else None
     robot = None if comparison is None else comparison.robot(first.robot)
-    identified = estimate_runs(data, how, robot=robot, chosen=comparison)
+    identified = estimate_runs(data, how, robot=robot, chosen=comparison, smoothed=smoothed)
     estimate, wiring = identified.estimate, WiringDiagnosis()
     if bodies:
         estimate = add_mass_uncertainty(estimate, data, how)
     empty = how.empty_runs(data)
     if how.options.model.kind != "external" and empty:
-        signals = signals_for_diagnosis(data, how, first.robot)
+        signals = signals_for_diagnosis(data, how, first.robot, smoothed)
         wiring = diagnose_wiring(signals, empty[0], estimate, search=request.diagnose)
         if request.diagnose:
             estimate = replace(estimate, held_out_share=held_out_share(signals))
+    smoothed.clear()  # its memory is needed below
     gains = None
     if request.load_mass_kg is not None:
         gains = estimate_drive_gains(estimate, data, how, *request.load_mass_kg)
@@ -329,10 +333,15 @@ def _loaded_run_ids(request: IdentifyRequest, data: tuple[RunData, ...]) -> tupl
     return ids
 
 
-def _choose_model(data: tuple[RunData, ...], how: EstimationJob, context: Context) -> ModelChoice:
+def _choose_model(
+    data: tuple[RunData, ...],
+    how: EstimationJob,
+    context: Context,
+    smoothed: list[SmoothedSignals],
+) -> ModelChoice:
     with context.progress("Choosing the model", float(STEPS), "steps") as shown:
         return compare_friction(
-            data, how, lambda done, _, name: shown.update(float(done), f"next: {name}")
+            data, how, lambda done, _, name: shown.update(float(done), f"next: {name}"), smoothed
         )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -51,7 +52,11 @@ from rid_daq.runs.run_data import RunData
 
 PLATE_MISTAKEN: Final = "RID-PLATE-MISTAKEN"
 COMPARED_HZ: Final = 200.0
-"""Sampling rate for the search for friction terms that the model lacks [Hz]."""
+"""Sampling rate for the search for effects that the model lacks [Hz]."""
+COMPARED_S: Final = 300.0
+"""Longest duration of the recordings in this search [s]."""
+STRETCH_S: Final = 30.0
+"""Duration of a stretch of a longer recording in this search [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +116,7 @@ def estimate_runs(
     *,
     robot: RobotDescription | None = None,
     chosen: ModelChoice | None = None,
+    smoothed: Sequence[SmoothedSignals] = (),
 ) -> EstimatedRobot:
     """Estimate a robot from its runs; either all runs must be periodic, or none.
 
@@ -118,6 +124,7 @@ def estimate_runs(
         robot: Robot with the friction terms from `compare_friction`; the runs' own robot if None.
         chosen: Result of `compare_friction`, whose torque channel is applied; for runs that are not
             periodic, the warming of the joints is applied too.
+        smoothed: Result of `smoothed_runs`, if it is known.
 
     Raises:
         ConfigError: The runs are of different robots, or only some are periodic; or the robot file
@@ -139,7 +146,7 @@ def estimate_runs(
     if not data[0].is_periodic:
         estimate = fit_smoothed(
             robot,
-            with_joint_warming(signals_of(data, how, channel), robot, warming),
+            with_joint_warming(signals_of(data, how, channel, smoothed), robot, warming),
             options,
             payload=payload,
             bodies=bodies,
@@ -215,9 +222,14 @@ def with_bodies(estimate: Estimate, bodies: Bodies) -> Estimate:
 
 
 def compare_friction(
-    data: Sequence[RunData], how: EstimationJob, watch: Watch | None = None
+    data: Sequence[RunData],
+    how: EstimationJob,
+    watch: Watch | None = None,
+    smoothed: Sequence[SmoothedSignals] = (),
 ) -> ModelChoice:
     """Choose the friction terms of each joint by cross-validation with these runs.
+
+    `smoothed` is the result of `smoothed_runs`, if it is known.
 
     Raises:
         ConfigError: The runs are of different robots or kinds, or carry an unknown payload.
@@ -229,7 +241,7 @@ def compare_friction(
             "--choose needs runs without payload: leave --loaded and --loads out with --choose",
             code="RID-OPTION-EXCLUSIVE",
         )
-    signals = signals_of(data, how)
+    signals = signals_of(data, how, smoothed=smoothed)
     motions = [(run.position, run.velocity) for run in signals]
     model, speed = how.options.model.build(robot), how.options.standstill_rad_s
     still = still_joints(model, motions, speed, JERK_SHARE)
@@ -286,15 +298,30 @@ def coarse_signals(
 ) -> list[SmoothedSignals]:
     """Return runs as low-passed signals, to compare an estimate with richer models.
 
-    Recordings are thinned to `COMPARED_HZ` or a slightly higher rate. The result is empty for runs
-    with a payload, without torques in the model, or with a joint that stands still.
+    Recordings are thinned to `COMPARED_HZ` or a slightly higher rate. If they last longer than
+    `COMPARED_S` together, evenly spaced stretches of `STRETCH_S` are used. The result is empty for
+    runs with a payload, without torques in the model, or with a joint that stands still.
     """
     if how.loaded or how.bodies or how.options.model.kind != "internal" or estimate.still:
         return []
     if data[0].is_periodic:
         return signals_of(data, how)
-    coarse = (_thinned_recording(item.recording) for item in data)
-    return [smoothed_recording(each, how.options.band_hz) for each in coarse]
+    recordings = [item.recording for item in data]
+    total_s = sum(float(each.time_s[-1] - each.time_s[0]) for each in recordings)
+    share = min(1.0, COMPARED_S / max(total_s, COMPARED_S))
+    parts = (part for each in recordings for part in stretches(each, share))
+    return [smoothed_recording(_thinned_recording(each), how.options.band_hz) for each in parts]
+
+
+def stretches(recording: Recording, share: float) -> list[Recording]:
+    """Return evenly spaced stretches of `STRETCH_S` that contain about a share of a recording."""
+    since_s = recording.time_s - recording.time_s[0]
+    count = math.ceil(share * since_s[-1] / STRETCH_S)
+    if share == 1.0 or count * STRETCH_S >= since_s[-1]:
+        return [recording]
+    starts_s = since_s[-1] / count * np.arange(count)
+    edges = np.searchsorted(since_s, [starts_s, starts_s + STRETCH_S]).T
+    return [recording.part(slice(first, end)) for first, end in edges.tolist()]
 
 
 def _thinned_recording(recording: Recording) -> Recording:
@@ -350,17 +377,27 @@ def with_joint_warming(
 
 
 def signals_of(
-    data: Sequence[RunData], how: EstimationJob, channel: TorqueChannel | None = None
+    data: Sequence[RunData],
+    how: EstimationJob,
+    channel: TorqueChannel | None = None,
+    smoothed: Sequence[SmoothedSignals] = (),
 ) -> list[SmoothedSignals]:
     """Return runs as low-passed signals in time; of periodic runs the mean period.
 
-    If the torque channel is known, the model's torque is filtered by it too.
+    If the torque channel is known, the model's torque is filtered by it too. `smoothed` is the
+    result of `smoothed_runs`, if it is known.
     """
     if data[0].is_periodic:
         averages = period_averages(data, channel)
         return [period_signals(average, how.options.band_hz) for average in averages]
-    signals = [smoothed_recording(item.recording, how.options.band_hz) for item in data]
-    return [replace(each, channel=channel) for each in signals]
+    return [replace(each, channel=channel) for each in smoothed or smoothed_runs(data, how)]
+
+
+def smoothed_runs(data: Sequence[RunData], how: EstimationJob) -> list[SmoothedSignals]:
+    """Return runs that are not periodic as low-passed signals; no signals of periodic runs."""
+    if data[0].is_periodic:
+        return []
+    return [smoothed_recording(item.recording, how.options.band_hz) for item in data]
 
 
 def period_averages(

@@ -9,6 +9,7 @@ from typing import Final
 
 import numpy as np
 
+from acquisition.processing.smoothing import SmoothedSignals
 from acquisition.runs.folder import RunFolder
 from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
@@ -140,7 +141,10 @@ _IN_CELL: Final[dict[MistakeKind, str]] = {
 
 
 def signals_for_diagnosis(
-    data: Sequence[RunData], how: EstimationJob, robot: RobotDescription
+    data: Sequence[RunData],
+    how: EstimationJob,
+    robot: RobotDescription,
+    smoothed: Sequence[SmoothedSignals] = (),
 ) -> WiredSignals:
     """Return the signals in which mistakes are searched for.
 
@@ -150,8 +154,11 @@ def signals_for_diagnosis(
         data: The runs; all are periodic, or none.
         how: Options of the estimate; the highest frequency and the lists of loaded runs are used.
         robot: The robot as its file describes it.
+        smoothed: Result of `smoothed_runs` for all runs, if it is known.
     """
-    return WiredSignals.of(robot, signals_of(how.empty_runs(data), how))
+    empty = how.empty_runs(data)
+    own = [each for each, item in zip(smoothed, data, strict=False) if item in empty]
+    return WiredSignals.of(robot, signals_of(empty, how, smoothed=own))
 
 
 @dataclass(frozen=True)

@@ -112,3 +112,11 @@ def test_equations_that_are_not_finite_are_refused(equations) -> None:
     matrix, rhs = equations
     with raises_code(EstimationError, "RID-RECORDING-DAMAGED"):
         Triangle.empty(3).add(matrix, np.where(rhs > 0.0, np.nan, rhs))
+
+
+def test_parameters_can_be_left_out_of_condensed_equations(equations) -> None:
+    matrix, rhs = equations
+    kept = np.arange(0, matrix.shape[1], 2)
+    triangle = Triangle.empty(matrix.shape[1]).add(matrix, rhs).reduced(kept)
+    found = solve([triangle], [1.0], tuple(map(str, kept)))
+    np.testing.assert_allclose(found.values, np.linalg.lstsq(matrix[:, kept], rhs)[0], rtol=1e-9)

@@ -6,11 +6,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
+
 from acquisition.processing.smoothing import smooth_nonperiodic
 from acquisition.recording.recording import Recording
 from config.robot.friction_terms import FrictionTerm
+from identification.equations.segments import thin_rows
+from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
-from identification.validation.further_terms import further_term_findings
+from identification.validation.further_terms import TermTrial, further_term_findings
+from identification.validation.held_out import held_out_errors
 from identification.validation.robot_terms import with_friction
 from tests.builders.presliding_arm import CLASSICAL, arm, measured, motion
 
@@ -39,3 +44,23 @@ def test_a_missing_offset_is_suggested_for_its_joint() -> None:
     assert "axis2: offset" in finding
     assert "axis1" not in finding
     assert suggested_terms(recording_with_offset(15.0), (*CLASSICAL, "offset")) == ()
+
+
+def test_a_missing_load_friction_is_suggested_only_if_it_brakes() -> None:
+    plain = measured({}, WAY)
+    for share, expected in ((0.2, True), (-0.2, False)):
+        tau = plain.torque_nm.copy()
+        tau[:, 1] += share * np.abs(tau[:, 1]) * np.sign(WAY[1][:, 1])
+        found = suggested_terms(replace(plain, torque_nm=tau))
+        assert any("load" in each for each in found) is expected
+
+
+def test_condensed_equations_give_the_errors_of_a_fit_with_the_term() -> None:
+    robot = with_friction(arm(), [CLASSICAL] * 3)
+    signals = [thin_rows(smooth_nonperiodic(recording_with_offset(15.0), 10.0))]
+    plain = fit_smoothed(robot, signals)
+    trial = TermTrial.of(plain)
+    for term in ("offset", "cubic"):
+        full = fit_smoothed(with_friction(robot, [(*CLASSICAL, term)] * 3), signals)
+        own = [trial.equations.errors(trial.kept(each)) for each in (None, term)]
+        np.testing.assert_allclose(own, held_out_errors(plain, full), rtol=1e-9)
