@@ -27,7 +27,7 @@ from identification.estimation.options import EstimationOptions
 from identification.model.known_loads import Bodies, load_findings
 from identification.regression.fit_grade import Grade
 from identification.validation.friction_drift import friction_drift
-from identification.validation.further_terms import further_term_findings
+from identification.validation.further_terms import filter_findings, further_term_findings
 from identification.validation.model_choice import STEPS, ModelChoice
 from identification.validation.period_comparison import compare_period
 from identification.wiring.held_out import held_out_share
@@ -246,6 +246,10 @@ def identify_robot(
         channel = None if comparison is None else comparison.channel
         late = find_late_torques(estimate.robot, coarse, terms, still, channel)
         findings += [each.sentence for each in late]
+        is_clock_known = all(item.clock is None or item.clock.is_known for item in data)
+        if comparison is None and is_clock_known and not first.is_periodic:
+            named = {each.joint for each in late}
+            findings += filter_findings(estimate.robot, coarse, how.options, named)
     findings += _cross_check(data, how, estimate, context) if request.cross_check else []
     section = EstimateSection.of(
         estimate,
