@@ -213,12 +213,29 @@ def _with_viscous(chosen: ModelChoice, joints: BoolArray) -> ModelChoice:
     )
 
 
-def _channel_and_friction(
+def first_channel(
+    robot: RobotDescription, signals: Sequence[SmoothedSignals], options: EstimationOptions
+) -> TorqueChannel:
+    """Return the torque channel that the data show with flexible friction.
+
+    Args:
+        robot: The robot; its own friction terms are ignored.
+        signals: The recordings.
+        options: The other terms of the model, and the speed above which a joint counts as moving.
+
+    Raises:
+        EstimationError: The recordings do not identify Coulomb and viscous friction.
+    """
+    return _first_channel(robot, signals, options, tuple(KINDS))[2]
+
+
+def _first_channel(
     robot: RobotDescription,
     signals: Sequence[SmoothedSignals],
     options: EstimationOptions,
     kinds: Sequence[ChannelKind],
-) -> ModelChoice:
+) -> tuple[CandidateEquations, float, TorqueChannel]:
+    """Return the equations, the length of a block [s], and the channel with flexible friction."""
     plain = replace(options.model, friction=False, friction_terms=None, nonlinear=None)
     model = plain.build(robot)
     base = base_parameters(model)
@@ -227,7 +244,17 @@ def _channel_and_friction(
     block_s = float(np.clip(equations.duration_s / BLOCKS, SHORTEST_BLOCK_S, BLOCK_S))
     grams = _grams(equations, TorqueChannel.none(n), block_s)
     equations = _with_gear_load(equations, grams, terms)
-    channel = choose_channel(equations, [FLEXIBLE] * n, block_s, kinds)
+    return equations, block_s, choose_channel(equations, [FLEXIBLE] * n, block_s, kinds)
+
+
+def _channel_and_friction(
+    robot: RobotDescription,
+    signals: Sequence[SmoothedSignals],
+    options: EstimationOptions,
+    kinds: Sequence[ChannelKind],
+) -> ModelChoice:
+    equations, block_s, channel = _first_channel(robot, signals, options, kinds)
+    terms = (PLAIN,) * equations.joints
     rounds = 0
     while True:
         rounds += 1

@@ -167,7 +167,7 @@ CATALOGUE: Final = {
     ),
     "compare": Entry("identify", "Identify", "compare two estimates of the same robot"),
     "export": Entry("identify", "Identify", "write a model or a recording for other programs"),
-    "report": local("identify", "Identify", "write a run's report again from its results"),
+    "report": local("runs", "Identify", "write a run's report again from its results"),
     "payload session": Entry(
         "payload",
         "",

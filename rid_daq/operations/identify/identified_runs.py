@@ -21,23 +21,21 @@ from identification.calibration.drive_gains import DriveGains
 from identification.consistency.closest_robot import check_consistency
 from identification.consistency.consistency_test import ConsistencyTest
 from identification.cross_checks.agreement import CrossCheck, CrossMethod
-from identification.equations.late_torques import LateTorque, find_late_torques
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import write_estimate
 from identification.estimation.options import EstimationOptions
 from identification.model.known_loads import Bodies, load_findings
 from identification.regression.fit_grade import Grade
 from identification.validation.friction_drift import friction_drift
-from identification.validation.further_terms import further_term_findings
 from identification.validation.model_choice import STEPS, ModelChoice
 from identification.validation.period_comparison import compare_period
 from identification.wiring.held_out import held_out_share
 from identification.wiring.torque_origin import torque_contradiction
 from rid_daq.operations.identify.identify import IdentifyRequest
+from rid_daq.operations.identify.missing_effects import find_missing_effects
 from rid_daq.operations.identify.run_estimation import (
     EstimationJob,
     add_mass_uncertainty,
-    coarse_signals,
     compare_friction,
     cross_check_estimate,
     estimate_drive_gains,
@@ -242,14 +240,10 @@ def identify_robot(
     if comparison is not None:
         findings += comparison.refused.findings(comparison.joint_names)
     findings += [] if gains is None else [f"{sentence}." for sentence in gains.sentences()]
-    late: tuple[LateTorque, ...] = ()
-    if request.diagnose and (coarse := coarse_signals(estimate, data, how)):
-        if comparison is None:
-            findings += further_term_findings(estimate.robot, coarse, how.options)
-        terms, still = how.options.model, how.options.standstill_rad_s
-        channel = None if comparison is None else comparison.channel
-        late = find_late_torques(estimate.robot, coarse, terms, still, channel)
-        findings += [each.sentence for each in late]
+    late: tuple[str, ...] = ()
+    if request.diagnose:
+        missing, late = find_missing_effects(estimate, data, how, comparison)
+        findings += missing
     findings += _cross_check(data, how, estimate, context) if request.cross_check else []
     section = EstimateSection.of(
         estimate,
@@ -265,7 +259,7 @@ def identify_robot(
         ),
     )
     if late:
-        section = section.model_copy(update={"late_torques": tuple(each.joint for each in late)})
+        section = section.model_copy(update={"late_torques": late})
     return IdentifiedRobot(
         estimate,
         section,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final
@@ -12,7 +11,6 @@ import numpy as np
 from acquisition.processing.periods import PeriodAverage
 from acquisition.processing.smoothing import SmoothedSignals
 from acquisition.processing.torque_channel import TorqueChannel
-from acquisition.recording.recording import Recording
 from config.cell.plate import PlateDescription
 from config.errors import ConfigError, EstimationError
 from config.ranges import Ranged
@@ -51,12 +49,6 @@ from rid_daq.runs.repeated_imports import refuse_repeated_imports
 from rid_daq.runs.run_data import RunData
 
 PLATE_MISTAKEN: Final = "RID-PLATE-MISTAKEN"
-COMPARED_HZ: Final = 200.0
-"""Sampling rate for the search for effects that the model lacks [Hz]."""
-COMPARED_S: Final = 300.0
-"""Longest duration of the recordings in this search [s]."""
-STRETCH_S: Final = 30.0
-"""Duration of a stretch of a longer recording in this search [s]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -291,49 +283,6 @@ def cross_check_estimate(
     loaded = [item.folder.run_id in how.loaded for item in data]
     signals = _signals_of_estimate(estimate, data, how)
     yield from cross_checks(estimate, time_runs(estimate.model, signals, loaded))
-
-
-def coarse_signals(
-    estimate: Estimate, data: Sequence[RunData], how: EstimationJob
-) -> list[SmoothedSignals]:
-    """Return runs as low-passed signals, to compare an estimate with richer models.
-
-    Recordings are thinned to `COMPARED_HZ` or a slightly higher rate. If they last longer than
-    `COMPARED_S` together, evenly spaced stretches of `STRETCH_S` are used. The result is empty for
-    runs with a payload, without torques in the model, or with a joint that stands still.
-    """
-    if how.loaded or how.bodies or how.options.model.kind != "internal" or estimate.still:
-        return []
-    if data[0].is_periodic:
-        return signals_of(data, how)
-    recordings = [item.recording for item in data]
-    total_s = sum(float(each.time_s[-1] - each.time_s[0]) for each in recordings)
-    share = min(1.0, COMPARED_S / max(total_s, COMPARED_S))
-    parts = (part for each in recordings for part in stretches(each, share))
-    return [smoothed_recording(_thinned_recording(each), how.options.band_hz) for each in parts]
-
-
-def stretches(recording: Recording, share: float) -> list[Recording]:
-    """Return evenly spaced stretches of `STRETCH_S` that contain about a share of a recording."""
-    since_s = recording.time_s - recording.time_s[0]
-    count = math.ceil(share * since_s[-1] / STRETCH_S)
-    if share == 1.0 or count * STRETCH_S >= since_s[-1]:
-        return [recording]
-    starts_s = since_s[-1] / count * np.arange(count)
-    edges = np.searchsorted(since_s, [starts_s, starts_s + STRETCH_S]).T
-    return [recording.part(slice(first, end)) for first, end in edges.tolist()]
-
-
-def _thinned_recording(recording: Recording) -> Recording:
-    step_s = float(np.median(np.diff(recording.time_s)))
-    every = max(1, int(1.0 / (COMPARED_HZ * step_s)))
-    if every == 1 or recording.torque_filter is not None:
-        return recording
-    period_s = recording.sample_period_s
-    return replace(
-        recording.part(slice(None, None, every)),
-        sample_period_s=None if period_s is None else every * period_s,
-    )
 
 
 def estimate_drive_gains(

@@ -14,6 +14,7 @@ from config.cell.plate import PlateLimits
 from config.errors import ConfigError, DataQualityError
 from config.formats.number import parse_numbers
 from config.robot.robot import RobotDescription
+from identification.accuracy.extrapolation import extrapolation_findings
 from identification.calibration.base_reaction import base_load
 from identification.estimation.estimate import Estimate
 from identification.regression.fit_grade import BAD_SHARE, Grade
@@ -22,7 +23,6 @@ from identification.validation.base_wrench_validation import (
     validate_base_wrench,
 )
 from identification.validation.diagnosis import diagnose
-from identification.validation.extrapolation import extrapolation_findings
 from identification.validation.torque_prediction import (
     Validation,
     pool_validations,

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from config.arrays import FloatArray
+from identification.accuracy.extrapolation import extrapolation_findings
 from identification.estimation.estimate import Estimate
 from identification.regression.fit_grade import Grade
-from identification.validation.extrapolation import extrapolation_findings
 
 
 def model_doubts(path: Path, estimate: Estimate, position: FloatArray | None) -> list[str]:

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from config.load import load_robot
+from identification.accuracy.extrapolation import extrapolation_findings
 from identification.estimation.estimate import Estimate
 from identification.estimation.fitted_signals import fit_smoothed
-from identification.validation.extrapolation import extrapolation_findings
 from tests.builders.presliding_arm import motion, signals_of
 
 

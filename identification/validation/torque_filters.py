@@ -1,0 +1,55 @@
+"""Low-pass filters of recorded torques that a model without a torque channel does not contain."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+import numpy as np
+
+from acquisition.processing.smoothing import SmoothedSignals
+from config.errors import EstimationError
+from config.robot.robot import RobotDescription
+from identification.equations.bus_delay import RefusedChannel, split_implausible_channel
+from identification.estimation.options import EstimationOptions
+from identification.validation.model_choice import first_channel
+
+
+def filter_findings(
+    robot: RobotDescription,
+    signals: Sequence[SmoothedSignals],
+    options: EstimationOptions,
+    known: Collection[str] = (),
+) -> tuple[str, ...]:
+    """Name joints whose recorded torque passed a filter, as `--choose` would find it.
+
+    Args:
+        robot: The robot.
+        signals: The recordings, not periodic and with a known clock.
+        options: The options of the estimate.
+        known: Joints whose filter or delay another finding already names.
+    """
+    try:
+        channel = first_channel(robot, signals, options)
+    except EstimationError:  # the recording is too short, or does not determine the friction
+        return ()
+    channel, refused = split_implausible_channel(channel, signals[0].sample_period_s)
+    new = np.array([name not in known for name in robot.joint_names])
+    time_s = np.where(new, np.maximum(channel.lag_s, channel.width_s), 0.0)
+    slow = RefusedChannel(
+        filter_s=tuple(
+            own if is_new else 0.0 for own, is_new in zip(refused.filter_s, new, strict=True)
+        )
+    )
+    filtered = np.flatnonzero(time_s)
+    if not len(filtered):
+        return slow.findings(robot.joint_names)
+    shown = ", ".join(
+        f"{robot.joint_names[j]} at {1.0 / (2.0 * np.pi * time_s[j]):.2g} Hz" for j in filtered
+    )
+    phase = "without a delay (a zero-phase filter)" if np.any(channel.width_s) else "first order"
+    return (
+        f"The recorded torques seem to be low-passed, {phase}: {shown}. The parameters contain the"
+        " filter's effect. Record the torques without this filter, or estimate it with"
+        " `rid-daq identify --choose`.",
+        *slow.findings(robot.joint_names),
+    )
