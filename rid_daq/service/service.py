@@ -318,6 +318,7 @@ class CellService:
     def _require_free(
         self, cell: ServedCell, kind: JobKind, lease: str | None, *, cleared: bool
     ) -> None:
+        self.file_locks.require_none_of(cell)
         self._void_preflights_after_pause()
         cell.reload_if_changed()
         self.leases.require(cell.name, lease)

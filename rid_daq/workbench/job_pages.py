@@ -21,8 +21,15 @@ router = APIRouter(prefix="/cells/{cell}", route_class=PageRoute, include_in_sch
 
 @router.get("/experiment")
 async def experiment_page(visit: Visitor) -> HTMLResponse:
-    """Show the motions that can be recorded, with their plots."""
-    return visit.page("experiment.html", files=await cell_files(visit))
+    """Show the motions that can be recorded, with their plots.
+
+    The usual periods are whole numbers of the cell's cycles.
+    """
+    cycle_s = visit.cell.loaded.config.cycle_time_s
+    usual, multisine = (f"{round(each / cycle_s) * cycle_s:.9g}" for each in (10.0, 8.0))
+    return visit.page(
+        "experiment.html", files=await cell_files(visit), usual=usual, multisine=multisine
+    )
 
 
 @router.get("/identify")

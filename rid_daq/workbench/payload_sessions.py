@@ -37,12 +37,11 @@ class InterruptedSession(FinishedSession):
     """A payload session that has not been completed.
 
     Attributes:
-        state, done: Its present state, and its completed steps.
+        state: Its present state.
         choices: Options of its request; the path of the model is relative to the service's folder.
     """
 
     state: SessionState
-    done: tuple[str, ...]
     choices: dict[str, JsonValue]
 
 
@@ -79,11 +78,7 @@ def sessions_of(runs: Path, cell: str, folder: Path) -> CellSessions:
         except RidDaqError:  # the page Runs shows the reason
             continue
         choices["model"] = _relative_path(folder.resolve(), choices["model"])
-        interrupted.append(
-            InterruptedSession(
-                **vars(known), state=state.state, done=tuple(state.done), choices=choices
-            )
-        )
+        interrupted.append(InterruptedSession(**vars(known), state=state.state, choices=choices))
     return CellSessions(tuple(interrupted), tuple(finished))
 
 

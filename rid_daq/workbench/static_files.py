@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import functools
 import hashlib
+import json
 from collections.abc import Mapping
 from importlib.resources import files
 from types import MappingProxyType
@@ -21,6 +22,7 @@ from rid_daq.service.refusals import UnknownError
 from rid_daq.session.versions import program_version
 from rid_daq.web.bundled_modules import bundled_modules
 from rid_daq.workbench.compressed import CompressedBody
+from rid_daq.workbench.menu import command_links
 
 router = APIRouter(include_in_schema=False)
 
@@ -34,6 +36,8 @@ _NO_MODULES: Final = ("stop.js", "login.js", "beat.js")
 @functools.cache
 def static_files() -> Mapping[str, bytes]:
     """Return the files by name, including files of other packages that pages need.
+
+    `command_links.js` is made from the menu.
 
     Raises:
         ConfigError: The bundle of third-party modules is missing or damaged.
@@ -49,7 +53,8 @@ def static_files() -> Mapping[str, bytes]:
         for file in (*own, *shared)
         if file.name[file.name.rfind(".") :] in _KINDS
     }
-    return {**ours, **bundled_modules()}
+    links = f"export const LINKS = {json.dumps(command_links())};\n".encode()
+    return {**ours, **bundled_modules(), "command_links.js": links}
 
 
 @functools.cache

@@ -80,7 +80,8 @@ class FourierMotion(Motion):
         """Return a description of the motion in one sentence."""
         harmonics = max(len(joint.sine) for joint in self.joints)
         return (
-            f"Fourier motion, {self.periods} periods of {self.period_s:g} s after"
+            f"Fourier motion, {self.periods} period{'s' * (self.periods != 1)} of"
+            f" {self.period_s:g} s after"
             f" {self.transient_periods} transient period{'s' * (self.transient_periods != 1)},"
             f" up to harmonic {harmonics}"
             f" ({harmonics / self.period_s:.3g} Hz)."

@@ -87,7 +87,7 @@ def run_payload_session(
             if each.name == "m":
                 refuse_heavier(loaded.robot, each.value)
     if file is None:
-        file, motion = _begin_session(request, loaded, context.operator)
+        file, motion = _begin_session(request, loaded, context)
     else:
         motion = _load_motion(file, loaded)
         file.request = request.choices
@@ -153,7 +153,7 @@ def _refuse_until_mass(request: PayloadSessionRequest, payload_request: PayloadR
 
 
 def _begin_session(
-    request: PayloadSessionRequest, loaded: LoadedCell, operator: str
+    request: PayloadSessionRequest, loaded: LoadedCell, context: Context
 ) -> tuple[SessionFile, FourierMotion]:
     """Return the file and the motion of a new session."""
     if request.motion is not None:
@@ -161,6 +161,7 @@ def _begin_session(
     else:
         cycle_s = loaded.config.cycle_time_s
         period_s = round(PERIOD_S / cycle_s) * cycle_s
+        context.say("Designing a motion for payloads; this can take a minute.")
         search = PayloadSearch(loaded.robot, period_s, cycle_s, workspace=loaded.config.workspace)
         motion = design_payload_motion(search, seed=request.seed, periods=request.periods)
     facts: dict[str, JsonValue] = {"robot": loaded.robot.name, "cell": loaded.config.name}
@@ -169,7 +170,7 @@ def _begin_session(
         request.label,
         kind="payload session",
         software=software_versions(),
-        facts=facts | ({"operator": operator} if operator else {}),
+        facts=facts | ({"operator": context.operator} if context.operator else {}),
     )
     for name, content in loaded.files.items():
         folder.write(name, content)

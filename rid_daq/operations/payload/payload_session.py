@@ -39,6 +39,7 @@ LOADED: Final = "loaded"
 _OF_SESSION: Final = frozenset(
     {
         *("repeats", "model", "payload", "known", "until_mass_kg", "limits", "label", "seed"),
+        "practise",
         *("rehearsal_percent", "warm_up_percent", "warm_up_periods"),
     }
 )

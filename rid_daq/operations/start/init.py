@@ -170,6 +170,7 @@ class InitResult:
             yield Text(text="Next, after you have checked limits and rotors in robot.yaml:")
             yield Text(text=f"  {as_command('design', cell, '-o', motion)}")
         yield Text(text=f"  {as_command('record', cell, motion)}")
+        yield Text(text=f"Or in the browser, with all further steps: {as_command('serve', cell)}")
 
 
 def run(request: InitRequest, _context: Context) -> InitResult:

@@ -158,8 +158,7 @@ async def put_file(
     if version is not None:
         content = await _read_body(request, path)
         file = await asyncio.to_thread(_find_editable, service, path, who)
-        with service.file_locks.hold(file.path, path):
-            file.require_unused(service, lease)
+        with file.unused(service, lease):
             await asyncio.to_thread(
                 _replace, service, file, content, version.strip('"'), incomplete
             )

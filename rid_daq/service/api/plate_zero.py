@@ -80,8 +80,7 @@ async def save_zero(
     folder = await asyncio.to_thread(run_folder, service, confirmed.run)
     change = await asyncio.to_thread(ZeroChange.of, service, cell, folder)
     file = change.file
-    with service.file_locks.hold(file.path, file.shown):
-        file.require_unused(service, lease)
+    with file.unused(service, lease):
         found = await asyncio.to_thread(check_content, file, change.content)
         for problem in (*found.problems, *found.cell_problems):
             raise ConfigError(f"{file.shown}: {problem.text}", code=problem.code)

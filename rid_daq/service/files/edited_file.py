@@ -149,8 +149,9 @@ class EditedFile:
             self.path.parent.mkdir(parents=True, exist_ok=True)
         write_new(self.path, content)
 
-    def require_unused(self, service: CellService, lease: str | None) -> None:
-        """Raise an error if a change of the file would disturb another client or a job.
+    @contextlib.contextmanager
+    def unused(self, service: CellService, lease: str | None) -> Iterator[None]:
+        """Hold the file inside the `with` block; no job of its cells starts, no other client saves.
 
         Args:
             service: The service.
@@ -158,7 +159,13 @@ class EditedFile:
 
         Raises:
             LockedError: A job uses a cell of the file, or another client holds the cell.
+            FileChangedError: Another client saves the file (`RID-FILE-CHANGED`).
         """
+        with service.file_locks.hold(self):
+            self._require_unused(service, lease)
+            yield
+
+    def _require_unused(self, service: CellService, lease: str | None) -> None:
         for cell in self.cells:
             if service.job_runner.is_busy(cell.name):
                 raise LockedError(
@@ -171,25 +178,42 @@ class EditedFile:
 
 
 class FileLocks:
-    """Files that are being written now: two clients cannot write one file at the same time."""
+    """Files that are being saved now: one client saves a file, and no job of its cells starts.
+
+    Only the event loop calls the methods. A check and the action after it are therefore one step if
+    no `await` is between them.
+    """
 
     def __init__(self) -> None:
-        self._held: set[Path] = set()
+        self._held: dict[Path, EditedFile] = {}
 
     @contextlib.contextmanager
-    def hold(self, path: Path, shown: str) -> Iterator[None]:
+    def hold(self, file: EditedFile) -> Iterator[None]:
         """Hold a file inside the `with` block.
 
         Raises:
-            FileChangedError: Another client writes the file (`RID-FILE-CHANGED`).
+            FileChangedError: Another client saves the file (`RID-FILE-CHANGED`).
         """
-        if path in self._held:
+        if file.path in self._held:
             raise FileChangedError(
-                f"{shown}: another client saves this file now: nothing was saved. Try again",
+                f"{file.shown}: another client saves this file now: nothing was saved. Try again",
                 code="RID-FILE-CHANGED",
             )
-        self._held.add(path)
+        self._held[file.path] = file
         try:
             yield
         finally:
-            self._held.discard(path)
+            del self._held[file.path]
+
+    def require_none_of(self, cell: ServedCell) -> None:
+        """Raise an error if a file of a cell is being saved.
+
+        Raises:
+            LockedError: A file of the cell is being saved (`RID-FILE-SAVING`).
+        """
+        for file in self._held.values():
+            if cell in file.cells:
+                raise LockedError(
+                    f"cell {cell.name}: {file.shown} is being saved now: try again",
+                    code="RID-FILE-SAVING",
+                )

@@ -8,13 +8,15 @@ import { zeroButton } from "./plate_zero.js";
 import { loadPreflight } from "./preflight.js";
 import { RobotView } from "./robot_view.js";
 import { runTable } from "./run_table.js";
-import { ask, on, page, preflightAge, reach } from "./service.js";
+import { CELL, ask, on, page, preflightAge, reach } from "./service.js";
 
 const view = new RobotView(find("view"), { preview: true });
 followPose(view);
 const panel = new JobPanel(find("job"), { next, ended, heard });
 let status = null;
 
+const STARTS = [["experiment", "Record a motion"], ["payload", "Identify a payload"]].map(([path, words]) =>
+  html`<a class="button" href="${CELL}/${path}">${words}</a>`);
 const LAST_POSE = "pose compared with the last pose"; // the same text as in rid_daq/preflight/last_pose.py
 
 const actions = {
@@ -34,7 +36,7 @@ function next(job, document) {
   const moved = document?.lines?.some((line) => line.what === LAST_POSE && line.verdict === "red");
   if (job.kind === "check" && moved)
     return [again("Check again", actions.check), again("The positions are correct: accept them", actions.accept)];
-  if (job.kind === "check" && !document?.passed) return [again("Check again", actions.check)];
+  if (job.kind === "check") return document?.passed ? STARTS : [again("Check again", actions.check)];
   if (job.kind === "plate_zero" && document?.verdict?.passed) return [zeroButton(job.run, actions.check)];
   if (job.kind === "reset" && job.state === "done") return [again("Check", actions.check)];
   if (job.state !== "done" && status?.fault) return [again("Reset after the cause was found", actions.reset)];

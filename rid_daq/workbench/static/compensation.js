@@ -26,8 +26,9 @@ function next(job, document) {
 // ---- runs to choose from
 async function showRuns(newest = null) {
   const runs = await completeRuns();
-  const list = runs.map((run) => ({ value: run.id, words: runWords(run), files: run.files }));
-  for (const select of document.querySelectorAll("select.runs")) options(select, list);
+  const list = (chosen) => chosen.map((run) => ({ value: run.id, words: runWords(run) }));
+  for (const select of document.querySelectorAll("select.runs")) options(select, list(runs));
+  options(find("loop-run"), list(runs.filter(({ motion }) => motion === "multisine")));
   if (newest) for (const id of ["after", "refine-run"]) find(id).value = newest;
   const [before, after] = ["before", "after"].map((id) => runs.find((run) => run.id === find(id).value));
   if (!after || (before.id !== after.id && before.motion === after.motion)) return; // they can be compared

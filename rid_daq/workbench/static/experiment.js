@@ -67,8 +67,9 @@ function showFields() {
 }
 
 kind.addEventListener("change", () => {
-  const periods = { multisine: ["8", "4"], validation: ["10", "4"] }[kind.value] ?? ["10", "16"];
-  [find("period").value, find("periods").value] = periods;
+  const period = find("period");
+  period.value = kind.value === "multisine" ? period.dataset.multisine : period.defaultValue;
+  find("periods").value = kind.value === "multisine" || kind.value === "validation" ? "4" : "16";
   find("name").value = kind.value;
   showFields();
 });

@@ -19,7 +19,7 @@ const over = (job) => job.state in ENDS;
 // State of the panel for one job; a new state is created when another job is shown.
 const emptyView = () => ({
   known: 0, ahead: new Map(), last: "", over: false, loading: null,
-  log: new JobLog(), share: 0, count: "", estimate: "", verdicts: [], question: null, pad: null, problem: "", links: [], results: [],
+  log: new JobLog(), share: 0, count: "", words: "", estimate: "", verdicts: [], question: null, pad: null, problem: "", links: [], results: [],
 });
 
 // The options are functions. `next(job, document)` returns links that are shown when a job has ended. `begun(job)` is
@@ -209,7 +209,7 @@ export class JobPanel {
   showPicture({ title, words, share, count, left_s: left, stop, problem }) {
     if (!title) return; // a job that reads the drives at rest has no title: its events show the progress
     const rest = left === null || left === undefined ? "" : `${duration(left)} left`;
-    Object.assign(this.view, { share, count: [words, count, rest, stop, problem].filter(Boolean).join(" · ") });
+    Object.assign(this.view, { share, words, count: [words, count, rest, stop, problem].filter(Boolean).join(" · ") });
     this.update();
   }
 
@@ -282,7 +282,7 @@ export class JobPanel {
       <div class="way" ?hidden=${over(job)}>
         <progress max="1" aria-label="progress" value=${view.share ?? nothing}></progress>
         <p class="count number">${count}</p>
-        <p class="estimate number" ?hidden=${!view.estimate}>${view.estimate}</p>
+        <p class="estimate number" ?hidden=${!view.estimate}>${view.estimate.replace(`${view.words}; `, "")}</p>
       </div>
       <div class="questions">${view.question ? this.questionParts(view.question) : nothing}</div>
       <div class="verdicts" role="status">${view.verdicts}</div>

@@ -29,13 +29,17 @@ function show(stage, word) {
   stage.querySelector("span span").textContent = WORDS[word];
 }
 
+const stageOf = (state) => STAGES.find((stage) => stage.dataset.stage.split(" ").includes(state));
+
 function reach(state, word = "now") {
-  const here = STAGES.findIndex((stage) => stage.dataset.stage.split(" ").includes(state));
+  const here = STAGES.indexOf(stageOf(state));
   STAGES.forEach((stage, i) => show(stage, i < here ? "done" : i > here ? "wait" : word));
 }
 
 function begun(job) {
   if (job.kind !== "payload_session") return;
+  find("prepare").hidden = !job.ended_s;
+  if (!job.ended_s) find("resume-card").hidden = true;
   reach("prepare");
   find("warm-up").hidden = true;
   if (!job.ended_s && jobAtOpening !== null && job.id !== jobAtOpening) leaveLast();
@@ -81,8 +85,10 @@ function isBelow(job, document) {
 
 async function ended(job, document) {
   if (job.kind === "payload_session") {
+    find("prepare").hidden = false;
     showSessions();
-    if (document?.session) await showResult(document.session);
+    if (document?.session && resumed) location.replace(`?run=${encodeURIComponent(document.session)}`); // with an empty form
+    else if (document?.session) await showResult(document.session);
     else if (job.state !== "done") {
       const now = STAGES.find((stage) => stage.dataset.state === "now");
       if (now) show(now, "bad");
@@ -120,7 +126,7 @@ function request() {
   };
   asks.payload = find("payload")?.value || null;
   asks.model = find("model").value || null;
-  if (find("practise")?.checked) asks.practise = true;
+  if (find("practise")) asks.practise = find("practise").checked;
   return asks;
 }
 
@@ -149,10 +155,9 @@ async function showSessions() {
     render(problemOf(error), find("interrupted"));
     return;
   }
-  find("resume-card").hidden = !interrupted.length;
+  find("resume-card").hidden = !interrupted.length || isSessionRunning();
   render(interrupted.map((each) => html`<div class="tools">
-    <p><b>${each.label}</b>, started ${timeOf(each.created_utc)}. Interrupted in: ${each.state.replaceAll("_", " ")}.
-      Completed: ${each.done.join(", ") || "nothing"}.</p>
+    <p><b>${each.label}</b>, started ${timeOf(each.created_utc)}. Next step: ${stageOf(each.state)?.querySelector("b").textContent}.</p>
     <button type="button" class="resume" data-run=${each.run} data-needs="role" disabled @click=${() => goOn(each)}>Resume</button></div>`),
   find("interrupted"));
   find("finished-card").hidden = !finished.length;
@@ -178,6 +183,7 @@ function goOn({ run, label, state, choices }) {
     if (choices[id] && find(id)) offer(find(id), choices[id]);
     else if (find(id)) find(id).value = "";
   }
+  if (find("practise")) find("practise").checked = choices.practise;
   for (const id of ["motion", "periods"]) find(id).disabled = true; // these two values cannot change: the session's run folder was made with them
   find("prepare").dataset.keep = "no"; // do not store these entries in the browser tab, because they belong to the resumed session
   resumed = { run, choices };
@@ -202,11 +208,10 @@ function saidAnew() {
 async function showResult(run) {
   const showing = ++showings;
   find("result-card").hidden = false;
-  const blocks = await showRun(find("result"), run, "verdict", "payload");
+  const blocks = await showRun(find("result"), run, "verdict");
   if (blocks === null || showing !== showings) return;
   history.replaceState(null, "", `?run=${encodeURIComponent(run)}`);
   session = { run, payload: `runs/${run}/payload.json` };
-  showCentre(session.payload);
   const passed = blocks.find((block) => block.kind === "verdict")?.passed === true;
   find("papers").hidden = false;
   find("report").href = `/api/v1/runs/${encodeURIComponent(run)}/report`;
@@ -216,7 +221,8 @@ async function showResult(run) {
     reach("done", passed ? "done" : "bad");
     find("result-card").scrollIntoView({ block: "start" });
   }
-  await showPapers();
+  await Promise.all([showPapers(), showRun(find("values"), run, "payload")]);
+  if (showing === showings) showCentre(session.payload);
 }
 
 // Show the newest certificate, load data and comparison that were made from the session, also after a reload.

@@ -1,6 +1,6 @@
 // Shows the newest preflight: a summary, and the checks of each device.
 import { blockParts } from "./blocks.js";
-import { duration } from "./dom.js";
+import { timeOf } from "./dom.js";
 import { render } from "./lit.js";
 import { request } from "./requests.js";
 import { CELL, ask } from "./service.js";
@@ -20,10 +20,9 @@ export async function loadPreflight(section, words) {
     words.textContent = "This cell has had no preflight yet. Next: Check.";
     return;
   }
-  const age = found.age_s === null ? "before the service was started" : `${duration(found.age_s)} ago`;
   const red = found.lines.filter((line) => line.verdict === "red");
   const voided = found.void_because ? ` It is void: ${found.void_because}` : "";
-  words.textContent = `${found.passed ? "Green" : "Red"}: ${found.lines.length} lines, ${red.length} red, ${age}.${voided} ${found.problem ?? ""}`;
+  words.textContent = `${found.passed ? "Green" : "Red"}: ${found.lines.length} lines, ${red.length} red, made ${timeOf(found.at_s)}.${voided} ${found.problem ?? ""}`;
   words.className = `verdict ${found.passed && !found.void_because ? "good" : "bad"}`;
   return found.lines;
 }

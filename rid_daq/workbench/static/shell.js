@@ -11,8 +11,8 @@ const banner = find("reach");
 let stays = false;
 let problem = "";
 const LOST = {
-  stop: "If this page is closed, its device sleeps, or the connection is lost, the motion is stopped.",
-  finish: "If this page is closed, its device sleeps, or the connection is lost, the motion continues to its end.",
+  stop: "The motion stops if this page closes or loses its connection.",
+  finish: "The motion continues to its end if this page closes or loses its connection.",
 };
 
 // ---- requirements of elements, in the attribute data-needs
@@ -58,7 +58,7 @@ function showCell(status) {
   const another = owner?.owner === page.who ? "Another page that is open on this device" : owner?.owner;
   if (owner) text = `${mine ? "You hold" : `${another} holds`} this cell${owner.note ? ` (${owner.note})` : ""}.`;
   if (!mine && lease.lost) text = `You no longer hold this cell. ${text}`;
-  if (mine && status.job && status.state === "moving") text += ` ${LOST[status.job.on_lost_client]}`;
+  if (mine && status.job && status.state === "moving") text = `You hold this cell. ${LOST[status.job.on_lost_client]}`;
   words.textContent = problem || (lease.known ? text : "…");
   words.classList.toggle("problem", problem !== "");
   take.hidden = !mayMove || !lease.known || mine || owner !== null;

@@ -80,6 +80,7 @@ def test_a_resumed_session_keeps_its_options_unless_given_again(
         known=(KnownQuantity(name="m", value=2.8, sigma=0.005),),
         warm_up_percent=0.0,
         repeats=2,
+        practise=True,
         limits=VerdictLimits(mass_percent=2.0),
     )
     SessionFile.begin(folder, "kr15", begun.choices)
@@ -89,6 +90,7 @@ def test_a_resumed_session_keeps_its_options_unless_given_again(
     assert kept.model == Path("model.json").absolute()
     assert (kept.warm_up_percent, kept.repeats, kept.known) == (0.0, 2, begun.known)
     assert (kept.limits, kept.resume, kept.yes) == (begun.limits, "latest", True)
+    assert kept.practise
     warm = {"warm_up_percent": 1.0, "limits": VerdictLimits(centre_mm=1.0)}
     kept = again.model_copy(update=warm).with_original_options(request)
     assert (kept.warm_up_percent, kept.repeats) == (1.0, 2)

@@ -45,6 +45,15 @@ def test_files_are_listed_by_their_content(tmp_path: Path) -> None:
     assert [each.path for each in found.payloads] == ["runs/01A/payload.json"]
 
 
+def test_a_motion_on_one_line_is_listed_as_init_writes_it(tmp_path: Path) -> None:
+    service = CellService(tmp_path, [ServedCell("ir361", 20.0)])
+    for robot in ("ir361", "kr15"):
+        line = f"{{kind: multipoint, robot: {robot}, points: 12, seed: 1}}\n"
+        (tmp_path / f"{robot}.yaml").write_text("# Random points.\n" + line)
+    found = folder_files(service, "ir361").motions
+    assert [(each.path, each.kind) for each in found] == [("ir361.yaml", "multipoint")]
+
+
 def test_the_results_of_a_run_are_named_by_the_run(tmp_path: Path) -> None:
     service = CellService(tmp_path, [ServedCell("ir361", 20.0)])
     run = RunFolder.create(service.runs, "spring")

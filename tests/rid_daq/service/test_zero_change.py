@@ -15,6 +15,7 @@ from config.cell.plate import PlateZero
 from config.errors import ConfigError
 from config.load import load_cell
 from rid_daq.runs.plate_zero_lines import ZERO_FILE, zero_lines
+from rid_daq.service.files.edited_file import EditedFile
 from rid_daq.service.files.zero_change import ZeroChange
 from rid_daq.service.records import Role
 from rid_daq.service.served_cell import ServedCell
@@ -101,7 +102,7 @@ def test_a_file_that_someone_else_has_changed_is_told(editing: Editing, run: str
 def test_a_held_cell_or_a_viewer_changes_nothing(editing: Editing, run: str) -> None:
     before, version = editing.text("cell.yaml"), planned(editing, run)["version"]
     assert outcome(written(editing, run, version, Role.VIEWER)) == (403, "RID-ACCESS-ROLE")
-    with editing.service.file_locks.hold((editing.folder / "cell.yaml").resolve(), "cell.yaml"):
+    with editing.service.file_locks.hold(EditedFile.find(editing.service, "cell.yaml")):
         assert outcome(written(editing, run, version)) == (412, "RID-FILE-CHANGED")
     editing.hold()
     assert outcome(written(editing, run, version)) == (409, "RID-LEASE-OTHER")

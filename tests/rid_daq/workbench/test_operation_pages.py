@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +11,9 @@ import pytest
 from playwright.sync_api import Page, Route, expect
 
 from rid_daq.operations.catalogue import CATALOGUE, operation
+from rid_daq.workbench.menu import MENU, command_links
 from rid_daq.workbench.operation_form import form_sections
+from rid_daq.workbench.static_files import static_files
 from tests.rid_daq.service.conftest import ServedProcess
 from tests.rid_daq.workbench.conftest import OpenPage, estimated
 
@@ -25,6 +29,32 @@ def test_a_form_has_every_field_that_a_client_can_set(name: str) -> None:
     assert {path.split(".")[0] for path in paths} == found.request.model_fields.keys() - found.owned
     assert all(each.hint for each in fields)
     assert all(each.choices for each in fields if each.kind == "choice")
+
+
+def test_every_job_of_a_page_is_declared_in_the_menu_and_has_its_button() -> None:
+    kinds = {name: operation(name).kind for name in JOBS}
+    declared, begun = set(), set()
+    for entry in MENU:
+        script = static_files().get(f"{entry.path.strip('/') or 'cell'}.js", b"").decode()
+        buttons = set(re.findall(r'begin\("(\w+)"', script))
+        assert {kinds[name] for name in entry.operations} <= buttons, entry.path
+        declared |= {kinds[name] for name in entry.operations}
+        begun |= buttons
+    assert begun == declared
+
+
+def test_a_command_leads_to_the_page_with_its_button() -> None:
+    links = command_links()
+    assert {name: links[name][0] for name in ("plate zero", "record", "payload", "stiffness")} == {
+        "plate zero": "",
+        "record": "/experiment",
+        "payload": "/payload",
+        "stiffness": "/operations/stiffness",
+    }
+    assert links.keys() - set(JOBS) == {"payload", "calibrate"}  # short for their default
+    assert (
+        f"export const LINKS = {json.dumps(links)}" in static_files()["command_links.js"].decode()
+    )
 
 
 @pytest.mark.slow

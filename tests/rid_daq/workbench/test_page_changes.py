@@ -21,7 +21,7 @@ pytestmark = pytest.mark.slow
 def test_entries_survive_a_change_of_page_back_and_a_reload(open_page: OpenPage) -> None:
     page = open_page()
     go_to(page, "Payload")
-    page.get_by_text("Limits and lengths").click()
+    page.get_by_text("Required accuracy, number of runs").click()
     for field, value in {"mass": "9.6", "label": "gripper", "mass-limit-kg": "0.05"}.items():
         page.locator(f"#{field}").fill(value)
 

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import asyncio
+import html
 import re
+import shlex
 from pathlib import Path
 
 import pytest
 
+from acquisition.motion.fourier import samples_of_period
 from acquisition.runs.folder import RunFolder
 from config.load import load_cell
 from identification.choices import LoadFormat
@@ -106,6 +109,34 @@ def test_every_page_of_the_menu_is_rendered(tmp_path: Path, path: str) -> None:
     api = Api(service)
     api.app = make_api(service, api.door, PAGES)
     assert api.ask(Role.VIEWER, "GET", f"/cells/ir361{path}").status_code == 200
+
+
+def test_the_settings_show_the_commands_of_a_new_cell(tmp_path: Path) -> None:
+    folder = tmp_path / "of robots"
+    folder.mkdir()
+    service = CellService(folder, [ServedCell("ir361", 20.0), ServedCell("kr15", 20.0)])
+    api = Api(service)
+    api.app = make_api(service, api.door, PAGES)
+    page = html.unescape(api.ask(Role.ADMINISTRATOR, "GET", "/cells/ir361/settings").text)
+    init, serve = (
+        shlex.split(each) for each in re.findall(r"(rid-daq (?:init|serve) .*)</pre>", page)
+    )
+    new = f"{folder}/new-cell"
+    assert init == ["rid-daq", "init", new, "--urdf", "ROBOT.urdf"]
+    cells = ["ir361", "kr15", f"{new}/cell.yaml"]
+    assert serve == ["rid-daq", "serve", *cells, "--folder", str(folder)]
+
+
+def test_the_usual_periods_of_a_motion_are_whole_cycles(tmp_path: Path) -> None:
+    service = CellService(tmp_path, [ServedCell("kr15", 20.0)])
+    api = Api(service)
+    api.app = make_api(service, api.door, PAGES)
+    page = api.ask(Role.VIEWER, "GET", "/cells/kr15/experiment").text
+    field = re.search(r'<input id="period"[^>]*>', page)
+    assert field is not None
+    periods = re.findall(r'(?:value|data-multisine)="([\d.]+)"', field[0])
+    cycle_s = service.cell("kr15").loaded.config.cycle_time_s
+    assert [samples_of_period(float(each), cycle_s) for each in periods] == [833, 667]
 
 
 def test_load_data_of_every_controller_can_be_chosen_and_saved(tmp_path: Path) -> None:

@@ -178,7 +178,7 @@ def test_a_new_user_gets_to_a_payload_verdict(
 def fill_session(page: Page) -> None:
     """Choose a short session with the payload that the plant file calls medium."""
     page.locator("#payload").select_option("medium")
-    page.get_by_text("Limits and lengths").click()
+    page.get_by_text("Required accuracy, number of runs").click()
     numbers = {"centre-limit": "30", "rehearsal": "60", "warm": "50", "warm-periods": "4"}
     for field, number in numbers.items():
         page.locator(f"#{field}").fill(number)
