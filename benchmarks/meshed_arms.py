@@ -44,7 +44,7 @@ PACKAGES: Final = (
     "airo-models==0.0.12",
 )
 INSTALL: Final = '. ./environment.sh && "$(rid_daq_uv)" pip install -q --no-deps --target "$0" "$@"'
-"""Installation by the project's uv: its environment has no pip. Arguments: folder, packages."""
+"""Shell command that installs packages into a folder by uv, since the environment has no pip."""
 ROBOTS: Final = "cmeel.prefix/share/example-robot-data/robots"
 XACRO: Final = "rtbdata/xacro"
 """Folders below the folder into which the packages are installed."""

@@ -160,8 +160,8 @@ def main() -> int:
         "median_s": round(statistics.median(passed_s), 1) if passed_s else None,
         "median_cpu_s": round(median_cpu_s, 1) if passed_cpu_s else None,
         "load": round(os.getloadavg()[2], 1),
-        "bar": f"{INITIALISED_BAR:.0%} initialised, {VALIDATED_BAR:.0%} validated, median at most"
-        f" {MEDIAN_BAR_S:g} s of a processor",
+        "bar": f"{INITIALISED_BAR:.0%} initialised, {VALIDATED_BAR:.0%} validated, median CPU time"
+        f" at most {MEDIAN_BAR_S:g} s",
         "holds": holds,
         "robots": [
             {

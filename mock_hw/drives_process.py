@@ -245,7 +245,7 @@ def _plate_service(
         yield None
         return
     if settings.plate.path.is_symlink():
-        settings.plate.path.unlink()  # a killed process has left it
+        settings.plate.path.unlink()  # left by a killed process
     with signals_deferred():  # compiles, as in `_rack_on_bus`
         port = AmplifierPort(settings.plate, realtime=not client.lockstep, now_s=rack.time_s)
     service = PlateService(port, rack, client)

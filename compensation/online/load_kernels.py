@@ -49,7 +49,7 @@ def load_arrays(loads: tuple[SampleTorque, ...], times_s: FloatArray) -> LoadArr
 
 
 def stated_times(begin_s: FloatArray, ramp_s: FloatArray) -> FloatArray:
-    """Return the `times` of changes at stated times, (changes, 5) [s]."""
+    """Return `times` of `LoadArrays` for changes that begin at stated times, (changes, 5) [s]."""
     end_s, noticed_s = begin_s + ramp_s, np.full(len(begin_s), -np.inf)
     return np.stack([begin_s, end_s, noticed_s, begin_s, end_s], axis=1)
 
@@ -96,7 +96,7 @@ def set_whole_load(model: ModelArrays, loads: LoadArrays, load: int) -> None:
 def _add_change(
     model: ModelArrays, loads: LoadArrays, before: int, after: int, share: float
 ) -> None:
-    """Add a part of the difference between two loads to a model's parameters."""
+    """Add a fraction `share` of the difference between two loads to a model's parameters."""
     _, bodies, terms = loads
     table = model[3]
     for i in range(table.shape[0]):

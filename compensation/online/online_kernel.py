@@ -96,7 +96,7 @@ STATE_ROWS: Final = 7
 DRIVEN: Final = 0  # rows of `memory`: hysteresis states of the head's path, measured motion
 MEASURED: Final = 1
 
-WANTED: Final = 2  # rows of an element of `line`, after Q and V: motors' speeds to send; node
+WANTED: Final = 2  # rows of a place in `line`, after Q and V: motor speeds to send; node index
 INDEX: Final = 3
 OWN: Final = 4  # motors' speeds of the path
 PLACE_ROWS: Final = 5

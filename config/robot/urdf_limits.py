@@ -173,7 +173,7 @@ class _LimitReader:
         self._size = size
         self._weight = max(size.weight, least_weight)
         self._slides = joint.kind == "prismatic"
-        self._scale = 1.0  # of positions and velocities; other than 1 for degrees or millimetres
+        self._scale = 1.0  # to rad or m; not 1 if the URDF has degrees or millimetres
         self.replaced: list[ReplacedValue] = []
 
     def replace(self, key: str, value: float | str, how: str) -> None:

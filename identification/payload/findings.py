@@ -84,8 +84,8 @@ def payload_findings(estimate: PayloadEstimate) -> tuple[PayloadFinding, ...]:
 
     Poorly determined means that 2 sigma are more than 5 % of the mass, 10 mm of the centre of
     gravity, or 20 % of the inertia about the flange. The candidate motions move one joint or two
-    joints at their limits. Each counts as one more pair of runs of the same length, with residuals
-    of the same spectrum.
+    joints at their limits. A candidate counts as a further pair of runs that is as long as the
+    present one and has the same residual spectrum.
     """
     limits = np.concatenate(
         [

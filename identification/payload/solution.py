@@ -182,7 +182,8 @@ def _solve_with_known(
     Fixed quantities are constraints: only payloads with exactly these values are considered.
     """
     ten = PARAMETERS_PER_LINK
-    # theta = determined z + undetermined h: only known quantities determine h.
+    # theta = determined z + undetermined h. The recordings determine z; only known quantities can
+    # determine h.
     subspace, r = found.subspace, found.subspace.determined.shape[1]
     axes = np.hstack([subspace.determined, subspace.undetermined])
     metric = np.linalg.inv(found.spread)

@@ -96,7 +96,7 @@ class WiringTrial:
 
     @property
     def cost(self) -> float:
-        """Sum of the logarithms of `residual_share`, plus one for each impossibility."""
+        """Sum of the logarithms of `residual_share`, plus a cost for each impossible result."""
         shares = np.log(self.residual_share)
         return float(np.nansum(shares) + IMPOSSIBLE_COST * self.impossible)
 
@@ -139,7 +139,7 @@ class CondensedEquations:
         products = np.zeros((len(parts), n, p + n, p + n))
         for j in range(n):
             columns = np.column_stack([phi[:, j], signals.torque_nm])[use[:, j]]
-            own = np.flatnonzero(columns.any(axis=0))  # inner links do not affect a joint's torque
+            own = np.flatnonzero(columns.any(axis=0))  # links before a joint have no columns
             columns = columns[:, own]
             used = [int(np.count_nonzero(use[part, j])) for part in parts]
             ends = np.cumsum([0, *used]).tolist()
