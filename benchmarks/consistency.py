@@ -294,7 +294,7 @@ def main() -> int:
         f" {wrong.draws}; {100 * wrong.named / wrong.draws:.1f} % name it"
     )
     longest_s = max(counted.longest_s for counted in (*sound.values(), wrong))
-    print(f"  longest test: {longest_s:.2f} s of the processor")
+    print(f"  longest test: {longest_s:.2f} s of processor time")
     every = sum(counted.refused for counted in sound.values()) / sum(
         counted.draws for counted in sound.values()
     )

@@ -55,7 +55,7 @@ BAND_HZ: Final = (0.5, 40.0)
 LARGEST_ERROR: Final = {"motors": 0.05, "plate": 0.03, "link encoders": 0.03, "tracker": 0.03}
 """Largest relative error of the stiffness, by the instrument used in addition to the motors."""
 LEAST_BEND_RAD: Final = 1e-4
-"""Deflection from which the bar on the error holds."""
+"""Deflection from which the error of a stiffness is limited."""
 LEAST_COVERAGE: Final = 0.9
 TOOL_BAR, MOTOR_BAR, RIGID_BAR = 12.0, 1.3, 0.07
 VARYING_BAR: Final = 5.0

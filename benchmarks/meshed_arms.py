@@ -181,8 +181,8 @@ def try_meshes(robots: Path | None, only: list[str], *, with_table: bool) -> int
         "median_cpu_s": round(median_cpu_s, 1),
         "load": round(os.getloadavg()[2], 1),
         "bar": f"bodies for {BODIED_BAR:.0%} of the arms with meshes, all distances computed, no"
-        f" vertex more than {OUTSIDE_BAR_MM:g} mm outside, median at most {MEDIAN_BAR_S:g} s of a"
-        " processor",
+        f" vertex more than {OUTSIDE_BAR_MM:g} mm outside, median processor time at most"
+        f" {MEDIAN_BAR_S:g} s",
         "holds": holds,
         "arms": [
             {

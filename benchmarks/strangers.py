@@ -71,7 +71,7 @@ class UrdfResult:
         return sum(self.took_s.values())
 
 
-def drive(name: str, urdf: Path, folder: Path) -> UrdfResult:
+def run_commands(name: str, urdf: Path, folder: Path) -> UrdfResult:
     """Run the commands for one robot until a command fails."""
     result = UrdfResult(name)
     cell, runs = str(folder / "cell.yaml"), ["--runs", str(folder / "runs")]
@@ -135,7 +135,7 @@ def main() -> int:
     for path in urdfs(options.urdf, options.only):
         with tempfile.TemporaryDirectory() as folder:
             name = str(path.relative_to(options.urdf))
-            results.append(drive(name, path.resolve(), Path(folder) / "cell"))
+            results.append(run_commands(name, path.resolve(), Path(folder) / "cell"))
         if not options.json:
             _print(results[-1], heading=len(results) == 1)
     if not results:

@@ -100,8 +100,8 @@ def stage_of(cell: LoadedCell, points: Points) -> Callable[[int], object]:
     return source.at
 
 
-def peer_of(cell: LoadedCell, points: Points) -> Callable[[int], object]:
-    """Return the same function, written in Python with Pinocchio for the torque."""
+def pinocchio_peer(cell: LoadedCell, points: Points) -> Callable[[int], object]:
+    """Return a function that does the same as `PointSource.at`, in Python with Pinocchio."""
     n, step_s = points.shape[1], cell.config.cycle_time_s
     model = pin.Model()
     for j in range(n):
@@ -228,7 +228,7 @@ def main() -> int:
     # The stage refuses a coupled wrist; six axes that are not coupled cost the same.
     cell = replace(cell, robot=cell.robot.model_copy(update={"coupling": None}))
     points = path_of(cell, rows + 10)
-    plain, peer = stage_of(cell, points), peer_of(cell, points)
+    plain, peer = stage_of(cell, points), pinocchio_peer(cell, points)
     stage = stage_of(replace(cell, robot=with_presliding(cell.robot)), points)
     gc.collect()
     gc.freeze()

@@ -4,7 +4,7 @@ A change begins at a stated time, or at a signal during the motion. Until the si
 change has the begin and end infinity, and nobody knows which load the robot will carry. The path's
 torques are therefore checked with every possible load.
 
-A signal is noticed late: the input is sampled and debounced, and the path's head is already some
+A signal is noticed late: the input is sampled and debounced, and the path is already computed some
 cycles ahead. The load then changes `CATCH_UP` times as fast, until it has reached the ramp that
 began with the signal.
 """
@@ -22,7 +22,7 @@ from dynamics.model.one_sample import ModelArrays, SampleTorque
 # Columns of `times`.
 BEGIN: Final = 0
 END: Final = 1
-NOTICED: Final = 2  # time of the head at which a signal was noticed; -inf for a stated time
+NOTICED: Final = 2  # path time computed when a signal was noticed; -inf for a stated time
 EARLIEST: Final = 3  # earliest possible begin
 SETTLED: Final = 4  # latest possible end; inf if the change may never come
 COLUMNS: Final = 5

@@ -68,7 +68,7 @@ STEP: Final = 15  # largest change of the feedforward in a cycle [rad/s or m/s]
 AXES_ROWS: Final = 16
 
 # Elements of the array `counts`, in addition to those of `path_kernels`.
-HEAD: Final = 12  # number of cycles that the head has advanced
+HEAD: Final = 12  # number of cycles that the head (defined above) has advanced
 DELAY: Final = 13  # number of cycles that the head is ahead of the set-points
 RESTED: Final = 14  # cycle of the head in which the path came to rest; -1 while it moves
 SUSPENDED_UNTIL: Final = 15  # cycle of the head until which the compensation is suspended

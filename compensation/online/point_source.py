@@ -365,7 +365,7 @@ def buffer_points(buffer_s: float, cycle_time_s: float) -> int:
 
 
 def compile_stage(feedforward: OnlineFeedforward) -> None:
-    """Compile or load the kernels before the cyclic task begins, so that it begins without delay.
+    """Compile or load the kernels, so that the cyclic task begins without delay.
 
     Args:
         feedforward: Data of any robot; the compiled code is the same for all robots.

@@ -101,7 +101,7 @@ def cut_path(path: PathArrays) -> None:
 
 @kernel
 def advance(path: PathArrays, head: FloatArray) -> bool:
-    """Advance the path's head by one cycle.
+    """Advance the point for which the feedforward is computed (the head) by one cycle.
 
     Args:
         head: Shape (3, n). Position, velocity and acceleration of the path; written.

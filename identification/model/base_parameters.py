@@ -78,7 +78,7 @@ class BaseParameters:
         return standard_regressor[..., list(self.kept)]
 
     def to_standard(self, values: FloatArray) -> FloatArray:
-        """Return standard parameters (p,) with the same torques: heads only, others zero."""
+        """Return standard parameters (p,) with the same torques; those not in `kept` are zero."""
         standard = np.zeros(len(self.standard_names))
         standard[list(self.kept)] = values
         return standard

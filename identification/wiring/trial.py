@@ -172,12 +172,12 @@ class CondensedEquations:
             left += self._squared_residuals(part, values, torque)
             driving &= self._driving(values, torque)
         shares = np.minimum(_as_shares(left, sizes, self.rows), 1.0)
-        weight = self.weight(torque)
+        weight = self.arm_weight(torque)
         surest = math.nan if weight is None else weight.share + 2.0 * weight.sigma
         return WiringTrial(shares, driving & (shares < EXPLAINED_SHARE), surest)
 
-    def weight(self, torque: FloatArray) -> ArmWeight | None:
-        """Return the arm's weight in a fit to `torque` (n, n) times the stated torques."""
+    def arm_weight(self, torque: FloatArray) -> ArmWeight | None:
+        """Return the arm's weight, fitted to the stated torques multiplied by `torque` (n, n)."""
         if self.drawn_weight is None or not self.drawn_weight.is_visible:
             return None
         whole = self.products.sum(axis=0)
