@@ -14,7 +14,7 @@ Run it with ``python -m benchmarks.elastic [--quick] [CELLS]``. It needs no bus.
    deflection. d_motors is the error that the encoders at the motors show, and d_rigid the tool's
    error with the feedforward for rigid gears.
 
-The exit code is 1 if a bar fails.
+The exit code is 1 if a requirement is not met.
 """
 
 from __future__ import annotations
@@ -177,7 +177,7 @@ def _mean(errors: FloatArray) -> float:
 
 
 def stiffness_holds(cells: int, quick: bool) -> tuple[bool, dict[str, Any]]:
-    """Identify the gears of all cells, and print the errors; return True if the bars hold."""
+    """Identify the gears of all cells and print the errors; return True if they are small."""
     errors: dict[str, list[FloatArray]] = {label: [] for label in LARGEST_ERROR}
     inside: dict[str, list[bool]] = {label: [] for label in LARGEST_ERROR}
     missing = dict.fromkeys(LARGEST_ERROR, 0)
@@ -214,7 +214,7 @@ def stiffness_holds(cells: int, quick: bool) -> tuple[bool, dict[str, Any]]:
 
 
 def deflection_holds(quick: bool) -> tuple[bool, dict[str, Any]]:
-    """Follow paths with the softest cell and print the errors; return True if the bars hold."""
+    """Follow paths with the softest cell and print the errors; return True if they are small."""
     cell = ElasticCell.of(100, STIFFNESS)
     identified = identify(cell, 100, quick)
     robot = with_gears(cell.robot, identified.gears["motors"])

@@ -150,7 +150,7 @@ def press(served: Served, until_s: float) -> dict[str, Pressed]:
 
 
 def fuzz(served: Served, seed: int, seconds: float) -> tuple[dict[str, Pressed], int]:
-    """Send streams for a time; return the STOPs and the number of streams."""
+    """Send streams for a time; return the answers to STOPs, and the number of streams."""
     context = multiprocessing.get_context("spawn")
     sent: multiprocessing.Queue[int] = context.Queue()
     until_s = time.monotonic() + seconds

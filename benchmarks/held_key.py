@@ -8,7 +8,7 @@ service or worker hangs for as long. A few links run over sockets in real time. 
   packet loss, and no false release on loopback in 10 minutes of real time.
 
 The benchmark uses the addresses 127.0.0.0/8 only. The last line is one JSON object; the exit code
-is 1 if a bar fails.
+is 1 if a requirement is not met.
 """
 
 from __future__ import annotations

@@ -142,7 +142,7 @@ def try_meshes(robots: Path | None, only: list[str], *, with_table: bool) -> int
         with_table: Print a line per arm.
 
     Returns:
-        0 if all bars hold, else 1; 2 if no arm is selected.
+        0 if all requirements are met, else 1; 2 if no arm is selected.
     """
     with tempfile.TemporaryDirectory() as temporary:
         folder = robots or Path(temporary) / "robots"

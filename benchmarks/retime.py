@@ -257,7 +257,7 @@ def time_paths_by_toppra(six: SixAxes, seeds: range, rounds: int) -> dict[str, A
 
 
 def main() -> int:
-    """Measure, and print the figures; return 0 if every bar is met."""
+    """Measure, and print the figures; return 0 if every requirement is met."""
     quick = "--quick" in sys.argv
     seeds, rounds = range(10 if quick else 100), 2 if quick else 5
     six = SixAxes.ur10e()

@@ -149,7 +149,7 @@ def _rack_on_bus(
     """Build the rack, compile its kernels and join the bus; remove the snapshot file at the end."""
     simulation = settings.simulation
     cell, robot, plant, seed = simulation.cell, simulation.robot, simulation.truth, simulation.seed
-    with signals_deferred():  # signals would be lost in a compiler's callback
+    with signals_deferred():  # the compiler would lose signals
         from mock_hw.plant.tracker import Tracker  # imports Pinocchio: only for this process
         from mock_hw.rack import DriveRack
 

@@ -39,7 +39,7 @@ from config.robot.robot import RobotDescription
 
 _TIME_NAME: Final = re.compile(
     r"(__)?(time|t|timestamp|stamp|zeit|zeitstempel|ipoc|secs?|seconds|log_time)([^a-z].*)?"
-    r"|ns|us|ms|(nano|micro|milli)seconds|__index_level_0__",  # the last is the index of pandas
+    r"|ns|us|ms|(nano|micro|milli)seconds|__index_level_0__",  # column for the index of pandas
     re.IGNORECASE,
 )
 _UNIT_AFTER_SLASH: Final = re.compile(r"/(s|ms|us|µs|ns)$")

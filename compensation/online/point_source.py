@@ -344,7 +344,7 @@ class PointSource:
                 f" {allowed:.4g}"
             )
         rested = counts[stage.RESTED] >= 0
-        at = " The robot stopped on its path before it." if rested else ""
+        at = " The robot stopped on its path before this point." if rested else ""
         return StopReason(StopCode.POINTS_REFUSED, f"{text}.{at}", **limits)
 
 

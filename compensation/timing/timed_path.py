@@ -262,7 +262,7 @@ class _Search:
         return exceeded
 
     def _keep(self, label: str, more: FloatArray) -> None:
-        """Hold more of a limit in reserve, `more` (points,)."""
+        """Tighten a limit by the fraction `more` (points,) at each grid point."""
         self.worst = f"the {label}"
         for r in self._columns.get(label, ()):
             self._free[:, r] += more

@@ -176,7 +176,7 @@ def _weak_finding(estimate: PayloadEstimate, index: int, tried: Tried) -> Payloa
 
 
 def _sigma_with(estimate: PayloadEstimate, more: FloatArray, target: FloatArray) -> float:
-    """Return the standard deviation of target . theta with more information, or inf."""
+    """Return the standard deviation of target . theta with more data; inf if undetermined."""
     scale = 1.0 / np.sqrt(np.maximum(np.diagonal(more), 0.0) + _size_of(estimate))
     known = _information(estimate)
     total = (known + more) * np.outer(scale, scale)
