@@ -160,7 +160,7 @@ def cpu_us(at: Callable[[int], object], rows: int) -> float:
 
 
 def share_of_core(cycles: int) -> tuple[float, float]:
-    """Return the load of a core at 1 kHz for three axes with bus, and for the compensation alone."""
+    """Return the load of a core at 1 kHz: three axes with bus, and the compensation alone."""
     cell = load_cell("ir361")
     cell = LoadedCell(
         cell.config.model_copy(update={"cycle_time_ms": 1}), cell.robot, cell.plant, cell.files
@@ -238,9 +238,7 @@ def main() -> int:
     print(f"six axes: {value:.1f} us a cycle, {1e6 / value:.0f} cycles a second")
     print(f"the same without presliding: {without:.1f} us; limit {LONGEST_US:g} us")
     print(f"Pinocchio in Python: {theirs:.1f} us a cycle")
-    print(
-        f"three axes at 1 kHz with their bus: {share:.1%} of a core, the compensation alone {alone:.1%}"
-    )
+    print(f"three axes at 1 kHz with bus: {share:.1%} of a core, compensation alone {alone:.1%}")
     holds = share <= LARGEST_SHARE and value < theirs and value <= LONGEST_US
     result = {
         "name": "stream",
