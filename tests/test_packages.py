@@ -43,7 +43,7 @@ def test_a_file_has_at_most_400_lines() -> None:
     assert long == {}
 
 
-def test_a_room_has_at_most_20_files() -> None:
+def test_a_subpackage_has_at_most_20_files() -> None:
     """A folder has at most 20 files, `__init__.py` included."""
     full = {
         str(room.relative_to(ROOT)): files
