@@ -118,7 +118,7 @@ def crawl(target: Target) -> None:
 
 ATTACKS: Final[dict[str, Callable[[Target], None]]] = {
     "bodies of 17 MB without a token": send_bodies,
-    "40 WebSockets of one viewer, nonsense over 12": take_sockets,
+    "40 WebSockets of one viewer, 12 of which send invalid messages": take_sockets,
     "slow requests of one viewer": send_slow_requests,
     "the database locked": hold_database,
     "a thousand slow clients": crawl,

@@ -256,7 +256,7 @@ def log_cholesky(task: ConsistencyProgramme, target: FloatArray) -> FloatArray:
 
 
 def against_log_cholesky(count: int) -> tuple[bool, float, float]:
-    """Print the comparison; return True if its bar is met, the time [ms], and the speed-up."""
+    """Print the comparison; return True if it is good enough, the time [ms], and the speed-up."""
     spent, cost = np.zeros((2, count)), np.zeros((2, count))
     for seed in range(count):
         estimate = noisy_estimate(seed)
@@ -294,7 +294,7 @@ def main() -> int:
         f" {wrong.draws}; {100 * wrong.named / wrong.draws:.1f} % name it"
     )
     longest_s = max(counted.longest_s for counted in (*sound.values(), wrong))
-    print(f"  longest test: {longest_s:.2f} s of the processor")
+    print(f"  longest test: {longest_s:.2f} s of processor time")
     every = sum(counted.refused for counted in sound.values()) / sum(
         counted.draws for counted in sound.values()
     )

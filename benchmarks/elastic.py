@@ -14,7 +14,7 @@ Run it with ``python -m benchmarks.elastic [--quick] [CELLS]``. It needs no bus.
    deflection. d_motors is the error that the encoders at the motors show, and d_rigid the tool's
    error with the feedforward for rigid gears.
 
-The exit code is 1 if a bar fails.
+The exit code is 1 if a requirement is not met.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ BAND_HZ: Final = (0.5, 40.0)
 LARGEST_ERROR: Final = {"motors": 0.05, "plate": 0.03, "link encoders": 0.03, "tracker": 0.03}
 """Largest relative error of the stiffness, by the instrument used in addition to the motors."""
 LEAST_BEND_RAD: Final = 1e-4
-"""Deflection from which the bar on the error holds."""
+"""Deflection from which the error of a stiffness is limited."""
 LEAST_COVERAGE: Final = 0.9
 TOOL_BAR, MOTOR_BAR, RIGID_BAR = 12.0, 1.3, 0.07
 VARYING_BAR: Final = 5.0
@@ -177,7 +177,7 @@ def _mean(errors: FloatArray) -> float:
 
 
 def stiffness_holds(cells: int, quick: bool) -> tuple[bool, dict[str, Any]]:
-    """Identify the gears of all cells, and print the errors; return True if the bars hold."""
+    """Identify the gears of all cells and print the errors; return True if they are small."""
     errors: dict[str, list[FloatArray]] = {label: [] for label in LARGEST_ERROR}
     inside: dict[str, list[bool]] = {label: [] for label in LARGEST_ERROR}
     missing = dict.fromkeys(LARGEST_ERROR, 0)
@@ -214,7 +214,7 @@ def stiffness_holds(cells: int, quick: bool) -> tuple[bool, dict[str, Any]]:
 
 
 def deflection_holds(quick: bool) -> tuple[bool, dict[str, Any]]:
-    """Follow paths with the softest cell and print the errors; return True if the bars hold."""
+    """Follow paths with the softest cell and print the errors; return True if they are small."""
     cell = ElasticCell.of(100, STIFFNESS)
     identified = identify(cell, 100, quick)
     robot = with_gears(cell.robot, identified.gears["motors"])

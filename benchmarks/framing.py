@@ -150,7 +150,7 @@ def press(served: Served, until_s: float) -> dict[str, Pressed]:
 
 
 def fuzz(served: Served, seed: int, seconds: float) -> tuple[dict[str, Pressed], int]:
-    """Send streams for a time; return the STOPs and the number of streams."""
+    """Send streams for a time; return the answers to STOPs, and the number of streams."""
     context = multiprocessing.get_context("spawn")
     sent: multiprocessing.Queue[int] = context.Queue()
     until_s = time.monotonic() + seconds
@@ -206,7 +206,7 @@ def main() -> int:
     result = {
         "name": "framing",
         "value": round(p99_ms, 1),
-        "unit": "ms from the press of STOP to the answer, p99 of the slower way",
+        "unit": "ms from the press of STOP to the answer; the larger p99 of WebSocket and HTTP",
         "n": sum(len(each.took_ms) for each in pressed.values()),
         "streams": streams + more,
         "minutes": options.minutes,
@@ -215,8 +215,8 @@ def main() -> int:
         "tracebacks": tracebacks,
         **{f"memory_ratio_{name}": round(ratio, 3) for name, ratio in growth.items()},
         "load": round(os.getloadavg()[0], 1),
-        "bar": f"nothing ends, no traceback, no STOP lost, p99 {STOP_BAR_MS:g} ms, memory"
-        f" {MEMORY_BAR:g} times",
+        "bar": f"all processes survive, no traceback, no STOP lost, p99 at most {STOP_BAR_MS:g} ms,"
+        f" memory at most {MEMORY_BAR:g} times that of the start",
         "holds": holds,
     }
     if tracebacks:

@@ -158,7 +158,7 @@ class Cell:
 
     @classmethod
     def empty(cls) -> Cell:
-        """Return an empty entry of the table."""
+        """Return an object without any recording."""
         return cls([], [], [], [])
 
     def shares(self) -> dict[str, float]:

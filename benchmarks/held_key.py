@@ -8,7 +8,7 @@ service or worker hangs for as long. A few links run over sockets in real time. 
   packet loss, and no false release on loopback in 10 minutes of real time.
 
 The benchmark uses the addresses 127.0.0.0/8 only. The last line is one JSON object; the exit code
-is 1 if a bar fails.
+is 1 if a requirement is not met.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ class Outcome:
     restarts: int
 
 
-def ramp_s() -> float:
+def stop_ramp_s() -> float:
     """Return the duration of the stop ramp from a jog's speed, including its first cycle."""
     limits = [joint.limits for joint in LOADED.robot.joints]
     slowest = max(SPEED_SHARE * each.velocity / (0.3 * each.acceleration) for each in limits)
@@ -125,7 +125,7 @@ def _hold(jog: SimulatedJog, chance: random.Random, until_s: float, reconnects_s
             reconnects_s = math.inf
         jog.tick()
         if jog.speed and not press:
-            allowed_s = released_s + CHALLENGE_LIMIT_S + ramp_s()
+            allowed_s = released_s + CHALLENGE_LIMIT_S + stop_ramp_s()
             outcome.late_s = max(outcome.late_s, jog.clock.now_s - allowed_s)
         if jog.speed and not before:
             outcome.restarts += presses in moved_in or presses == 0
@@ -192,7 +192,7 @@ def report(links: int, minutes: float, loopback_s: float) -> bool:
         f" Linux (RFC 8985), {older:.2f} with fast retransmit after three packets; 2 kB/s from the"
         f" page: {filled:.2f}"
     )
-    real: RealLinks = real_links(loopback_s, ramp_s())
+    real: RealLinks = real_links(loopback_s, stop_ramp_s())
     print(real.sentence)
     holds = (
         late_s <= TICK_S

@@ -41,8 +41,8 @@ class JudgeSplit(ConfigModel):
 
     `map` is an import map: a file in the folder, or the name of a bundled one. The same applies to
     the robot file that the map names. In the first direction a model of the recordings `train`
-    predicts those of `judge`; in the second direction the two are exchanged. `bar` applies to the
-    first direction.
+    predicts those of `judge`; in the second direction the two are exchanged. `bar` has the largest
+    allowed errors in the first direction.
     """
 
     map: str

@@ -203,7 +203,7 @@ def percent_row(percent: Sequence[float]) -> str:
 
 
 def meets_bar(percent: Sequence[float], bar: Sequence[float | None]) -> bool:
-    """Return True if no joint exceeds its bar."""
+    """Return True if no joint exceeds its limit `bar`."""
     return all(limit is None or value <= limit for value, limit in zip(percent, bar, strict=False))
 
 
@@ -281,7 +281,7 @@ def main() -> int:
             {
                 "name": "judges",
                 "value": held,
-                "unit": f"of {len(robots)} robots within their bars",
+                "unit": f"of {len(robots)} robots within their limits",
                 "robots": robots,
                 "bar": "every robot within the bar of its split, if it has one",
                 "holds": held == len(robots),

@@ -44,7 +44,7 @@ PACKAGES: Final = (
     "airo-models==0.0.12",
 )
 INSTALL: Final = '. ./environment.sh && "$(rid_daq_uv)" pip install -q --no-deps --target "$0" "$@"'
-"""Installation by the project's uv: its environment has no pip. Arguments: folder, packages."""
+"""Shell command that installs packages into a folder by uv, since the environment has no pip."""
 ROBOTS: Final = "cmeel.prefix/share/example-robot-data/robots"
 XACRO: Final = "rtbdata/xacro"
 """Folders below the folder into which the packages are installed."""
@@ -142,7 +142,7 @@ def try_meshes(robots: Path | None, only: list[str], *, with_table: bool) -> int
         with_table: Print a line per arm.
 
     Returns:
-        0 if all bars hold, else 1; 2 if no arm is selected.
+        0 if all requirements are met, else 1; 2 if no arm is selected.
     """
     with tempfile.TemporaryDirectory() as temporary:
         folder = robots or Path(temporary) / "robots"
@@ -181,8 +181,8 @@ def try_meshes(robots: Path | None, only: list[str], *, with_table: bool) -> int
         "median_cpu_s": round(median_cpu_s, 1),
         "load": round(os.getloadavg()[2], 1),
         "bar": f"bodies for {BODIED_BAR:.0%} of the arms with meshes, all distances computed, no"
-        f" vertex more than {OUTSIDE_BAR_MM:g} mm outside, median at most {MEDIAN_BAR_S:g} s of a"
-        " processor",
+        f" vertex more than {OUTSIDE_BAR_MM:g} mm outside, median processor time at most"
+        f" {MEDIAN_BAR_S:g} s",
         "holds": holds,
         "arms": [
             {

@@ -42,7 +42,7 @@ def random_arm(axes: int) -> RobotModel:
 
 
 def pinocchio_arm(chain: Chain) -> pin.Model:
-    """Return the same arm in Pinocchio."""
+    """Return the arm of a chain as a Pinocchio model."""
     model = pin.Model()
     parent = 0
     for (_, _, theta, a, d), fixed in zip(chain.rows, chain.fixed_rotations, strict=True):

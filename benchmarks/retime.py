@@ -134,8 +134,8 @@ def _judge(chain: Chain, theta: FloatArray, robot: RobotDescription) -> Any:
     return model
 
 
-def optimum_s(six: SixAxes, curve: JointCurve) -> float:
-    """Return the time of a path on a fine grid [s]."""
+def shortest_time_s(six: SixAxes, curve: JointCurve) -> float:
+    """Return the shortest time of a path, computed on a fine grid [s]."""
     dynamics = PathDynamics.of(curve, six.robot, six.torque, FINER * INTERVALS)
     rows = PathRows.of(dynamics, six.limits)
     return float(fastest(rows, rows.bounds).time_s[-1])
@@ -171,7 +171,7 @@ def time_paths(six: SixAxes, seeds: range, rounds: int) -> dict[str, Any]:
         peaks.append(shares)
         rows += len(shares)
         scans.append(timed.scans)
-        over.append((len(shares) - 1) * CYCLE_S / optimum_s(six, curve) - 1.0)
+        over.append((len(shares) - 1) * CYCLE_S / shortest_time_s(six, curve) - 1.0)
         spent.append(cpu_ms(partial(timer.timed, curve), rounds))
     above = sum(int((share > JUDGED).sum()) for share in peaks)
     return {
@@ -243,7 +243,7 @@ def time_paths_by_toppra(six: SixAxes, seeds: range, rounds: int) -> dict[str, A
             at_s = np.arange(0.0, motion.duration, CYCLE_S)
             path = JointTrajectory(*(motion(at_s, order) for order in range(3)))
             peaks.append(float(six.judged(path).max()))
-            over.append(motion.duration / optimum_s(six, curve) - 1.0)
+            over.append(motion.duration / shortest_time_s(six, curve) - 1.0)
             spent.append(cpu_ms(partial(timed, curve, poses), max(1, rounds // 3)))
         found[name] = {
             "failed": failed,
@@ -257,7 +257,7 @@ def time_paths_by_toppra(six: SixAxes, seeds: range, rounds: int) -> dict[str, A
 
 
 def main() -> int:
-    """Measure, and print the figures; return 0 if every bar is met."""
+    """Measure, and print the figures; return 0 if every requirement is met."""
     quick = "--quick" in sys.argv
     seeds, rounds = range(10 if quick else 100), 2 if quick else 5
     six = SixAxes.ur10e()

@@ -50,7 +50,7 @@ BARS_S: Final = {"import": 2.0, "identify": 6.0}
 BAR_MB: Final = 400.0
 MOST_GROWTH: Final = 1.1
 FIGAROH_ROWS: Final = 45_000
-"""figaroh holds the regressor of all rows in memory, several times; it gets no more rows."""
+"""Largest number of rows for figaroh, which keeps several copies of the regressor in memory."""
 
 PEERS: Final = {
     "pandas": "import sys, pandas; pandas.read_csv(sys.argv[1])",

@@ -137,13 +137,13 @@ def require_answer(folder: Path, process: subprocess.Popen[bytes]) -> None:
         SystemExit: It has ended, or does not answer within `PATIENCE_S`.
     """
     if (
-        not wait_until(lambda: answers(folder) or process.poll() is not None)
+        not wait_until(lambda: service_answers(folder) or process.poll() is not None)
         or process.poll() is not None
     ):
         raise SystemExit(f"the service does not answer: {(folder / 'output').read_text()[-2000:]}")
 
 
-def answers(folder: Path) -> bool:
+def service_answers(folder: Path) -> bool:
     """Return True if a service of the folder answers."""
     with contextlib.suppress(RidDaqError), ServiceClient.at(str(socket_path_of(folder))) as client:
         client.cells()

@@ -71,7 +71,7 @@ class UrdfResult:
         return sum(self.took_s.values())
 
 
-def drive(name: str, urdf: Path, folder: Path) -> UrdfResult:
+def run_commands(name: str, urdf: Path, folder: Path) -> UrdfResult:
     """Run the commands for one robot until a command fails."""
     result = UrdfResult(name)
     cell, runs = str(folder / "cell.yaml"), ["--runs", str(folder / "runs")]
@@ -135,7 +135,7 @@ def main() -> int:
     for path in urdfs(options.urdf, options.only):
         with tempfile.TemporaryDirectory() as folder:
             name = str(path.relative_to(options.urdf))
-            results.append(drive(name, path.resolve(), Path(folder) / "cell"))
+            results.append(run_commands(name, path.resolve(), Path(folder) / "cell"))
         if not options.json:
             _print(results[-1], heading=len(results) == 1)
     if not results:
@@ -160,8 +160,8 @@ def main() -> int:
         "median_s": round(statistics.median(passed_s), 1) if passed_s else None,
         "median_cpu_s": round(median_cpu_s, 1) if passed_cpu_s else None,
         "load": round(os.getloadavg()[2], 1),
-        "bar": f"{INITIALISED_BAR:.0%} initialised, {VALIDATED_BAR:.0%} validated, median at most"
-        f" {MEDIAN_BAR_S:g} s of a processor",
+        "bar": f"{INITIALISED_BAR:.0%} initialised, {VALIDATED_BAR:.0%} validated, median CPU time"
+        f" at most {MEDIAN_BAR_S:g} s",
         "holds": holds,
         "robots": [
             {

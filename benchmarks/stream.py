@@ -1,13 +1,13 @@
 """Processor time of the on-line compensation, compared with a Python program with Pinocchio.
 
-The on-line compensation is a compiled stage of the cyclic task. It reads points, checks them,
+The on-line compensation is a compiled part of the cyclic task. It reads points, checks them,
 controls the path speed and computes the presliding state, the model's torque and the commanded
 speeds. It is measured for six axes with presliding hysteresis, and also without. For comparison, a
 Python program with numpy and Pinocchio's `rnea` does the same: five-point differences, limits,
 torque, inverse of the velocity loops, look-ahead. Both follow the same path.
 
-Then the load of one core is measured for three axes at 1 kHz. It includes the stage, the position
-loop, the supervisor, and the exchange with drives that another process simulates.
+Then the load of one core is measured for three axes at 1 kHz. It includes the compensation, the
+position loop, the supervisor, and the exchange with drives that another process simulates.
 
 Run it with ``python -m benchmarks.stream [--quick]``.
 """
@@ -91,7 +91,7 @@ def path_of(cell: LoadedCell, count: int) -> Points:
 
 
 def stage_of(cell: LoadedCell, points: Points) -> Callable[[int], object]:
-    """Return the compiled stage as a function that returns the set-point of a row."""
+    """Return the compiled compensation as a function that returns the set-point of a row."""
     ring = PointRing.create(points.shape[1], len(points))
     ring.write(points)
     source = PointSource(feedforward_of(cell), ring)
@@ -100,8 +100,8 @@ def stage_of(cell: LoadedCell, points: Points) -> Callable[[int], object]:
     return source.at
 
 
-def peer_of(cell: LoadedCell, points: Points) -> Callable[[int], object]:
-    """Return the same function, written in Python with Pinocchio for the torque."""
+def pinocchio_peer(cell: LoadedCell, points: Points) -> Callable[[int], object]:
+    """Return a function that does the same as `PointSource.at`, in Python with Pinocchio."""
     n, step_s = points.shape[1], cell.config.cycle_time_s
     model = pin.Model()
     for j in range(n):
@@ -160,7 +160,7 @@ def cpu_us(at: Callable[[int], object], rows: int) -> float:
 
 
 def share_of_core(cycles: int) -> tuple[float, float]:
-    """Return the load of a core at 1 kHz for three axes with bus, and for the stage alone."""
+    """Return the load of a core at 1 kHz: three axes with bus, and the compensation alone."""
     cell = load_cell("ir361")
     cell = LoadedCell(
         cell.config.model_copy(update={"cycle_time_ms": 1}), cell.robot, cell.plant, cell.files
@@ -225,10 +225,10 @@ def main() -> int:
     quick = "--quick" in sys.argv
     rows = 5_000 if quick else 40_000
     cell = load_cell("kr15")
-    # The stage refuses a coupled wrist; six axes that are not coupled cost the same.
+    # The Python program has no coupled wrist.
     cell = replace(cell, robot=cell.robot.model_copy(update={"coupling": None}))
     points = path_of(cell, rows + 10)
-    plain, peer = stage_of(cell, points), peer_of(cell, points)
+    plain, peer = stage_of(cell, points), pinocchio_peer(cell, points)
     stage = stage_of(replace(cell, robot=with_presliding(cell.robot)), points)
     gc.collect()
     gc.freeze()
@@ -238,7 +238,7 @@ def main() -> int:
     print(f"six axes: {value:.1f} us a cycle, {1e6 / value:.0f} cycles a second")
     print(f"the same without presliding: {without:.1f} us; limit {LONGEST_US:g} us")
     print(f"Pinocchio in Python: {theirs:.1f} us a cycle")
-    print(f"three axes at 1 kHz with their bus: {share:.1%} of a core, the stage alone {alone:.1%}")
+    print(f"three axes at 1 kHz with bus: {share:.1%} of a core, compensation alone {alone:.1%}")
     holds = share <= LARGEST_SHARE and value < theirs and value <= LONGEST_US
     result = {
         "name": "stream",

@@ -4,7 +4,7 @@ Run it with ``python -m benchmarks.tracker [--quick]``. Pinocchio simulates the 
 kr15: their rows, points, gears and bodies differ at random from the robot file. A tracker measures
 30 poses by `calibrate poses`, half of them loaded, with 0.02 mm of noise per coordinate. The errors
 are those of the calibrated arm at 100 random poses without load, against the true points without
-noise. The exit code is 1 if a bar fails.
+noise. The exit code is 1 if a requirement is not met.
 """
 
 from __future__ import annotations
@@ -139,7 +139,7 @@ def summary(robot: Robot, trials: list[Trial]) -> dict[str, object]:
 
 
 def failures(robot: Robot, trials: list[Trial]) -> list[str]:
-    """Return a sentence for each bar that fails."""
+    """Return a sentence for each requirement that is not met."""
     found = []
     if any(trial.found.rank != robot.rank for trial in trials):
         found.append(f"{robot.name}: a rank differs from {robot.rank}")

@@ -33,7 +33,7 @@ class AtOperation:
 
     @property
     def notes(self) -> list[str]:
-        """Notes for the user: the sentence, if there is one."""
+        """The sentence as a list; empty if friction does not depend on temperature."""
         return [self.sentence] if self.sentence else []
 
 

@@ -41,44 +41,46 @@ def files() -> Iterator[tuple[Path, list[str]]]:
 
 
 def drawing() -> str:
-    """Return the drawing: packages, their rooms, and the imports between them."""
-    rooms: Graph = {}
+    """Return the drawing: packages, their subpackages, and the imports between them."""
+    subpackages: Graph = {}
     packages: Graph = {package: set() for package in PACKAGES}
     for path, parts in files():
         for name in find_imports(path):
             other = name.split(".")
             if other[0] != parts[0]:
                 packages[parts[0]].add(other[0])
-            elif len(parts) > 2 and _is_room(other) and other[1] != parts[1]:
-                rooms.setdefault(_room(parts), set()).add(_room(other))
+            elif len(parts) > 2 and _is_subpackage(other) and other[1] != parts[1]:
+                subpackages.setdefault(_subpackage(parts), set()).add(_subpackage(other))
         if len(parts) > 2:
-            rooms.setdefault(_room(parts), set())
+            subpackages.setdefault(_subpackage(parts), set())
     lines = ["```mermaid", "flowchart TB"]
     for package in PACKAGES:
         lines.append(f"  subgraph {package}")
-        own = {room for room in rooms if room.split(".")[0] == package}
-        lines += [f"    {_node(room)}[{room.partition('.')[2]}]" for room in sorted(own)]
-        inside = _reduce({room: rooms[room] for room in own})
+        own = {subpackage for subpackage in subpackages if subpackage.split(".")[0] == package}
+        lines += [
+            f"    {_node(subpackage)}[{subpackage.partition('.')[2]}]" for subpackage in sorted(own)
+        ]
+        inside = _reduce({subpackage: subpackages[subpackage] for subpackage in own})
         lines += [f"    {_node(a)} --> {_node(b)}" for a, b in inside]
         lines.append("  end")
     lines += [f"  {a} ==> {b}" for a, b in _reduce(packages)]
     return "\n".join([*lines, "```", ""])
 
 
-def _room(parts: list[str]) -> str:
-    """Return the room (folder) of a module.
+def _subpackage(parts: list[str]) -> str:
+    """Return the subpackage of a module.
 
-    Operations on the service are a separate room, because they import the service; the service
-    imports all other operations.
+    Operations on the service are a separate subpackage, because they import the service; the
+    service imports all other operations.
     """
     return ".".join(parts[: 3 if parts[:3] == ["rid_daq", "operations", "service"] else 2])
 
 
-def _node(room: str) -> str:
-    return room.replace(".", "_")
+def _node(subpackage: str) -> str:
+    return subpackage.replace(".", "_")
 
 
-def _is_room(parts: list[str]) -> bool:
+def _is_subpackage(parts: list[str]) -> bool:
     return len(parts) > 1 and (ROOT / parts[0] / parts[1]).is_dir()
 
 

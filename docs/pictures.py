@@ -127,7 +127,10 @@ def take_workbench(browser: Browser, work: Path, folder: Path) -> None:
         cwd=work,
         stdout=subprocess.PIPE,
         text=True,
-        env={**os.environ, "XDG_STATE_HOME": str(work / "state")},  # no pose of other runs is shown
+        env={
+            **os.environ,
+            "XDG_STATE_HOME": str(work / "state"),
+        },  # without the last pose of other sessions
     ) as service:
         assert service.stdout is not None
         output = ""

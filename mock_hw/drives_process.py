@@ -149,7 +149,7 @@ def _rack_on_bus(
     """Build the rack, compile its kernels and join the bus; remove the snapshot file at the end."""
     simulation = settings.simulation
     cell, robot, plant, seed = simulation.cell, simulation.robot, simulation.truth, simulation.seed
-    with signals_deferred():  # signals would be lost in a compiler's callback
+    with signals_deferred():  # the compiler would lose signals
         from mock_hw.plant.tracker import Tracker  # imports Pinocchio: only for this process
         from mock_hw.rack import DriveRack
 
@@ -245,7 +245,7 @@ def _plate_service(
         yield None
         return
     if settings.plate.path.is_symlink():
-        settings.plate.path.unlink()  # a killed process has left it
+        settings.plate.path.unlink()  # left by a killed process
     with signals_deferred():  # compiles, as in `_rack_on_bus`
         port = AmplifierPort(settings.plate, realtime=not client.lockstep, now_s=rack.time_s)
     service = PlateService(port, rack, client)

@@ -1,4 +1,4 @@
-"""docs/architecture.md: its diagram, walk and paths agree with the imports and calls."""
+"""docs/architecture.md: its diagram, tour and paths agree with the imports and calls."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = ("docs/architecture.md", "docs/extending.md", "docs/theory.md", "CONTRIBUTING.md")
 STATION = re.compile(r"^\d+\. (?:\*(process|file)\* )?`([\w/]+\.py)`", re.MULTILINE)
-WALKS = 1
+TOURS = 1
 MOST_OF_MASS = 15
 FUNCTION = re.compile(
     r"^\d+\. (?:(↳+) )?(?:\*(HTTP|standard input|process|file)\* )?`([\w/.]+)` `([\w.]+)`",
@@ -33,16 +33,16 @@ def architecture_page() -> ModuleType:
     return module
 
 
-def walks() -> list[tuple[str, list[tuple[str, str]]]]:
-    """Return each walk's title and stations (boundary to the previous station, file)."""
+def tours() -> list[tuple[str, list[tuple[str, str]]]]:
+    """Return each tour's title and steps (boundary to the previous step, file)."""
     page = (ROOT / "docs/architecture.md").read_text()
-    walks = page[page.index("## One walk") : page.index("## Three paths")]
-    parts = re.split(r"^### ", walks, flags=re.MULTILINE)[1:]
+    tours = page[page.index("## A tour through the files") : page.index("## Three paths")]
+    parts = re.split(r"^### ", tours, flags=re.MULTILINE)[1:]
     return [(part.splitlines()[0], STATION.findall(part)) for part in parts]
 
 
 def paths() -> list[tuple[str, list[tuple[str, str, str, str]]]]:
-    """Return each path's title and stations (branch, boundary, file, function)."""
+    """Return each path's title and steps (branch, boundary, file, function)."""
     page = (ROOT / "docs/architecture.md").read_text()
     parts = re.split(r"^### ", page[page.index("## Three paths") :], flags=re.MULTILINE)[1:]
     return [(part.splitlines()[0], FUNCTION.findall(part)) for part in parts]
@@ -89,44 +89,44 @@ def test_every_file_named_on_a_page_exists(page: str) -> None:
 
 
 def test_the_page_has_one_walk() -> None:
-    assert len(walks()) == WALKS
+    assert len(tours()) == TOURS
 
 
-@pytest.mark.parametrize("walk", walks(), ids=lambda walk: walk[0])
+@pytest.mark.parametrize("tour", tours(), ids=lambda tour: tour[0])
 def test_each_station_is_connected_to_an_earlier_one(
-    architecture_page: ModuleType, walk: tuple[str, list[tuple[str, str]]]
+    architecture_page: ModuleType, tour: tuple[str, list[tuple[str, str]]]
 ) -> None:
-    """Two stations are connected if one imports the other, or if the page states a process or file
+    """Two steps are connected if one imports the other, or if the page states a process or file
     between them.
     """
-    title, stations = walk
-    modules = {path: path.removesuffix(".py").replace("/", ".") for _, path in stations}
+    title, steps = tour
+    modules = {path: path.removesuffix(".py").replace("/", ".") for _, path in steps}
     imports = {path: architecture_page.find_imports(ROOT / path) for path in modules}
     lonely = []
-    for number, (boundary, path) in enumerate(stations[1:], start=1):
-        before = [earlier for _, earlier in stations[:number]]
+    for number, (boundary, path) in enumerate(steps[1:], start=1):
+        before = [earlier for _, earlier in steps[:number]]
         joined = any(
             modules[path] in imports[other] or modules[other] in imports[path] for other in before
         )
         if not (joined or boundary):
             lonely.append(path)
     assert lonely == [], (
-        f"walk '{title}' of docs/architecture.md: no import connects these stations with an earlier"
-        " one; change the walk to follow the present code"
+        f"tour '{title}' of docs/architecture.md: no import connects these steps with an earlier"
+        " one; change the tour to follow the present code"
     )
     counted = re.search(r"(\d+) files", title)
     assert counted is not None
-    assert int(counted[1]) == len(modules), "state the number of files in the walk's title"
+    assert int(counted[1]) == len(modules), "state the number of files in the tour's title"
 
 
 @pytest.mark.parametrize("path", paths(), ids=lambda path: path[0])
 def test_each_function_of_a_path_is_called_by_the_previous_one(
     path: tuple[str, list[tuple[str, str, str, str]]],
 ) -> None:
-    title, stations = path
-    assert f": {len(stations)} stations" in title
+    title, steps = path
+    assert f": {len(steps)} steps" in title
     callers = [""] * 6
-    for branch, crossing, file, function in stations:
+    for branch, crossing, file, function in steps:
         text = source_of(file, function)
         name = function.split(".")[-1]
         caller = callers[max(len(branch) - 1, 0)]
@@ -147,15 +147,15 @@ def test_the_button_for_a_recording_starts_one() -> None:
 
 def test_a_click_is_checked_by_the_service_and_by_the_worker() -> None:
     """The browser's form fields are a third check, which this test does not cover."""
-    stations = [(file, function) for _, _, file, function in paths()[0][1] if file.endswith("py")]
+    steps = [(file, function) for _, _, file, function in paths()[0][1] if file.endswith("py")]
     check = re.compile(r"\b(?:check_request|parse_request|of_json)\b")
-    found = [function for file, function in stations if check.search(source_of(file, function))]
+    found = [function for file, function in steps if check.search(source_of(file, function))]
     assert found == ["CellService.begin", "work"]
 
 
 def test_limits_are_checked_before_the_motion_and_by_the_supervisor() -> None:
     """`record_motion_file` refuses a feedforward beyond the limits before it asks the operator."""
     verify = re.compile(r"\bverify_limits\b")
-    stations = [(file, function) for _, _, file, function in paths()[1][1]]
-    found = [function for file, function in stations if verify.search(source_of(file, function))]
+    steps = [(file, function) for _, _, file, function in paths()[1][1]]
+    found = [function for file, function in steps if verify.search(source_of(file, function))]
     assert found == ["record_motion_file", "Motion.plan", "_check_motion"]

@@ -1,4 +1,4 @@
-"""`docs/thesis.md`: its numbers are those of the last run; relations hold or have a known cause."""
+"""`docs/thesis.md`: numbers of the last run; differences from the thesis have a known cause."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from acquisition.motion.collision import clear_rows
+from acquisition.motion.collision import rows_before_collision
 from config.arrays import FloatArray
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
@@ -85,7 +85,7 @@ class LineCheck:
         goal = start + share * (wanted - start)
         rows = 1 + max(1, math.ceil(np.abs(goal - start).max() / STEP))
         poses = start + np.linspace(0.0, 1.0, rows)[:, np.newaxis] * (goal - start)
-        clear = clear_rows(self._clearances, poses)
+        clear = rows_before_collision(self._clearances, poses)
         if clear < rows:
             near = self._clearances.nearest(poses[clear : clear + 1])
             obstacle = self._clearances.names[int(np.argmin(near))]

@@ -59,7 +59,7 @@ def _pairs(data: bytes, position: int) -> dict[str, str] | None:
 
 
 def metadata_pairs(data: bytes) -> dict[str, str] | None:
-    """Return the text pairs of the metadata record near the file's start; None if it is damaged."""
+    """Return the pairs of the metadata record near the file's start; None if damaged."""
     name = struct.pack("<I", len(METADATA_NAME)) + METADATA_NAME.encode()
     start = data.find(name, 0, HEAD_BYTES)
     if start < 0:

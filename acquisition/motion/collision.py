@@ -47,7 +47,7 @@ def refuse_collision(
             " in the robot file and `workspace` in the cell file",
             code="RID-MOTION-COLLISION",
         )
-    row = clear_rows(clearances, position, meanwhile)
+    row = rows_before_collision(clearances, position, meanwhile)
     if row == len(position):
         return
     distance = clearances.nearest(position[row : row + 1])
@@ -61,7 +61,7 @@ def refuse_collision(
     )
 
 
-def clear_rows(
+def rows_before_collision(
     clearances: Clearances, position: FloatArray, meanwhile: Callable[[], None] = lambda: None
 ) -> int:
     """Return the number of rows before the first collision; all rows if the path is clear.

@@ -245,7 +245,7 @@ def sum_of(arrays: Iterable[FloatArray]) -> FloatArray:
 
 
 def running_sum(so_far: FloatArray | None, values: FloatArray, axis: int = 0) -> FloatArray:
-    """Add values along an axis to a sum, in the same order as a single sum over all values."""
+    """Add values along an axis to an earlier sum; rounding is that of one sum over all values."""
     if so_far is not None:
         values = np.concatenate([np.expand_dims(so_far, axis), values], axis=axis)
     return np.asarray(values.sum(axis=axis))

@@ -90,7 +90,7 @@ def propose_map(path: Path, robot_reference: str) -> Proposal:
         keys["time"]["unit"] = time_units[0]
         units = next(possible_units(groups, source))
         return Proposal(keys | {"units": units}, tuple(reasons), notes, None)
-    return _first_that_works(path, robot, keys, time_units, groups, source, reasons, notes)
+    return _first_possible_map(path, robot, keys, time_units, groups, source, reasons, notes)
 
 
 def _raw_values(groups: Mapping[str, ColumnGroup], table: SourceTable) -> tuple[str, ...]:
@@ -211,7 +211,7 @@ def _joints(
     return joints, (*missing, *needed.values())
 
 
-def _first_that_works(
+def _first_possible_map(
     path: Path,
     robot: RobotDescription,
     keys: dict[str, Any],

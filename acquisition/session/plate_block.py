@@ -80,7 +80,7 @@ class PlateBlock(SharedBlock):
     LABEL = "rid-daq-plate-1"
     WORDS = _Words
 
-    # used by the program
+    # Methods that only the program calls:
 
     def request_stop(self) -> None:
         """Request the end of the stream and of the file. Safe in a signal handler."""
@@ -115,7 +115,7 @@ class PlateBlock(SharedBlock):
         error: RidDaqError | None = self._words.error.get()
         return error
 
-    # used by the recorder
+    # Methods that only the recorder calls:
 
     @property
     def stop(self) -> bool:

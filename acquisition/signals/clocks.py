@@ -280,7 +280,7 @@ def _wander(x: FloatArray, above: FloatArray, expected: float) -> float:
 
 
 def _wander_of_means(x: FloatArray, rest: FloatArray, variance: float) -> float:
-    """Return the RMS of the residuals' means over eighths of the run, without white noise."""
+    """Return the RMS of the residuals' means over eighths of the run, minus that of white noise."""
     parts = np.array_split(rest[np.argsort(x)], SUBSETS)
     power = [float(part.mean()) ** 2 - 2.0 * variance / len(part) for part in parts if len(part)]
     return float(np.sqrt(max(0.0, float(np.mean(power)))))

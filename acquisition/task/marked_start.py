@@ -60,7 +60,7 @@ class MarkedStart:
 
     @property
     def notes(self) -> Sequence[str]:
-        """Notes of the motion."""
+        """Notes on the motion for the report, as those of the source of set-points."""
         return self._source.notes
 
     def prepare(self) -> None:

@@ -59,7 +59,7 @@ class ProgramWords(ctypes.Structure):
 
     @property
     def periods_judged(self) -> int:
-        """Number of judged periods."""
+        """Number of periods after which the goals were checked."""
         return int(self._periods_judged)
 
     @property

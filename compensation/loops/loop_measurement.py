@@ -91,7 +91,7 @@ def measure_spectra(spectra: MultisineSpectra, position_gain_per_s: float) -> Lo
     """
     first = _measure(spectra, position_gain_per_s)
     if spectra.timing.interpolation == "none":
-        return first  # sampled set-points of the controllers do not show their images
+        return first  # sampled set-points contain no images
     return _measure(without_images(spectra, first.cascades), position_gain_per_s)
 
 

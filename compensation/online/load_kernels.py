@@ -4,7 +4,7 @@ A change begins at a stated time, or at a signal during the motion. Until the si
 change has the begin and end infinity, and nobody knows which load the robot will carry. The path's
 torques are therefore checked with every possible load.
 
-A signal is noticed late: the input is sampled and debounced, and the path's head is already some
+A signal is noticed late: the input is sampled and debounced, and the path is already computed some
 cycles ahead. The load then changes `CATCH_UP` times as fast, until it has reached the ramp that
 began with the signal.
 """
@@ -22,7 +22,7 @@ from dynamics.model.one_sample import ModelArrays, SampleTorque
 # Columns of `times`.
 BEGIN: Final = 0
 END: Final = 1
-NOTICED: Final = 2  # time of the head at which a signal was noticed; -inf for a stated time
+NOTICED: Final = 2  # path time computed when a signal was noticed; -inf for a stated time
 EARLIEST: Final = 3  # earliest possible begin
 SETTLED: Final = 4  # latest possible end; inf if the change may never come
 COLUMNS: Final = 5
@@ -49,7 +49,7 @@ def load_arrays(loads: tuple[SampleTorque, ...], times_s: FloatArray) -> LoadArr
 
 
 def stated_times(begin_s: FloatArray, ramp_s: FloatArray) -> FloatArray:
-    """Return the `times` of changes at stated times, (changes, 5) [s]."""
+    """Return `times` of `LoadArrays` for changes that begin at stated times, (changes, 5) [s]."""
     end_s, noticed_s = begin_s + ramp_s, np.full(len(begin_s), -np.inf)
     return np.stack([begin_s, end_s, noticed_s, begin_s, end_s], axis=1)
 
@@ -58,9 +58,9 @@ def stated_times(begin_s: FloatArray, ramp_s: FloatArray) -> FloatArray:
 def set_load(model: ModelArrays, loads: LoadArrays, time_s: float) -> None:
     """Set a model's parameters to those at a time of the path; they change linearly in a change.
 
-    If a change begins before the previous one is complete, the parts of both are added, and the
-    later part is never the larger one. The parameters are therefore continuous, and a weighted mean
-    of the loads.
+    If a change begins before the previous one is complete, the completed fractions of both are
+    added, and that of the later change is never the larger one. The parameters are therefore
+    continuous, and a weighted mean of the loads.
 
     Args:
         model: `SampleTorque.arrays`; its tables of parameters are overwritten.
@@ -96,7 +96,7 @@ def set_whole_load(model: ModelArrays, loads: LoadArrays, load: int) -> None:
 def _add_change(
     model: ModelArrays, loads: LoadArrays, before: int, after: int, share: float
 ) -> None:
-    """Add a part of the difference between two loads to a model's parameters."""
+    """Add a fraction `share` of the difference between two loads to a model's parameters."""
     _, bodies, terms = loads
     table = model[3]
     for i in range(table.shape[0]):

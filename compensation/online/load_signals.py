@@ -86,19 +86,19 @@ class LoadSignals:
 
     @property
     def notes(self) -> list[str]:
-        """One sentence for each change that came, was missed, or was not needed, without a stop."""
+        """One sentence for each change that came, was missed or was not needed; none for a stop."""
         notes = []
         for number, change in enumerate(self.changes.changes):
             if number in self._stopped:
                 continue
             if change.outcome == "came":
-                notes.append(f"{_name(number)}: {_lateness_words(change)}")
+                notes.append(f"{_change_name(number)}: {_lateness_words(change)}")
             elif change.outcome == "missed":
                 notes.append(f"{_missed_words(number, change)}; the motion went on without it")
             elif change.outcome == "not_needed":
                 notes.append(
-                    f"{_name(number)}: the robot carried this load already, because an earlier"
-                    " signal did not come"
+                    f"{_change_name(number)}: the robot carried this load already, because an"
+                    " earlier signal did not come"
                 )
         return notes
 
@@ -127,7 +127,7 @@ class LoadSignals:
 
         Args:
             loads: The loads, with the changes at their stated times.
-            ahead_s: Time by which the path's head is ahead of the robot [s].
+            ahead_s: Time by which the path is computed ahead of the robot [s].
         """
         times = loads[0].copy()
         earliest_s = 0.0
@@ -154,7 +154,7 @@ class LoadSignals:
 
         Args:
             time_s: Time of the cycle on the path, from its first point [s].
-            head_s: Time of the path's head [s].
+            head_s: Time up to which the path is computed [s].
             answers: The drives' answers.
         """
         changes = self._changes.changes
@@ -228,7 +228,7 @@ class LoadSignals:
         too_late = len(later) > 0 and later[0] <= head_s
         if too_late or (not change.in_window and signal.outside == "stop"):
             self._stopped.append(number)
-            text = f"{_name(number)}: {_lateness_words(change)}"
+            text = f"{_change_name(number)}: {_lateness_words(change)}"
             if too_late:
                 text += ". The next change had already begun: give it a later at_s"
             return StopReason(
@@ -272,7 +272,7 @@ class LoadSignals:
         return later[0].earliest_s if later else math.inf
 
 
-def _name(number: int) -> str:
+def _change_name(number: int) -> str:
     return f"load change {number + 1}"
 
 
@@ -280,9 +280,9 @@ def _missed_words(number: int, change: LoadChange) -> str:
     signal = change.signal
     assert signal is not None
     return (
-        f"{_name(number)}: the signal (bit {signal.bit} of 60FDh, drive of {signal.joint}) did not"
-        f" come between {change.earliest_s:g} and {change.latest_s:g} s. Check the gripper, the"
-        " part and the switch"
+        f"{_change_name(number)}: the signal (bit {signal.bit} of 60FDh, drive of {signal.joint})"
+        f" did not come between {change.earliest_s:g} and {change.latest_s:g} s. Check the gripper,"
+        " the part and the switch"
     )
 
 
@@ -291,7 +291,7 @@ def _active_reason(number: int, change: LoadChange, when: str) -> StopReason:
     assert signal is not None
     return StopReason(
         StopCode.LOAD_SIGNAL,
-        f"{_name(number)}: its input (bit {signal.bit} of 60FDh, drive of {signal.joint}) is active"
+        f"{_change_name(number)}: its input (bit {signal.bit} of 60FDh, drive of {signal.joint}) is active"
         f" already {when}, so that it cannot show the change. Check if the switch is stuck and if"
         " the part is there already",
         joint=signal.joint,

@@ -152,5 +152,5 @@ class OnlineFeedforward:
 
     @property
     def delay_cycles(self) -> int:
-        """Number of cycles that the path's head is ahead of the set-points."""
+        """Number of cycles by which the feedforward is computed ahead of the set-points."""
         return int(self.axes[stage.CYCLES].max()) + 1

@@ -68,7 +68,7 @@ STEP: Final = 15  # largest change of the feedforward in a cycle [rad/s or m/s]
 AXES_ROWS: Final = 16
 
 # Elements of the array `counts`, in addition to those of `path_kernels`.
-HEAD: Final = 12  # number of cycles that the head has advanced
+HEAD: Final = 12  # number of cycles that the head (defined above) has advanced
 DELAY: Final = 13  # number of cycles that the head is ahead of the set-points
 RESTED: Final = 14  # cycle of the head in which the path came to rest; -1 while it moves
 SUSPENDED_UNTIL: Final = 15  # cycle of the head until which the compensation is suspended
@@ -96,7 +96,7 @@ STATE_ROWS: Final = 7
 DRIVEN: Final = 0  # rows of `memory`: hysteresis states of the head's path, measured motion
 MEASURED: Final = 1
 
-WANTED: Final = 2  # rows of an element of `line`, after Q and V: motors' speeds to send; node
+WANTED: Final = 2  # rows of a place in `line`, after Q and V: motor speeds to send; node index
 INDEX: Final = 3
 OWN: Final = 4  # motors' speeds of the path
 PLACE_ROWS: Final = 5

@@ -357,7 +357,7 @@ class PointSource:
                 f" {allowed:.4g}"
             )
         rested = counts[stage.RESTED] >= 0
-        at = " The robot stopped on its path before it." if rested else ""
+        at = " The robot stopped on its path before this point." if rested else ""
         return StopReason(StopCode.POINTS_REFUSED, f"{text}.{at}", **limits)
 
 
@@ -378,7 +378,7 @@ def buffer_points(buffer_s: float, cycle_time_s: float) -> int:
 
 
 def compile_stage(feedforward: OnlineFeedforward) -> None:
-    """Compile or load the kernels before the cyclic task begins, so that it begins without delay.
+    """Compile or load the kernels, so that the cyclic task begins without delay.
 
     Args:
         feedforward: Data of any robot; the compiled code is the same for all robots.

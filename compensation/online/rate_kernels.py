@@ -87,7 +87,7 @@ def cut_path(path: PathArrays) -> None:
         return
     counts[CLOSED] = REFUSED
     other = 1 - counts[PROFILE]
-    low, high = counts[NODE] + 1, counts[KNOWN]  # number of nodes: too few, enough
+    low, high = counts[NODE] + 1, counts[KNOWN]  # too few nodes; enough nodes
     while high - low > 1:
         counts[KNOWN] = (low + high) // 2
         if plan_stop(path, other) >= counts[NODE]:
@@ -101,7 +101,7 @@ def cut_path(path: PathArrays) -> None:
 
 @kernel
 def advance(path: PathArrays, head: FloatArray) -> bool:
-    """Advance the path's head by one cycle.
+    """Advance the point for which the feedforward is computed (the head) by one cycle.
 
     Args:
         head: Shape (3, n). Position, velocity and acceleration of the path; written.

@@ -160,9 +160,9 @@ class PathRows:
         )
 
     def tighten(self, free: FloatArray) -> FloatArray:
-        """Return bounds with a further fraction `free` (points, rows) of limits held in reserve.
+        """Return bounds that keep a further fraction `free` (points, rows) of each limit free.
 
-        The fraction is reduced if the path could otherwise not even be driven slowly.
+        The fraction is smaller at points at which even slow motion needs more of the limit.
         """
         least, most = self.at_rest()
         room = np.minimum(self.bounds[:, :, 1] - most, least - self.bounds[:, :, 0])

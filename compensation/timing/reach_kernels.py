@@ -228,7 +228,7 @@ def _feasible_interval(
 
 @kernel
 def _initial_interval(room: FloatArray, x: float, twice_step: float, most_there: float) -> None:
-    """Start with the u that keep x at the interval's other end between 0 and `most_there`."""
+    """Start with all u for which x is from 0 to `most_there` at the other end of the interval."""
     room[LEAST], room[LEAST_SLOPE] = -x / twice_step, -1.0 / twice_step
     room[MOST], room[MOST_SLOPE] = (most_there - x) / twice_step, -1.0 / twice_step
     room[ALONE] = -1.0
@@ -236,7 +236,7 @@ def _initial_interval(room: FloatArray, x: float, twice_step: float, most_there:
 
 @kernel
 def _resume_speed(room: FloatArray, x: float) -> float:
-    """Return the x at which an empty interval of u is no longer empty, by its two limiting rows."""
+    """Return the largest x at which the two limiting rows leave a u, by linear extrapolation."""
     if room[ALONE] > 0.0:
         return float(max(0.0, x - room[ALONE]))
     closing = room[LEAST_SLOPE] - room[MOST_SLOPE]

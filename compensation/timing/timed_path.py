@@ -232,7 +232,7 @@ class _Search:
             found.path, self._timer.cycle_s, limits.acceleration
         )
         if self._timer.positions_alone:
-            seen = difference(found.path.position, self._timer.cycle_s)
+            seen = with_differences(found.path.position, self._timer.cycle_s)
             more, beside = np.empty_like(seen.position), np.empty((len(seen.position), 6))
             torques_of(self._timer.torque.arrays, *seen, more, beside)
             more = _fold_rests(np.abs(more)) + (0.0 if margins is None else margins.torque)
@@ -262,7 +262,7 @@ class _Search:
         return exceeded
 
     def _keep(self, label: str, more: FloatArray) -> None:
-        """Hold more of a limit in reserve, `more` (points,)."""
+        """Tighten a limit by the fraction `more` (points,) at each grid point."""
         self.worst = f"the {label}"
         for r in self._columns.get(label, ()):
             self._free[:, r] += more
@@ -343,7 +343,7 @@ def _spread_margins(over: FloatArray, found: RowsInTime, points: int) -> FloatAr
     return more
 
 
-def difference(position: FloatArray, step_s: float) -> JointTrajectory:
+def with_differences(position: FloatArray, step_s: float) -> JointTrajectory:
     """Return positions with five-point differences, extended by two rows of rest at each end."""
     q = np.concatenate([position[[0] * 4], position, position[[-1] * 4]])
     a2, a1, own, b1, b2 = (q[k : len(q) - 4 + k] for k in range(5))

@@ -154,7 +154,10 @@ class _Reader:
             refuse_line(self.name, entry.line, f"{entry.key} of [{section.name}]: {error}")
 
     def node_id(self) -> int | None:
-        for title in ("devicecomissioning", "devicecommissioning"):  # the first is CiA's spelling
+        for title in (
+            "devicecomissioning",
+            "devicecommissioning",
+        ):  # CiA's spelling; correct spelling
             section = self.sections.get(title)
             if section is not None:
                 return self.integer(section, "nodeid", range(1, 128))

@@ -55,7 +55,7 @@ class PackageFolders:
         if named is None:
             places, inside = [self.urdf.parent], _spellings(address.removeprefix("file://"))
         else:
-            places, inside = list(self._places(named[1])), _spellings(named[2])
+            places, inside = list(self._candidate_folders(named[1])), _spellings(named[2])
         renamed = list(self.urdf.absolute().parents)[:RENAMED] if named and not places else []
         tried = list(dict.fromkeys(place / part for place in places or renamed for part in inside))
         for path in tried:
@@ -73,8 +73,8 @@ class PackageFolders:
             code=CODE,
         )
 
-    def _places(self, package: str) -> Iterator[Path]:
-        """Yield every folder of a package, the most likely first."""
+    def _candidate_folders(self, package: str) -> Iterator[Path]:
+        """Yield the folders in which a package may be, the most likely first."""
         for folder in self.folders:
             yield from self._search(folder.absolute(), package)
         for above in self.urdf.absolute().parents:

@@ -156,8 +156,8 @@ def limits_within(found: Sequence[FoundLimits], joints_by_urdf: FloatArray) -> l
             within.append(each)
             continue
         how = (
-            f"coupled: the URDF's {low[number]:g} to {high[number]:g} applies to the motor; in this"
-            " range all coupled joints keep the URDF's limits together"
+            f"coupled: the URDF's {low[number]:g} to {high[number]:g} applies to the motor; within"
+            " the replaced limits no motor of the coupled joints exceeds its range"
         )
         limits = each.limits.model_copy(update={"position_min": start, "position_max": stop})
         replaced = (*each.replaced, ReplacedValue("position", f"{start:g} to {stop:g}", how))
@@ -173,7 +173,7 @@ class _LimitReader:
         self._size = size
         self._weight = max(size.weight, least_weight)
         self._slides = joint.kind == "prismatic"
-        self._scale = 1.0  # of positions and velocities; other than 1 for degrees or millimetres
+        self._scale = 1.0  # to rad or m; not 1 if the URDF has degrees or millimetres
         self.replaced: list[ReplacedValue] = []
 
     def replace(self, key: str, value: float | str, how: str) -> None:

@@ -23,7 +23,7 @@ class UrdfMotor:
     """Friction at the joint, and the motor's direction of rotation.
 
     Attributes:
-        coulomb, viscous: Friction [N m or N, N m s/rad or N s/m]; None if the plant must invent it.
+        coulomb, viscous: Friction [N m or N, N m s/rad or N s/m]; None if assumed.
         direction: -1 if the motor turns against its joint, that is, if the URDF's reduction is
             negative.
     """
@@ -65,8 +65,8 @@ def motors_of_urdf(
         motors.append(UrdfMotor(coulomb, viscous, -1 if ratio < 0.0 else 1))
         if joint.rotor_inertia_kg_m2:
             how = (
-                "the URDF's rotor, before the gear; plant.yaml invents one that suits its control"
-                " loops, and identify estimates the real one: compare them"
+                "the URDF's rotor, before the gear; plant.yaml contains an assumed one that suits"
+                " its control loops, and identify estimates the real one: compare them"
             )
             replaced_here.append(
                 ReplacedValue("rotor_inertia", f"{joint.rotor_inertia_kg_m2:g} kg m²", how)
@@ -78,7 +78,7 @@ def motors_of_urdf(
 def _friction(
     joint: UrdfJoint, limits: JointLimits, replaced_here: list[ReplacedValue]
 ) -> tuple[float | None, float | None]:
-    """Return Coulomb and viscous friction for the plant; None if the plant must invent them."""
+    """Return Coulomb and viscous friction for the plant; None if the plant needs assumed values."""
     coulomb, viscous = joint.friction or 0.0, joint.damping or 0.0
     if coulomb == viscous == 0.0:
         return None, None
@@ -87,7 +87,7 @@ def _friction(
         "the URDF's <dynamics>: simulated in plant.yaml; identify estimates it independently"
         if fits
         else "the URDF's <dynamics>: more than the motor's torque allows at its velocity limit;"
-        " plant.yaml invents another; is it in another unit?"
+        " plant.yaml contains an assumed one; is the URDF's value in another unit?"
     )
     replaced_here.append(ReplacedValue("friction", f"{coulomb:g} + {viscous:g} per speed", where))
     return (coulomb, viscous) if fits else (None, None)

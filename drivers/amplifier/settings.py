@@ -53,7 +53,9 @@ def required_settings(config: AmplifierConfig) -> tuple[RequiredSetting, ...]:
     sensitivities = zip(channels, CHANNEL_NAMES, config.sensitivity_pc_n, strict=True)
     ranges = zip(channels, CHANNEL_NAMES, config.range_n, strict=True)
     return (
-        RequiredSetting("bits", 0, config.bits, "bits of the converter", "", is_settable=False),
+        RequiredSetting(
+            "bits", 0, config.bits, "resolution of the converter [bits]", "", is_settable=False
+        ),
         *(
             RequiredSetting("sensitivity", channel, value, f"sensitivity of {name}", "pC/N")
             for channel, name, value in sensitivities
@@ -65,5 +67,5 @@ def required_settings(config: AmplifierConfig) -> tuple[RequiredSetting, ...]:
         RequiredSetting("low_pass", 0, config.low_pass_hz, "low-pass", "Hz"),
         RequiredSetting("rate", 0, config.rate_hz, "rows per second", "1/s"),
         RequiredSetting("format", 0, int(config.format == "binary"), "format (1 is binary)", ""),
-        RequiredSetting("trigger", 0, int(config.trigger), "trigger edges (1 is on)", ""),
+        RequiredSetting("trigger", 0, int(config.trigger), "events at trigger edges (1 is on)", ""),
     )

@@ -25,7 +25,7 @@ from drivers.servo.requirements import cyclic_pdos, signal_object
 
 ANSWER: Final = struct.Struct("<Hih")
 JOINED_ANSWER: Final = struct.Struct("<HihI")
-"""Statusword, position and torque, in a joined answer followed by the digital inputs."""
+"""Layout of an answer that was joined from several frames: statusword, position, torque, inputs."""
 
 MOST_READS = 1024
 

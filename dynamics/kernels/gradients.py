@@ -51,7 +51,9 @@ from dynamics.kernels.vectors import (
 )
 
 Pair: TypeAlias = tuple[FloatArray, FloatArray]
-"""Two arrays: one for the links or joints, and one for the rotors or actuators."""
+"""A pair of arrays for the two kinds of columns: for links (or joints), and for rotors (or
+actuators).
+"""
 
 Rotor: TypeAlias = tuple[Vector, float, int]
 """A rotor: its axis in the frame of the link that carries it, its ratio, and the index of the joint

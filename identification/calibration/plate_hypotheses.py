@@ -154,14 +154,14 @@ def _sensitivities(equations: PlateEquations, matrix: FloatArray) -> Iterator[Pl
         slope[0][:, list(channels)] = matrix[:, list(channels)]
         factor = 1.0 + float(equations.best_parameters(matrix, slope)[0])
         if abs(factor - 1.0) >= LEAST_CHANGE:
-            yield _scale(matrix, channels, (factor,) * len(channels), 1)
+            yield _multiplied_readings(matrix, channels, (factor,) * len(channels), 1)
     for pair in combinations(range(count), 2):
         slopes = np.zeros((2, 6, count))
         for k, channel in enumerate(pair):
             slopes[k, :, channel] = matrix[:, channel]
         first, second = (1.0 + equations.best_parameters(matrix, slopes)).tolist()
         if min(abs(first - 1.0), abs(second - 1.0)) >= LEAST_CHANGE:
-            yield _scale(matrix, pair, (first, second), 2)
+            yield _multiplied_readings(matrix, pair, (first, second), 2)
 
 
 def _signs(matrix: FloatArray) -> Iterator[PlateHypothesis]:
@@ -169,10 +169,10 @@ def _signs(matrix: FloatArray) -> Iterator[PlateHypothesis]:
     count = matrix.shape[1]
     for size in range(1, count):
         for channels in combinations(range(count), size):
-            yield _scale(matrix, channels, (-1.0,) * size, 0)
+            yield _multiplied_readings(matrix, channels, (-1.0,) * size, 0)
 
 
-def _scale(
+def _multiplied_readings(
     matrix: FloatArray, channels: tuple[int, ...], factors: tuple[float, ...], free: int
 ) -> PlateHypothesis:
     scale = np.ones(matrix.shape[1])

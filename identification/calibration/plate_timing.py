@@ -44,7 +44,9 @@ SMALLEST_STEP_S: Final = 1e-8
 DAMPING: Final = 1e-9
 BLOCKS: Final = 16
 EQUAL_COST: Final = 0.05
-"""Difference of the unexplained share up to which delays that differ by periods are equal."""
+"""Largest difference of the unexplained shares of two delays, whole periods apart, that count as
+equal.
+"""
 CLEARLY_WORSE: Final = 4.0
 """Factor by which the unexplained share at each other delay must exceed that at the best delay."""
 MODEL_ERROR_S: Final = 2e-4
@@ -130,7 +132,7 @@ def estimate_plate_timing(
     for lag_s in lags:
         try:
             found.append(_refine(motion, read, lag_s, own_clock, FIRST_STEPS))
-        except DataQualityError as error:  # the steps from a wrong delay can leave the rows
+        except DataQualityError as error:  # the search left the plate's rows
             refusals.append(error)
     if not found:
         raise refusals[0]

@@ -90,7 +90,7 @@ def _condense(
     basis: FloatArray,
     values: FloatArray,
 ) -> Cluster:
-    """Return the rows of all joints as one cluster.
+    """Return the equations of all joints as one cluster of the covariance.
 
     Of each joint's rows, only the combinations of parameters that this joint determines are kept.
     """

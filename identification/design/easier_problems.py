@@ -13,7 +13,7 @@ SLOWER: Final = (2, 4)
 
 
 def easier_problems(problem: ExcitationProblem) -> Iterator[tuple[str, ExcitationProblem]]:
-    """Yield easier tasks with a description: first fewer harmonics, then also longer periods.
+    """Yield easier problems with a description: first fewer harmonics, then also longer periods.
 
     Periods are multiplied by integers, so that they remain a whole number of cycles.
     """

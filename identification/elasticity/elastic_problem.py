@@ -210,9 +210,10 @@ class ElasticProblem:
         return np.concatenate([weighted, *prior])
 
     def renewed(self, found: Minimum) -> ElasticProblem:
-        """Return the problem with the instruments' unknowns at a minimum, and with its weights.
+        """Return the problem with new weights and new values of the instruments' unknowns.
 
-        A weight is that of the residuals, if these exceed the noise.
+        Both are computed at a minimum. A channel's weight is one over its RMS residual or, if that
+        is larger, over its noise.
         """
         noises = _channel_noise(self.excitations, self.multisines)
         sigma, first = [], 0

@@ -38,9 +38,11 @@ LARGEST_SIGMA: Final = 0.2
 LARGEST_DAMPING_SIGMA: Final = 0.5
 LEAST_BEND_RAD: Final = 2e-5
 LARGEST_RESIDUAL: Final = 0.15
-"""Simulated cells have 0.09 to 0.12; runs with different loads have more."""
+"""Largest accepted share of the torque that is not explained; simulated cells have 0.09 to 0.12."""
 LARGEST_MISMATCH: Final = 0.3
-"""The bundled cell `ir361_elastic` has 0.02; an instrument that sees no deflection has about 1."""
+"""Largest accepted share of the deflection that is not explained; the cell `ir361_elastic` has
+0.02.
+"""
 FEWEST_RUNS: Final = 3
 ONLY_THIS_RUN: Final = 1e-9
 STEPS: Final = {"stiffness": 1e-4, "loss": 1e-2, "rotor": 1e-4, "body": 1e-3, "delay": 1e-2}

@@ -73,7 +73,7 @@ class LinkSideBins(ABC):
 
     @abstractmethod
     def moved(self, geometry: Sequence[KinematicParameter], step: FloatArray) -> LinkSideBins:
-        """Return the same measurement with changed unknowns, in the order of `slopes`."""
+        """Return the measurement with `step` added to its unknowns, in the order of `slopes`."""
 
     def predicted(self, q: FloatArray, period_s: float) -> Bins:
         """Return the bins 1 to H for a period of link positions, (rows, n)."""

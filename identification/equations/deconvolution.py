@@ -64,7 +64,7 @@ def without_torque_filter(recording: Recording) -> Recording:
 def without_filter(
     values: FloatArray, sample_period_s: float, passed: ButterworthFilter | None
 ) -> FloatArray:
-    """Return signals (samples, any) on a uniform time base with a filter's response removed.
+    """Undo a filter: return the signals before it, from uniformly sampled signals (samples, any).
 
     High frequencies are amplified, as in `without_torque_filter`.
     """

@@ -62,7 +62,9 @@ def row_stride(signals: SmoothedSignals) -> int:
 
 def period_signals(average: PeriodAverage, band_hz: float) -> SmoothedSignals:
     """Return a mean period as a recording below `band_hz`, the anti-alias filter divided out."""
-    return _on_bins(average, (average.position, average.torque_nm), band_hz, average.temperature_k)
+    return _limited_to_band(
+        average, (average.position, average.torque_nm), band_hz, average.temperature_k
+    )
 
 
 def unfiltered_period_signals(average: PeriodAverage, band_hz: float) -> SmoothedSignals:
@@ -129,7 +131,7 @@ def single_periods(
     warmth = recording.temperature_k
     n = len(recording.joint_names)
     return {
-        int(number): _on_bins(
+        int(number): _limited_to_band(
             recording,
             (values[number, :, :n], values[number, :, n:]),
             band_hz,
@@ -139,7 +141,7 @@ def single_periods(
     }
 
 
-def _on_bins(
+def _limited_to_band(
     source: PeriodAverage | Recording,
     period: tuple[FloatArray, FloatArray],
     band_hz: float,

@@ -194,7 +194,7 @@ def _set_up_problem(
     options: EstimationOptions,
     payload: Sequence[bool] | None,
 ) -> tuple[PeriodicProblem, RobotModel, ModelOptions, tuple[StillJoint, ...]]:
-    """Return the problem before inertia and delays are known, with its model and its terms."""
+    """Return the problem with zero inertia and delays, which come later; its model and terms."""
     motions = [mean_motion(average, options.band_hz) for average in averages]
     model, base, terms, still = build_model(robot, options.model, motions, options.standstill_rad_s)
     n, runs = len(robot.joints), len(averages)

@@ -163,7 +163,7 @@ class UrdfUpdate:
     def _notes(self, model: ExportModel) -> Iterator[str]:
         matched, bodies = self._matched, self.bodies
         if self._is_converted:
-            yield "the file was not encoded in UTF-8; the updated file is"
+            yield "the original file was not encoded in UTF-8, but the updated file is"
         yield from matched.notes(model)
         yield (
             "the torques of the arm do not depend on the base's inertia: unchanged are"

@@ -34,7 +34,7 @@ from identification.kinematics.parameters import (
 )
 
 FEWEST_SPARE: Final = 6
-"""Equations more than parameters that remain while a part of the poses is held out."""
+"""Smallest number of equations minus parameters in a fit without the held-out poses."""
 LARGEST_SPREAD: Final = 5.0
 """Largest predicted error of the point within the joints' ranges, over the error of one position;
 with more, the poses do not determine the geometry."""

@@ -35,7 +35,7 @@ def corrected_robot(calibration: Calibration, *, is_tool: bool) -> RobotDescript
     Raises:
         ConfigError: A result is outside its plausible range.
     """
-    robot, fit = _modified(calibration.robot), calibration.fit
+    robot, fit = _in_modified_convention(calibration.robot), calibration.fit
     offsets = fit.arm.chain.rows - Chain.from_description(robot).rows
     before = robot.kinematics.calibration or (KinematicRow(),) * len(robot.joints)
     rows = tuple(
@@ -86,7 +86,7 @@ def changed_keys(
     )
 
 
-def _modified(robot: RobotDescription) -> RobotDescription:
+def _in_modified_convention(robot: RobotDescription) -> RobotDescription:
     """Return the robot with its table in the modified convention; the geometry is the same."""
     table = robot.kinematics
     if table.convention == "modified_dh":

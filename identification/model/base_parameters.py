@@ -79,7 +79,7 @@ class BaseParameters:
         return standard_regressor.take(self.kept, axis=-1)
 
     def to_standard(self, values: FloatArray) -> FloatArray:
-        """Return standard parameters (p,) with the same torques: heads only, others zero."""
+        """Return standard parameters (p,) with the same torques; those not in `kept` are zero."""
         standard = np.zeros(len(self.standard_names))
         standard[list(self.kept)] = values
         return standard

@@ -127,8 +127,8 @@ def reported_slopes(parameters: FloatArray) -> FloatArray:
     return slopes
 
 
-def to_link(pose: FloatArray) -> FloatArray:
-    """Return the matrix that transforms parameters from a frame to its parent frame.
+def parameters_to_parent(pose: FloatArray) -> FloatArray:
+    """Return the matrix that converts inertial parameters from a frame to its parent frame.
 
     Args:
         pose: Shape (4, 4). The frame in its parent frame.

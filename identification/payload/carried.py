@@ -16,7 +16,7 @@ from dynamics.geometry.kinematics import flange_pose
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.estimation.estimate import Estimate
 from identification.estimation.transformed import transform
-from identification.payload.body import to_link
+from identification.payload.body import parameters_to_parent
 from identification.payload.estimate import PayloadEstimate
 
 
@@ -66,7 +66,7 @@ def carry(estimate: Estimate, payload: PayloadEstimate) -> Estimate:
             " payload with a motion that determines all",
             code="RID-MOTION-UNINFORMATIVE",
         )
-    at_flange = to_link(flange_pose(estimate.robot))
+    at_flange = parameters_to_parent(flange_pose(estimate.robot))
     turned = estimate.base.combination[:, _last_link(estimate)] @ at_flange
     more = turned @ payload.covariance @ turned.T
     noise = estimate.covariance_noise

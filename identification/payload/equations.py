@@ -24,7 +24,7 @@ from identification.consistency.metric import full_rank_covariance
 from identification.estimation.estimate import Estimate
 from identification.model.base_parameters import BaseParameters, base_parameters
 from identification.model.options import ModelOptions
-from identification.payload.body import PARAMETERS, to_link
+from identification.payload.body import PARAMETERS, parameters_to_parent
 from identification.regression.least_squares import triangular_factor
 
 Procedure = Literal["together", "difference", "model", "apart"]
@@ -103,7 +103,7 @@ class PayloadModel:
     @cached_property
     def flange_to_link(self) -> FloatArray:
         """Matrix of payload parameters from the flange's to the last link's frame, (10, 10)."""
-        return to_link(flange_pose(self.robot))
+        return parameters_to_parent(flange_pose(self.robot))
 
     def with_nonlinear(self, model: RobotModel) -> PayloadModel:
         """Return the payload model with the nonlinear parameters of another model."""

@@ -84,8 +84,8 @@ def payload_findings(estimate: PayloadEstimate) -> tuple[PayloadFinding, ...]:
 
     Poorly determined means that 2 sigma are more than 5 % of the mass, 10 mm of the centre of
     gravity, or 20 % of the inertia about the flange. The candidate motions move one joint or two
-    joints at their limits. Each counts as one more pair of runs of the same length, with residuals
-    of the same spectrum.
+    joints at their limits. A candidate counts as a further pair of runs that is as long as the
+    present one and has the same residual spectrum.
     """
     limits = np.concatenate(
         [
@@ -176,7 +176,7 @@ def _weak_finding(estimate: PayloadEstimate, index: int, tried: Tried) -> Payloa
 
 
 def _sigma_with(estimate: PayloadEstimate, more: FloatArray, target: FloatArray) -> float:
-    """Return the standard deviation of target . theta with more information, or inf."""
+    """Return the standard deviation of target . theta with more data; inf if undetermined."""
     scale = 1.0 / np.sqrt(np.maximum(np.diagonal(more), 0.0) + _size_of(estimate))
     known = _information(estimate)
     total = (known + more) * np.outer(scale, scale)

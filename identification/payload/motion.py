@@ -149,7 +149,7 @@ class PayloadSearch:
         return np.asarray(kept)
 
     def motion_of(self, coefficients: FloatArray, like: FourierMotion) -> FourierMotion:
-        """Return coefficients (n, 1 + 2 N) as a motion with the periods of `like`."""
+        """Return the motion `like` with other Fourier coefficients, (n, 1 + 2 N)."""
         n, rounded = self.harmonics, np.round(coefficients, DECIMALS)
         joints = tuple(
             FourierJoint(

@@ -124,7 +124,7 @@ class SmoothedRuns(MeasuredRuns):
 def _clusters(
     model: PayloadModel, runs: SmoothedRuns, standard: FloatArray | None
 ) -> Iterator[tuple[int, list[tuple[FloatArray, FloatArray]]]]:
-    """Yield, second by second, the index of the run and the equations of each joint."""
+    """Yield, for each second of each run, the index of the run and the equations of each joint."""
     for run, timed in enumerate(time_runs(model.model, runs.sources, runs.loaded)):
         seconds = joint_equations(model.model, model.base, [timed], runs.standstill_rad_s, standard)
         for rows in seconds:

@@ -149,7 +149,7 @@ def _solve_measured(equations: PayloadEquations, system: _System, intervals: boo
     """Solve the equations without known quantities."""
     subspace = system.subspace()
     r = subspace.determined.shape[1]
-    matrix = system.columns(subspace)
+    matrix = system.reduced_matrix(subspace)
     solved = system.solve(subspace)
     values = np.concatenate([subspace.determined @ solved[:r], solved[r:]])
     inverse = np.linalg.inv(triangular_factor(matrix))
@@ -182,7 +182,8 @@ def _solve_with_known(
     Fixed quantities are constraints: only payloads with exactly these values are considered.
     """
     ten = PARAMETERS_PER_LINK
-    # theta = determined z + undetermined h: only known quantities determine h.
+    # theta = determined z + undetermined h. The recordings determine z; only known quantities can
+    # determine h.
     subspace, r = found.subspace, found.subspace.determined.shape[1]
     axes = np.hstack([subspace.determined, subspace.undetermined])
     metric = np.linalg.inv(found.spread)
@@ -328,14 +329,14 @@ class _System:
             condition=float(singular[0] / singular[rank - 1]),
         )
 
-    def columns(self, subspace: IdentifiableSubspace) -> FloatArray:
-        """Return A in coordinates of the determined directions and independent unknowns."""
+    def reduced_matrix(self, subspace: IdentifiableSubspace) -> FloatArray:
+        """Return A for the determined combinations of the payload and the independent unknowns."""
         payload = self.matrix[:, :PARAMETERS_PER_LINK] @ subspace.determined
         return np.hstack([payload, self.matrix[:, self.kept]])
 
     def solve(self, subspace: IdentifiableSubspace) -> FloatArray:
-        """Return the solution in the coordinates of `columns`."""
-        matrix = self.columns(subspace)
+        """Return the solution in the coordinates of `reduced_matrix`."""
+        matrix = self.reduced_matrix(subspace)
         width = matrix.shape[1]
         upper = triangular_factor(np.hstack([matrix, self.side[:, np.newaxis]]))
         if len(upper) < width:

@@ -44,11 +44,11 @@ def _factor_in_place(work: FloatArray) -> FloatArray:
             code="RID-RECORDING-DAMAGED",
         )
     upper = factor[: min(rows, columns)]
-    return np.where(_below(*upper.shape), 0.0, upper)
+    return np.where(_below_diagonal(*upper.shape), 0.0, upper)
 
 
 @lru_cache(maxsize=256)
-def _below(rows: int, columns: int) -> BoolArray:
+def _below_diagonal(rows: int, columns: int) -> BoolArray:
     """Return a mask of the elements below the diagonal of a matrix of this shape."""
     return np.tri(rows, columns, -1, dtype=np.bool_)
 

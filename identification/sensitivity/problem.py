@@ -22,7 +22,7 @@ from dynamics.geometry.kinematics import flange_pose
 from dynamics.model.robot_model import RobotModel, regressor, torque
 from dynamics.terms.conditions import Conditions
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
-from identification.payload.body import PayloadBody, reported, to_link
+from identification.payload.body import PayloadBody, parameters_to_parent, reported
 
 Comparison = Literal["model", "difference"]
 """Comparison that separates a payload: with a model of the robot, or with an unloaded run."""
@@ -136,7 +136,7 @@ class SensitivityProblem:
         model = RobotModel.from_description(robot, payload=True)
         if assumed.efficiency != 1.0:
             model = model.with_nonlinear(np.full(len(model.nonlinear_names), assumed.efficiency))
-        link = to_link(flange_pose(self.robot)) @ self.payload.parameters
+        link = parameters_to_parent(flange_pose(self.robot)) @ self.payload.parameters
         values = np.concatenate([self.parameters, link])
         friction = model.parameter_groups.get("friction", slice(0, 0))
         in_joints = np.zeros_like(motion.q)
@@ -201,7 +201,7 @@ class MotionEstimator:
         # An axis at rest is also held by an unknown friction torque, so it is not used.
         weights = np.zeros_like(problem.noise_nm)
         weights[motion.moving] = 1.0 / problem.noise_nm[motion.moving]
-        payload = phi[:, :, groups["payload"]] @ to_link(flange_pose(problem.robot))
+        payload = phi[:, :, groups["payload"]] @ parameters_to_parent(flange_pose(problem.robot))
         friction = phi[:, :, groups.get("friction", slice(0, 0))]
         columns = np.concatenate([payload, friction], axis=2) * weights[:, np.newaxis]
         matrix = columns.reshape(-1, columns.shape[2])

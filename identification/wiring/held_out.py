@@ -56,7 +56,7 @@ def held_out_share(signals: WiredSignals) -> FloatArray:
 
 
 class _Equations:
-    """Equations scaled by the joints' torques, as sums of products."""
+    """Torque equations of all joints, from which the normal equations of some rows are computed."""
 
     def __init__(self, columns: FloatArray, torque: FloatArray, used: BoolArray) -> None:
         self._columns, self._torque, self._used = columns, torque, used

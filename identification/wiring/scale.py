@@ -48,7 +48,7 @@ def wrong_scale(
     """
     n = len(signals.robot.joints)
     still = np.eye(n)
-    weight, fit = stated.weight(still), stated.held_out(still)
+    weight, fit = stated.arm_weight(still), stated.held_out(still)
     if weight is None or weight.is_plausible or not stated.explains_weight(fit):
         return ()
     low, high = weight.plausible
@@ -57,7 +57,7 @@ def wrong_scale(
         return (robot_mistake(MistakeKind.GRAVITY_REMOVED, (), nothing),)
     units: list[tuple[float, Mistake]] = []
     for unit in torque_units(signals.robot):
-        right, after = stated.weight(unit.torque), stated.held_out(unit.torque)
+        right, after = stated.arm_weight(unit.torque), stated.held_out(unit.torque)
         possible = keeps_limits(unit, signals, unit.correct(signals))
         if right is None or not possible or after.cost > fit.cost + AS_GOOD:
             continue

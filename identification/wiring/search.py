@@ -143,7 +143,7 @@ def find_impossibilities(signals: WiredSignals) -> tuple[tuple[str, ...], ArmWei
     """
     still = np.eye(len(signals.robot.joints))
     stated = CondensedEquations.of(signals)
-    fit, weight = stated.held_out(still), stated.weight(still)
+    fit, weight = stated.held_out(still), stated.arm_weight(still)
     driving = tuple(signals.robot.joint_names[j] for j in np.flatnonzero(fit.driving))
     return driving, weight if stated.explains_weight(fit) else None
 
@@ -215,7 +215,7 @@ def _scale_mistake_found(
     if not wrong:
         return None
     still = np.eye(len(signals.robot.joints))
-    before, weight = stated.trial(still), stated.weight(still)
+    before, weight = stated.trial(still), stated.arm_weight(still)
     return FoundMistake(
         wrong[0], _distinct_alternatives(wrong[0], list(wrong[1:])), before, before, weight
     )
@@ -239,7 +239,7 @@ def _refine_zero_positions(signals: WiredSignals, mistakes: list[Mistake]) -> li
 
 
 def _best_zero(signals: WiredSignals, near: Mistake, within_rad: float) -> Mistake:
-    """Return the wrong zero position that fits best, starting from another one."""
+    """Return the wrong zero position that fits best, within `within_rad` of another one."""
     still, model = np.eye(len(signals.robot.joints)), plain_model(signals)
     (joint,), middle = near.joints, near.factor
 

@@ -34,7 +34,7 @@ from identification.wiring.weight import ArmWeight
 
 BAND_HZ: Final = 10.0
 LARGEST_RESIDUAL: Final = 0.5
-"""Residual relative to the torque, from which the fit says nothing."""
+"""Residual relative to the torque, from which on the fit proves nothing."""
 COMPUTED_SHARE: Final = 5e-3
 """Relative residual below which torques of a moving robot are not measured."""
 VISIBLE_TIMES: Final = 1.5

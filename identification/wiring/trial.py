@@ -96,7 +96,7 @@ class WiringTrial:
 
     @property
     def cost(self) -> float:
-        """Sum of the logarithms of `residual_share`, plus one for each impossibility."""
+        """Sum of the logarithms of `residual_share`, plus a cost for each impossible result."""
         shares = np.log(self.residual_share)
         return float(np.nansum(shares) + IMPOSSIBLE_COST * self.impossible)
 
@@ -139,7 +139,7 @@ class CondensedEquations:
         products = np.zeros((len(parts), n, p + n, p + n))
         for j in range(n):
             columns = np.column_stack([phi[:, j], signals.torque_nm])[use[:, j]]
-            own = np.flatnonzero(columns.any(axis=0))  # inner links do not affect a joint's torque
+            own = np.flatnonzero(columns.any(axis=0))  # links before a joint have no columns
             columns = columns[:, own]
             used = [int(np.count_nonzero(use[part, j])) for part in parts]
             ends = np.cumsum([0, *used]).tolist()
@@ -172,12 +172,12 @@ class CondensedEquations:
             left += self._squared_residuals(part, values, torque)
             driving &= self._driving(values, torque)
         shares = np.minimum(_as_shares(left, sizes, self.rows), 1.0)
-        weight = self.weight(torque)
+        weight = self.arm_weight(torque)
         surest = math.nan if weight is None else weight.share + 2.0 * weight.sigma
         return WiringTrial(shares, driving & (shares < EXPLAINED_SHARE), surest)
 
-    def weight(self, torque: FloatArray) -> ArmWeight | None:
-        """Return the arm's weight in a fit to `torque` (n, n) times the stated torques."""
+    def arm_weight(self, torque: FloatArray) -> ArmWeight | None:
+        """Return the arm's weight, fitted to the stated torques multiplied by `torque` (n, n)."""
         if self.drawn_weight is None or not self.drawn_weight.is_visible:
             return None
         whole = self.products.sum(axis=0)

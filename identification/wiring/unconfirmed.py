@@ -38,7 +38,7 @@ ZERO_RAD: Final = math.radians(ZERO_ERROR_DEG)
 AS_GOOD: Final = 1.03
 """Largest ratio of squared errors on held-out parts at which a mistake fits as well."""
 STUDENT: Final = 2.0
-"""Difference of the logarithms of errors that counts as none, in standard errors of its mean."""
+"""Difference of log errors that is not significant, in standard errors of its mean."""
 
 
 def unconfirmed_entries(signals: WiredSignals) -> tuple[UnconfirmedEntry, ...] | None:

@@ -44,7 +44,7 @@ def row_encoder(profile: AmplifierProfile, form: str) -> RowEncoder:
     template = np.zeros(1, dtype)
     for place, part in enumerate(parts):
         if part.kind == "literal":
-            template[_name(place, part)] = np.frombuffer(part.literal, np.uint8)
+            template[_field_name(place, part)] = np.frombuffer(part.literal, np.uint8)
     body = dtype.itemsize - parts[-1].size
 
     def encode(
@@ -80,14 +80,14 @@ def _text_encoder(profile: AmplifierProfile, form: str) -> RowEncoder:
     return encode
 
 
-def _name(place: int, part: Part) -> str:
+def _field_name(place: int, part: Part) -> str:
     return part.name or f"literal{place}"
 
 
 def _field(place: int, part: Part) -> tuple[str, str, tuple[int, ...]]:
     """Return the NumPy field for one part of a row; the checksum is big-endian."""
     if part.kind == "literal":
-        return _name(place, part), "u1", (part.width,)
+        return _field_name(place, part), "u1", (part.width,)
     order = ">" if part.name == "checksum" else "<"
     shape = (part.repeat,) if part.repeat > 1 else ()
-    return _name(place, part), f"{order}{part.kind}{part.width}", shape
+    return _field_name(place, part), f"{order}{part.kind}{part.width}", shape

@@ -142,7 +142,7 @@ class HubClient:
                     timeout_s = 0.0
                     continue
                 if count == 0:
-                    if frames:  # the next call raises the error
+                    if frames:  # the next call finds no frames and raises the error
                         return frames
                     raise self._lost("connection closed")
                 frames += FRAME.iter_unpack(buffer[HEADER.size : count])
@@ -200,7 +200,7 @@ class HubClient:
                 frames += unpack_frames(self._receive(), errors=True)
                 timeout_s = 0.0
         except TransportError:
-            if not frames:  # else the next call raises the error
+            if not frames:  # with frames, the next call raises the error
                 raise
         except ValueError as error:
             raise self._lost("this connection is closed") from error

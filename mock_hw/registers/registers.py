@@ -93,7 +93,7 @@ class SimulatedRegisters:
         kind = None if fault is None else fault.kind
         self.requests += 1
         holds = self._registers(unit)
-        if holds is None:  # only a gateway answers, with an exception
+        if holds is None:  # unknown unit: only a gateway answers
             if not gateway:
                 return []
             return [frame(bytes((request[0] | 0x80, GATEWAY_NO_ANSWER)), unit)]

@@ -31,7 +31,7 @@ from rid_daq.blocks.block import AnyBlock
 from rid_daq.blocks.plot import Axis
 from rid_daq.operations.identify.export import ExportRequest
 from rid_daq.operations.identify.exported_files import exported_parameters, updated_urdf
-from rid_daq.operations.stated_payload import carry_judged, state_payload
+from rid_daq.operations.stated_payload import model_with_payload, state_payload
 from rid_daq.report.section_blocks.estimate import estimate_blocks, fit_blocks, fit_verdict
 from rid_daq.report.sections.estimate import EstimateSection
 from rid_daq.runs import made_file
@@ -264,7 +264,7 @@ class Model:
         from rid_daq.api.payload import Payload
 
         if isinstance(payload, Payload):
-            found = carry_judged(self.estimate, payload.result, Path("the payload"))
+            found = model_with_payload(self.estimate, payload.result, Path("the payload"))
         elif isinstance(payload, str) and payload in (NO_PAYLOAD, PAYLOAD_OF_MODEL):
             found = state_payload(self.estimate, "the model", payload, DEFAULT_RUNS).estimate
         else:

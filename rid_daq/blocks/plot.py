@@ -104,7 +104,7 @@ class Span:
 
 @dataclass(frozen=True, config=_CHECKED)
 class Bar:
-    """Value of a named class, such as a bin of a histogram."""
+    """A bar with its name, such as a bin of a histogram."""
 
     name: str
     value: float

@@ -92,7 +92,7 @@ def check_axis_motion(
     return AxisVerdict(motion, observed, tuple(problems))
 
 
-def _agree(ratio: float) -> bool:
+def _is_near_one(ratio: float) -> bool:
     return 1.0 / AGREEMENT_FACTOR <= ratio <= AGREEMENT_FACTOR
 
 
@@ -147,14 +147,14 @@ def _wrong_scale(
         ]
     command = abs(motion.command_ratio)
     seen_ratio = abs(observed.amount / motion.measured)
-    if not _agree(command) and _agree(seen_ratio):
+    if not _is_near_one(command) and _is_near_one(seen_ratio):
         units = servo.velocity_units * command
         return [
             f"the drive moves {1.0 / command:.2g} times as fast as commanded. {where}"
             f" velocity_units: {units:.4g} (is {servo.velocity_units:g} {servo.velocity_unit}),"
             " or velocity_unit."
         ]
-    if not _agree(command) and not _agree(seen_ratio / command):
+    if not _is_near_one(command) and not _is_near_one(seen_ratio / command):
         return [
             f"commanded {motion.signed_text(motion.commanded)}, measured by the drive"
             f" {motion.signed_text(motion.measured)}, seen {motion.size_text(observed.amount)}; the"
@@ -162,7 +162,7 @@ def _wrong_scale(
             " encoder_increments, velocity_unit and velocity_units of the axis's servo (cell"
             " file)."
         ]
-    if not _agree(seen_ratio):
+    if not _is_near_one(seen_ratio):
         return [_wrong_encoder_or_gear(motion, seen_ratio, servo, robot, where)]
     if abs(motion.measured - motion.commanded) > LARGEST_DEVIATION * abs(motion.commanded):
         return [
@@ -189,7 +189,7 @@ def _wrong_encoder_or_gear(
             f" {servo.encoder_increments:g}, check the gear."
         )
     joint = robot.joints[robot.joint_names.index(motion.joint)]
-    if not _agree(abs(motion.command_ratio)):
+    if not _is_near_one(abs(motion.command_ratio)):
         return (
             f"{found} The encoder resolution in the drive (608Fh) is {seen_ratio:.3g} times the"
             " true one: correct it with the manufacturer's tool."

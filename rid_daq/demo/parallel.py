@@ -60,7 +60,7 @@ def run_stories(
                 stack.push(partial(_end, process))
             theirs.close()
         done_s = dict.fromkeys(lines.values(), 0.0)
-        with console.progress("recording", total_s, "s of motion, two robots") as display:
+        with console.progress("recording", total_s, "s of motion of both robots") as display:
             while lines:
                 for line in wait(list(lines)):
                     unmodelled = lines[line]  # type: ignore[index]

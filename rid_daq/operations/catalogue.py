@@ -28,13 +28,13 @@ class Entry(NamedTuple):
     """An operation in the program's help.
 
     Attributes:
-        room: Folder of the operation's module, below `rid_daq/operations`.
+        subpackage: Folder of the operation's module, below `rid_daq/operations`.
         section: Section of the help; empty for an operation of a group.
         summary: One line for the help.
         is_job: True if a service also performs the operation, as a job.
     """
 
-    room: str
+    subpackage: str
     section: str
     summary: str
     is_job: bool = True
@@ -88,9 +88,9 @@ GROUPS: Final = {
 """First words of the operations whose names have two words."""
 
 
-def local(room: str, section: str, summary: str) -> Entry:
+def local(subpackage: str, section: str, summary: str) -> Entry:
     """Return the entry of an operation that a service does not offer as a job."""
-    return Entry(room, section, summary, is_job=False)
+    return Entry(subpackage, section, summary, is_job=False)
 
 
 CATALOGUE: Final = {
@@ -240,6 +240,6 @@ def operation(name: str) -> Operation:
         KeyError: The catalogue has no operation of this name.
     """
     file = f"{name}_" if keyword.iskeyword(name) else identifier(name)
-    module = importlib.import_module(f"rid_daq.operations.{CATALOGUE[name].room}.{file}")
+    module = importlib.import_module(f"rid_daq.operations.{CATALOGUE[name].subpackage}.{file}")
     found: Operation = module.OPERATION
     return found

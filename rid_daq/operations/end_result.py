@@ -23,6 +23,6 @@ class EndResult:
         return {}
 
     def blocks(self) -> Iterator[Text]:
-        """Yield the last sentence."""
+        """Yield `text`, if there is one."""
         if self.text:
             yield Text(text=self.text)

@@ -16,7 +16,7 @@ from config.formats.approved_files import sha256_of
 from config.formats.json_file import read_content
 from identification.estimation.estimate import Estimate
 from identification.payload.file import LARGEST_FILE_BYTES, payload_content
-from rid_daq.operations.stated_payload import LoadedModel, carry_judged, state_payload
+from rid_daq.operations.stated_payload import LoadedModel, model_with_payload, state_payload
 from rid_daq.runs.changed_load import LOAD_CHANGES, load_changes_bytes
 from rid_daq.terminal.choices import NO_PAYLOAD, PAYLOAD_OF_MODEL
 
@@ -81,7 +81,7 @@ class StatedChanges:
         for change, content in zip(self.changes.changes, self.contents, strict=True):
             if content:
                 judged = payload_content(content, self.file)
-                models.append(carry_judged(estimate, judged, self.file))
+                models.append(model_with_payload(estimate, judged, self.file))
             else:
                 models.append(state_payload(estimate, name, change.payload, runs).estimate)
         return tuple(models)

@@ -77,7 +77,7 @@ def state_payload(
     else:
         path, content = found.file(PAYLOAD), found.read(PAYLOAD)
     judged = payload_content(content, path)
-    return LoadedModel(carry_judged(estimate, judged, path), payload, content)
+    return LoadedModel(model_with_payload(estimate, judged, path), payload, content)
 
 
 def payload_words(payload: str | None) -> str:
@@ -92,7 +92,7 @@ def payload_words(payload: str | None) -> str:
     return phrases.get(payload, f" with the payload {payload}")
 
 
-def carry_judged(estimate: Estimate, judged: PayloadResult, path: Path) -> Estimate:
+def model_with_payload(estimate: Estimate, judged: PayloadResult, path: Path) -> Estimate:
     """Return the model of a robot with a payload that passed its verdict.
 
     Args:

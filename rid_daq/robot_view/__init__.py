@@ -1,5 +1,5 @@
 """Drawing of a robot: the scene for the browser, and still pictures for reports.
 
-The room knows no operation, no run and no page. Nothing that is drawn here is used to check a
+This package knows no operation, no run and no page. Nothing that is drawn here is used to check a
 clearance. Begin with `scene.py`.
 """

@@ -134,7 +134,7 @@ class RobotScene:
 
     @property
     def link_names(self) -> tuple[str, ...]:
-        """Names of the links, which contain the joint that moves each."""
+        """Names of the links; each contains the name of the joint that moves the link."""
         moved = (f"link {i} ({joint.name})" for i, joint in enumerate(self.joints, start=1))
         return ("base", *moved)
 

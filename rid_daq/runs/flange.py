@@ -15,7 +15,7 @@ from config.arrays import FloatArray
 from config.load import LoadedCell, load_bundled_or_path, to_yaml
 from config.simulation.plant import PlantConfig
 from dynamics.geometry.kinematics import flange_pose
-from identification.payload.body import PayloadBody, reported, to_link
+from identification.payload.body import PayloadBody, parameters_to_parent, reported
 from identification.payload.estimate import PayloadEstimate
 from identification.payload.verdict import PayloadResult
 from rid_daq.runs.run_data import PLANT, RunData
@@ -63,7 +63,7 @@ def true_payload(
     of_link = PayloadBody.of_reported(
         np.array([body.mass_kg, *body.centre_m, *body.inertia_kg_m2])
     ).parameters
-    of_flange = np.linalg.solve(to_link(flange_pose(estimate.robot)), of_link)
+    of_flange = np.linalg.solve(parameters_to_parent(flange_pose(estimate.robot)), of_link)
     return name, reported(np.asarray(of_flange, dtype=np.float64))
 
 

@@ -43,8 +43,7 @@ LIMITS: Final = Limits(
     stream_bytes_s=32 << 10,
 )
 DESCRIPTORS: Final = 4096
-"""Limit of open files that the service requests, enough for a thousand slow clients.
-"""
+"""Limit of open files that the service requests, enough for a thousand slow clients."""
 
 
 def serve_cells(

@@ -322,7 +322,7 @@ class Console:
     def announce_warm_up(
         self, joints: Sequence[str], power_w: Sequence[Sequence[float]], settled_percent: float
     ) -> None:
-        """Do nothing, because the progress display shows a warm-up to people.
+        """Do nothing: on a terminal, the progress display shows the warm-up.
 
         Args:
             joints: Base to flange.

@@ -49,7 +49,7 @@ class ConnectionPool(Generic[Member]):
         return None
 
     def has_place(self, key: str) -> bool:
-        """Return True if an owner may have one more member.
+        """Return True if an owner may add a connection.
 
         If there is no free place, another owner must have more members, even after the addition.
         """

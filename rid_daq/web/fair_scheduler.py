@@ -80,7 +80,7 @@ class FairScheduler:
                 queue = self._waiting.pop(waiting)
                 ready = queue.popleft()
                 if queue:
-                    self._waiting[waiting] = queue  # to the end of the rotation
+                    self._waiting[waiting] = queue  # this owner is now the last in the rotation
                 if not ready.done():
                     self._taken[waiting] += 1
                     ready.set_result(None)

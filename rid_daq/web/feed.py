@@ -1,4 +1,4 @@
-"""`Feed`: pictures and events for viewers. A slow viewer misses pictures, but no events."""
+"""`Feed`: states and events for viewers. A slow viewer misses states, but no events."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Feed:
         return len(self._viewers)
 
     def publish_picture(self, picture: bytes, of: str = "") -> None:
-        """Publish a picture of the present state of a subject."""
+        """Publish the present state of a subject (a picture); it replaces the previous one."""
         self._pictures[of] = picture
         for viewer in self._viewers:
             viewer.pictures[of] = picture

@@ -85,8 +85,8 @@ class HeadHandler(Protocol):
     """Interface of a class that decides about requests from their heads."""
 
     def receive(self, head: RequestHead, peer: Peer) -> Reply | OpenConnection | Admitted | None:
-        """Return an answer, a protocol that takes over, or the admission to the application.
+        """Decide about a request: answer it, let another protocol take over, or admit it.
 
-        None forwards the connection to its HTTP protocol without a change of its limits.
+        None passes the request to the HTTP protocol; the connection's limits do not change.
         """
         ...

@@ -106,7 +106,7 @@ def send_motion(
     model: str | None = None,
     payload: str | None = None,
 ) -> Response:
-    """Return the blocks that describe a motion file on a cell."""
+    """Return texts, tables and plots that describe a motion file on a cell."""
     from rid_daq.workbench.motion_blocks import motion_blocks
 
     path = require_inside(file, service.folder)

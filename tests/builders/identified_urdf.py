@@ -42,7 +42,7 @@ class IdentifiedUrdf:
     held: dict[str, float]
 
     def arm_of(self, data: bytes) -> pin.Model:
-        """Return the arm of a URDF as Pinocchio reads it, with the truth's armatures."""
+        """Return the arm of a URDF as Pinocchio reads it, with the armatures of the true arm."""
         names = self.estimate.robot.joint_names
         found = arm_of(data, names, self.held)
         found.armature = np.array(self.truth.armature)

@@ -18,7 +18,7 @@ from identification.estimation.estimate import Estimate
 from identification.estimation.file import write_estimate
 from identification.model.base_parameters import ModelKind, base_parameters
 from identification.model.options import ModelOptions
-from identification.payload.body import to_link
+from identification.payload.body import parameters_to_parent
 from tests.builders.certified import MEDIUM, write_payload_file
 
 
@@ -84,7 +84,7 @@ def with_payload_columns(alone: Estimate, kind: ModelKind = "internal") -> Estim
     options = replace(alone.options, payload=True, kind=kind)
     base = base_parameters(options.build(alone.robot), kind=kind)
     standard = dict(zip(alone.model.parameter_names, alone.standard_values, strict=True))
-    body = to_link(flange_pose(alone.robot)) @ MEDIUM.parameters
+    body = parameters_to_parent(flange_pose(alone.robot)) @ MEDIUM.parameters
     loads = [name for name in base.standard_names if name not in standard]
     standard |= dict(zip(loads, body, strict=True))
     draw = np.random.default_rng(3).normal(size=(len(base), len(base)))

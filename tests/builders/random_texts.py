@@ -23,7 +23,9 @@ _FEWEST_WORDS = 4
 _CODE = re.compile(
     r"=>|&&|\|\||\);|\.map\(|^\(|^import |^from \w+ import |\{\n|\bnew [A-Z]\w+\(|"
     r"^(?:INSERT|SELECT|UPDATE|DELETE|CREATE) [A-Za-z ]*(?:FROM|INTO|SET|TABLE)\b|"
-    r"^https?://\S+$|^HTTP/|^\w+: \w+\n\w+: |\\w\+|^, \w+: \["
+    r"^https?://\S+$|^HTTP/|^\w+: \w+\n\w+: |\\w\+|^, \w+: \[|"
+    r"\btype: ignore|\bnoqa: |pragma: no cover|^\d+px |\bPRAGMA |-src '|max-age=|^(?:GET|POST) /|"
+    r"\w\.\w+\(|^\[[\w-]+=[\w-]+\], |^\w+\[\w+="
 )
 
 

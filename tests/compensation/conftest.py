@@ -72,9 +72,7 @@ def model(cell: LoadedCell, drive: Drive) -> Estimate:
 
 @pytest.fixture(scope="session")
 def forgetful(cell: LoadedCell) -> tuple[Drive, list[VelocityLoop], Estimate]:
-    """The arm whose friction has no memory and is rigid before sliding, its velocity loops and its
-    model.
-    """
+    """The arm with rigid (Coulomb) friction and no presliding, its velocity loops and its model."""
     plant = cell.plant
     assert plant is not None
     assert plant.unmodelled is not None

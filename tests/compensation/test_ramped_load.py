@@ -108,7 +108,7 @@ def test_lossy_gears_follow_the_power_that_they_transmit_in_the_ramp(
 def test_the_stream_computes_the_same_feedforward_with_one_inverse(
     samples: MotionSamples,
 ) -> None:
-    """The state of the controller inverse is kept: it is the one of a single filter."""
+    """A load change does not reset the inverse of the velocity controller."""
     load, time_s = load_on(), row_times(samples)
     motion = (samples.position, samples.velocity, samples.acceleration)
     streamed, offline = [], []

@@ -163,7 +163,7 @@ def random_motion() -> Callable[[int, int], np.ndarray]:
 
 @pytest.fixture
 def random_links() -> Callable[[int, int], np.ndarray]:
-    """Return a function that makes the ten parameters of n possible bodies, (n, 10)."""
+    """Return a function that makes the parameters of n physically consistent bodies, (n, 10)."""
 
     def make(n: int, seed: int) -> np.ndarray:
         rng = np.random.default_rng(seed)

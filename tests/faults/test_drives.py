@@ -194,7 +194,9 @@ def test_nothing_moves_when_power_returns_after_an_emergency_stop(
 
 
 def first_set_point_distance_counts(run: Any) -> float:
-    """Return the largest distance of a first set-point from the position before it [counts]."""
+    """Return the largest distance between an axis's first set-point and its position before it
+    [counts].
+    """
     rows = run.rows
     far = []
     for axis in range(3):

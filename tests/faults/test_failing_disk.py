@@ -47,7 +47,7 @@ def journal_bytes(disk: Path) -> int:
 
 
 def replace_device(target: str) -> None:
-    """Replace the device behind the disk; unwritten data stay in memory."""
+    """Replace the block device of the mounted disk; unwritten data stay in memory."""
     execute("dmsetup", "suspend", "--noflush", "--nolockfs", NAME)
     execute("dmsetup", "reload", NAME, "--table", f"0 {SECTORS} {target}")
     execute("dmsetup", "resume", "--noudevsync", NAME)

@@ -76,7 +76,7 @@ class CircleMotion(Motion):
         )
 
     def next_command(self, run: Path) -> tuple[object, ...]:
-        """Return the command that shows the path error on the circle."""
+        """Return the command that evaluates the path error of a run on the circle."""
         return "tracking", run
 
     def points(self, fraction: FloatArray) -> FloatArray:

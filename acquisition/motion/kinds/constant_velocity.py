@@ -100,7 +100,7 @@ class ConstantVelocityMotion(Motion):
         return f"{runs} runs at constant speed, one joint at a time, both ways."
 
     def next_command(self, run: Path) -> tuple[object, ...]:
-        """Return the command that shows the friction."""
+        """Return the command that evaluates the friction in a run."""
         return "friction", run
 
     def joint_table(self) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:

@@ -50,7 +50,7 @@ class JointPathMotion(Motion):
         return f"A curve through {len(self.points)} poses."
 
     def next_command(self, run: Path) -> tuple[object, ...]:
-        """Return the command that shows the path error."""
+        """Return the command that evaluates the path error of a run."""
         return "tracking", run
 
     def chosen_poses(self, robot: RobotDescription, most: int) -> MotionPoses | None:

@@ -109,7 +109,7 @@ class JointTableMotion(Motion, Derived):
         return f"A table of {len(self.time_s)} rows of joint positions."
 
     def next_command(self, run: Path) -> tuple[object, ...]:
-        """Return the command that shows the path error."""
+        """Return the command that evaluates the path error of a run."""
         return "tracking", run
 
     def to_keep(self, written: bytes) -> bytes:

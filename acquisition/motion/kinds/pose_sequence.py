@@ -41,7 +41,7 @@ class PoseSequenceMotion(Motion):
         return f"Rests of {self.dwell_s:g} s at {len(self.points)} poses."
 
     def next_command(self, run: Path) -> tuple[object, ...]:
-        """Return the command that shows the path error."""
+        """Return the command that evaluates the path error of a run."""
         return "tracking", run
 
     def chosen_poses(self, robot: RobotDescription, most: int) -> MotionPoses | None:

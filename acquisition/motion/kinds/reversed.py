@@ -44,7 +44,7 @@ class ReversedMotion(Motion):
         return f"{self.forward().describe()[:-1]}, and then the same path backwards."
 
     def next_command(self, run: Path) -> tuple[object, ...]:
-        """Return the command that shows the friction."""
+        """Return the command that evaluates the friction in a run."""
         return "friction", run
 
     def forward(self) -> FourierMotion:

@@ -93,7 +93,7 @@ class TimedPathMotion(Motion):
         return f"A path timed to {moving_s:.4g} s of motion, at a cycle time of {cycle_ms:g} ms."
 
     def next_command(self, run: Path) -> tuple[object, ...]:
-        """Return the command that shows the path error."""
+        """Return the command that evaluates the path error of a run."""
         return "tracking", run
 
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:

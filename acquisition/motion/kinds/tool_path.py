@@ -86,7 +86,7 @@ class PathMotion(Motion):
         return f"A path of {len(self.segments)} segments at up to {self.speed_m_s:g} m/s."
 
     def next_command(self, run: Path) -> tuple[object, ...]:
-        """Return the command that shows the path error."""
+        """Return the command that evaluates the path error of a run."""
         return "tracking", run
 
     def chosen_poses(self, robot: RobotDescription, most: int) -> MotionPoses | None:

@@ -24,7 +24,9 @@ from rid_daq.terminal.exit_codes import ExitCode, exit_code_of_stop
 SEEDS_APART: Final = 10_000
 EASIER_STARTS: Final = 4
 ROOM: Final = 0.5
-"""If the limits leave less than this fraction of its amplitudes, an easier problem is tried."""
+"""If the limits allow less than this fraction of the best motion's amplitudes, an easier problem is
+tried.
+"""
 
 
 @dataclass(frozen=True)

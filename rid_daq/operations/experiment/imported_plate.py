@@ -19,7 +19,7 @@ from config.robot.robot import RobotDescription
 from identification.calibration.plate_timing import PlateTiming, estimate_plate_timing
 
 DELAY_STEPS: Final = 0.5
-"""Delay beyond its interval that is a finding, in steps between rows of the plate."""
+"""A delay that exceeds its interval by more than this is a finding [row periods of the plate]."""
 
 
 def align_plate(

@@ -32,7 +32,7 @@ def judge_efforts(proposal: Proposal, robot: RobotDescription) -> Proposal:
         return _with_meaning(proposal, None, None, why, tuple(MEANINGS))
     if judged.meanings != (MOTOR_TORQUE,):
         why = f"{judged.reason}, unlike motor currents"
-        return _with_meaning(proposal, "torque", _only(judged), why, judged.meanings)
+        return _with_meaning(proposal, "torque", _single_meaning(judged), why, judged.meanings)
     weight = weight_of_torques(recording, robot)
     why = judged.reason if weight is None else f"{judged.reason}, and {weight.sentence}"
     if weight is None or not weight.is_drawn:
@@ -46,7 +46,7 @@ def judge_efforts(proposal: Proposal, robot: RobotDescription) -> Proposal:
     )
 
 
-def _only(judged: TorqueJudgement) -> TorqueMeaning | None:
+def _single_meaning(judged: TorqueJudgement) -> TorqueMeaning | None:
     return judged.meanings[0] if len(judged.meanings) == 1 else None
 
 

@@ -251,7 +251,7 @@ def _torque_section(
             " wrench of a force plate does."
         )
     diagnosis = list(extrapolation_findings(estimate, validation.position))
-    if not external:  # without friction in the model, the torques show its lack only
+    if not external:  # without friction in the model, it would find friction only
         diagnosis += [found.sentence for found in diagnose(estimate, validation)]
     return ValidationSection.of(validation, robot, sentence, diagnosis=diagnosis), validation
 

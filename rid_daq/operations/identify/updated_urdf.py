@@ -1,4 +1,4 @@
-"""`UpdatedUrdfSection`: changes of a user's URDF, as numbers and as blocks."""
+"""`UpdatedUrdfSection`: changes of a user's URDF as numbers, and as tables for people."""
 
 from __future__ import annotations
 

@@ -190,7 +190,7 @@ class SessionFile(BaseModel):
         self.write()
 
     def note_fact(self, name: str, fact: JsonValue) -> None:
-        """Write a fact of the session."""
+        """Write a value of the session, such as an answer of the user, under a name."""
         self.facts[name] = fact
         self.write()
 

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from acquisition.motion.approach import approach
-from acquisition.motion.collision import clear_rows
+from acquisition.motion.collision import rows_before_collision
 from acquisition.motion.samples import MotionSamples
 from acquisition.runs.folder import RunFolder
 from acquisition.session.outcome import RecordOutcome
@@ -104,7 +104,7 @@ def _excitation(loaded: LoadedCell, problem: ExcitationProblem) -> MotionSamples
         motion = found.motion.model_copy(update={"transient_periods": 0})
         samples = motion.plan(robot, cell.cycle_time_s)
         way = approach(pose, samples.position[0], robot, cell.cycle_time_s).position
-        if not found.check.broken and clear_rows(clearances, way) == len(way):
+        if not found.check.broken and rows_before_collision(clearances, way) == len(way):
             break
     return samples
 

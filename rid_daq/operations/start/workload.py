@@ -48,9 +48,9 @@ class Workload:
 
     @classmethod
     def of(cls, robot: RobotDescription) -> Workload:
-        """Compute the loads from a robot's `cad` and its position limits.
+        """Compute the largest loads over random poses within the limits, from a robot's `cad`.
 
-        The poses are reproducible.
+        Every call uses the same poses.
 
         Raises:
             ConfigError: The robot has no `cad`.

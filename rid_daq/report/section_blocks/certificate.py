@@ -1,4 +1,4 @@
-"""Contents of a payload's certificate as blocks: the values that are signed, and the evidence."""
+"""Texts and tables of a payload's certificate: the certified values, and the evidence for them."""
 
 from __future__ import annotations
 

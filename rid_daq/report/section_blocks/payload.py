@@ -1,4 +1,4 @@
-"""`payload_blocks`: an estimated payload as blocks."""
+"""`payload_blocks`: texts, tables and plots of an estimated payload."""
 
 from __future__ import annotations
 

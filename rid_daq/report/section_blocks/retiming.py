@@ -1,4 +1,4 @@
-"""`retiming_blocks`: a path retimed to its limits, as blocks."""
+"""`retiming_blocks`: texts, tables and plots of a path that was retimed to its limits."""
 
 from __future__ import annotations
 

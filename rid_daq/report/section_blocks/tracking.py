@@ -1,4 +1,4 @@
-"""`tracking_blocks`: path errors before and after compensation, as blocks."""
+"""`tracking_blocks`: texts, tables and plots of the path errors before and after compensation."""
 
 from __future__ import annotations
 

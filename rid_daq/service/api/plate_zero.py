@@ -40,7 +40,7 @@ class PlannedZero(Record):
 
     @classmethod
     def of(cls, change: ZeroChange) -> Self:
-        """Return the record of a change."""
+        """Return the answer of the API for a change."""
         return cls(
             file=change.file.shown,
             version=change.version,

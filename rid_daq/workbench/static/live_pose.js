@@ -8,7 +8,7 @@ const OLD_S = 0.5; // live values that are older than this at the service count 
 const WATCH_MS = 500;
 const PATIENCE_MS = 10000;
 
-// Return the base wrench of a picture; null without a force plate, or if its values are old.
+// Return the base wrench of a live sample; null without a force plate, or if its values are old.
 function freshWrench({ base_wrench: wrench }) {
   return wrench && wrench.age_s !== null && wrench.age_s <= OLD_S ? wrench : null;
 }

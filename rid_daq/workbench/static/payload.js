@@ -78,7 +78,7 @@ function drawWarmUp(job) {
   figureIn(find("warm-figure"), blocksUrl(`/jobs/${encodeURIComponent(job)}/warm-up`, { plot: 0 }));
 }
 
-// Return true if the page shows the result of a job below the job: a finished session, or a paper of the shown session.
+// Return true if the page shows a job's result below the job: a finished session, or a document of the shown session.
 function isBelow(job, document) {
   return job.kind === "payload_session" ? Boolean(document.session) : job.kind in PAPERS && isOf(session, job);
 }

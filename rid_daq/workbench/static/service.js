@@ -57,7 +57,7 @@ function tell(type, ...values) {
   for (const listener of listeners.get(type) ?? []) listener(...values);
 }
 
-// The newest status of the cell, null until it is known. `ageFrom`: time at which the preflight's age in it was valid.
+// `status`: newest status of the cell, null until known. `ageFrom`: time at which its preflight age was correct [ms].
 export const now = { status: null, ageFrom: 0 };
 let statusFrom = 0;
 

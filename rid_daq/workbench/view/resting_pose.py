@@ -25,7 +25,7 @@ class RestingPose:
     at_s: float | None = None
 
     def document(self) -> dict[str, object]:
-        """Return the pose for a page."""
+        """Return the pose as a JSON object for the pages."""
         return asdict(self)
 
 

@@ -1,4 +1,4 @@
-"""Blocks of plain lines are read at once; the result is that of reading each line alone."""
+"""Blocks of plain lines are converted together; the result is the same as line by line."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def read(path: Path, layout: ImportMap) -> tuple[ImportTable, list[DamagedRow]]:
 def assert_same_as_single_lines(
     path: Path, layout: ImportMap, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Compare with a reader that converts no block."""
+    """The reference converts every line separately."""
     table, damaged = read(path, layout)
     with monkeypatch.context() as patched:
         patched.setattr(NumberBlocks, "convert", lambda *_: None)

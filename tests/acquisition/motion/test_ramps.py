@@ -1,4 +1,4 @@
-"""Ramps: they join the period smoothly and stay on its path.
+"""Run-in and run-out join the periodic motion smoothly and stay on its path.
 
 Point-to-point moves stay within the limits.
 """

@@ -1,4 +1,4 @@
-"""Each known recorder's file, with the columns that this recorder writes, gets a right map.
+"""For a file of each known recorder, the program proposes the right import map.
 
 The names and their order are those of ur_rtde 1.6.5, UR's `record.py`, libfranka 0.15, RSIPI 0.3.0,
 abb_libegm, PlotJuggler, TwinCAT Scope View and our own export.
@@ -308,7 +308,7 @@ def test_full_time_stamps_of_a_scope_are_file_times(tmp_path: Path) -> None:
 
 
 def test_a_column_of_names_is_no_scope(tmp_path: Path) -> None:
-    """Any log can have a column `Name`; that of the scope contains times."""
+    """A column `Name` alone does not identify TwinCAT Scope View: other logs can have one too."""
     t, q, _, torque = Motion.of(6)
     names = ["Name", "t", *axes("q{}"), *axes("tau{}")]
     rows = [["run 1", *row] for row in np.column_stack([t, q, torque]).tolist()]

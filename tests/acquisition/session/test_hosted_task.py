@@ -1,4 +1,6 @@
-"""The cyclic task in the process of a lock-step cell: equal bytes, and every stop still stops."""
+"""The cyclic task in the process of a lock-step cell: it records the same bytes and obeys every
+stop.
+"""
 
 from __future__ import annotations
 

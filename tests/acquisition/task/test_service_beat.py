@@ -1,4 +1,4 @@
-"""A motion that the service started stops without the service's heartbeat or its client's lease."""
+"""A motion that the service started stops if the service's heartbeat or the client's lease ends."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A mean period is found from rows at any times, with gaps and spikes."""
+"""The mean period of a motion is computed from rows at arbitrary times, with gaps and outliers."""
 
 from __future__ import annotations
 

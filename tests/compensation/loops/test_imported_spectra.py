@@ -54,7 +54,7 @@ def recorded(cell: LoadedCell, drive: Drive, motion: MultisineMotion) -> Recordi
 
 @pytest.fixture(scope="module")
 def imported(recorded: Recording) -> Recording:
-    """Return the whole periods as an import has them."""
+    """Return the whole periods of a run in the form of an imported recording."""
     whole = recorded.part(recorded.phase == Phase.MAIN)
     assert whole.sample_period_s is not None
     return replace(

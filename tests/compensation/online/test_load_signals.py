@@ -341,7 +341,7 @@ def test_a_late_signal_just_before_the_next_change_is_followed() -> None:
 
 
 def test_a_signal_that_is_noticed_after_the_next_change_has_begun_stops_the_robot() -> None:
-    """The path's head is some cycles ahead of the robot, and the ramp is shorter than this time."""
+    """Set-points are computed some cycles ahead; the ramp is shorter than this time."""
     stated = LoadChange(at_s=1.21, payload="none", ramp_s=RAMP_S)
     short = change().model_copy(update={"ramp_s": 0.01})
     source = source_of(forward_of(short, stated, loads=(LOADED, ALONE)))

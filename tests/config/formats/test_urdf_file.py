@@ -183,7 +183,7 @@ def test_a_joint_outside_the_arm_is_fixed_within_its_limits() -> None:
 def test_friction_beyond_the_motors_torque_is_not_simulated_and_reported() -> None:
     robot = robot_with(('friction="2.5"', 'friction="2500"'))
     assert robot.motors[1].coulomb is None
-    assert any("friction of j2" in note and "invents" in note for note in robot.notes)
+    assert any("friction of j2" in note and "an assumed one" in note for note in robot.notes)
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16", "iso-8859-1", "us-ascii"])

@@ -38,8 +38,8 @@ def tube(count: int = 60) -> FloatArray:
 
 
 def distance_m(hull: EnclosingHull, point: FloatArray) -> float:
-    """Return a point's distance from the hull without its radius, by a least-squares solver."""
-    weight = 1e4  # of the condition that the shares of the hull's points sum to 1
+    """Return a point's distance from the convex hull of `points_m`, by least squares."""
+    weight = 1e4  # of the condition that the coefficients of the hull's points sum to 1
     system = np.vstack([hull.points_m.T, weight * np.ones(len(hull.points_m))])
     return float(nnls(system, np.append(point, weight))[1])
 

@@ -132,7 +132,7 @@ class TestRefusals:
     def test_a_drive_without_heartbeat_consumer_is_refused(
         self, bench: Bench, measured: Callable[[str], None]
     ) -> None:
-        """Such a drive would continue to run after a crash of the laptop."""
+        """A drive without 1016h would continue to run after a crash of this computer."""
         del bench.drives[2].objects[0x1016, 1]
         with raises_code(PreflightError, "RID-PREFLIGHT-RED", "1016h:01"):
             bench.axes.bring_up()

@@ -39,7 +39,7 @@ def test_the_torque_is_the_derivative_of_the_springs_energy(model, ir361) -> Non
 
 
 def test_the_stiffness_column_is_collinear_with_the_gravity_of_link_2(model) -> None:
-    """The thesis therefore has one parameter for both, grav1 = l r k - g b2z (3.38)."""
+    """The thesis has one parameter for spring and gravity, grav1 = l r k - g b2z (3.38)."""
     q = np.zeros((7, 3))
     q[:, 1] = np.linspace(-1.4, 1.0, 7)
     phi = regressor(model, q, 0 * q, 0 * q)[:, 1]

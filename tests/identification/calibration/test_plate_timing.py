@@ -117,7 +117,7 @@ def test_a_motion_that_repeats_without_a_stated_period_does_not_show_the_offset(
 
 
 def test_ten_seconds_show_the_offset_of_an_own_clock() -> None:
-    """A search from a wrong delay leaves the plate's rows; the right one is found nevertheless."""
+    """A search that starts at a wrong delay fails; the right delay is found from another start."""
     (found,) = (each for each in weighed_arms(1, 2) if len(each.robot.joints) == 6)
     whole = replace(found.recording, samples_per_period=None)
     rows = slice(0, int(np.searchsorted(whole.time_s, whole.time_s[0] + 10.0)))

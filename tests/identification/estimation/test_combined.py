@@ -1,4 +1,4 @@
-"""External and combined model on a force plate loaded by Pinocchio (numbers of issue 4)."""
+"""External and combined model; Pinocchio computes the load on the force plate."""
 
 from __future__ import annotations
 

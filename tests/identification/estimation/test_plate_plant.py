@@ -182,7 +182,7 @@ def test_the_plate_fits_within_its_noise(fits: list[FittedPeriods]) -> None:
 def test_the_plate_clock_is_estimated(robot: RobotOnPlate, samples: MotionSamples) -> None:
     """The clock is 100 ppm fast and 3 ms ahead.
 
-    The time of every row of the run is within 50 us (issue 4).
+    The time of every row of the run is right within 50 us.
     """
     clock = fits_clock(robot.run(samples, 5))
     device = np.linspace(3.0, 90.0, 30)

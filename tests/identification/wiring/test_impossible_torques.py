@@ -30,7 +30,9 @@ from tests.identification.wiring.test_search import wired
 def arm() -> WiredSignals:
     """Six axes with link masses from CAD, correct within a factor of two."""
     signals = wired(sound_run(load_robot("ur10e"), np.random.default_rng(4)))
-    weight = CondensedEquations.of(replace(signals, robot=_drawn(signals, 1.0))).weight(np.eye(6))
+    weight = CondensedEquations.of(replace(signals, robot=_drawn(signals, 1.0))).arm_weight(
+        np.eye(6)
+    )
     assert weight is not None
     return replace(signals, robot=_drawn(signals, weight.share))
 

@@ -1,6 +1,4 @@
-"""Simulated time runs at an even pace: small delays are compensated, the time of long delays is
-lost.
-"""
+"""Simulated time catches up after short delays, but not after long delays."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ def start_motion(bench: Bench, **watchdogs: int) -> None:
 
 
 def assert_quick_stop_then_off(bench: Bench, since_s: float) -> None:
-    """Check that the axis brakes from `since_s`; then power is off, the brake closed."""
+    """Require that the axis brakes from `since_s` on, and that power is then off."""
     assert power(bench).state is PowerState.QUICK_STOP_ACTIVE
     bench.run_to(since_s + 0.5 * RAMP_S)
     assert bench.axis.rate == pytest.approx(0.5 * SPEED, rel=0.02)
@@ -118,7 +118,7 @@ def test_a_lost_connection_causes_the_reaction_in_6007(
 
 
 def test_without_a_heartbeat_consumer_the_axis_continues_to_move(bench: Bench) -> None:
-    """Therefore every drive needs object 1016h or another watchdog."""
+    """If the master is silent, only object 1016h or another watchdog stops the axis."""
     start_motion(bench)
     bench.run_for(10.0)
     assert bench.axis.rate == SPEED

@@ -74,7 +74,7 @@ def test_after_the_transfer_the_robot_is_the_one_that_always_carried_it(
 def test_the_transfers_count_from_the_sync_of_the_announced_row(
     truth: PlantConfig, tmp_path: Path
 ) -> None:
-    """A motion whose first rows were skipped begins that many cycles earlier."""
+    """If the first rows of a motion are skipped, its time counts from as many cycles earlier."""
     snapshots = SnapshotWriter(tmp_path / "axes", 3)
     marker = MotionMarker(tmp_path / "axes")
     marker.open()

@@ -12,7 +12,7 @@ from config.errors import ConfigError, EstimationError
 from dynamics.geometry.kinematics import flange_pose
 from dynamics.model.robot_model import RobotModel, torque
 from dynamics.terms.conditions import Conditions
-from identification.payload.body import PayloadBody, to_link
+from identification.payload.body import PayloadBody, parameters_to_parent
 from rid_daq.api import Payload, Recording, identify_payload
 from tests.builders.raised_codes import raises_code
 from tests.rid_daq.api.conftest import Arm
@@ -25,7 +25,7 @@ def with_payload(arm: Arm, seed: int, mass_kg: float) -> Recording:
     robot = arm.robot.description
     model = RobotModel.from_description(robot, payload=True)
     body = PayloadBody(mass_kg, CENTRE_M, np.diag([0.2, 0.2, 0.1]))
-    on_link = to_link(flange_pose(robot)) @ body.parameters
+    on_link = parameters_to_parent(flange_pose(robot)) @ body.parameters
     time_s, q, v, a = arm.motion(seed, 30.0)
     theta: FloatArray = np.concatenate([arm.theta, on_link])
     measured = torque(model, q, v, a, theta, Conditions(payload=True))

@@ -16,7 +16,7 @@ from dynamics.geometry.kinematics import flange_pose
 from dynamics.model.robot_model import RobotModel
 from dynamics.model.true_parameters import true_parameters
 from identification.estimation.file import write_estimate
-from identification.payload.body import to_link
+from identification.payload.body import parameters_to_parent
 from identification.payload.file import write_payload
 from identification.payload.verdict import PayloadCheck, PayloadResult
 from rid_daq.app import run
@@ -71,7 +71,9 @@ def last_link(name: str) -> FloatArray:
         zip(model.parameter_names, true_parameters(model, cell.robot, cell.plant), strict=True)
     )
     at_link = np.array([values[name] for name in LINK_3])
-    return np.array(np.linalg.solve(to_link(flange_pose(cell.robot)), at_link), dtype=np.float64)
+    return np.array(
+        np.linalg.solve(parameters_to_parent(flange_pose(cell.robot)), at_link), dtype=np.float64
+    )
 
 
 COMMANDS = {

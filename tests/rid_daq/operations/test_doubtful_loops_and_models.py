@@ -1,4 +1,4 @@
-"""Loop files and models that do not fit: refused, or reported with what they put in doubt."""
+"""Loop files and models that do not fit are refused, or reported with the affected results."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Joint states of a bag: the data show the meaning of `effort` as far as they can."""
+"""Joint states of a bag: the meaning of `effort` is inferred from the data, if possible."""
 
 from __future__ import annotations
 

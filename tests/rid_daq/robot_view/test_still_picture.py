@@ -118,7 +118,9 @@ def test_four_views_are_small_enough_for_a_report(name: str) -> None:
 
 
 def changed(one: tuple[Still, ...], other: tuple[Still, ...]) -> int:
-    """Return the smallest number of changed pixels of the views of equal size."""
+    """Return the number of changed pixels in the view that changed most; a change of size counts as
+    10^6.
+    """
     pairs = zip(one, other, strict=True)
     return max(
         int((pixels(a) != pixels(b)).any(axis=2).sum()) if a.height == b.height else 10**6

@@ -166,7 +166,7 @@ def test_a_motion_is_made_by_clicks_and_seen_before_it_is_saved(
 ) -> None:
     page = edit("cell.yaml")
     page.get_by_role("link", name="Experiment", exact=True).click()
-    page.locator("summary", has_text="by clicks").click()
+    page.locator("summary", has_text="with sliders").click()
     page.locator("#click-name").fill("clicked")
     page.get_by_role("button", name="Choose the poses").click()
     expect(page.locator("h1")).to_have_text("clicked.yaml")
