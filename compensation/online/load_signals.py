@@ -291,9 +291,9 @@ def _active_reason(number: int, change: LoadChange, when: str) -> StopReason:
     assert signal is not None
     return StopReason(
         StopCode.LOAD_SIGNAL,
-        f"{_change_name(number)}: its input (bit {signal.bit} of 60FDh, drive of {signal.joint}) is active"
-        f" already {when}, so that it cannot show the change. Check if the switch is stuck and if"
-        " the part is there already",
+        f"{_change_name(number)}: its input (bit {signal.bit} of 60FDh, drive of {signal.joint})"
+        f" is active already {when}, so that it cannot show the change. Check if the switch is"
+        " stuck and if the part is there already",
         joint=signal.joint,
     )
 
