@@ -17,7 +17,8 @@ from acquisition.hold_to_run.held_motion import HeldMotion
 from acquisition.session.outcome import RecordOutcome
 from config.arrays import FloatArray
 from rid_daq.recording.recorded_run import RecordedRun
-from rid_daq.recording.run_session import Record, RunRequest, RunSession
+from rid_daq.recording.run_request import Record, RunRequest
+from rid_daq.recording.run_session import RunSession
 from rid_daq.terminal.context import Context
 
 

@@ -31,7 +31,8 @@ from mock_hw.simulation import CellSimulation
 from rid_daq.demo.demo_paths import PathMotions, run_path_chapter
 from rid_daq.demo.demo_timing import TimingMotions, run_timing_chapter
 from rid_daq.recording.recorded_run import RecordedRun
-from rid_daq.recording.run_session import RunRequest, RunSession
+from rid_daq.recording.run_request import RunRequest
+from rid_daq.recording.run_session import RunSession
 from rid_daq.report.sections.average import AverageSection
 from rid_daq.report.sections.curves import CurvesSection, SpectrumCurves, TorqueCurves
 from rid_daq.report.sections.estimate import EstimateSection

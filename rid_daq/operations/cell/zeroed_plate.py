@@ -29,7 +29,8 @@ from rid_daq.operations.cell.plate_zero import PlateZeroRequest
 from rid_daq.operations.operation import Context
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.recorded_run import RecordedRun
-from rid_daq.recording.run_session import Clearance, RunRequest, RunSession, open_session
+from rid_daq.recording.run_request import RunRequest
+from rid_daq.recording.run_session import Clearance, RunSession, open_session
 from rid_daq.report.sections.plate_zero import PlateZeroSection, as_zero, zero_verdict
 from rid_daq.runs.plate_zero_lines import ZERO_FILE, write_zero, zero_lines, zero_source
 from rid_daq.runs.run_data import RunData

@@ -29,7 +29,8 @@ from rid_daq.operations.stated_loads import (
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.accuracy_watch import AccuracyWatch
 from rid_daq.recording.recorded_run import RecordedRun
-from rid_daq.recording.run_session import Clearance, RunRequest, open_session
+from rid_daq.recording.run_request import RunRequest
+from rid_daq.recording.run_session import Clearance, open_session
 from rid_daq.requests.cell_options import Simulation
 from rid_daq.runs.changed_load import LOAD_CHANGES, load_changes_bytes
 from rid_daq.runs.made_file import TRACKED

@@ -27,7 +27,8 @@ from rid_daq.operations.path.stream import StreamRequest
 from rid_daq.operations.stated_loads import StatedLoads, state_loads
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.recorded_run import RecordedRun
-from rid_daq.recording.run_session import Clearance, Record, RunRequest, open_session
+from rid_daq.recording.run_request import Record, RunRequest
+from rid_daq.recording.run_session import Clearance, open_session
 from rid_daq.runs.changed_load import LOAD_CHANGES, load_changes_bytes
 from rid_daq.runs.run_data import MOTION, ONLINE_LOOPS, ONLINE_MODEL, ONLINE_PAYLOAD
 from rid_daq.session.scenario import Scenario, constant_load_notes, load_transfers

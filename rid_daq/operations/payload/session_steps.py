@@ -25,7 +25,8 @@ from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.preflight.last_pose import PoseRule
 from rid_daq.preflight.preflight import lines_before_bus, preflight
 from rid_daq.recording.recorded_run import RecordedRun
-from rid_daq.recording.run_session import RunRequest, RunSession, Watch
+from rid_daq.recording.run_request import RunRequest, Watch
+from rid_daq.recording.run_session import RunSession
 from rid_daq.report.sections.payload import EmptyFlange
 from rid_daq.runs.run_data import MOTION
 from rid_daq.terminal.clearance import require_cleared, require_yes

@@ -19,7 +19,8 @@ from identification.estimation.file import write_estimate
 from rid_daq.operations.catalogue import CATALOGUE, operation
 from rid_daq.preflight.axis_test import AxisTestRule, require_axis_test
 from rid_daq.recording import run_session
-from rid_daq.recording.run_session import RunRequest, open_session
+from rid_daq.recording.run_request import RunRequest
+from rid_daq.recording.run_session import open_session
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.remote_jobs import send
 from rid_daq.service.request_check import check_request, parse_request

@@ -31,7 +31,8 @@ from rid_daq.operations.experiment.recorded_motion import record_motion_file
 from rid_daq.operations.path.stream import StreamRequest
 from rid_daq.operations.path.streamed_path import stream_path
 from rid_daq.recording import run_session
-from rid_daq.recording.run_session import RunRequest, RunSession
+from rid_daq.recording.run_request import RunRequest
+from rid_daq.recording.run_session import RunSession
 from rid_daq.runs.run_data import FEEDFORWARD, MOTION, ONLINE_LOOPS, ONLINE_MODEL
 from rid_daq.terminal.console import Console
 from tests.builders.known_model import known_estimate

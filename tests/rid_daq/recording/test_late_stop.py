@@ -36,7 +36,8 @@ from rid_daq.operations.payload.session_states import SessionFile
 from rid_daq.operations.payload.session_steps import PayloadGuide
 from rid_daq.recording import run_session
 from rid_daq.recording.recorded_run import RecordedRun
-from rid_daq.recording.run_session import RunRequest, RunSession
+from rid_daq.recording.run_request import RunRequest
+from rid_daq.recording.run_session import RunSession
 from rid_daq.report.result import Result
 from rid_daq.terminal.console import Console
 from rid_daq.terminal.exit_codes import ExitCode
