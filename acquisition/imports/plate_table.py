@@ -242,8 +242,8 @@ def _file_number(layout: ImportMap) -> int:
     found = {int(np.searchsorted(starts, numbered(c), "right")) for c in layout.plate.columns}
     if len(found) > 1:
         raise ConfigError(
-            f"map {layout.name!r}: the columns of the force plate are in several files: give files"
-            " of which one has all of them",
+            f"map {layout.name!r}: the columns of the force plate are in several files: put these"
+            " columns into one file",
             code="RID-IMPORT-HEADER",
         )
     return found.pop()

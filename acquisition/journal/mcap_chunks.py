@@ -66,7 +66,7 @@ def keep_as_bytes(writer: Writer) -> None:
 
 
 class _MessageIndex:
-    """Index of the messages of a chunk, in place of the library's list of pairs."""
+    """Index of the messages of a chunk, instead of the library's list of pairs."""
 
     def __init__(self, channel: int, pairs: bytes) -> None:
         self._channel, self._pairs = channel, pairs

@@ -113,7 +113,7 @@ def _same_names(groups: Mapping[str, ColumnGroup], table: SourceTable) -> tuple[
     """Return a doubt for each column whose name another column has, too."""
     return tuple(
         f"{quantity}: {table.names.count(table.names[column])} columns are named"
-        f" {table.names[column]}; column {column} is used, the first of them"
+        f" {table.names[column]}; the first one, column {column}, is used"
         for quantity, group in groups.items()
         for column in group.columns
         if table.names.count(table.names[column]) > 1

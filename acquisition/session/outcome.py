@@ -127,7 +127,7 @@ def collect_outcome(
 
 
 def _find_late_stop(control: ControlBlock, interruption: Interruption) -> StopReason | None:
-    """Return the stop that was requested too late to stop the motion; None if there was none."""
+    """Return a stop that was requested too late to stop the motion; None without such a stop."""
     code = control.program.stop_code
     if code not in _LATE and interruption.signal is not None:
         code = StopCode.INTERRUPTED

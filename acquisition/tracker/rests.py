@@ -1,4 +1,4 @@
-"""`find_rests`: the poses at which a recorded robot stood still."""
+"""`find_rests`: the poses in which a recorded robot was at rest."""
 
 from __future__ import annotations
 

@@ -56,9 +56,9 @@ def test_decimal_numbers_with_rests_are_read(tmp_path: Path, form: str) -> None:
 
 
 @pytest.mark.parametrize("form", ["{:,.3f}", "{:_.3f}"])
-def test_the_refusal_of_other_groups_names_the_separators(tmp_path: Path, form: str) -> None:
+def test_other_groups_of_digits_are_refused(tmp_path: Path, form: str) -> None:
     table = sound_table()
     texts = [form.format(2000.5 + value).replace("_", "'") for value in table[:, 6].tolist()]
     path = write(tmp_path / "recording.csv", table, texts, ".")
-    with raises_code(DataQualityError, "RID-IMPORT-ROWS", "separators of thousands"):
+    with raises_code(DataQualityError, "RID-IMPORT-ROWS", "recording.csv"):
         import_csv(path, layout("."))

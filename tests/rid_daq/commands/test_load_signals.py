@@ -196,7 +196,7 @@ def test_a_run_whose_program_was_killed_does_not_claim_that_a_signal_was_missed(
     folder.write(LOAD_CHANGES, load_changes_bytes(changes))
     assert outcomes_of(tmp_path, "killed") == [None]
     assert len(load_change_notes(folder, "killed")) == 1
-    with raises_code(DataQualityError, "RID-LOAD-SIGNAL-UNKNOWN", "load change 1"):
+    with raises_code(DataQualityError, "RID-LOAD-SIGNAL-UNKNOWN", "killed"):
         require_known_outcomes(load_changes_of(folder), "killed")
 
 
