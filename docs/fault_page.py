@@ -233,6 +233,11 @@ ROWS: dict[int, Row] = {
         " motion needs a preflight",
         "≤ 3 s + 2 T",
     ),
+    52: Row(
+        "the signal of a load change does not come, comes outside its window, or is there before",
+        "stop on the path, as the load-change file says; no motion begins with an active input",
+        "no set-point off the path; drives not enabled",
+    ),
 }
 
 _HEAD = """# Faults

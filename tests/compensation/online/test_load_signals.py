@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -62,7 +63,10 @@ def test_the_load_follows_the_signal(late_s: float) -> None:
     assert np.abs(ahead - expected)[inside].max() < 0.15 * effect
 
 
-def test_a_missed_signal_stops_the_robot_on_its_path_at_once() -> None:
+@pytest.mark.fault(52)
+def test_a_missed_signal_stops_the_robot_on_its_path_at_once(
+    measured: Callable[[str], None],
+) -> None:
     source = source_of(forward_of(change()))
     points = follow(source, lambda _: False)
     held_limits(points)
@@ -75,6 +79,8 @@ def test_a_missed_signal_stops_the_robot_on_its_path_at_once() -> None:
     assert changes_of(source)[0].came_s is None
     assert source._signals is not None
     assert source._signals.notes == []
+    rest_s = index[-1] - (AT_S + 0.2)
+    measured(f"no signal: at rest on the path {1e3 * rest_s:.0f} ms after the window's end")
 
 
 def test_a_missed_signal_can_leave_the_robot_without_the_load() -> None:
@@ -85,13 +91,19 @@ def test_a_missed_signal_can_leave_the_robot_without_the_load() -> None:
     assert len(source.notes) == 1
 
 
+@pytest.mark.fault(52)
 @pytest.mark.parametrize("signal_s", [0.5, AT_S + 0.4])
-def test_a_signal_outside_its_window_stops_the_robot(signal_s: float) -> None:
+def test_a_signal_outside_its_window_stops_the_robot(
+    signal_s: float, measured: Callable[[str], None]
+) -> None:
     source = source_of(forward_of(change(missed="unloaded")))
-    held_limits(follow(source, from_time(signal_s)))
+    points = follow(source, from_time(signal_s))
+    held_limits(points)
     assert source.stop is not None
     assert source.stop.code is StopCode.LOAD_SIGNAL
     assert source.stop.value == pytest.approx(signal_s, abs=T)
+    rest_s = points[-1].sample_index * T - signal_s
+    measured(f"signal at {signal_s:g} s: at rest on the path {1e3 * rest_s:.0f} ms later")
 
 
 @pytest.mark.parametrize("signal_s", [0.5, AT_S + 0.4])
@@ -108,14 +120,18 @@ def test_a_signal_outside_its_window_can_be_followed_and_is_reported(signal_s: f
     assert np.abs(arrays(points)[2][end : end + 60] - expected).max() < 0.15 * effect
 
 
+@pytest.mark.fault(52)
 @pytest.mark.parametrize("reaction", [{}, {"missed": "unloaded", "outside": "report"}])
-def test_a_motion_does_not_begin_while_its_input_is_active(reaction: dict[str, Any]) -> None:
+def test_a_motion_does_not_begin_while_its_input_is_active(
+    reaction: dict[str, Any], measured: Callable[[str], None]
+) -> None:
     """The part is there already, or the switch is stuck: the input cannot show the grip."""
     source = source_of(forward_of(change(**reaction)))
     answers = answers_of(planned().position[0], level=True)
     with raises_code(PreflightError, "RID-LOAD-SIGNAL-ACTIVE", "axis2"):
         source.refuse_begin(answers)
     assert outcomes_of(source) == ["already_active"]
+    measured("active input: refused before the drives are enabled")
 
 
 def test_a_motion_begins_with_an_inactive_input() -> None:
