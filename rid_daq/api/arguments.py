@@ -13,6 +13,7 @@ from pydantic import BaseModel, ValidationError
 
 from config.arrays import FloatArray
 from config.errors import ConfigError, EstimationError
+from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
 from identification.payload.carried import contains_payload
 
@@ -155,6 +156,52 @@ def as_numbers(name: str, values: npt.ArrayLike, *, finite: bool = True) -> Floa
             code=ARGUMENT,
         )
     return found.astype(np.float64)
+
+
+def as_samples(robot: RobotDescription, *arrays: npt.ArrayLike) -> list[FloatArray]:
+    """Return arrays with one row per sample; a single sample becomes one row.
+
+    Raises:
+        ConfigError, EstimationError: An array does not contain finite numbers, or its shape is not
+            (samples, joints) or (joints,), the same for all.
+    """
+    names, found = robot.joint_names, []
+    for each in arrays:
+        table = as_numbers("array", each)
+        if (
+            table.shape != np.shape(arrays[0])
+            or table.shape[-1:] != (len(names),)
+            or table.ndim > 2
+        ):
+            raise EstimationError(
+                f"array of shape {table.shape}: give (samples, {len(names)}) or ({len(names)},),"
+                f" the same shape for all arrays; the joints are {', '.join(names)}",
+                code=ARGUMENT,
+            )
+        found.append(np.atleast_2d(table))
+    return found
+
+
+def as_motion(
+    robot: RobotDescription, position: npt.ArrayLike, *others: npt.ArrayLike
+) -> list[FloatArray]:
+    """Return positions, and arrays of the same shape, with one row per sample.
+
+    Raises:
+        ConfigError, EstimationError: As for `as_samples`; or a position is beyond a limit by more
+            than the joint's range.
+    """
+    found = as_samples(robot, position, *others)
+    for joint, values in zip(robot.joints, found[0].T, strict=True):
+        low, high = joint.limits.position_min, joint.limits.position_max
+        far = values[(values < 2.0 * low - high) | (values > 2.0 * high - low)]
+        if len(far):
+            raise ConfigError(
+                f"position of {joint.name}: {far[0]:.4g} {joint.unit} is far beyond its limits,"
+                f" {low:.4g} and {high:.4g} {joint.unit}; give positions in {joint.unit}",
+                code=ARGUMENT,
+            )
+    return found
 
 
 def validated(kind: type[M], values: Mapping[str, Any]) -> M:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from compensation.operating_temperature import at_operating_temperature
 from config.arrays import FloatArray
-from config.errors import ConfigError, EstimationError
+from config.errors import ConfigError
 from dynamics.model.memory import with_presliding_history
 from dynamics.model.robot_model import torque
 from identification.estimation.estimate import Estimate, base_regressor, predict
@@ -22,7 +22,15 @@ from identification.export.description import mjcf, pinocchio_model
 from identification.export.description import urdf as description_urdf
 from identification.export.model import ExportModel
 from identification.friction.curve import friction_columns
-from rid_daq.api.arguments import ARGUMENT, as_numbers, as_path, require, require_stated_payload
+from rid_daq.api.arguments import (
+    ARGUMENT,
+    as_motion,
+    as_numbers,
+    as_path,
+    as_samples,
+    require,
+    require_stated_payload,
+)
 from rid_daq.api.console import text_of
 from rid_daq.api.curves import curves_plot
 from rid_daq.api.parameter import Parameter
@@ -147,12 +155,13 @@ class Model:
             The same shape. Torques [N m or N].
 
         Raises:
-            ConfigError, EstimationError: An array does not fit (RID-API-ARGUMENT); a joint that
-                stood still in the identification is at another position; friction depends on
-                temperature (`at_temperature`); or the model contains a payload (`with_payload`).
+            ConfigError, EstimationError: An array does not fit, or positions are far beyond the
+                limits (RID-API-ARGUMENT); a joint that stood still in the identification is at
+                another position; friction depends on temperature (`at_temperature`); or the model
+                contains a payload (`with_payload`).
         """
         require_stated_payload(self.estimate)
-        q, v, a = self._motion(position, velocity, acceleration)
+        q, v, a = as_motion(self.estimate.robot, position, velocity, acceleration)
         return predict(self.estimate, q, v, a).reshape(np.shape(position))
 
     def regressor(
@@ -173,7 +182,7 @@ class Model:
             ConfigError, EstimationError: As for `inverse_dynamics`.
         """
         require_stated_payload(self.estimate)
-        q, v, a = self._motion(position, velocity, acceleration)
+        q, v, a = as_motion(self.estimate.robot, position, velocity, acceleration)
         found = base_regressor(
             self.estimate, q, v, a, with_presliding_history(self.estimate.model, q)
         )
@@ -196,7 +205,7 @@ class Model:
                 contains a payload (`with_payload`).
         """
         require_stated_payload(self.estimate)
-        (q,) = self._motion(position)
+        (q,) = as_motion(self.estimate.robot, position)
         own = self.estimate.model
         bare = replace(self.estimate.options, friction=False, nonlinear=None)
         model = bare.build(self.estimate.robot)
@@ -224,7 +233,7 @@ class Model:
         Raises:
             ConfigError, EstimationError: An array does not fit (RID-API-ARGUMENT).
         """
-        (v,) = self._motion(velocity)
+        (v,) = as_samples(self.estimate.robot, velocity)
         model = self.estimate.model
         if "friction" not in model.parameter_groups:
             return np.zeros(np.shape(velocity))
@@ -377,17 +386,3 @@ class Model:
             output=Path(form.value),
             despite_misfit=despite_misfit,
         )
-
-    def _motion(self, *arrays: npt.ArrayLike) -> list[FloatArray]:
-        """Return arrays with one row per sample; a single sample becomes one row."""
-        n, found = len(self.robot.joint_names), []
-        for each in arrays:
-            table = as_numbers("array", each)
-            if table.shape != np.shape(arrays[0]) or table.shape[-1:] != (n,) or table.ndim > 2:
-                raise EstimationError(
-                    f"array of shape {table.shape}: give (samples, {n}) or ({n},), the same shape"
-                    f" for all arrays; the joints are {', '.join(self.robot.joint_names)}",
-                    code="RID-API-ARGUMENT",
-                )
-            found.append(np.atleast_2d(table))
-        return found

@@ -180,6 +180,16 @@ def test_arrays_of_other_shapes_are_refused(
         model.inverse_dynamics(*(np.zeros(shape) for shape in shapes))
 
 
+def test_positions_in_degrees_are_refused(model: Model, arm: Arm) -> None:
+    _, q, v, a = arm.motion(10, 5.0)
+    degrees = np.rad2deg(q)
+    for compute in (model.inverse_dynamics, model.regressor):
+        with raises_code(ConfigError, "RID-API-ARGUMENT", "rad"):
+            compute(degrees, v, a)
+    with raises_code(ConfigError, "RID-API-ARGUMENT", "1e+308"):
+        model.mass_matrix(np.full(len(q[0]), 1e308))
+
+
 def test_options_of_the_request_are_checked(train: Recording) -> None:
     with raises_code(ConfigError, "RID-REQUEST-INVALID", "speed"):
         identify(train, options={"speed": 3})
