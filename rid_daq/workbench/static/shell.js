@@ -11,8 +11,8 @@ const banner = find("reach");
 let stays = false;
 let problem = "";
 const LOST = {
-  stop: "The motion stops if this page closes or loses its connection.",
-  finish: "The motion continues to its end if this page closes or loses its connection.",
+  stop: "The motion stops if this page closes, the device sleeps or the connection is lost.",
+  finish: "The motion continues if this page closes, the device sleeps or the connection is lost.",
 };
 
 // ---- requirements of elements, in the attribute data-needs

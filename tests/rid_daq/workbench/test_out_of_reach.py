@@ -58,8 +58,8 @@ def shorten_lease(page: Page, served: ServedProcess) -> None:
 @pytest.mark.parametrize(
     ("policy", "pace", "message", "end"),
     [
-        ("stop", 1.0, "the motion is stopped.", "Record: stopped: "),
-        ("finish", 5.0, "the motion continues to its end.", "Record: done"),
+        ("stop", 1.0, "The motion stops if", "Record: stopped: "),
+        ("finish", 5.0, "The motion continues if", "Record: done"),
     ],
 )
 def test_a_motion_of_a_disconnected_tablet_follows_its_policy_and_is_shown_later(
