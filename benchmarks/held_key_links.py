@@ -23,11 +23,9 @@ class Way(Protocol):
 
     def send(self, now_s: float, message: Message) -> None:
         """Send a message."""
-        ...
 
     def arrived(self, now_s: float) -> list[Message]:
         """Return the messages that have arrived since the last call."""
-        ...
 
 
 class DisturbedWay:
