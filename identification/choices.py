@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Annotated, Final
+from typing import Annotated, Final, Self
 
 from pydantic import Field
 
@@ -92,14 +92,25 @@ class PayloadLimits(Ranged):
 class LoadFormat(StrEnum):
     """Robot controller for which load data are written."""
 
-    KUKA = "kuka"
-    ABB = "abb"
-    FANUC = "fanuc"
-    UR = "ur"
-    UR_ROS2 = "ur-ros2"
-    FRANKA = "franka"
-    STAUBLI = "staubli"
-    URDF = "urdf"
+    label: str
+    """Name that people read."""
+    ending: str
+    """Usual ending of a file in this format."""
+
+    KUKA = "kuka", "KUKA", ".src"
+    ABB = "abb", "ABB", ".mod"
+    FANUC = "fanuc", "FANUC", ".txt"
+    UR = "ur", "Universal Robots", ".script"
+    UR_ROS2 = "ur-ros2", "Universal Robots, ROS 2 driver", ".yaml"
+    FRANKA = "franka", "Franka", ".json"
+    STAUBLI = "staubli", "Stäubli", ".txt"
+    URDF = "urdf", "URDF", ".urdf"
+
+    def __new__(cls, value: str, label: str = "", ending: str = "") -> Self:
+        """Return a new member; `LoadFormat(value)` looks an existing member up."""
+        member = str.__new__(cls, value)
+        member._value_, member.label, member.ending = value, label, ending
+        return member
 
 
 REPORTED: Final = ("m", "cx", "cy", "cz", "Ixx", "Iyy", "Izz", "Ixy", "Ixz", "Iyz")

@@ -31,7 +31,7 @@ same time stamp [s]."""
 KINDS: Final = frozenset({".yaml", ".json"})
 _KINDS: Final = "|".join(sorted(MOTION_KINDS, key=len, reverse=True))
 _MOTION = re.compile(rf"^(?:{{.*?\b)?kind:\s*[\"']?({_KINDS})\b".encode(), re.MULTILINE)
-_ROBOT = re.compile(rb"^(?:{.*?\brobot|robot):\s*[\"']?([\w.-]+)", re.MULTILINE)
+_ROBOT = re.compile(rb"^(?:{.*?\b)?robot:\s*[\"']?([\w.-]+)", re.MULTILINE)
 _JSON: Final = (
     (b'"rid-daq estimate"', "models"),
     (b'"rid-daq velocity loops 2"', "loops"),

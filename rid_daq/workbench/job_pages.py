@@ -35,7 +35,9 @@ async def experiment_page(visit: Visitor) -> HTMLResponse:
 @router.get("/identify")
 async def identify_page(visit: Visitor) -> HTMLResponse:
     """Show the steps from runs to a model."""
-    return visit.page("identify.html", files=await cell_files(visit))
+    from rid_daq.operations.identify.export import ENDINGS
+
+    return visit.page("identify.html", files=await cell_files(visit), endings=ENDINGS)
 
 
 @router.get("/identify/check")

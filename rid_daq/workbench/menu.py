@@ -15,7 +15,7 @@ class MenuEntry:
     Attributes:
         path: Part of its address after `/cells/CELL`; empty for the cell's own page.
         title: Title of the page.
-        operations: Names of the operations with a button on the page.
+        operations: Names of the operations that the page offers.
     """
 
     path: str
@@ -38,7 +38,7 @@ MENU: Final = (
         "Compensation",
         ("loop", "retime", "compensate", "tracking", "refine", "stream"),
     ),
-    MenuEntry("/runs", "Runs", ("recover", "compare")),
+    MenuEntry("/runs", "Runs", ("runs", "recover", "compare")),
     MenuEntry("/settings", "Settings"),
 )
 
@@ -46,15 +46,15 @@ MENU: Final = (
 def command_links() -> dict[str, tuple[str, str]]:
     """Return path and text of a link by command; pages show the link in place of the command.
 
-    A job without a button on a page of the menu has a page of its own. The first word of a group
-    stands for its default operation.
+    A job that no page of the menu offers has a page of its own. The first word of a group stands
+    for its default operation.
     """
     pages = {name: entry.path for entry in MENU for name in entry.operations}
     found = {}
     for name, entry in CATALOGUE.items():
-        if entry.is_job:
-            job = operation(name)
-            found[name] = (pages.get(name, f"/operations/{job.kind}"), job.label)
+        if entry.is_job or name in pages:
+            offered = operation(name)
+            found[name] = (pages.get(name, f"/operations/{offered.kind}"), offered.label)
     for word, group in GROUPS.items():
         if (name := f"{word} {group.default}") in found:
             found[word] = found[name]

@@ -39,8 +39,8 @@ class PayloadExportRequest(Request):
             group=FILES,
             file="output",
             endings=(
-                *(".src", ".mod", ".ls", ".script", ".txt", ".json", ".urdf", ".dat", ".jbi"),
-                ".xml",
+                *dict.fromkeys(each.ending for each in LoadFormat),
+                *(".ls", ".dat", ".jbi", ".xml"),
             ),
         ),
     ]

@@ -187,11 +187,10 @@ async function showValidation(run) {
   find("validation").scrollIntoView({ block: "start" });
 }
 
-const ENDINGS = { urdf: ".urdf", sdf: ".sdf", pinocchio: ".py", c: ".c", python: ".py", csv: ".csv", json: ".json" };
 press("export", panel, "export", async () => {
-  const to = find("format").value;
+  const { value: to, dataset: { ending } } = find("format").selectedOptions[0];
   render([], find("exported"));
-  await panel.begin("export", { what: model.path, to, output: nameOf("export-name", ENDINGS[to]), overwrite: true });
+  await panel.begin("export", { what: model.path, to, output: nameOf("export-name", ending), overwrite: true });
 });
 
 on("again", showRuns);

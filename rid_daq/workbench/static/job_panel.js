@@ -276,13 +276,14 @@ export class JobPanel {
   jobParts() {
     const { job, view } = this;
     const count = job.state === "accepted" && !view.count ? "Waiting for the end of another job." : view.count;
+    const estimate = view.words ? view.estimate.replace(`${view.words}; `, "") : view.estimate; // `count` shows the state
     return html`
       <div class="job-head"><h2>${kindWords(job.kind)}</h2>
         <button type="button" ?hidden=${over(job)} @click=${() => this.cancel()}>End this job</button></div>
       <div class="way" ?hidden=${over(job)}>
         <progress max="1" aria-label="progress" value=${view.share ?? nothing}></progress>
         <p class="count number">${count}</p>
-        <p class="estimate number" ?hidden=${!view.estimate}>${view.estimate.replace(`${view.words}; `, "")}</p>
+        <p class="estimate number" ?hidden=${!estimate}>${estimate}</p>
       </div>
       <div class="questions">${view.question ? this.questionParts(view.question) : nothing}</div>
       <div class="verdicts" role="status">${view.verdicts}</div>

@@ -267,12 +267,10 @@ press("certify", panel, "payload_certificate", () => {
 });
 
 // ---- the controller
-const ENDINGS = { kuka: ".src", abb: ".mod", fanuc: ".txt", ur: ".script", "ur-ros2": ".yaml", franka: ".json", staubli: ".txt", urdf: ".urdf" };
-
 press("export", panel, "payload_export", async () => {
-  const to = find("make").value;
+  const { value: to, dataset: { ending } } = find("make").selectedOptions[0];
   await panel.begin("payload_export", {
-    payload: session.payload, to, output: `load-data-${session.run}-${to}${ENDINGS[to]}`, overwrite: true,
+    payload: session.payload, to, output: `load-data-${session.run}-${to}${ending}`, overwrite: true,
   });
 });
 

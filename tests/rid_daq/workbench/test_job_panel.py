@@ -98,6 +98,23 @@ def test_a_long_log_is_laid_out_in_parts_and_measured_once_per_batch(page: Page)
     assert counts == [10000, 1, 200, 1]  # only the last part is always laid out
 
 
+def test_the_state_of_a_motion_is_shown_once_and_no_other_text_is_removed(page: Page) -> None:
+    before, after = page.evaluate(f"""async () => {{ {PANEL}
+  const line = "measuring; 3 %; 2 kg";
+  events.push({{ kind: "progress", title: "Run", done: 1, total: 4, unit: "periods", line }});
+  panel.show(job);
+  await panel.load();
+  await panel.drawing;
+  const estimate = () => section.querySelector(".estimate").textContent;
+  const before = estimate();
+  panel.showPicture({{ title: "Run", words: "measuring" }});
+  await panel.drawing;
+  window.fetch = others;
+  return [before, estimate()];
+}}""")
+    assert (before, after) == ("measuring; 3 %; 2 kg", "3 %; 2 kg")
+
+
 def test_a_check_requests_its_events_once(open_page: OpenPage, served_pages: ServedProcess) -> None:
     page = open_page()
     take_cell(page)

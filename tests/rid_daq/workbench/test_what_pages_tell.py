@@ -16,7 +16,9 @@ from config.load import load_cell
 from identification.choices import LoadFormat
 from rid_daq.service.api.app import make_api
 from rid_daq.service.api.runs import run_folder
+from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import Role
+from rid_daq.service.request_check import require_ending
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
 from rid_daq.workbench import runs_pages
@@ -24,7 +26,6 @@ from rid_daq.workbench.files.cell_sources import sources_of
 from rid_daq.workbench.menu import MENU
 from rid_daq.workbench.pages import PAGES
 from rid_daq.workbench.robot_history import HistoryEntry, QuantityHistory, history_of
-from rid_daq.workbench.static_files import static_files
 from tests.rid_daq.service.test_api import Api
 from tests.rid_daq.workbench.conftest import estimated
 
@@ -144,8 +145,7 @@ def test_load_data_of_every_controller_can_be_chosen_and_saved(tmp_path: Path) -
     api = Api(service)
     api.app = make_api(service, api.door, PAGES)
     page = api.ask(Role.VIEWER, "GET", "/cells/kr15/payload").text
-    script = static_files()["payload.js"].decode()
-    endings = script.partition("const ENDINGS = {")[2].partition("}")[0]
-    for each in LoadFormat:
-        assert f'value="{each.value}"' in page
-        assert re.search(rf"\b{each.value}\"?: \"\.", endings), each
+    offered = dict(re.findall(r'<option value="([\w-]+)" data-ending="(\.\w+)">', page))
+    assert offered.keys() == set(LoadFormat)
+    for to, ending in offered.items():
+        require_ending(JobKind("payload_export"), {"to": to, "output": f"load{ending}"})
