@@ -2,7 +2,7 @@
 
 `python -m benchmarks.rows [--quick | --long] [--peer-python PYTHON]` writes CSV files with 100,000
 and 1,000,000 rows (`--quick`: 20,000 and 200,000; `--long`: also 10,000,000) and runs the whole
-commands on them, each in a process of its own. Beside them, pandas and pyarrow parse the same file,
+commands on them, each in its own process. For comparison, pandas and pyarrow parse the same file,
 and figaroh identifies the same rows if `--peer-python` names a Python with figaroh.
 
 The processor time of a process and of its children is compared, because other load on the computer

@@ -1,4 +1,4 @@
-"""`SealedModel`: base class of the models of computed files, which nobody edits by hand."""
+"""`SealedModel`: base class of the models of computed files, which are not edited by hand."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class SealedModel(ConfigModel):
     """Content of a computed file, with a checksum that shows if a value was changed later.
 
     A changed number can be as plausible as the computed one, so only the checksum reveals it. It
-    does not protect against forgery, because everybody can compute it.
+    does not protect against forgery, because anyone can compute it.
 
     Each subclass declares the field `sha256` last, so that errors in other fields are reported
     first.

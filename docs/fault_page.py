@@ -234,7 +234,7 @@ ROWS: dict[int, Row] = {
         "≤ 3 s + 2 T",
     ),
     52: Row(
-        "the signal of a load change does not come, comes outside its window, or is there before",
+        "the signal of a load change does not come, comes outside its window, or is already active",
         "stop on the path, as the load-change file says; no motion begins with an active input",
         "no set-point off the path; drives not enabled",
     ),

@@ -30,7 +30,7 @@ class SimulatedCell:
     """A running simulated cell: ``with SimulatedCell(simulation) as simulated: ...``.
 
     The cell's `can.interface` selects the bus. `rid_sim` is the simulated bus (hub) with
-    transmission times; it supports real time, in which the hub has a process of its own, and
+    transmission times; it supports real time, in which the hub has its own process, and
     lock-step, in which the hub is in the drives' process. `slcan` is a simulated adapter on a
     pseudo-terminal. `virtual` is a bus within this process, for drives only. On any other interface
     of python-can, such as `socketcan` or `udp_multicast`, the drives join the existing bus in real

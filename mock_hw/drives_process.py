@@ -68,14 +68,14 @@ class DrivesSettings:
 
     @property
     def has_hub_process(self) -> bool:
-        """True if the hub has a process of its own, as it has in real time."""
+        """True if the hub has its own process, as in real time."""
         return self.bus is None and self.simulation.realtime
 
     @property
     def hosts_masters(self) -> bool:
         """True if the process can run masters of the hub.
 
-        A fault script that disturbs the program's processes needs a process for each of them.
+        A fault script that disturbs the program's processes needs a process for each master.
         """
         simulation = self.simulation
         return self.bus is None and not (simulation.realtime or simulation.faults.program)

@@ -34,7 +34,7 @@ def hidden_package() -> str:
             return (
                 f"rid-daq: its package `{name}` is hidden by {', '.join(places) or 'nothing'}."
                 " Rename that file or folder, start Python in another folder, or install rid-daq"
-                " into an environment of its own: `uv tool install rid-daq` or `pipx install"
+                " into its own environment: `uv tool install rid-daq` or `pipx install"
                 f" rid-daq`. [{_CODE}]"
             )
     return ""

@@ -21,7 +21,7 @@ BEYOND_LIMIT = 0.05
 """Distance by which positions may exceed a joint's limits, as a fraction of the joint's range."""
 
 _GROUPED = re.compile(r"['\"][-+]?\d{1,3}(\.\d{3})+,\d|['\"][-+]?\d{1,3}([,' ]\d{3})+\.\d")
-"""A number with separators of thousands and a decimal separator in a message."""
+"""A number with thousands separators and a decimal separator in a message."""
 
 MOST_STARTS = 10
 START_STEPS = 10.0
@@ -121,7 +121,7 @@ def likely_cause_of_damage(
         return "record more"
     ((reason, _),) = Counter(row.reason for row in damaged).most_common(1)
     if reason == "without a number" and _GROUPED.search(damaged[-1].detail):
-        return "the numbers have separators of thousands: export the file without them"
+        return "the numbers have thousands separators: export the file without them"
     if reason == "without a number" and _has_decimal_commas(damaged, import_map):
         return "the numbers have a decimal comma: put `decimal: ','` into the map"
     if reason == "without a number" and " is empty (" in damaged[-1].detail:

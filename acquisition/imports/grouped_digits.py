@@ -95,7 +95,7 @@ def _refuse_confirmed(
             raise DataQualityError(
                 f"{path.name} row {row}: column {column} is {text!r}, but other numbers of this"
                 f" column are whole, such as {plain[column]!r}: {sign!r} separates thousands, and"
-                " would be read as the decimal separator. Export the file without separators of"
-                " thousands",
+                " would be read as the decimal separator. Export the file without thousands"
+                " separators",
                 code="RID-IMPORT-UNITS",
             )

@@ -67,7 +67,7 @@ def read_blocks(path: Path) -> Iterator[tuple[int, str]]:
     The lines end with a newline character; only the last line of the file may have none.
 
     Raises:
-        ConfigError: The file cannot be read, is too large, or is no text file.
+        ConfigError: The file cannot be read, is too large, or is not a text file.
     """
     with (
         system_errors(ConfigError, f"cannot read {path}", code="RID-FILE-READ"),

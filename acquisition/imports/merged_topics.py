@@ -1,6 +1,6 @@
 """`merge_topics`: interpolates a table's columns to the rows with a value in the first column.
 
-Programs that export several topics into one file write each message in a row of its own and leave
+Programs that export several topics into one file write each message in a separate row and leave
 the cells of the other topics empty. A bag with the messages of two broadcasters of one robot has
 the same form.
 """

@@ -76,7 +76,7 @@ def import_csv(
             for the conversion to SI units.
         DataQualityError: More rows are damaged than the map's `left_out_limit` permits, the file is
             too short, the velocities contradict the positions, positions are far beyond the
-            robot's limits, or separators of thousands would be read as decimal separators.
+            robot's limits, or thousands separators would be read as decimal separators.
     """
     files = (file, *further)
     layout = layout or number_columns(import_map, files)

@@ -58,7 +58,7 @@ def is_being_written(path: Path) -> bool:
 
 
 def _lock(file: FileIO) -> None:
-    """Lock a journal while it is open, as far as the system and the file system have locks."""
+    """Lock a journal while it is open, if the system and the file system support locks."""
     with contextlib.suppress(ImportError, OSError):
         import fcntl
 

@@ -37,7 +37,7 @@ class SimulatedChange(ConfigModel):
             actuated.
         bounce_s: Time for which the contact of the switch then bounces.
         fault: `never_closes`: the gripper misses the part. The payload does not change, and the
-            switch is not actuated. `stuck`: the switch is actuated from the beginning on.
+            switch is not actuated. `stuck`: the switch is actuated from the beginning.
     """
 
     payload: str

@@ -36,7 +36,7 @@ _NOT_MEASURED: Final = frozenset(
         *("disturb", "disturbance", "dist"),  # what an observer estimates, not the torque
     }
 )
-"""Words in the names of columns that are no measurement of a joint."""
+"""Words in the names of columns that do not measure a joint."""
 
 _MOTION: Final = ("position", "velocity")
 _CURRENT_AS_TORQUE: Final = frozenset({"actual", "current", "as", "torque"})
@@ -103,7 +103,7 @@ class ColumnGroup:
     Attributes:
         quantity: Key of a joint in an import map.
         columns: Number of the column of each joint, base to flange, counted from 0.
-        pattern: Common name of the columns, with `{n}` or `{joint}` in the place of the joint.
+        pattern: Common name of the columns, with `{n}` or `{joint}` instead of the joint.
         unit: Unit in the name, such as `deg/s`; empty if it states none.
     """
 

@@ -38,7 +38,7 @@ _ALL_UNITS: Final = frozenset(
 
 @dataclass(frozen=True)
 class SourceTable:
-    """Columns of a file, as far as its first rows show them.
+    """Columns of a file, as seen in its first rows.
 
     Attributes:
         names: Name of each column; empty if it has none.
@@ -181,7 +181,7 @@ def _first_row_of_numbers(rows: list[list[str]]) -> int | None:
 def _is_first(row: list[str], later: list[str]) -> bool:
     """Return True if a row is not a part of the header above the numbers.
 
-    Most cells of the row are numbers, and its other cells are no numbers in a later row either.
+    Most cells of the row are numbers, and its other cells are not numbers in a later row either.
     """
     numbers = sum(1 for cell in row if not cell or _is_number(cell))
     texts = [n for n, cell in enumerate(row) if cell and not _is_number(cell)]

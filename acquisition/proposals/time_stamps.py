@@ -92,8 +92,8 @@ def find_time(
             why = f"time: column {name} increases by {step:.6g} from row to row"
             return {"column": column}, units, why
         unread = (
-            f" Column {name} increases by {step:.6g} from row to row, which is no usual step in s,"
-            " ms, us or ns."
+            f" Column {name} increases by {step:.6g} from row to row, which is not a usual step"
+            " in s, ms, us or ns."
         )
     raise ConfigError(
         f"{path}: no import map can be proposed, because no column of time stamps was recognised."

@@ -18,7 +18,7 @@ from config.load import load_cell, to_yaml
 
 CELL: Final = "ir361_thesis"
 PERIOD_S: Final = 9.6
-"""Period of the excitation [s]; the thesis's 10 s are no whole number of cycles of 6 ms."""
+"""Period of the excitation [s]; the thesis's 10 s are not a whole number of 6 ms cycles."""
 
 CLASSICAL: Final = ("--friction-terms", "coulomb,viscous")
 OTHER_CIRCLE: Final = "vertical circle of 30 cm at 0.5 m/s"

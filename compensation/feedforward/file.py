@@ -99,8 +99,8 @@ class FeedforwardFile(ConfigModel):
     """Feedforward speeds that are added to the output of the position loop, for each planned row.
 
     `feedforward` has one row per cycle and one column per joint, base to flange [rad/s or m/s].
-    `deflection` has the same shape: by how much the motors must be ahead of the planned positions
-    so that elastic gears move the links as planned [rad or m]; null for rigid gears.
+    `deflection` has the same shape: lead of the motors over the planned positions, with which
+    elastic gears move the links as planned [rad or m]; null for rigid gears.
     """
 
     format: Literal["rid-daq feedforward 1"]

@@ -48,14 +48,14 @@ def imported_spectra(
 
     Raises:
         DataQualityError: The recording has no commands, no whole periods, or rows are missing, or
-            no joint is excited at enough lines of its own.
+            no joint is excited at enough separate lines.
     """
     step_s = require_commands(recording, robot)
     rows = recording.samples_per_period
     if rows is None or len(recording) < 2 * rows:
         raise DataQualityError(
-            "the import has no two whole periods: state period_s, the period of the multisine, in"
-            " the map, and record at least two periods",
+            "the import has fewer than two whole periods: state period_s, the period of the"
+            " multisine, in the map, and record at least two periods",
             code="RID-RECORDING-PERIODS",
         )
     if not recording.valid.all():

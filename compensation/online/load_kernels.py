@@ -1,7 +1,7 @@
 """Kernels that set a model's parameters to the load at a time of the path.
 
 A change begins at a stated time, or at a signal during the motion. Until the signal comes, its
-change has the begin and end infinity, and nobody knows which load the robot will carry. The path's
+change begins and ends at infinity, and the load that the robot will carry is unknown. The path's
 torques are therefore checked with every possible load.
 
 A signal is noticed late: the input is sampled and debounced, and the path is already computed some

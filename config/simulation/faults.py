@@ -127,7 +127,7 @@ class StrangeFrames(TimedFault):
     Attributes:
         kind: Kind of fault.
         identifier, length: Identifier and length of the frames.
-        count, period_s: Number of frames, and time between two of them.
+        count, period_s: Number of frames, and time from one to the next.
     """
 
     kind: Literal["strange"]
@@ -187,7 +187,7 @@ class DriveFault(TimedFault):
         joint: The drive's joint; without it, all drives.
         duration_s: Duration of the fault.
         code: Error code of `fault` and `emergency`.
-        count, period_s: Number of messages of `emergency`, and time between two of them.
+        count, period_s: Number of messages of `emergency`, and time from one to the next.
         factor, ppm: Speed of `clock` relative to real time: `factor`, or 1 + `ppm` / 10⁶.
     """
 
@@ -265,7 +265,7 @@ class ProgramSignal(TimedFault):
     Attributes:
         kind: Kind of fault.
         signal: `TSTP` is what Ctrl-Z sends: it suspends the program if nothing moves.
-        count, period_s: Number of signals, and time between two of them on the program's clock.
+        count, period_s: Number of signals, and time from one to the next on the program's clock.
     """
 
     kind: Literal["signal"]

@@ -320,7 +320,7 @@ class CyclicExchange:
         self.left_enabled |= not enabled
 
     def _other_frame(self, arrival: Arrival) -> None:
-        """Process a frame that is no answer to SYNC, such as a separate frame with a statusword."""
+        """Process a frame that does not answer SYNC, such as a separate frame with a statusword."""
         cob_id, data, time_s = arrival
         axis = self._status_slots.get(cob_id)
         if axis is None:

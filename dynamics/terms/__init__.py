@@ -1,4 +1,4 @@
 """Terms of a model: rigid bodies, rotors, friction, springs, payloads, armatures.
 
-Each term is a module of its own, independent of the other terms. Begin with `term.py`.
+Each term is a separate module, independent of the other terms. Begin with `term.py`.
 """

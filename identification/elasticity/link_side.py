@@ -260,9 +260,9 @@ def _require_band(
     lost = float(np.sqrt(2.0 * np.sum(np.abs(bins[shown + 1 : harmonics + 1]) ** 2)))
     if lost > LARGEST_LOSS:
         raise DataQualityError(
-            f"the measured rows show the motion up to {shown / period_s:.3g} Hz only, but"
-            f" {1e3 * lost:.2g} mm or mrad RMS of it lie above: measure the whole run at a higher"
-            " rate",
+            f"the measured rows show the motion only up to {shown / period_s:.3g} Hz, but"
+            f" {1e3 * lost:.2g} mm or mrad RMS are above this frequency: measure the whole run"
+            " at a higher rate",
             code="RID-TRACKER-RATE",
         )
 

@@ -97,7 +97,7 @@ class Warming:
         self, robot: RobotDescription, signals: SmoothedSignals, what: int
     ) -> FloatArray:
         power_w = self._power_w(robot, signals.velocity)
-        # The motion during a gap is unknown: the joint is assumed to stand still and cool.
+        # The motion during a gap is unknown: the joint is assumed to be at rest and to cool.
         gap = np.diff(signals.time_s) > GAP_STEPS * signals.sample_period_s
         power_w[:-1][gap] = 0.0
         found = np.zeros((len(signals), len(robot.joints)))

@@ -255,7 +255,7 @@ def build_model(
         `model`. The model.
         `base`. Its base parameters.
         `options`. The options, without terms that this kind of model does not have.
-        `still`. The joints that stand still in every motion, except in at most the fraction
+        `still`. The joints at rest in every motion, except in at most the fraction
         `moving_share` of its samples.
     """
     options = options or ModelOptions()

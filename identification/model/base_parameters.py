@@ -110,7 +110,7 @@ def base_parameters(
         kind: Measured quantities: joint torques (the internal model), the six components of the
             base wrench (external), or both. Gears count as lossless; a payload as measured both
             with and without it.
-        still: Joints that stand still, whose torques count as not measured, because friction at
+        still: Joints at rest, whose torques count as not measured, because friction at
             standstill can have any value.
         seed: Seed of the samples; positions are in -pi..pi rad (or -1..1 m), so that the result is
             a property of the structure and not of one motion.
@@ -140,7 +140,7 @@ def random_regressor(
     measured = np.any(model.actuator_speed(v) != 0.0, axis=0)
     if not measured.any():
         raise EstimationError(
-            "every joint stands still in the runs: record a motion that moves the joints",
+            "no joint moves in the runs: record a motion that moves the joints",
             code="RID-MOTION-UNINFORMATIVE",
         )
     lossless = replace(model, transmission=Transmission())

@@ -22,7 +22,7 @@ SAME_POSITION: Final = 0.01
 """Largest difference of positions that count as equal [rad or m]."""
 
 JERK_SHARE: Final = 0.01
-"""Largest fraction of samples in which jerks of other joints move a joint that stands still."""
+"""Largest fraction of samples in which jerks of other joints move a joint at rest."""
 
 STILL_MODEL: Final = "RID-MODEL-STILL"
 
@@ -56,7 +56,7 @@ def still_joints(
     standstill_rad_s: float,
     moving_share: float = 0.0,
 ) -> tuple[StillJoint, ...]:
-    """Return the joints that stand still throughout every run.
+    """Return the joints that do not move in any run.
 
     Args:
         model: The robot.

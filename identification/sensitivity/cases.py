@@ -57,7 +57,7 @@ class SensitivityRow:
         percent: Deviations of the parameters in the order of `REPORTED`, relative to the true
             values [%]; None if the true value is zero.
         torque_percent: RMS torque error of each axis relative to the axis's RMS torque, on a motion
-            that was not used for the estimate [%]; None for an axis that stands still.
+            that was not used for the estimate [%]; None for an axis at rest.
     """
 
     case: SensitivityCase

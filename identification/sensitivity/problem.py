@@ -176,7 +176,7 @@ class MotionEstimator:
     Attributes:
         matrix: Shape (samples n, 10 + any). Weighted columns of the payload, in the flange's frame,
             and of the identifiable friction.
-        weights: Shape (n,). One over each axis's noise; 0 for an axis that stands still (5.20).
+        weights: Shape (n,). One over each axis's noise; 0 for an axis at rest (5.20).
         offset: Shape (samples, n). Torque of the assumed robot without payload [N m or N].
         mass: The fixed mass [kg]; None if the mass is estimated.
     """
@@ -257,7 +257,7 @@ class MotionEstimator:
             values: Result of `values` for a motion of the same axes.
 
         Returns:
-            Shape (samples, n); 0 for an axis that stands still [N m or N].
+            Shape (samples, n); 0 for an axis at rest [N m or N].
         """
         moving = self.weights > 0.0
         weighted = (tau - self.offset) * self.weights - (self.matrix @ values).reshape(tau.shape)
@@ -303,8 +303,8 @@ def prediction_error(
         other: Motion of the same axes that was not used for the estimate.
 
     Returns:
-        RMS error and RMS torque of the loaded robot, of shape (n,) each; the error of an axis that
-        stands still is 0 [N m or N].
+        RMS error and RMS torque of the loaded robot, of shape (n,) each; the error of an axis at
+        rest is 0 [N m or N].
 
     Raises:
         EstimationError: A motion does not determine all ten parameters, or the motions move

@@ -28,7 +28,7 @@ SMALLEST_SHARE: Final = 0.003
 SLOW_SHARE: Final = 0.1
 ROWS_PER_PARAMETER: Final = 8
 UNKNOWN: Final = 1e200
-"""Variance of a joint that stands still, so that its rows have no weight."""
+"""Variance of a joint at rest, so that its rows have no weight."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class FlexibleFit:
         rigid_nm: Shape (rows, n). Torque of the links and rotors, which loads the gears [N m or N].
         variance: Shape (n,). Variance of each joint's residual, for the weights of its rows.
         held_out_share: Shape (n,). RMS residual of each joint on held-out parts, relative to its
-            RMS torque; zero for joints that stand still.
+            RMS torque; zero for joints at rest.
         parts: The rows of each part, one after the other.
     """
 
@@ -57,7 +57,7 @@ class FlexibleFit:
         """Fit signals, with each joint weighted by its residual.
 
         Returns:
-            None if there are too few rows, or if most joints stand still: then any axis explains
+            None if there are too few rows, or if most joints are at rest: then any axis explains
                 the other joints' torques.
         """
         use = _rows(signals)

@@ -32,7 +32,7 @@ def held_out_share(signals: WiredSignals) -> FloatArray:
 
     Returns:
         Shape (n,). RMS residual over RMS torque; zero if it is hardly larger than on the fitted
-        parts, and for joints that stand still.
+        parts, and for joints at rest.
     """
     model = plain_model(signals)
     columns = base_parameters(model).columns(regressor(model, *signals.joints()))

@@ -50,7 +50,7 @@ class Mistake:
     Attributes:
         kind: Kind of the mistake.
         joints: Joints concerned, from 0; empty for all joints. For a wrong order: if all joints are
-            listed, joint i's signal is in the place of joint `joints[i]`; otherwise the two are
+            listed, joint i's signal is in the columns of joint `joints[i]`; otherwise the two are
             swapped.
         factor: Factor for the stated values; for a zero position the angle to add [rad], for a
             clock the true seconds per second of the time stamps.

@@ -66,7 +66,7 @@ def wrong_scale(
     if units:
         return tuple(unit for _, unit in sorted(units, key=lambda each: each[0]))
     if abs(weight.share) < KNOWN_SIGMAS * weight.sigma:
-        return ()  # the weight is noise: its inverse is no factor
+        return ()  # the weight is only noise, so its inverse is meaningless
     factor = 1.0 / weight.share
     every = scale_mistake(MistakeKind.TORQUE_FACTOR, (), factor, n=n, torque=np.full(n, factor))
     return (every,) if keeps_limits(every, signals, every.correct(signals)) else ()

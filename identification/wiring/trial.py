@@ -44,7 +44,7 @@ class WiringTrial:
 
     Attributes:
         residual_share: Shape (n,). RMS residual over RMS torque, at least `SMALLEST_SHARE`; NaN for
-            a joint that stands still.
+            a joint at rest.
         driving: Shape (n,). True for a joint with negative friction power, which is impossible.
         weight: Arm's weight relative to the known one, in `held_out` its upper bound (2 sigma); NaN
             if it is unknown.
@@ -62,7 +62,7 @@ class WiringTrial:
     def far_better_than(self, other: WiringTrial, *, few_data: bool = False) -> bool:
         """Return True if the other fit has more impossibilities or twice a joint's residual.
 
-        The fit of all joints together must improve as well. A smaller gain is no evidence, because
+        The fit of all joints together must improve as well. A smaller gain proves nothing, because
         any additional degree of freedom can compensate friction that is missing in the model. With
         few data such gains are much larger. Then only joints count whose residual was too large for
         a good fit before.

@@ -99,7 +99,7 @@ def wait_until_ready(what: str, pipe: Connection) -> int | None:
 def leave_signals_to_parent() -> None:
     """Ensure that only the parent process can end this process, which it does by SIGTERM.
 
-    The process gets a process group of its own, so that it does not receive signals to all
+    The process gets its own process group, so that it does not receive signals to all
     processes of the program: Ctrl-C, Ctrl-Z, a closed terminal, the SIGTERM of `timeout`. It
     ignores interrupts and hang-ups that are sent to it directly, and signals by which a terminal
     suspends background processes. After this call, SIGTERM is no longer blocked.

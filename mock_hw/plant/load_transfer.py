@@ -23,7 +23,7 @@ class GripperSwitch:
         level: Level of the bit after the switch has been actuated.
         delay_s: Time from the beginning of the load transfer until the switch is actuated [s].
         bounce_s: Time for which the contact then opens and closes in turn [s].
-        stuck: True if the switch is actuated from the beginning on.
+        stuck: True if the switch is actuated from the beginning.
     """
 
     joint: str

@@ -144,7 +144,7 @@ def crc16(data: bytes) -> int:
 
 
 def _request_bytes(buffer: bytearray) -> int | None:
-    """Return the length of the request at the start of a buffer; None if it is no request."""
+    """Return the length of the request at the start of a buffer; None if it is not a request."""
     function = buffer[1]
     if function in (READ_HOLDING, READ_INPUT, WRITE_ONE):
         return 8

@@ -156,7 +156,7 @@ class Model:
 
         Raises:
             ConfigError, EstimationError: An array does not fit, or positions are far beyond the
-                limits (RID-API-ARGUMENT); a joint that stood still in the identification is at
+                limits (RID-API-ARGUMENT); a joint that did not move in the identification is at
                 another position; friction depends on temperature (`at_temperature`); or the model
                 contains a payload (`with_payload`).
         """

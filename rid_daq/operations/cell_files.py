@@ -44,7 +44,7 @@ def read_motion_for(path: Path, loaded: LoadedCell) -> AnyMotion:
     """Return the motion of a file, for the robot of a cell.
 
     Raises:
-        ConfigError: The file is no motion file, or names another robot than the cell's.
+        ConfigError: The file is not a motion file, or names another robot than the cell's.
     """
     return read_motion_and_bytes(path, loaded)[0]
 
@@ -80,10 +80,10 @@ def read_estimate_for(path: Path, robot: RobotDescription) -> Estimate:
     """Return the model of a file; it must be of the given robot, and every joint must have moved.
 
     Raises:
-        ConfigError: The file is no model file, or is of another robot, even one with the same joint
-            names.
+        ConfigError: The file is not a model file, or is of another robot, even one with the same
+            joint names.
         RecordingError: The file is in the folder of a run, and is not the model of this run.
-        EstimationError: A joint stood still when the model was identified.
+        EstimationError: A joint did not move when the model was identified.
     """
     return read_estimate_and_bytes(path, robot)[0]
 
@@ -121,8 +121,8 @@ def read_loops_for(path: Path, robot: RobotDescription, cell: CellConfig) -> Loo
     """Return the velocity loops of a file; they must be of the cell's robot.
 
     Raises:
-        ConfigError: The file is no loop file, has a loop of a joint that the robot does not have,
-            or is of another robot.
+        ConfigError: The file is not a loop file, has a loop of a joint that the robot does not
+            have, or is of another robot.
     """
     data = read_content(path, loop_file.LARGEST_FILE_BYTES)
     file, loops = loop_file.loops_content(data, path)

@@ -76,14 +76,13 @@ def require_known_outcomes(changes: LoadChanges | None, name: str) -> None:
         name: Name of the run, for messages.
 
     Raises:
-        DataQualityError: It is not known if a signal came.
+        DataQualityError: The outcome of a load change is unknown.
     """
     for number, change in enumerate(() if changes is None else changes.changes, start=1):
         if change.signal is not None and change.came_s is None and change.outcome is None:
             raise DataQualityError(
-                f"{name}: it is not known if the signal of load change {number} came, because the"
-                " program ended before it stored the signals: use another run, or leave the model"
-                " out",
+                f"{name}: the outcome of load change {number} is unknown, because the program ended"
+                " before it stored the signals: use another run, or leave the model out",
                 code="RID-LOAD-SIGNAL-UNKNOWN",
             )
 

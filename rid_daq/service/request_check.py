@@ -186,7 +186,7 @@ def refuse_bad_file(file: Path, content: bytes, folder: Path) -> None:
         folder: The service's folder.
 
     Raises:
-        ConfigError: The file is no JSON, or nested too deeply (`RID-FILE-JSON`); or an error of
+        ConfigError: The file is not JSON, or nested too deeply (`RID-FILE-JSON`); or an error of
             `refuse_table_outside`.
     """
     if file.suffix != ".json":
@@ -203,7 +203,7 @@ def refuse_table_outside(motion: Path, content: bytes, folder: Path) -> None:
 
     Args:
         motion: Path at which the motion file will be saved; the table's path is relative to it.
-        content: Content of the file; a file that is no motion has no table.
+        content: Content of the file; a file that is not a motion has no table.
         folder: The service's folder.
 
     Raises:

@@ -44,10 +44,10 @@ MENU: Final = (
 
 
 def command_links() -> dict[str, tuple[str, str]]:
-    """Return path and text of a link by command; pages show the link in place of the command.
+    """Return path and text of a link by command; pages show the link instead of the command.
 
-    A job that no page of the menu offers has a page of its own. The first word of a group stands
-    for its default operation.
+    A job without a button on a page of the menu has its own page. The first word of a group also
+    selects its default operation.
     """
     pages = {name: entry.path for entry in MENU for name in entry.operations}
     found = {}

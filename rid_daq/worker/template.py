@@ -18,7 +18,7 @@ def fork_workers(line: socket.socket) -> int | None:
     """Fork a worker for each request and report its start and its end, until the service ends.
 
     The function returns in every worker too. A worker has its orders on standard input, its log on
-    standard output and standard error, and a session of its own.
+    standard output and standard error, and its own session.
 
     Args:
         line: Connection to the service; it is closed.

@@ -65,7 +65,7 @@ def _coarse_signals(
 
     Recordings are thinned to `COMPARED_HZ` or a slightly higher rate. If they last longer than
     `COMPARED_S` together, evenly spaced stretches of `STRETCH_S` are used. The result is empty for
-    runs with a payload, without torques in the model, or with a joint that stands still.
+    runs with a payload, without torques in the model, or with a joint at rest.
     """
     if how.loaded or how.bodies or how.options.model.kind != "internal" or estimate.still:
         return []

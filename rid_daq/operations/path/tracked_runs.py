@@ -56,7 +56,7 @@ def track_runs(request: TrackingRequest) -> TrackedRuns:
             model is of another robot.
         DataQualityError: Two runs of `against` are of the same motion, or a run lacks the commanded
             positions.
-        EstimationError: A joint stood still when the model was identified.
+        EstimationError: A joint did not move when the model was identified.
     """
     driven, others = (
         [

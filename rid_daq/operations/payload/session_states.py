@@ -35,7 +35,7 @@ class StateRule(NamedTuple):
 
 STATES: Final = {
     State.PREPARE: StateRule(
-        "Check the cell: nobody is in it, and the flange is empty.",
+        "Check that no person is in the cell and that the flange is empty.",
         (State.REHEARSE, State.WARM_UP_WITHOUT, State.RECORD_WITHOUT, State.ATTACH),
         by_person=True,
     ),

@@ -24,7 +24,7 @@ class UnsavedMotion(Record):
             loaded: Cell that will execute the motion.
 
         Raises:
-            ConfigError: The text is no motion file or is for another robot, or its table is
+            ConfigError: The text is not a motion file or is for another robot, or its table is
                 missing, invalid or outside the folder.
         """
         path = require_inside(self.file, service.folder)

@@ -1,4 +1,4 @@
-// Links in place of terminal commands. Messages are the same in the terminal and on the pages; they name commands as
+// Links instead of terminal commands. Messages are the same in the terminal and on the pages; they name commands as
 // `rid-daq COMMAND`. On a page, the command becomes a link to the page with its button.
 import { LINKS } from "./command_links.js";
 import { html } from "./lit.js";

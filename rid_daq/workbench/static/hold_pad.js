@@ -5,7 +5,7 @@ import { hold, letGo, on, tap } from "./service.js";
 
 const JOG_KEYS = [["−", "-"], ["+", "+"]];
 
-// Tell other parts of the page the index of the joint that the buttons move; null if there are no such buttons any more.
+// Tell other parts of the page the index of the joint that the buttons move; null if the buttons were removed.
 const tellJoint = (joint) => document.dispatchEvent(new CustomEvent("joint-chosen", { detail: joint }));
 
 let shown = null; // { job, problem }: id of the job to which the buttons belong, and the element for their error messages

@@ -1,4 +1,4 @@
-// Poses that are chosen with sliders beside the 3-D view. The service writes the text of the motion from them.
+// Poses that are chosen with sliders next to the 3-D view. The service writes the text of the motion from them.
 import { element, find, parseNumber } from "./dom.js";
 import { refuseField } from "./fields.js";
 import { html, render } from "./lit.js";

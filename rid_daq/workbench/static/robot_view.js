@@ -45,7 +45,7 @@ export class RobotView {
     this.table = element("div", { class: "scroll", tabindex: "0", role: "group", "aria-label": "pose of the joints" });
     this.picture = element("div", { class: "view-picture" }, this.canvas, this.labels, this.problem);
     const stage = element("div", { class: "view-stage" }, this.state, this.picture, this.wrenchWords, this.shape, this.tools);
-    this.side = element("div", { class: "part" }, this.table); // beside the picture; a page can add its own controls
+    this.side = element("div", { class: "part" }, this.table); // next to the picture; a page can add its own controls
     section.append(element("div", { class: "view-parts" }, stage, this.side));
     section.robotView = this;
     this.say("NO LIVE DATA", "old");

@@ -154,7 +154,7 @@ function showState() {
   if (isLive) text = job?.kind === "watch" ? "LIVE: values of the drives at rest." : "LIVE: values of the present motion.";
   else if (!reach.values) text = `NOT LIVE: no values arrive from the service.${known}`;
   else if (job && ["moving", "stopping"].includes(now.status.state)) text = `NOT LIVE: ${kindWords(job.kind)} is running, but there are no new values.${known}`;
-  if (end !== null) text += ` PAUSED at ${clockOf(end)}: the plots stand still; new values are kept.`;
+  if (end !== null) text += ` PAUSED at ${clockOf(end)}: the plots are frozen; new values are kept.`;
   const oldest = store.oldestTime;
   if (end !== null && oldest !== null && end - span < oldest && store.newest >= 12000) text += ` Values before ${clockOf(oldest)} are no longer kept.`;
   const state = find("signal-state");
