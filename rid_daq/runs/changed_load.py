@@ -11,13 +11,13 @@ from config.errors import DataQualityError
 
 LOAD_CHANGES: Final = "load_changes.json"
 
-_NOT_BEGUN: Final = {
-    "not_reached": "the motion ended before it",
-    "awaited": "the motion ended before its signal came",
-    "missed": "its signal did not come in time",
-    "not_needed": "the robot carried this load already",
-    "already_active": "its input was active already",
-    None: "it is not known if its signal came, because the program ended first",
+_WITHOUT_TIME: Final = {
+    "not_reached": "it did not begin: the motion ended before it",
+    "awaited": "it did not begin: the motion ended before its signal came",
+    "missed": "it did not begin: its signal did not come in time",
+    "not_needed": "it did not begin: the robot carried this load already",
+    "already_active": "it did not begin: its input was active already",
+    None: "the program ended first, so that nothing is known about its signal",
 }
 
 
@@ -61,8 +61,8 @@ def load_change_notes(folder: RunFolder, name: str, reached_s: float = math.inf)
         elif change.begin_s is not None:
             found.append(f"{change.at_s:g} s")
         else:
-            words = _NOT_BEGUN[change.outcome]
-            notes.append(f"{name}: the load change at {change.at_s:g} s did not begin: {words}")
+            words = _WITHOUT_TIME[change.outcome]
+            notes.append(f"{name}, load change at {change.at_s:g} s: {words}")
     if found:
         notes.insert(0, f"{name}: the payload changed during the motion, at {', '.join(found)}")
     return notes

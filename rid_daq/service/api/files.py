@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+from functools import cache
 from http import HTTPStatus
 from pathlib import Path
 from typing import Annotated, Final, Self
@@ -19,6 +20,7 @@ from config.formats.approved_files import sha256_of
 from config.formats.bounded_file import read_file
 from config.formats.whole_file import write_new
 from config.formats.yaml_tree import MAX_BYTES
+from rid_daq.operations.catalogue import CATALOGUE, operation
 from rid_daq.service.api.cells import LeaseKey
 from rid_daq.service.api.context import Operator, Service, Who
 from rid_daq.service.files.edited_file import EditedFile
@@ -37,9 +39,6 @@ MOST_FILE_BYTES: Final = 16 << 20
 AXIS_TEST_SUFFIX: Final = ".axes.json"
 """Ending of the axis-test files of earlier versions."""
 
-_SAVED = KINDS | {".urdf", ".sdf", ".c", ".py", ".csv", ".parquet", ".mat", ".mf4"}
-_SAVED |= {".src", ".mod", ".ls", ".script", ".txt", ".pdf", ".html"}
-
 Version = Annotated[
     str | None,
     Header(
@@ -48,6 +47,13 @@ Version = Annotated[
         description="ETag of the version that is replaced; without it, only a new file is saved.",
     ),
 ]
+
+
+@cache
+def _written_endings() -> frozenset[str]:
+    """Return the endings of editable files, and of those that operations write."""
+    outputs = (operation(name).outputs.values() for name in CATALOGUE)
+    return KINDS.union(*(endings for each in outputs for endings in each))
 
 
 class FolderFile(Record):
@@ -125,7 +131,7 @@ def get_file(path: str, service: Service, who: Who) -> Response:
 
     The ETag of a YAML file is its version for `PUT`.
     """
-    found = _find_file(service, path, _SAVED)
+    found = _find_file(service, path, _written_endings())
     if not found.is_file():
         raise UnknownError(f"no file {path!r}", code="RID-FILE-UNKNOWN")
     kind = "application/octet-stream"

@@ -280,6 +280,12 @@ def test_a_file_can_be_uploaded_once_and_read(api: Api) -> None:
     assert api.ask(Role.VIEWER, "PUT", "/api/v1/files/b.json", {}).status_code == 403
 
 
+@pytest.mark.parametrize("name", ["model.xml", "model.sdf", "load.dat", "load.jbi", "load.src"])
+def test_files_that_operations_write_can_be_read(api: Api, name: str) -> None:
+    (api.service.folder / name).write_text("content")
+    assert api.ask(Role.VIEWER, "GET", f"/api/v1/files/{name}").text == "content"
+
+
 @pytest.mark.parametrize(
     ("path", "code"),
     [
