@@ -174,6 +174,16 @@ class LoadSignals:
                 return self._watch(number, time_s, head_s, answers)
         return None
 
+    def note_stated(self, time_s: float) -> None:
+        """Note the changes at stated times that begin while the robot stops on its path.
+
+        Args:
+            time_s: Time of the cycle on the path, from its first point [s].
+        """
+        for number, change in enumerate(self._changes.changes):
+            if change.signal is None and time_s >= change.at_s:
+                self._set(number, "begun")
+
     def _watch(
         self, number: int, time_s: float, head_s: float, answers: Answers
     ) -> StopReason | None:
