@@ -174,6 +174,16 @@ class LoadSignals:
                 return self._watch(number, time_s, head_s, answers)
         return None
 
+    def note_stated(self, time_s: float) -> None:
+        """Note the changes at stated times that begin while the robot stops on its path.
+
+        Args:
+            time_s: Time of the cycle on the path, from its first point [s].
+        """
+        for number, change in enumerate(self._changes.changes):
+            if change.signal is None and time_s >= change.at_s:
+                self._set(number, "begun")
+
     def _watch(
         self, number: int, time_s: float, head_s: float, answers: Answers
     ) -> StopReason | None:
@@ -221,7 +231,7 @@ class LoadSignals:
         """Begin a change at the time of its signal, or return the reason to stop."""
         self._came_s[number] = came_s
         self._set(number, "came")
-        change = self.changes.changes[number]
+        change = self._changes.changes[number].model_copy(update={"came_s": came_s})
         signal = change.signal
         assert signal is not None
         later = self._loads[0][number + 1 :, BEGIN]
@@ -258,8 +268,8 @@ class LoadSignals:
         return _OUTCOMES[int(self._outcomes[number])]
 
     def _is_carried(self, load: int) -> bool:
-        """Return True if a load equals the present one, after an earlier signal was missed."""
-        if not (self._outcomes == _OUTCOMES.index("missed")).any():
+        """Return True if a load equals the present one, because an earlier change did not begin."""
+        if load == self._carried + 1:
             return False
         _, bodies, terms = self._loads
         same = np.array_equal(bodies[self._carried], bodies[load])

@@ -89,6 +89,7 @@ class PointSource:
         self._signals = feedforward.signals
         self._loads = feedforward.loads
         self._signal_stop: StopReason | None = None
+        self._kept_at_start = False
 
     @property
     def samples_per_period(self) -> int | None:
@@ -239,7 +240,7 @@ class PointSource:
         A change by one encoder count does not count as motion, because the last digit fluctuates at
         rest.
         """
-        if self._signals is not None and self._row < 0:
+        if self._signals is not None and self._row < 0 and not self._kept_at_start:
             self._signal_stop = self._signals.watch_approach(answers)
         elif self._signals is not None and self._signal_stop is None:
             head_s = (self._counts[path.NODE] - path.BEFORE) * self._feedforward.cycle_time_s
@@ -247,6 +248,8 @@ class PointSource:
             self._signal_stop = self._signals.observe(time_s, head_s, answers)
             if self._signal_stop is not None:
                 rate.cut_path(self._path)
+        elif self._signals is not None and self._row >= 0:
+            self._signals.note_stated(self._present_point * self._feedforward.cycle_time_s)
         beginning = self._row < 0 or self._counts[stage.MEASURING]
         if beginning and self._counts[stage.HYSTERETIC]:
             counts = answers.position_counts
@@ -258,6 +261,7 @@ class PointSource:
     def at(self, row: int) -> SetPoint | None:
         """Return the set-point of a cycle; None once the robot is at rest on the path."""
         if self._row < 0 and self._signal_stop is not None:
+            self._kept_at_start = True
             return None
         if self._lockstep:
             self._wait_for_points()

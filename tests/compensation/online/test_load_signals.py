@@ -147,6 +147,9 @@ def test_an_input_that_becomes_active_in_the_approach_leaves_the_robot_at_the_st
     assert (source.stop.code, source.stop.joint) == (StopCode.LOAD_SIGNAL, "axis2")
     (found,) = changes_of(source)
     assert (found.came_s, found.outcome) == (None, "already_active")
+    source.watch(answers_of(planned().position[0], level=False))  # the robot rests at the start
+    assert source.stop.code is StopCode.LOAD_SIGNAL
+    assert outcomes_of(source) == ["already_active"]
 
 
 def test_a_switch_that_was_active_for_a_while_in_the_approach_does_not_prevent_the_motion() -> None:
@@ -289,6 +292,17 @@ def test_a_signal_that_is_noticed_after_the_next_change_has_begun_stops_the_robo
     held_limits(follow(source, from_time(1.19)))
     assert source.stop is not None
     assert source.stop.code is StopCode.LOAD_SIGNAL
+    assert outcomes_of(source) == ["came", "begun"]
+
+
+@pytest.mark.parametrize(("at_s", "outcome"), [(1.31, "begun"), (2.0, "not_reached")])
+def test_a_stated_change_while_the_robot_stops_is_reported(at_s: float, outcome: str) -> None:
+    """The first signal is missed at 1.2 s; the robot then stops on its path."""
+    stated = LoadChange(at_s=at_s, payload="none", ramp_s=RAMP_S)
+    source = source_of(forward_of(change(), stated, loads=(LOADED, ALONE)))
+    points = follow(source, lambda _: False)
+    assert 1.31 < points[-1].sample_index * T < 2.0
+    assert outcomes_of(source) == ["missed", outcome]
 
 
 @pytest.mark.parametrize("second_s", [0.05, 0.1, 0.4])
