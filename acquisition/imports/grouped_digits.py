@@ -7,7 +7,7 @@ itself. It shows that it is not if other numbers of its column have no fraction.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Final
 
@@ -16,7 +16,7 @@ import numpy as np
 from acquisition.imports.lines import SEPARATORS, read_lines, split_cells
 from acquisition.imports.table import ImportTable
 from acquisition.maps.import_map import ImportMap
-from config.arrays import BoolArray, FloatArray, IntArray
+from config.arrays import FloatArray, IntArray
 from config.errors import DataQualityError
 
 FEWEST_GROUPED: Final = 50
@@ -40,36 +40,35 @@ def refuse_grouped_digits(
             50 with it and 20 without it); the text names the row and column.
     """
     width = import_map.first_columns[1]
-    suspects = {
-        column: table.row[_is_grouped(values)]
+    suspects = [
+        column
         for column, values in zip(columns, table.values.T, strict=True)
         if column < width and _may_be_grouped(values)
-    }
+    ]
     if suspects:
         _refuse_confirmed(path, import_map, table.row, suspects)
 
 
-def _is_grouped(values: FloatArray) -> BoolArray:
-    """Return True for numbers that are 1 to 999.999 and have a fraction of three digits or less."""
-    return np.asarray((np.abs(values) >= 1.0) & (values != np.round(values)))
-
-
 def _may_be_grouped(values: FloatArray) -> bool:
-    """Return True if numbers below 1000 are whole, or have three digits and at least 1."""
+    """Return True if all numbers are below 1000, and those with a fraction can be thousands.
+
+    These are at least 1, and their fraction has three digits at most. There are numbers without a
+    fraction, too.
+    """
     values = values[np.isfinite(values)]
-    grouped = _is_grouped(values)
+    grouped = values != np.round(values)
     thousands = 1e3 * values[grouped]
     return bool(
         np.count_nonzero(grouped) >= FEWEST_GROUPED
         and np.count_nonzero(~grouped) >= FEWEST_PLAIN
-        and (values[~grouped] == np.round(values[~grouped])).all()
+        and (np.abs(values[grouped]) >= 1.0).all()
         and (np.abs(values) < 1e3).all()
         and np.allclose(thousands, np.round(thousands), rtol=0.0, atol=1e-6)
     )
 
 
 def _refuse_confirmed(
-    path: Path, import_map: ImportMap, rows: IntArray, suspects: Mapping[int, IntArray]
+    path: Path, import_map: ImportMap, rows: IntArray, suspects: Sequence[int]
 ) -> None:
     """Refuse the file if the texts of a column confirm that its digits are grouped."""
     separator, sign = SEPARATORS[import_map.delimiter], import_map.decimal

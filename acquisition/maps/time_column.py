@@ -21,6 +21,8 @@ _TICKS_UNTIL_1970 = 116_444_736_000_000_000
 """Intervals of 100 ns from 1601 to 1970: Windows counts its file times from 1601."""
 
 _MOST_TICKS = (1 << 63) // 100
+"""Number of these intervals since 1970 from which their nanoseconds exceed 64 bits."""
+
 _WHOLE = re.compile(r"[-+]?[0-9]+")
 _CLOCK = (
     r"[Tt ](?P<h>\d\d?)(?P<ms>:\d\d:\d\d)(?:[.,](?P<part>\d{1,9}))?"
@@ -163,9 +165,10 @@ class Stamps:
                 return False
             stamps = stamps * _NS + part
         elif self._time.unit == "filetime":
-            if (np.abs(stamps) >= _MOST_TICKS).any():
+            ticks = stamps - _TICKS_UNTIL_1970
+            if (np.abs(ticks) >= _MOST_TICKS).any():
                 return False
-            stamps = (stamps - _TICKS_UNTIL_1970) * 100
+            stamps = ticks * 100
         self._ns.frombytes(stamps.tobytes())
         return True
 

@@ -35,11 +35,7 @@ def filter_findings(
     channel, refused = split_implausible_channel(channel, signals[0].sample_period_s)
     new = np.array([name not in known for name in robot.joint_names])
     time_s = np.where(new, np.maximum(channel.lag_s, channel.width_s), 0.0)
-    slow = RefusedChannel(
-        filter_s=tuple(
-            own if is_new else 0.0 for own, is_new in zip(refused.filter_s, new, strict=True)
-        )
-    )
+    slow = RefusedChannel(filter_s=tuple(np.where(new, refused.filter_s, 0.0).tolist()))
     filtered = np.flatnonzero(time_s)
     if not len(filtered):
         return slow.findings(robot.joint_names)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Final
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from acquisition.processing.smoothing import SmoothedSignals
 from acquisition.recording.recording import Recording
+from config.errors import DataQualityError
 from identification.equations.deconvolution import smoothed_recording
 from identification.equations.late_torques import find_late_torques
 from identification.estimation.estimate import Estimate
@@ -63,30 +65,44 @@ def _coarse_signals(
 ) -> list[SmoothedSignals]:
     """Return runs as low-passed signals, to compare an estimate with richer models.
 
-    Recordings are thinned to `COMPARED_HZ` or a slightly higher rate. If they last longer than
-    `COMPARED_S` together, evenly spaced stretches of `STRETCH_S` are used. The result is empty for
-    runs with a payload, without torques in the model, or with a joint at rest.
+    The result is empty for runs with a payload, without torques in the model, or with a joint at
+    rest.
     """
     if how.loaded or how.bodies or how.options.model.kind != "internal" or estimate.still:
         return []
     if data[0].is_periodic:
         return signals_of(data, how)
-    recordings = [item.recording for item in data]
+    return smoothed_stretches([item.recording for item in data], how.options.band_hz)
+
+
+def smoothed_stretches(recordings: Sequence[Recording], band_hz: float) -> list[SmoothedSignals]:
+    """Return recordings as low-passed signals, thinned to `COMPARED_HZ` or a slightly higher rate.
+
+    If they last longer than `COMPARED_S` together, evenly spaced stretches of `STRETCH_S` are used.
+    A stretch with too few samples, as in a gap, is left out.
+    """
     total_s = sum(float(each.time_s[-1] - each.time_s[0]) for each in recordings)
     share = min(1.0, COMPARED_S / max(total_s, COMPARED_S))
-    parts = (part for each in recordings for part in stretches(each, share))
-    return [smoothed_recording(_thinned_recording(each), how.options.band_hz) for each in parts]
+    signals: list[SmoothedSignals] = []
+    for recording in recordings:
+        for part in stretches(recording, share):
+            with suppress(DataQualityError):
+                signals.append(smoothed_recording(_thinned_recording(part), band_hz))
+    return signals
 
 
 def stretches(recording: Recording, share: float) -> list[Recording]:
-    """Return evenly spaced stretches of `STRETCH_S` that contain about a share of a recording."""
+    """Return evenly spaced stretches of `STRETCH_S` that contain about a share of a recording.
+
+    A stretch with less than two samples is left out.
+    """
     since_s = recording.time_s - recording.time_s[0]
     count = math.ceil(share * since_s[-1] / STRETCH_S)
     if share == 1.0 or count * STRETCH_S >= since_s[-1]:
         return [recording]
     starts_s = since_s[-1] / count * np.arange(count)
     edges = np.searchsorted(since_s, [starts_s, starts_s + STRETCH_S]).T
-    return [recording.part(slice(first, end)) for first, end in edges.tolist()]
+    return [recording.part(slice(first, end)) for first, end in edges.tolist() if end - first > 1]
 
 
 def _thinned_recording(recording: Recording) -> Recording:

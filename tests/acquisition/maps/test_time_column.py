@@ -11,6 +11,7 @@ import pytest
 
 from acquisition.imports.read import import_csv
 from acquisition.maps.import_map import ImportMap
+from acquisition.maps.time_column import Stamps, TimeColumn
 from config.errors import DataQualityError
 from tests.builders.raised_codes import raises_code, raises_invalid
 
@@ -92,6 +93,15 @@ def test_file_times_of_windows_keep_every_100_ns(
     recording, report = import_csv(path, layout('{"column": 0, "unit": "filetime"}'))
     np.testing.assert_allclose(recording.time_s, T, atol=1e-12)
     assert report.time_origin_ns == NS[0] // 100 * 100
+
+
+def test_file_times_are_read_block_by_block_if_they_fit() -> None:
+    ticks_until_1970 = 116_444_736_000_000_000
+    stamps = Stamps(TimeColumn(column=0, unit="filetime"))
+    floats, ticks = np.empty((len(NS), 0)), ticks_until_1970 + NS[:, np.newaxis] // 100
+    assert stamps.extend(floats, ticks)
+    np.testing.assert_allclose(stamps.seconds(None)[0], T, atol=1e-12)
+    assert not stamps.extend(floats, np.full_like(ticks, 2**62))
 
 
 def test_minutes_are_read(tmp_path: Path) -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from acquisition.recording.recording import Recording
-from rid_daq.operations.identify.missing_effects import STRETCH_S, stretches
+from rid_daq.operations.identify.missing_effects import STRETCH_S, smoothed_stretches, stretches
 
 STEP_S = 0.1
 
@@ -39,3 +39,12 @@ def test_a_short_recording_is_used_as_it_is() -> None:
     whole = recording(100.0)
     assert stretches(whole, 1.0) == [whole]
     assert stretches(whole, 0.95) == [whole]
+
+
+def test_stretches_in_a_gap_are_left_out() -> None:
+    whole = recording(2000.0)
+    since_s = whole.time_s - whole.time_s[0]
+    sparse = np.isin(since_s.round(3), (205.0, 210.0, 215.0))
+    cut = whole.part((since_s < 100.0) | sparse | (since_s > 500.0))
+    signals = smoothed_stretches([cut], 1.0)
+    assert [round(each.time_s[0]) for each in signals] == [7, *range(607, 2000, 200)]
