@@ -40,12 +40,11 @@ def filter_findings(
     if not len(filtered):
         return slow.findings(robot.joint_names)
     shown = ", ".join(
-        f"{robot.joint_names[j]} at {1.0 / (2.0 * np.pi * time_s[j]):.2g} Hz" for j in filtered
+        f"{robot.joint_names[j]} {1.0 / (2.0 * np.pi * time_s[j]):.2g} Hz" for j in filtered
     )
-    phase = "without a delay (a zero-phase filter)" if np.any(channel.width_s) else "first order"
     return (
-        f"The recorded torques seem to be low-passed, {phase}: {shown}. The parameters contain the"
-        " filter's effect. Record the torques without this filter, or estimate it with"
+        f"The recorded torques seem to be low-passed, with a cut-off of about: {shown}. The"
+        " parameters contain the filter's effect. Record the torques without this filter, or estimate it with"
         " `rid-daq identify --choose`.",
         *slow.findings(robot.joint_names),
     )
