@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
@@ -99,12 +100,19 @@ class Piece:
     @property
     def time_s(self) -> FloatArray:
         """Times of the rows after the inverse transform, from the first row of the piece."""
-        count = 2 * (len(self.low_pass) - 1)
+        count = self._count
         return np.arange(count, dtype=np.float64) * (self.length * self.step_s / count)
+
+    @cached_property
+    def _count(self) -> int:
+        """Number of rows: at least two per bin, and a product of small primes for a fast FFT."""
+        from scipy.fft import next_fast_len  # a large import, which few recordings need
+
+        return int(next_fast_len(2 * (len(self.low_pass) - 1), real=True))
 
     def to_rows(self, spectrum: ComplexArray) -> FloatArray:
         """Return the rows of a spectrum, at the times `time_s`."""
-        count = 2 * (len(self.low_pass) - 1)
+        count = self._count
         return np.asarray(np.fft.irfft(spectrum, count, axis=0) * (count / self.length))
 
     def spectrum(self, values: FloatArray) -> ComplexArray:
