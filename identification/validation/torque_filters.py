@@ -44,7 +44,7 @@ def filter_findings(
     )
     return (
         f"The recorded torques seem to be low-passed, with a cut-off of about: {shown}. The"
-        " parameters contain the filter's effect. Record the torques without this filter, or estimate it with"
-        " `rid-daq identify --choose`.",
+        " parameters contain the filter's effect. Record the torques without this filter, or"
+        " estimate it with `rid-daq identify --choose`.",
         *slow.findings(robot.joint_names),
     )
