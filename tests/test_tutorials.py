@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from rid_daq.app import run
+from rid_daq.terminal.exit_codes import ExitCode
 from tests.builders.console_blocks import console_steps, require_shown
 
 TUTORIALS = Path(__file__).resolve().parent.parent / "docs" / "tutorial"
@@ -56,3 +58,24 @@ def test_a_tutorial_shows_the_output_of_its_commands(name: str, tmp_path: Path) 
 
 def test_every_tutorial_is_tested() -> None:
     assert {path.stem for path in TUTORIALS.glob("*.md")} == set(NAMES)
+
+
+@pytest.mark.slow
+def test_the_exercise_of_the_first_hour_shows_a_red_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (bit_rate,) = re.findall(
+        r"change the `bitrate` of `can` to (\d+)",
+        (TUTORIALS / "first-hour.md").read_text(encoding="utf-8"),
+    )
+    monkeypatch.chdir(tmp_path)
+    assert run(["init", "mine"]) == 0
+    cell = Path("mine/cell.yaml")
+    changed, count = re.subn(r"(?m)^(can: .*bitrate: )\d+", rf"\g<1>{bit_rate}", cell.read_text())
+    assert count == 1
+    cell.write_text(changed)
+    capsys.readouterr()
+    assert run(["check", "mine/cell.yaml"]) == ExitCode.USAGE
+    shown = capsys.readouterr()
+    assert len(re.findall(r"(?m)^  RED", shown.out)) == 1
+    assert "RID-CAN-LOAD" in shown.err
