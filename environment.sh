@@ -2,11 +2,12 @@
 # They need Python 3.11 or newer, and use the installed uv or a copy in .uv/.
 # Arguments go to `uv sync`.
 
+# Prints the path of the Python itself. A shim of pyenv or the Python of a virtual environment never equals the one
+# that .venv was made from; uv would then remove .venv and create it again, below the programs that run from it.
 rid_daq_python() {
     for candidate in python3 python3.14 python3.13 python3.12 python3.11 python; do
         if command -v "$candidate" >/dev/null 2>&1 &&
-            "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
-            command -v "$candidate"
+            "$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 11) or print(sys._base_executable))' 2>/dev/null; then
             return 0
         fi
     done
