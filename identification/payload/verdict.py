@@ -214,7 +214,10 @@ def check_payload(
     heaviest = HeaviestPayload.of(estimate.robot)
     if heaviest is not None:
         share = 100.0 * float(estimate.reported[0] - two_sigma[0]) / heaviest.mass_kg
-        text = f"mass of the payload, relative to {heaviest.source} ({heaviest.mass_kg:.4g} kg)"
+        text = (
+            f"mass of the payload (lower end of the 2σ interval), relative to {heaviest.source}"
+            f" ({heaviest.mass_kg:.4g} kg)"
+        )
         agreed.append(PayloadCheck(text, share, "≤", 100.0, "%", HEAVY))
     lines = [
         rank,

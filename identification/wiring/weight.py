@@ -46,6 +46,12 @@ class ArmWeight:
         return not (self.share + 2.0 * self.sigma < low or self.share - 2.0 * self.sigma > high)
 
     @property
+    def is_known(self) -> bool:
+        """False if the interval of the ratio (2 sigma) extends beyond the whole plausible range."""
+        low, high = self.plausible
+        return self.share - 2.0 * self.sigma > low or self.share + 2.0 * self.sigma < high
+
+    @property
     def sentence(self) -> str:
         """Sentence that compares the arm's weight with the known weight."""
         drawn = "of `cad` in the robot file" if self.is_drawn else "expected for an arm of its size"

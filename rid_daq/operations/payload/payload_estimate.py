@@ -27,6 +27,7 @@ from identification.payload.verdict import (
     estimate_each_run,
 )
 from identification.wiring.search import find_impossibilities
+from identification.wiring.weight import ArmWeight
 from rid_daq.operations.identify.run_estimation import EstimationJob, require_one_robot
 from rid_daq.operations.identify.wiring_diagnosis import signals_for_diagnosis
 from rid_daq.operations.payload.shared import IdentifiedPayload
@@ -205,16 +206,26 @@ def _arm_checks(
     driving, weight = find_impossibilities(signals_for_diagnosis(empty, how, empty[0].robot))
     text = f"joints with negative friction power ({', '.join(driving)})"
     found = [PayloadCheck(text, len(driving), "≤", 0.0, "", BAD_FIT)] if driving else []
-    if weight is not None and weight.is_drawn:
-        (low, high), sure = weight.plausible, 2.0 * weight.sigma
-        text = (
-            "weight of the arm, computed from its torques without payload, relative to its CAD"
-            " weight"
-        )
-        light = weight.share < 1.0
-        value, limit = (weight.share + sure, low) if light else (weight.share - sure, high)
-        found.append(PayloadCheck(text, value, "≥" if light else "≤", limit, "", HEAVY))
+    if weight is not None:
+        found += weight_checks(weight)
     return tuple(found)
+
+
+def weight_checks(weight: ArmWeight) -> tuple[PayloadCheck, ...]:
+    """Compare the nearer end of the interval of the arm's weight with its plausible range.
+
+    There is no check if the arm has no CAD weight, or if the interval is wider than the range.
+    """
+    if not weight.is_drawn or not weight.is_known:
+        return ()
+    (low, high), sure = weight.plausible, 2.0 * weight.sigma
+    light = weight.share < 1.0
+    value, limit = (weight.share + sure, low) if light else (weight.share - sure, high)
+    text = (
+        "weight of the arm, computed from its torques without payload, relative to its CAD weight"
+        f" ({'upper' if light else 'lower'} end of the 2σ interval)"
+    )
+    return (PayloadCheck(text, value, "≥" if light else "≤", limit, "", HEAVY),)
 
 
 def _comparison_runs(

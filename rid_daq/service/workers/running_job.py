@@ -233,9 +233,9 @@ class RunningJob:
 
 
 def _failed_verdict(blocks: Iterable[EventBlock]) -> str:
-    """Return the text of the first failed verdict; empty if all passed."""
+    """Return the text of the first failed verdict, without "Failed"; empty if all passed."""
     failed = (each for each in blocks if isinstance(each, Verdict) and each.passed is False)
-    return next((each.text for each in failed), "")
+    return next((each.text.removeprefix("Failed: ") for each in failed), "")
 
 
 @dataclass

@@ -140,7 +140,7 @@ def test_the_reason_of_a_job_is_the_failed_verdict_of_its_result(
     running = RunningJob(job(), service.cell("ir361"), as_worker(worker), tmp_path / "events")
     blocks = (
         Verdict(passed=True, text="axis1: good"),
-        Verdict(passed=False, text="axis2: late"),
+        Verdict(passed=False, text="Failed: axis2: late"),
     )
     with EventFile(tmp_path / "events") as events:
         events.write(ResultEvent(at_s=0.0, document={"run": "r1"}, blocks=blocks))
