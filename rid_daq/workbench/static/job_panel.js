@@ -19,7 +19,7 @@ const over = (job) => job.state in ENDS;
 // State of the panel for one job; a new state is created when another job is shown.
 const emptyView = () => ({
   known: 0, ahead: new Map(), last: "", over: false, loading: null,
-  log: new JobLog(), share: 0, count: "", words: "", estimate: "", verdicts: [], question: null, pad: null, problem: "", links: [], results: [],
+  log: new JobLog(), share: 0, count: "", words: "", estimate: "", verdicts: [], isFailureShown: false, question: null, pad: null, problem: "", links: [], results: [],
 });
 
 // The options are functions. `next(job, document)` returns links that are shown when a job has ended. `begun(job)` is
@@ -121,7 +121,8 @@ export class JobPanel {
     this.drop();
     sessionStorage.removeItem(this.key);
     const [kind, word] = ENDS[job.state];
-    const reason = job.reason ? `: ${job.reason}` : "";
+    const isShown = job.state === "failed" && view.isFailureShown;
+    const reason = job.reason && !isShown ? `: ${job.reason}` : "";
     view.verdicts.push(html`<p class="verdict ${kind} end">${kindWords(job.kind)}: ${word}${linked(reason)}</p>`);
     view.links = [...this.next(job, view.document)];
     if (job.run) view.links.push(html`<a class="button" href="${CELL}/runs/${encodeURIComponent(job.run)}">Open the run</a>`);
@@ -174,12 +175,12 @@ export class JobPanel {
       case "key_refused": this.say("p", event.text, "problem"); break;
       case "state": this.say("h3", event.text); break;
       case "motion": this.say("h3", event.title); break;
-      case "judged": view.verdicts.push(verdictOf(event)); break;
+      case "judged": this.addVerdict(event); break;
       case "result": this.takeResult(event); break;
       case "progress": this.takeProgress(event); break;
       case "asked": this.askPerson(event); break;
       case "answered": this.drop(); break;
-      case "ended": if (event.message && event.error !== "Failure") view.verdicts.push(verdictOf({ passed: false, text: event.message }));
+      case "ended": if (event.message && event.error !== "Failure") this.addVerdict({ passed: false, text: event.message });
     }
     this.update();
     this.heard(event, this.job);
@@ -188,11 +189,16 @@ export class JobPanel {
   takeResult({ document, blocks }) {
     Object.assign(this.view, { document, blocks });
     if (this.isBelow(this.job, document)) return;
-    this.view.verdicts.push(...blocks.filter(({ kind }) => kind === "verdict").map(verdictOf));
+    for (const block of blocks) if (block.kind === "verdict") this.addVerdict(block);
     const shown = blocks.filter(({ kind }) => kind !== "verdict");
     const place = this.places[this.job.kind];
     if (place) render(blockParts(shown, null, Infinity), place);
     else this.view.results = blockParts(shown);
+  }
+
+  addVerdict(verdict) {
+    this.view.isFailureShown ||= verdict.passed === false;
+    this.view.verdicts.push(verdictOf(verdict));
   }
 
   say(tag, text, kind = null) {

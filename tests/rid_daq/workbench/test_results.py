@@ -57,7 +57,7 @@ def test_two_identified_runs_are_compared(open_page: OpenPage, screenshots: Path
         expect(page.locator("#compare")).to_be_disabled()
         page.locator("#runs tr", has_text=label).get_by_role("checkbox").check()
     page.locator("#compare").click()
-    expect(page.locator("#job .verdict.end")).to_contain_text("Compare: failed")
+    expect(page.locator("#job .verdict.end")).to_have_text("Compare: failed")  # verdict shown once
     expect(page.locator("#compared tr.red")).to_contain_text("fc_axis2")
     expect(page.locator("#compared")).to_contain_text("Conditions and verdicts")
     expect(page.locator("#job .said")).to_be_empty()
