@@ -26,8 +26,8 @@ COMMON: Final[tuple[Column, ...]] = ("coulomb", "viscous", "offset")
 ORDERS: Final = (1, 2, 4)
 COMMON_WIDTHS_S: Final = tuple(0.012 * 1.35**k for k in range(11))
 """Candidate widths of a common filter: cut-offs from 13 to 0.7 Hz."""
-WIDTHS_PAST_BEST: Final = 3
-"""Number of widths that are tried after the best one."""
+MUCH_WORSE: Final = 2.0
+"""Ratio of the error to that of the best width beyond which no wider filter is tried."""
 COMMON_SIGMAS: Final = 3.0
 COMMON_GAIN: Final = 0.2
 AWAY: Final = Reach(0.1, 0.2)
@@ -70,7 +70,7 @@ def common_filter(
             own_errors = errors(_filter_of_all_joints(tried_s, 0.0, n, order), None)
             profile.append(np.log(own_errors / none))
             totals.append(float(np.nanmean(profile[-1])))
-            if len(totals) - 1 - int(np.argmin(totals)) == WIDTHS_PAST_BEST:
+            if totals[-1] - min(totals) > math.log(MUCH_WORSE):
                 break  # wider filters are worse still
         width_s, sigma_s = _best_width(np.array(profile))
         if width_s is None or width_s < DISTINCT_SIGMAS * sigma_s:
