@@ -62,7 +62,7 @@ class PayloadSessionRequest(Request):
     ] = None
     model: Annotated[
         Path | None,
-        Field(description="Model file of the unloaded robot, instead of the unloaded run."),
+        Field(description="Model file of the robot, instead of the run without payload."),
         Option(metavar="MODEL", file="input"),
     ] = None
     known: Annotated[
@@ -87,7 +87,7 @@ class PayloadSessionRequest(Request):
     ] = 1
     until_mass_kg: Annotated[
         UntilMassKg | None,
-        Field(description="End a loaded run as soon as 2σ of the mass is below this value."),
+        Field(description="End a run with the payload when 2σ of the mass is at most this value."),
         Option(group=LENGTHS, flag="until-mass", unit="kg"),
     ] = None
     rehearsal_percent: Annotated[
