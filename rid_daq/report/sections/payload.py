@@ -20,7 +20,7 @@ _PROCEDURES = {
     "difference": "Payload estimated from the difference of the torques of one motion with and"
     " without it",
     "model": "Payload estimated from the torques of runs with it, minus those of a model of the"
-    " unloaded robot",
+    " robot without payload",
     "apart": "Robot identified with and without the payload; the payload is the difference of the"
     " two results",
 }
