@@ -50,8 +50,8 @@ class PayloadSessionRequest(Request):
     """Lead through a payload session: check, rehearse, warm up, record, attach, record, identify.
 
     An interrupted session is continued with --resume: its recorded runs are used, and its original
-    options apply unless they are given again. The exit code is 1 if the payload fails its verdict. It
-    is 6 if a run is not good enough or the torque of an axis is not explained.
+    options apply unless they are given again. The exit code is 1 if the payload fails its verdict,
+    6 if a run is not good enough or the torque of an axis is not explained.
     """
 
     cell: CellName
