@@ -76,7 +76,7 @@ class Case:
 
     Attributes:
         arm, friction: Keys of `ARMS` and `FRICTIONS`.
-        effect: Effect on the recorded torque or its clock.
+        effect: Disturbance of the recorded torque or of its time stamps, as in `Effect`.
         seed: Seed of motions, noise and delays.
     """
 

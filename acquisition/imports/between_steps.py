@@ -22,8 +22,8 @@ MOST_STEPS: Final = 100
 """Largest change of a position from which the step size is computed [steps]; rounding errors add up
 in larger changes."""
 OFF_THE_GRID: Final = 0.1
-"""Permitted deviation of a position change from whole steps [steps]; the file's last digit is
-rounded."""
+"""Permitted deviation of a position change from a multiple of the quantisation step [steps]. The
+changes deviate because the file's last digit is rounded."""
 FEWEST_STEPS: Final = 10
 """Smallest number of position changes; fewer changes can be multiples of one step by chance."""
 

@@ -45,7 +45,7 @@ class FurtherFile(ConfigModel):
 
 
 class JointStates(ConfigModel):
-    """Description of a ROS 2 bag or MCAP file with `sensor_msgs/msg/JointState` messages.
+    """Description of a ROS bag or MCAP file with `sensor_msgs/msg/JointState` messages.
 
     Attributes:
         effort: Quantity in the messages' `effort`: a torque or a motor current.

@@ -64,7 +64,7 @@ def violations(
 def _between_rows(
     path: JointTrajectory, sample_period_s: float, oversampling: int
 ) -> JointTrajectory:
-    """Return the quintic through the rows at `oversampling` points per sample period."""
+    """Return a path with `oversampling` points per sample period, on quintics between its rows."""
     h = sample_period_s
     q0, v0, a0 = path.position[:-1], h * path.velocity[:-1], h**2 * path.acceleration[:-1]
     q1, v1, a1 = path.position[1:], h * path.velocity[1:], h**2 * path.acceleration[1:]

@@ -58,15 +58,15 @@ class LoadChange(ConfigModel):
             `model` for the payload in the model; or `none`. In a copy that a run or a feedforward
             file contains, a payload file is named by its SHA-256.
         ramp_s: Load-transfer time: over it, the parameters of the load change linearly.
-        signal: Signal at which the change begins; None if it begins at `at_s`.
-        came_s: In the copy of a run that was driven, the time at which the signal came; None if it
-            did not come.
+        signal: Signal at which the change begins; without it, the change begins at `at_s`.
+        came_s: In the copy of a run that was driven, the time at which the signal came; missing if
+            it did not come.
         outcome: In the copy of a run with signals: `begun` at its stated time; the signal `came`;
             it was `missed`, because it did not come in its window; it was still `awaited` when the
             motion ended; it was `not_needed`, because the robot carried this load already; its
-            input was `already_active` before it was awaited; or the change was `not_reached`. None
-            if it is not known.
-        simulated: Change of a simulated robot's payload; None if its payload does not change.
+            input was `already_active` before it was awaited; or the change was `not_reached`.
+            Missing if it is not known.
+        simulated: Change of a simulated robot's payload; without it, its payload does not change.
     """
 
     at_s: Seconds

@@ -195,7 +195,7 @@ class _PlateRecorder:
         return None
 
     def _record_stream(self, writer: PlateJournalWriter, amplifier: SerialAmplifier) -> None:
-        """Record until the end is requested."""
+        """Record until the end is requested, or the parent process has ended."""
         writer.begin_stream()
         marks = 0
         amplifier.start()

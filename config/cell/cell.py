@@ -203,7 +203,8 @@ class CellConfig(PhysicalFile):
 
     Attributes:
         name: Name of the cell.
-        robot, plant: A bundled file, or a path relative to the cell file.
+        robot: The robot file: a bundled name, or a path relative to the cell file.
+        plant: The plant file of a simulated cell, in the same form.
         simulated: True for a simulated cell; a command that needs the simulated hardware starts it.
         cycle_time_ms: Period of SYNC and of the set-points, in whole microseconds [ms]. A drive
             whose cycle time is written (60C2h) supports steps of 0.1 ms up to 25.5 ms.

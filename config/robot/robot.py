@@ -252,7 +252,7 @@ class RobotDescription(PhysicalFile, Derived):
         kinematics: The Denavit-Hartenberg table.
         tool_offset_m: The tool point in the last frame.
         tool_rpy_rad: Rotation of the tool's frame relative to the last frame (roll, pitch, yaw as
-            in a URDF). It matters only for exports.
+            in a URDF). It matters for the frame of payloads, and for exports.
         rated_payload_kg: The maker's rated payload: an identified payload is compared with it or,
             without it, with the weight of `cad`.
         joints: The joints, base to flange.

@@ -40,7 +40,9 @@ class TimedFault(ConfigModel):
     """Start of a fault.
 
     Attributes:
-        at_s, at_cycle: Time [s] or cycle of the start.
+        at_s: Time of the start since the cell was started [s]; give this or `at_cycle`.
+        at_cycle: Number of the SYNC at which the fault starts, counted since the drives were
+            enabled.
     """
 
     at_s: Annotated[float, Field(ge=0.0, le=LONGEST_S)] | None = None
@@ -69,11 +71,14 @@ class FrameFault(TimedFault):
         frames: Kind of the frames.
         joint: Joint of the drive whose frames are affected; without it, the frames of all drives.
         at_frame: Number of the first frame of this kind that is affected.
-        probability, count: Probability for each frame, and number of affected frames.
+        probability: Probability with which each frame is affected.
+        count: Number of frames that are affected.
         lasting: True if every frame is affected from the start on.
-        delay_s, length: Delay of `delay`, and length of `wrong_length`.
+        delay_s: Delay of `delay` [s].
         bit: Flipped bit of `corrupt`; without it, a random one.
-        position_counts, torque_permille: Amounts that `spoof` adds to position and torque.
+        length: Number of bytes of `wrong_length`.
+        position_counts: Amount that `spoof` adds to the position.
+        torque_permille: Amount that `spoof` adds to the torque.
     """
 
     kind: Literal["drop", "duplicate", "delay", "reorder", "corrupt", "wrong_length", "spoof"]
@@ -126,8 +131,10 @@ class StrangeFrames(TimedFault):
 
     Attributes:
         kind: Kind of fault.
-        identifier, length: Identifier and length of the frames.
-        count, period_s: Number of frames, and time from one to the next.
+        identifier: Identifier of the frames.
+        length: Number of data bytes of a frame.
+        count: Number of frames.
+        period_s: Time from one frame to the next [s].
     """
 
     kind: Literal["strange"]
@@ -187,8 +194,10 @@ class DriveFault(TimedFault):
         joint: The drive's joint; without it, all drives.
         duration_s: Duration of the fault.
         code: Error code of `fault` and `emergency`.
-        count, period_s: Number of messages of `emergency`, and time from one to the next.
-        factor, ppm: Speed of `clock` relative to real time: `factor`, or 1 + `ppm` / 10⁶.
+        count: Number of messages of `emergency`.
+        period_s: Time from one message of `emergency` to the next [s].
+        factor: Speed of `clock` relative to real time; give this or `ppm`.
+        ppm: Error of the speed of `clock` relative to real time [10⁻⁶]; positive if it runs fast.
     """
 
     kind: Literal[
@@ -265,7 +274,8 @@ class ProgramSignal(TimedFault):
     Attributes:
         kind: Kind of fault.
         signal: `TSTP` is what Ctrl-Z sends: it suspends the program if nothing moves.
-        count, period_s: Number of signals, and time from one to the next on the program's clock.
+        count: Number of signals.
+        period_s: Time from one signal to the next, on the program's clock [s].
     """
 
     kind: Literal["signal"]
@@ -284,7 +294,8 @@ class DiskFault(TimedFault):
             and further writes fail with ENOSPC. Only a small separate file system is filled; any
             other is refused. `disk_stall`: the recorder is suspended for `duration_s`, as in a
             write that does not return.
-        after_bytes, duration_s: Bytes that can still be written, and duration of `disk_stall`.
+        after_bytes: Number of bytes that can still be written before `disk_error` or `disk_full`.
+        duration_s: Duration of `disk_stall` [s].
     """
 
     kind: Literal["disk_full", "disk_error", "disk_stall"]
@@ -329,7 +340,7 @@ class AmplifierFault(ConfigModel):
             then there is a new port. `overload`: a channel gets twice its range for `duration_s`.
             `drift`: the drift grows by `count` N/s for `duration_s`; the accumulated offset stays.
         row: Number of the row at which the fault begins, from 0.
-        count: Number of bytes or rows; drift [N/s].
+        count: Number of bytes or rows of the fault; for `drift`, the growth of the drift [N/s].
         duration_s: Duration of the fault on the cell's clock [s].
         channel: Channel that `overload` affects, from 0.
     """

@@ -269,5 +269,5 @@ def _found_text(time_s: float, distance: float, joint: Joint) -> str:
     if math.isinf(time_s):
         return "never stops: the deceleration is 0 in the drive's units"
     if math.isinf(distance):
-        return "never stops: the drive does not monitor its following error"
+        return "the drive itself does not stop: it does not monitor its following error"
     return f"{time_s:.3g} s, {distance:.3g} {joint.unit}"

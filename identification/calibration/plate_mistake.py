@@ -25,8 +25,8 @@ class PlateMistake(ConfigModel):
 
     Attributes:
         kind: Kind of the mistake.
-        key: The wrong key of the cell file's `plate`.
-        stated: Value of the cell file; for sensitivities a 1 for each affected channel, for an
+        key: The wrong key of `plate` in the cell file or the import map.
+        stated: Value in this file; for sensitivities a 1 for each affected channel, for an
             order the channels' numbers.
         right: Value that explains the measurement; for sensitivities the factors by which the
             readings of these channels must be multiplied, for an order the channels' numbers.

@@ -144,7 +144,10 @@ def _of_all_channels(
         if factor == -1.0
         else f"the readings of all channels must be multiplied by about {factor:.2g}"
     )
-    why = f"Otherwise the arm has {weight:.2g} times the weight expected from `cad` or its size"
+    why = (
+        f"With the present description, the arm's weight would be {weight:.2g} times the weight"
+        " expected from `cad` or from the arm's size"
+    )
     count = matrix.shape[1]
     found = PlateHypothesis(
         PlateKind.SENSITIVITY,

@@ -74,8 +74,8 @@ class ElasticArm:
         if robot.coupling is not None:
             raise EstimationError(
                 f"robot {robot.name!r} has a coupled wrist, in which a motor turns several joints:"
-                " the stiffness of its gears cannot be identified. Leave `rid-daq stiffness` and"
-                " --deflection out",
+                " the stiffness of its gears cannot be identified. If it is known, write"
+                " stiffness_nm_rad into the robot file",
                 code="RID-STIFFNESS-COUPLED-WRIST",
             )
         model = RobotModel.from_description(robot, rotors=False, friction=False)

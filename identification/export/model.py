@@ -81,7 +81,7 @@ class ExportModel:
     @classmethod
     def from_estimate(cls, estimate: Estimate) -> ExportModel:
         """Return an estimate's own parameters; they can be physically inconsistent."""
-        line = "Parameters as identified; they give the torques of the model file."
+        line = "Parameters as identified; the torques are the same as with the model file."
         origin = _origin(estimate, line)
         values = estimate.standard_values
         return cls(estimate.robot, estimate.model, values, origin, estimate.warming)

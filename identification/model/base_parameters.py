@@ -108,15 +108,15 @@ def base_parameters(
     Args:
         model: The robot.
         kind: Measured quantities: joint torques (the internal model), the six components of the
-            base wrench (external), or both. Gears count as lossless; a payload as measured both
-            with and without it.
-        still: Joints at rest, whose torques count as not measured, because friction at
-            standstill can have any value.
-        seed: Seed of the samples; positions are in -pi..pi rad (or -1..1 m), so that the result is
-            a property of the structure and not of one motion.
+            base wrench (external), or both. Gears count as lossless. If the model contains a
+            payload, half of the samples are with the payload and half are without it.
+        still: Joints at rest, with their positions. Their torques count as not measured, because
+            friction at standstill can have any value.
+        seed: Seed of the samples. The positions of all other joints are in -pi..pi [rad or m], so
+            that the result is a property of the structure and not of one motion.
 
     Raises:
-        EstimationError: The rank is ambiguous.
+        EstimationError: No joint moves, no parameter has an effect, or the rank is ambiguous.
     """
     stacked = random_regressor(model, kind=kind, still=still, seed=seed)
     return independent_columns(stacked, model.parameter_names, model.parameter_units)

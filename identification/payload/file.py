@@ -153,7 +153,7 @@ def refuse_failed(path: Path, judged: PayloadResult, why: str) -> None:
         raise EstimationError(
             f"{path}: the payload did not pass ({failed or 'nothing was checked'}), so {why}:"
             " measure longer or with another motion, or set limits that you can justify (payload"
-            " identify --mass-limit, --centre-limit, --inertia-limit, --residual-limit; in kg, kg"
-            " m² and N m: --mass-limit-kg, --inertia-limit-kg-m2, --residual-limit-nm)",
+            " identify --mass-limit, --inertia-limit, --residual-limit in %, --centre-limit in mm;"
+            " or --mass-limit-kg, --inertia-limit-kg-m2, --residual-limit-nm)",
             code="RID-PAYLOAD-FAILED",
         )

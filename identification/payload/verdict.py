@@ -35,8 +35,8 @@ LEFT_ON: Final = (
     " and is missing from the payload. Remove it and record these runs again."
 )
 NO_BODY: Final = (
-    "A heavy object on the flange in the unloaded runs is subtracted from the payload, and the rest"
-    " may be physically impossible: check the flange first, then the torque constants."
+    "A heavy object on the flange in the runs without payload is subtracted from the payload, and"
+    " the rest may be physically impossible: check the flange first, then the torque constants."
 )
 
 
@@ -271,7 +271,7 @@ def check_payload(
 def estimate_each_run(
     robot: RobotDescription, runs: MeasuredRuns, how: PayloadOptions
 ) -> Repeats | None:
-    """Estimate the payload from each loaded run separately; None if there is only one.
+    """Estimate the payload from each run with it separately; None if there is only one such run.
 
     Raises:
         EstimationError: A single run does not determine the payload.

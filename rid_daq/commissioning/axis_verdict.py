@@ -149,18 +149,19 @@ def _wrong_scale(
     seen_ratio = abs(observed.amount / motion.measured)
     if not _is_near_one(command) and _is_near_one(seen_ratio):
         units = servo.velocity_units * command
+        # the axis's own velocity_unit replaces that of its servo profile
+        place = f"axes, {motion.joint}{'' if axis.velocity_unit else ', servo'}"
         return [
             f"the drive moves {1.0 / command:.2g} times as fast as commanded. {where}"
-            f" velocity_units: {units:.4g} (is {servo.velocity_units:g} {servo.velocity_unit}),"
-            " or velocity_unit."
+            f" velocity_units: {units:.4g} (is {servo.velocity_units:g}); or, if 60FFh of this"
+            f" drive is not in {servo.velocity_unit}, correct {place}: velocity_unit."
         ]
     if not _is_near_one(command) and not _is_near_one(seen_ratio / command):
         return [
             f"commanded {motion.signed_text(motion.commanded)}, measured by the drive"
             f" {motion.signed_text(motion.measured)}, seen {motion.size_text(observed.amount)}; the"
             f" drive moves {1.0 / command:.2g} times as fast as commanded: check"
-            " encoder_increments, velocity_unit and velocity_units of the axis's servo (cell"
-            " file)."
+            " encoder_increments, velocity_unit and velocity_units of the axis in the cell file."
         ]
     if not _is_near_one(seen_ratio):
         return [_wrong_encoder_or_gear(motion, seen_ratio, servo, robot, where)]

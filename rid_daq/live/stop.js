@@ -174,8 +174,8 @@
     if (!newest || at - newest.heardAt < SILENT_MS) return;
     const silent = newest;
     later();
-    // keep an open WebSocket, because it may still deliver the stop request or its answer; drop a WebSocket that is
-    // still connecting, because it would delay the next one
+    // while a stop is requested, keep the silent WebSocket if it is open, because it may still deliver the request or
+    // its answer; in all other cases drop it, because one that is still connecting would delay the next one
     if (!asked || silent.readyState !== WebSocket.OPEN) drop(silent);
   }
 

@@ -35,12 +35,12 @@ class ConsistencyEntry(Section):
         p_value: p-value of the two statistics together: the largest single violation, and the
             distance.
         single_p_value: p-value of the largest single violation.
-        distance_p_value: p-value of the squared distance from the nearest consistent robot. None if
+        distance_p_value: p-value of the squared distance from the nearest consistent robot; null if
             a single violation already refutes consistency.
-        distance: Distance from the nearest consistent robot, in decorrelated standard deviations.
-            None if a single violation already refutes consistency.
+        distance: Distance from the nearest consistent robot, in decorrelated standard deviations;
+            null if a single violation already refutes consistency.
         tested: Number of parameters that cannot be negative.
-        largest: The largest single violation; None if no tested estimate is below zero.
+        largest: The largest single violation; null if no tested estimate is below zero.
         violations: All tested estimates below zero, the largest violation first.
     """
 

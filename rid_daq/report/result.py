@@ -64,10 +64,23 @@ class Result(Section):
         model: Model that the sections `validation`, `curves`, `estimate`, `plate`, `comparison`,
             `reaction` and `base_load` refer to.
         seed: Random seed of the demo.
-        payload, validation, curves, estimate, plate: Section of the report with the key's name.
-        comparison, truth, tracking, plate_zero: Section of the report with the key's name.
-        reaction, base_load, friction, retiming: Section of the report with the key's name.
-        velocity_loops, gears, runs, average: Section of the report with the key's name.
+        payload: The payload, with intervals and findings.
+        validation: Torque errors of every axis, with their limits.
+        curves: Curves over time and frequency, such as measured and predicted torques.
+        estimate: The identified parameters, with intervals and findings.
+        plate: Fit of the force plate's signals.
+        comparison: Comparison of the chosen friction model with the plain one.
+        truth: Comparison of the estimate with the simulated robot's true parameters.
+        tracking: Path errors.
+        plate_zero: Offsets and drifts of the force plate.
+        reaction: Errors of the predicted base wrench.
+        base_load: Predicted load on the floor, compared with its limits.
+        friction: Measured friction, and the fitted friction models.
+        retiming: The timed path, and the limits that it reaches.
+        velocity_loops: The drives' velocity loops, with margins.
+        gears: Stiffness and damping of the gears.
+        runs: The recorded runs: extremes, lost rows, stop reason.
+        average: Averaged periods and noise.
         without_unmodelled: Results of the demo on a robot without unmodelled effects.
         timing: All values that differ from one execution to the next.
     """

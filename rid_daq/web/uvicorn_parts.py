@@ -1,7 +1,7 @@
 """`Uvicorn`: the HTTP and WebSocket protocols of uvicorn, without its server.
 
 Only this file imports uvicorn. `AsgiServer` accepts and limits connections itself, for which
-uvicorn has no public interface. `tests/rid_daq/live/test_uvicorn_parts.py` fails if uvicorn changes
+uvicorn has no public interface. `tests/rid_daq/web/test_uvicorn_parts.py` fails if uvicorn changes
 an interface that is used here, or no longer needs the correction in `HttpProtocol`.
 """
 

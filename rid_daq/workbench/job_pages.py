@@ -53,7 +53,7 @@ def identify_check(
 
 @router.get("/friction")
 async def friction_page(visit: Visitor) -> HTMLResponse:
-    """Show the measurement of friction alone: constant-speed runs, or forward and reversed runs."""
+    """Show the measurement of friction, from constant-speed runs or paths and their reversals."""
     robot_file = await run_in_threadpool(_edited_robot, visit)
     return visit.page("friction.html", files=await cell_files(visit), robot_file=robot_file)
 

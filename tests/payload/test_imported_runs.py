@@ -106,4 +106,4 @@ def test_a_heavy_body_left_on_the_flange_is_named_as_the_likely_mistake(
     assert run([*words, "--loaded", "first", "--runs", str(imported / "runs")]) == 1
     output = " ".join(capsys.readouterr().out.split())
     assert "Failed: probability that a physically consistent body explains the data" in output
-    assert "A heavy object on the flange in the unloaded runs is subtracted" in output
+    assert "A heavy object on the flange in the runs without payload is subtracted" in output

@@ -19,8 +19,9 @@ if TYPE_CHECKING:
 class ResetRequest(Request):
     """Reset the faults of a cell's drives after you have found and removed their causes.
 
-    The program never resets a fault by itself. No power is switched on and nothing moves; the next
-    motion needs the whole preflight again. The exit code is 3 if a drive stays in fault.
+    By itself, the program resets a fault only if its own test of the drive has caused it. No power
+    is switched on and nothing moves; the next motion needs the whole preflight again. The exit code
+    is 3 if a drive stays in fault.
     """
 
     cell: CellName

@@ -45,8 +45,8 @@ class ExportRequest(Request):
     """Write an identified model, or the recording of a run, for other programs.
 
     For a model, the physically consistent parameters closest to the identified ones are written; if
-    no such parameters explain the data, nothing is written. The file lists at its top what its
-    format cannot express. Tables contain both sets of parameters, and the intervals of the
+    no such parameters explain the data, nothing is written. A comment in the file lists what
+    its format cannot express. Tables contain both sets of parameters, and the intervals of the
     identified ones. For a run, every row is written as it was recorded.
     """
 

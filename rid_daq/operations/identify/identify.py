@@ -93,8 +93,9 @@ class IdentifyRequest(Request):
 
     Periodic runs are averaged and used at their harmonics; other runs are low-passed without phase
     shift and used in the time domain. The model file contains all data that other commands need.
-    The exit code is 6 if the model does not explain a joint's torque, or if the model fits far
-    better after the correction of one common mistake in wiring, units or files.
+    The exit code is 6 if the model does not explain a joint's torque or the base wrench, if the
+    identified friction or the arm's weight is impossible, or if the model fits far better after the
+    correction of a common mistake in wiring, units or files.
     """
 
     names: RunNames

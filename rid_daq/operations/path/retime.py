@@ -57,7 +57,7 @@ class RetimeRequest(Request):
     confidence: Annotated[
         Confidence,
         Field(
-            description="Probability with which each torque stays within its limit at any time;"
+            description="Probability with which each torque is within its limit at one instant;"
             " 0 uses the model without a margin."
         ),
         Option(group=LIMITS),

@@ -175,7 +175,7 @@ def report_payload(
 
 
 def _refuse_runs_of_model(data: Sequence[RunData], loaded: Sequence[bool], model: Estimate) -> None:
-    """Refuse a loaded run from which the model of the robot was identified.
+    """Refuse a run with the payload from which the model of the robot was identified.
 
     The model then contains a part of the payload, or its errors are those of the run; the intervals
     count them as independent.
@@ -187,8 +187,9 @@ def _refuse_runs_of_model(data: Sequence[RunData], loaded: Sequence[bool], model
     own = [run_id for run_id in ids if run_id in model.run_ids]
     if own:
         raise ConfigError(
-            f"--model: the model was identified from the loaded run {', '.join(own)}: identify the"
-            " robot from other runs, or give the runs without payload as --unloaded and no model",
+            f"--model: the model was identified from {', '.join(own)}, a run with the payload:"
+            " identify the robot from other runs, or give the runs without payload as --unloaded"
+            " and no model",
             code="RID-PAYLOAD-RUNS",
         )
 

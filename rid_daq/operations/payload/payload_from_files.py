@@ -28,7 +28,7 @@ from rid_daq.terminal.choices import PAYLOAD
 
 
 def identify_payload_runs(request: PayloadIdentifyRequest) -> IdentifiedPayload:
-    """Identify a payload from runs; write its file and the report of the first loaded run.
+    """Identify a payload from runs; write its file, and a report into the first run with it.
 
     Raises:
         ConfigError: The procedure does not fit the model, or the runs do not belong together.

@@ -154,9 +154,9 @@ def _of_percent(value: object, info: ValidationInfo) -> object:
 class PayloadIdentifyRequest(Request):
     """Identify a payload: mass, centre of gravity and inertia, from runs with and without it.
 
-    Friction is estimated separately in every run. The exit code is 1 if an interval is larger than
-    its limit, and 6 if the torque of an axis is not explained. Parameters that the motion does not
-    determine are named, with a motion that would determine them.
+    Friction is estimated separately in every run. The exit code is 6 if the torque of an axis is
+    not explained, and 1 if the payload fails its verdict for another reason. Parameters that the
+    motion does not determine are named, with a motion that would determine them.
     """
 
     loaded: Annotated[

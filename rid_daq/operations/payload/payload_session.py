@@ -50,19 +50,19 @@ class PayloadSessionRequest(Request):
     """Lead through a payload session: check, rehearse, warm up, record, attach, record, identify.
 
     An interrupted session is continued with --resume: its recorded runs are used, and its original
-    options apply unless they are given again. The exit code is 1 if an interval is larger than its
-    limit. It is 6 if a run is not good enough or the torque of an axis is not explained.
+    options apply unless they are given again. The exit code is 1 if the payload fails its verdict,
+    6 if a run is not good enough or the torque of an axis is not explained.
     """
 
     cell: CellName
     motion: Annotated[
         Path | None,
-        Field(description="Periodic motion file; if not set, an excitation is designed."),
+        Field(description="Periodic motion file; if not set, a motion is designed."),
         Option(metavar="MOTION", file="input"),
     ] = None
     model: Annotated[
         Path | None,
-        Field(description="Model file of the unloaded robot, instead of the unloaded run."),
+        Field(description="Model file of the robot, instead of the run without payload."),
         Option(metavar="MODEL", file="input"),
     ] = None
     known: Annotated[
@@ -87,7 +87,7 @@ class PayloadSessionRequest(Request):
     ] = 1
     until_mass_kg: Annotated[
         UntilMassKg | None,
-        Field(description="End a loaded run as soon as 2σ of the mass is below this value."),
+        Field(description="End a run with the payload when 2σ of the mass is at most this value."),
         Option(group=LENGTHS, flag="until-mass", unit="kg"),
     ] = None
     rehearsal_percent: Annotated[

@@ -89,7 +89,7 @@ class WarmUpWatch:
 
 
 class MassWatch:
-    """Watch of a loaded run: ends the run when the mass of the payload is accurate enough.
+    """Watch of a run with the payload: ends it when the payload's mass is accurate enough.
 
     If the robot's model contains effects that mean periods do not show, the mass cannot be
     followed; the watch then reports this and never ends the run.

@@ -52,7 +52,7 @@ class IdentifiedPayload:
 
     @property
     def exit_code(self) -> int:
-        """Exit code 1 if an interval is too large, 6 if the torque of an axis is not explained."""
+        """Exit code 6 if an axis torque is not explained, 1 if the verdict fails otherwise."""
         from rid_daq.terminal.exit_codes import ExitCode
 
         if self.verdict.passed:

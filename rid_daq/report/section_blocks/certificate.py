@@ -187,7 +187,7 @@ def _files(certificate: Certificate) -> Iterator[AnyBlock]:
         " is also in manifest.json of its run."
     )
     if certificate.payload.estimate.procedure == "model":
-        yield Text(text="Name and SHA-256 of the unloaded robot's model are not recorded.")
+        yield Text(text="Name and SHA-256 of the model of the robot are not recorded.")
     yield table(
         certificate.files,
         Cells("run", lambda file: file[0]),

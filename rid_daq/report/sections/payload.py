@@ -20,7 +20,7 @@ _PROCEDURES = {
     "difference": "Payload estimated from the difference of the torques of one motion with and"
     " without it",
     "model": "Payload estimated from the torques of runs with it, minus those of a model of the"
-    " unloaded robot",
+    " robot without payload",
     "apart": "Robot identified with and without the payload; the payload is the difference of the"
     " two results",
 }
@@ -84,10 +84,10 @@ class PrincipalMoment(Section):
 
 
 class PayloadRepeats(Section):
-    """Scatter of the payload between estimates from single loaded runs.
+    """Scatter of the payload between estimates from single runs with the payload.
 
     Attributes:
-        runs: Number of loaded runs.
+        runs: Number of runs with the payload.
         ratio: Scatter divided by the quoted standard deviation, for all parameters together.
         scatter: Standard deviation between runs, one value per parameter.
     """
@@ -138,7 +138,7 @@ class PayloadSection(Section):
         rank: Number of parameters that the equations determine.
         parameters: Mass, centre of gravity, inertia.
         principal: Principal moments of inertia; null unless all parameters are identified.
-        repeats: Scatter between loaded runs; null if there is only one loaded run.
+        repeats: Scatter between runs with the payload; null if there is only one such run.
         findings: Remarks on the payload.
         axes: Torque and residual of each axis.
         existence: A sentence on physical consistency; left out unless all parameters are
@@ -165,7 +165,7 @@ class PayloadSection(Section):
 
         Args:
             payload: The estimate with its checks.
-            repeats: Estimates from each loaded run alone.
+            repeats: Estimates from each run with the payload alone.
             findings: Additional remarks.
         """
         from identification.payload.findings import payload_findings

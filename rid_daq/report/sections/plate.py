@@ -258,8 +258,8 @@ class WrenchError(Section):
         unit: Unit of the component.
         rms_error: RMS of measured minus predicted component.
         relative_error_percent: RMS error relative to the measured component [%].
-        limit_percent: Largest relative error for a passed verdict [%]; None in old reports.
-        noise: RMS noise of the measurement; None if it is not known.
+        limit_percent: Largest relative error for a passed verdict [%]; left out in old reports.
+        noise: RMS noise of the measurement; null if it is not known.
         measured: Measured curve, thinned for drawing.
         predicted: Predicted curve, thinned for drawing.
     """

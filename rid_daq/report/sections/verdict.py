@@ -49,7 +49,7 @@ class VerdictSection(Section):
     """Verdict on a result: passed, failed, or not judged.
 
     Attributes:
-        passed: True or False; None if there was no limit to compare with.
+        passed: True if all limits are satisfied; null if there was no limit to compare with.
         headline: The verdict in one line.
         sentence: Additional information on the verdict.
         checks: The values that were compared with limits.

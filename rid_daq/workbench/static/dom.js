@@ -28,7 +28,7 @@ export function duration(seconds) {
 // The argument is a number of seconds since 1970, or a time in ISO 8601.
 export function timeOf(time) {
   const at = typeof time === "number" ? 1000 * time : Date.parse(time);
-  return Number.isNaN(at) ? time : zoned.format(at); // an edited manifest may contain any text
+  return Number.isNaN(at) ? time : zoned.format(at); // an edited manifest may contain a text that is no date: show it unchanged
 }
 
 // Return the time of day with seconds in the service's time zone. The argument is a number of seconds since 1970.

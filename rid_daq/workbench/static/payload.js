@@ -189,7 +189,7 @@ function goOn({ run, label, state, choices }) {
   resumed = { run, choices };
   resumed.shown = request();
   const more = known.filter((each) => each !== mass).map((each) => `${each.name} is known: ${each.value} ± ${each.sigma}.`);
-  if (choices.until_mass_kg !== null) more.push(`A run ends once 2σ of the mass is ${choices.until_mass_kg} kg.`);
+  if (choices.until_mass_kg !== null) more.push(`A run with the payload ends as soon as 2σ of the mass is at most ${choices.until_mass_kg} kg.`);
   find("going-on").textContent = [`Session ${label} will be resumed with these values, with which it was started. Correct them if necessary.`, ...more].join(" ");
   for (const id of ["going-on", "anew"]) find(id).hidden = false;
   find("begin").textContent = `Resume ${label}`;

@@ -24,7 +24,7 @@ export class PoseBuilder {
     this.joints = JSON.parse(find("poses").dataset.joints);
     this.pose = this.joints.map(({ limits: [low, high] }) => Math.min(high, Math.max(low, 0)));
     this.points = [];
-    this.written = null; // the newest text of the file that this section has written
+    this.written = null; // the newest text of the file that this section has written or read
     this.replacing = newest();
     this.kind = find("pose-kind");
     plan.side.append(find("pose-sliders"));

@@ -144,7 +144,7 @@ export class RobotView {
     const { position, target = null, words, kind, wrench = null } = last;
     const isFirst = this.pose.position === null && position !== null;
     this.pose = { position, target };
-    if (isFirst && this.ghost !== null) this.choose(this.preview); // before the first pose, the second robot was drawn at the zero pose
+    if (isFirst && this.ghost !== null) this.choose(this.preview); // draw the second robot again, because without a pose it was drawn relative to the zero pose
     this.say(words, kind);
     this.showWrench(wrench);
     this.rows?.show(position);

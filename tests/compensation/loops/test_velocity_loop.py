@@ -1,4 +1,4 @@
-"""Velocity controllers by multisine: simulated drives, and analytic responses."""
+"""Velocity controllers identified from multisine motions of simulated drives and from formulas."""
 
 from __future__ import annotations
 

@@ -66,9 +66,7 @@ class TestGoodPoints:
     def test_the_feedforward_equals_that_of_the_whole_motion(
         self, forward: OnlineFeedforward
     ) -> None:
-        """The feedforward has the same values as the feedforward computed off line from the whole
-        motion.
-        """
+        """The feedforward differs little from that computed off line from the whole motion."""
         samples = planned()
         _, _, ahead = arrays(drive(source_of(forward, samples.position)))
         model, parameters = true_model(CELL)

@@ -68,9 +68,18 @@ def test_a_wrong_velocity_unit_is_named_even_if_the_motion_was_too_short(factor:
     slow = replace(MOTION, measured=-0.8, command_ratio=factor)
     servo = ServoProfile(velocity_units=0.1)
     found = problems(ObservedMotion("axis2", -0.87), slow, with_servo(servo))
-    assert f"velocity_units: {0.1 * factor:.4g} (is 0.1 increments_per_s)" in found
+    assert f"velocity_units: {0.1 * factor:.4g} (is 0.1)" in found
+    assert "is not in increments_per_s, correct axes, axis2, servo: velocity_unit" in found
     assert "gear_ratio" not in found
     assert "velocity loop" not in found
+
+
+def test_the_velocity_unit_is_named_at_the_axis_if_it_is_there() -> None:
+    slow = replace(MOTION, measured=-0.8, command_ratio=10.0)
+    axes = [axis.model_copy(update={"velocity_unit": "rpm"}) for axis in LOADED.config.axes]
+    cell = LOADED.config.model_copy(update={"axes": axes})
+    found = problems(ObservedMotion("axis2", -0.87), slow, cell)
+    assert "is not in rpm, correct axes, axis2: velocity_unit" in found
 
 
 def test_two_wrong_scales_name_all_candidate_keys() -> None:
