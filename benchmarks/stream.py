@@ -139,7 +139,7 @@ def load_us(cell: LoadedCell, points: Points, rows: int) -> float:
         source.prepare()
         source.begin(False, np.zeros(n))
         found.append(cpu_us(source.at, rows))
-    return (found[1] - found[0]) / (MOST_CHANGES * n)
+    return float(found[1] - found[0]) / (MOST_CHANGES * n)
 
 
 def pinocchio_peer(cell: LoadedCell, points: Points) -> Callable[[int], object]:

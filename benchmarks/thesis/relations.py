@@ -29,6 +29,13 @@ SLIGHT: Final = (
 SLIGHT_PERCENT: Final = 1.0
 """Change of the mass [%] that no assumption of `SLIGHT` exceeds in the thesis."""
 
+FOLLOWS: Final = 0.95
+"""Correlation from which the tracking error counts as following the velocity."""
+
+SMALL_BEND: Final = 0.2
+"""Largest change of the error at a velocity reversal, relative to the largest error, that counts as
+small."""
+
 ILL: Final = 10.0
 """Ratio of condition numbers from which the larger one counts as bad."""
 
@@ -67,6 +74,7 @@ def relations(facts: Tree, results: Tree) -> list[Relation]:
         *_sensitivity(results["sensitivity"]),
         *_payload(facts, results["payload"], is_short="payload" in results["short"]),
         *_path(facts, results["path"]),
+        *_reversal(results["reversal"]),
     ]
 
 
@@ -253,6 +261,22 @@ def _path(facts: Tree, path: Tree) -> Iterator[Relation]:
         "Compensation also improves a circle that was not used for tuning: at least"
         f" {better:.1f} times.",
         better > 1.0,
+    )
+
+
+def _reversal(found: Tree) -> Iterator[Relation]:
+    yield Relation(
+        "reversal",
+        "Without compensation, the tracking error of axis 3 follows its velocity: the correlation"
+        f" is {found['correlation']:.3f}.",
+        found["correlation"] >= FOLLOWS,
+    )
+    share = abs(found["bend_mrad"]) / float(np.abs(found["error_mrad"]).max())
+    yield Relation(
+        "reversal",
+        "Near velocity reversals it has a small bend, which Coulomb friction explains: when the"
+        f" direction changes, the error changes by {100.0 * share:.0f} % of its largest value.",
+        0.0 < share <= SMALL_BEND,
     )
 
 
