@@ -29,12 +29,8 @@ SLIGHT: Final = (
 SLIGHT_PERCENT: Final = 1.0
 """Change of the mass [%] that no assumption of `SLIGHT` exceeds in the thesis."""
 
-FOLLOWS: Final = 0.95
-"""Correlation from which the tracking error counts as following the velocity."""
-
-SMALL_BEND: Final = 0.2
-"""Largest change of the error at a velocity reversal, relative to the largest error, that counts as
-small."""
+LONGEST_AFTER_S: Final = 0.1
+"""Largest time after a velocity reversal that counts as near it [s]."""
 
 ILL: Final = 10.0
 """Ratio of condition numbers from which the larger one counts as bad."""
@@ -265,18 +261,18 @@ def _path(facts: Tree, path: Tree) -> Iterator[Relation]:
 
 
 def _reversal(found: Tree) -> Iterator[Relation]:
-    yield Relation(
-        "reversal",
-        "Without compensation, the tracking error of axis 3 follows its velocity: the correlation"
-        f" is {found['correlation']:.3f}.",
-        found["correlation"] >= FOLLOWS,
+    time_s, error, velocity = (
+        np.array(found[key]) for key in ("time_s", "error_mrad", "velocity_rad_s")
     )
-    share = abs(found["bend_mrad"]) / float(np.abs(found["error_mrad"]).max())
+    reversals_s = time_s[1:][np.diff(np.sign(velocity)) != 0.0]
+    fastest_s = float(time_s[np.argmax(np.abs(np.gradient(error, time_s)))])
+    after_s = min(fastest_s - each for each in reversals_s.tolist() if each <= fastest_s)
     yield Relation(
         "reversal",
-        "Near velocity reversals it has a small bend, which Coulomb friction explains: when the"
-        f" direction changes, the error changes by {100.0 * share:.0f} % of its largest value.",
-        0.0 < share <= SMALL_BEND,
+        "Without compensation, the tracking error of axis 3 has a bend near velocity reversals,"
+        f" which Coulomb friction explains: the error changes fastest {1e3 * after_s:.0f} ms after"
+        " a reversal.",
+        after_s <= LONGEST_AFTER_S,
     )
 
 

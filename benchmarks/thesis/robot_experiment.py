@@ -195,16 +195,10 @@ def reversal_results(folder: Path) -> Tree:
     target, reached = recording.target_position[:, 2], recording.position[:, 2]
     velocity = np.gradient(target, config.cycle_time_s)[turn]
     error_mrad = 1e3 * (target - reached)[turn]
-    slope, _ = np.polyfit(velocity, error_mrad, 1)
-    signs = np.column_stack([velocity, np.sign(velocity), np.ones(len(velocity))])
-    bend = np.linalg.lstsq(signs, error_mrad, rcond=None)[0][1]
     return {
         "time_s": curve(config.cycle_time_s * np.arange(len(turn))),
         "velocity_rad_s": curve(velocity),
         "error_mrad": curve(error_mrad),
-        "correlation": rounded(np.corrcoef(velocity, error_mrad)[0, 1]),
-        "slope_ms": rounded(slope),
-        "bend_mrad": rounded(bend),
     }
 
 
