@@ -266,7 +266,8 @@ def _reversal(found: Tree) -> Iterator[Relation]:
     )
     reversals_s = time_s[1:][np.diff(np.sign(velocity)) != 0.0]
     fastest_s = float(time_s[np.argmax(np.abs(np.gradient(error, time_s)))])
-    after_s = min(fastest_s - each for each in reversals_s.tolist() if each <= fastest_s)
+    turn_s = float(time_s[-1] + time_s[1])
+    after_s = min((fastest_s - each) % turn_s for each in reversals_s.tolist())
     yield Relation(
         "reversal",
         "Without compensation, the tracking error of axis 3 has a bend near velocity reversals,"
