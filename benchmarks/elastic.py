@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any, Final
 
@@ -28,8 +29,8 @@ import numpy as np
 
 from acquisition.motion.kinds.motion import Motion
 from acquisition.motion.motion_file import parse_motion
-from acquisition.motion.samples import Phase
-from acquisition.processing.periods import average_periods
+from acquisition.motion.samples import MotionSamples, Phase
+from acquisition.processing.periods import PeriodAverage, average_periods
 from benchmarks.elastic_cells import POINT_M, STIFFNESS, ElasticCell
 from benchmarks.paths import CIRCLES, PATH, circle_text
 from compensation.compensated_motion import compensated_motion
@@ -57,6 +58,7 @@ LARGEST_ERROR: Final = {"motors": 0.05, "plate": 0.03, "link encoders": 0.03, "t
 LEAST_BEND_RAD: Final = 1e-4
 """Deflection from which the error of a stiffness is limited."""
 LEAST_COVERAGE: Final = 0.9
+TERMS: Final = ModelOptions(friction_terms=("coulomb", "viscous", "presliding"))
 TOOL_BAR, MOTOR_BAR, RIGID_BAR = 12.0, 1.3, 0.07
 VARYING_BAR: Final = 5.0
 LINE: Final = """
@@ -77,23 +79,38 @@ class IdentifiedCell:
     Attributes:
         gears: Gears, by the signals that were used.
         estimate: Model with rigid gears from the excitation runs.
+        averages: Mean periods of the excitation runs.
     """
 
     gears: dict[str, GearEstimate]
     estimate: Estimate
+    averages: tuple[PeriodAverage, ...]
 
 
-def identify(cell: ElasticCell, seed: int, quick: bool) -> IdentifiedCell:
-    """Record two excitation runs and a multisine run, and identify gears and model."""
+def excitation_samples(cell: ElasticCell, seed: int, quick: bool) -> MotionSamples:
+    """Return an excitation trajectory for a cell."""
+    options = TwoHarmonicOptions(
+        period_s=9.6, periods=4 if quick else 8, seed=seed, tries=50, limit_fraction=0.85
+    )
+    step_s = load_cell("ir361").config.cycle_time_s
+    return design_two_harmonic(cell.robot, options, step_s).plan(cell.robot, step_s)
+
+
+def identify(
+    cell: ElasticCell, seed: int, quick: bool, signals: Iterable[str] = tuple(LARGEST_ERROR)
+) -> IdentifiedCell:
+    """Record two excitation runs and a multisine run, and identify gears and model.
+
+    Args:
+        cell: The simulated cell.
+        seed: Random seed of motions and noise.
+        quick: True for short runs.
+        signals: Keys of `LARGEST_ERROR`: what the stiffness is identified from.
+    """
     config = load_cell("ir361").config
-    periods = 4 if quick else 8
     averages, runs = [], []
     for number in range(2):
-        options = TwoHarmonicOptions(
-            period_s=9.6, periods=periods, seed=10 * seed + number, tries=50, limit_fraction=0.85
-        )
-        motion = design_two_harmonic(cell.robot, options, config.cycle_time_s)
-        samples = motion.plan(cell.robot, config.cycle_time_s)
+        samples = excitation_samples(cell, 10 * seed + number, quick)
         runs.append(cell.drive(samples, 10 * seed + number, plate=True))
         averages.append(average_periods(runs[-1].recording))
     small = multisine_motion(
@@ -105,7 +122,7 @@ def identify(cell: ElasticCell, seed: int, quick: bool) -> IdentifiedCell:
     recording = cell.drive(samples, 10 * seed + 2).recording
     chain = replace(Chain.from_description(cell.robot), tool_m=POINT_M)
     gears = {}
-    for label in LARGEST_ERROR:
+    for label in signals:
         plate = label == "plate"
         arm = ElasticArm.of(cell.robot, plate=plate)
         large = [excitation_bins(f"{n}", each, plate=plate) for n, each in enumerate(averages)]
@@ -121,9 +138,8 @@ def identify(cell: ElasticCell, seed: int, quick: bool) -> IdentifiedCell:
             ]
         lines = multisine_bins("multisine", recording, small, cell.robot, arm)
         gears[label] = estimate_gears(cell.robot, averages, large, lines, arm)
-    terms = ModelOptions(friction_terms=("coulomb", "viscous", "presliding"))
-    fitted = fit_periodic(cell.robot, averages, EstimationOptions(model=terms))
-    return IdentifiedCell(gears, fitted.estimate())
+    fitted = fit_periodic(cell.robot, averages, EstimationOptions(model=TERMS))
+    return IdentifiedCell(gears, fitted.estimate(), tuple(averages))
 
 
 def with_gears(robot: RobotDescription, found: GearEstimate) -> RobotDescription:
@@ -144,9 +160,21 @@ def with_gears(robot: RobotDescription, found: GearEstimate) -> RobotDescription
 
 
 def path_errors(
-    cell: ElasticCell, robot: RobotDescription, estimate: Estimate, motion: Motion
+    cell: ElasticCell,
+    robot: RobotDescription,
+    estimate: Estimate,
+    motion: Motion,
+    mounted: str | None = None,
 ) -> dict[str, float]:
-    """Return mean errors of tool and motors with and without the correction [m]."""
+    """Return mean errors of tool and motors with and without the correction [m].
+
+    Args:
+        cell: The simulated cell.
+        robot: Robot file with stiffness and damping of the gears.
+        estimate: Model that the feedforward is computed with.
+        motion: Path to follow.
+        mounted: Payload of the plant that the arm carries; None for an empty flange.
+    """
     step_s = load_cell("ir361").config.cycle_time_s
     planned = motion.plan(robot, step_s).whole()
     chain = Chain.from_description(robot)
@@ -159,7 +187,7 @@ def path_errors(
         ("corrected", motor_reference(planned, estimate, robot)),
     ):
         driven = compensated_motion(planned, estimate, cell.loops, None, reference)
-        run = cell.drive(driven, 7)
+        run = cell.drive(driven, 7, mounted=mounted)
         recording, links = run.recording, run.links
         lead = driven.position - planned.position
         tool = (forward(chain, links) - wanted)[main]

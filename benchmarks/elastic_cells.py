@@ -153,16 +153,20 @@ class ElasticCell:
             for joint, axis in zip(self.robot.joints, self.plant.axes, strict=True)
         )
 
-    def drive(self, samples: MotionSamples, seed: int, *, plate: bool = False) -> Driven:
+    def drive(
+        self, samples: MotionSamples, seed: int, *, plate: bool = False, mounted: str | None = None
+    ) -> Driven:
         """Drive a motion.
 
         Args:
             seed: Random seed of the noise.
             plate: True to record the base wrench.
+            mounted: Payload of the plant that the arm carries; None for an empty flange.
         """
         config = load_cell("ir361").config
         samples, step_s = samples.whole(), config.cycle_time_s
         plant = Plant(self.robot, self.plant, config.torque_filter, seed)
+        plant.attach(mounted)
         ratio = np.array([abs(joint.gear_ratio) for joint in self.robot.joints])
         counts = np.array([axis.encoder_increments_per_motor_rev for axis in self.plant.axes])
         per_count = 2.0 * np.pi / (counts * ratio)

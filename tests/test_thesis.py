@@ -93,6 +93,19 @@ def test_a_relation_that_does_not_hold_is_found(
     assert len(broken) == 3
 
 
+def test_a_tracking_error_without_a_bend_is_noticed(
+    facts: dict[str, Any], results: dict[str, Any]
+) -> None:
+    def holds(error: list[float]) -> bool:
+        changed = results | {"reversal": results["reversal"] | {"error_mrad": error}}
+        (found,) = (each for each in relations(facts, changed) if each.section == "reversal")
+        return found.holds
+
+    assert holds(results["reversal"]["error_mrad"])
+    smooth = np.gradient(results["reversal"]["velocity_rad_s"])  # changes fastest at high velocity
+    assert not holds(smooth.tolist())
+
+
 def test_every_picture_of_the_page_exists_and_is_small() -> None:
     linked = re.findall(r"\]\((pictures/thesis/[a-z]+\.svg)\)", PAGE.read_text(encoding="utf-8"))
     assert {DOCS / each for each in linked} == set(PICTURES.glob("*"))

@@ -54,9 +54,9 @@ class LoadChange(ConfigModel):
     Attributes:
         at_s: Beginning of the change, from the first row of the motion; with a signal, the expected
             beginning.
-        payload: Payload after the change: the name of a payload file in the folder of this file;
-            `model` for the payload in the model; or `none`. In a copy that a run or a feedforward
-            file contains, a payload file is named by its SHA-256.
+        payload: Payload after the change: the name of a payload file or of a YAML file with known
+            `bodies` in the folder of this file; `model` for the payload in the model; or `none`. In
+            a copy that a run or a feedforward file contains, a file is named by its SHA-256.
         ramp_s: Load-transfer time: over it, the parameters of the load change linearly.
         signal: Signal at which the change begins; without it, the change begins at `at_s`.
         came_s: In the copy of a run that was driven, the time at which the signal came; missing if

@@ -169,6 +169,13 @@ def payload_tables(facts: Tree, payload: Tree, sensitivity: Tree) -> dict[str, s
         "sensitivity_table": table(
             ("wrong assumption", "", *REPORTED), *_sensitivity_rows(facts, sensitivity)
         ),
+        "unnamed_table": table(
+            ("row", *REPORTED),
+            *(
+                (case, *map(_percent, theirs))
+                for case, theirs in facts["sensitivity"]["unnamed"].items()
+            ),
+        ),
         "prediction_table": table(
             ("wrong assumption", "torque error [%]"),
             *((case, _percent(max(row["torque_percent"]))) for case, row in sensitivity.items()),

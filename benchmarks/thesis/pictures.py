@@ -49,6 +49,7 @@ def write_pictures(results: Tree, folder: Path) -> None:
             "reaction": _reaction(robot["combined"]["curves"]),
             "loop": _loop(path["loop"]),
             "tracking": _tracking(path["curves"]),
+            "reversal": _reversal(results["reversal"]),
             "deviation": _deviation(path["curves"]),
         }
         for name, figure in pictures.items():
@@ -157,6 +158,16 @@ def _tracking(curves: Tree) -> Figure:
         axes.set_xlabel("time [s]")
     row[0].set_ylabel("tracking error [mrad]")
     row[1].legend()
+    return figure
+
+
+def _reversal(found: Tree) -> Figure:
+    figure, ((upper,), (lower,)) = _figure(2, 1, 3.4, sharex=True)
+    upper.plot(found["time_s"], found["error_mrad"], color=COLOURS[1])
+    upper.set_ylabel("tracking error [mrad]")
+    lower.plot(found["time_s"], found["velocity_rad_s"], color=COLOURS[0])
+    lower.set_ylabel("velocity [rad/s]")
+    lower.set_xlabel("time [s]")
     return figure
 
 

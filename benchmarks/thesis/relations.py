@@ -29,6 +29,9 @@ SLIGHT: Final = (
 SLIGHT_PERCENT: Final = 1.0
 """Change of the mass [%] that no assumption of `SLIGHT` exceeds in the thesis."""
 
+LONGEST_AFTER_S: Final = 0.1
+"""Largest time after a velocity reversal that counts as near it [s]."""
+
 ILL: Final = 10.0
 """Ratio of condition numbers from which the larger one counts as bad."""
 
@@ -67,6 +70,7 @@ def relations(facts: Tree, results: Tree) -> list[Relation]:
         *_sensitivity(results["sensitivity"]),
         *_payload(facts, results["payload"], is_short="payload" in results["short"]),
         *_path(facts, results["path"]),
+        *_reversal(results["reversal"]),
     ]
 
 
@@ -253,6 +257,23 @@ def _path(facts: Tree, path: Tree) -> Iterator[Relation]:
         "Compensation also improves a circle that was not used for tuning: at least"
         f" {better:.1f} times.",
         better > 1.0,
+    )
+
+
+def _reversal(found: Tree) -> Iterator[Relation]:
+    time_s, error, velocity = (
+        np.array(found[key]) for key in ("time_s", "error_mrad", "velocity_rad_s")
+    )
+    reversals_s = time_s[1:][np.diff(np.sign(velocity)) != 0.0]
+    fastest_s = float(time_s[np.argmax(np.abs(np.gradient(error, time_s)))])
+    turn_s = float(time_s[-1] + time_s[1])
+    after_s = min((fastest_s - each) % turn_s for each in reversals_s.tolist())
+    yield Relation(
+        "reversal",
+        "Without compensation, the tracking error of axis 3 has a bend near velocity reversals,"
+        f" which Coulomb friction explains: the error changes fastest {1e3 * after_s:.0f} ms after"
+        " a reversal.",
+        after_s <= LONGEST_AFTER_S,
     )
 
 

@@ -11,10 +11,13 @@ import yaml
 
 from acquisition.motion.kinds.fourier import FourierMotion
 from acquisition.motion.motion_file import load_motion
+from acquisition.motion.samples import Phase
+from acquisition.runs.catalogue import find_run
 from benchmarks.loaded import Workplace
-from benchmarks.paths import CIRCLES, circle_text
+from benchmarks.paths import CIRCLES, FIRST, circle_text
 from benchmarks.thesis.records import Tree, curve, numbers, rounded
 from config.load import load_cell, to_yaml
+from rid_daq.runs.motion_runs import read_motion_run
 
 CELL: Final = "ir361_thesis"
 PERIOD_S: Final = 9.6
@@ -153,7 +156,7 @@ def path_results(folder: Path, quick: bool) -> Tree:
     models: dict[str, tuple[str, ...]] = {"classical": CLASSICAL, "chosen": ("--choose",)}
     turns = 3 if quick else 15
     found: Tree = {"turns": turns, "loop": loop_results(loop["axes"][0])}
-    circles = {"circle": CIRCLES["circle of 40 cm at 0.6 m/s"], "other": CIRCLES[OTHER_CIRCLE]}
+    circles = {"circle": CIRCLES[FIRST], "other": CIRCLES[OTHER_CIRCLE]}
     for circle, own in circles.items():
         Path(work.path(f"{circle}.yaml")).write_text(circle_text(own, turns))
         work.record(circle, f"{circle} plain")
@@ -173,6 +176,30 @@ def path_results(folder: Path, quick: bool) -> Tree:
         if model == "classical":
             found["curves"] = path_curves(run_result(folder, "circle classical"))
     return found
+
+
+def reversal_results(folder: Path) -> Tree:
+    """Return tracking error and velocity of axis 3 over one turn without compensation (figure 6.6).
+
+    The circle is that of `path_results`.
+    """
+    config = load_cell(CELL).config.model_copy(update={"plate": None, "name": "arm"})
+    (folder / "arm.yaml").write_text(to_yaml(config))
+    work = Workplace(folder, str(folder / "arm.yaml"))
+    Path(work.path("circle.yaml")).write_text(circle_text(CIRCLES[FIRST], 3))
+    work.record("circle", "circle")
+    recording = read_motion_run(find_run(folder / "runs", "circle")).data.recording
+    assert recording.target_position is not None
+    assert recording.samples_per_period is not None
+    turn = np.flatnonzero(recording.phase == Phase.MAIN)[-recording.samples_per_period :]
+    target, reached = recording.target_position[:, 2], recording.position[:, 2]
+    velocity = np.gradient(target, config.cycle_time_s)[turn]
+    error_mrad = 1e3 * (target - reached)[turn]
+    return {
+        "time_s": curve(config.cycle_time_s * np.arange(len(turn))),
+        "velocity_rad_s": curve(velocity),
+        "error_mrad": curve(error_mrad),
+    }
 
 
 def loop_results(axis: Tree) -> Tree:

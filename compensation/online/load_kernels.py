@@ -119,3 +119,9 @@ def possible_loads(loads: LoadArrays, time_s: float) -> tuple[int, int]:
         if time_s >= times[k, EARLIEST]:
             last = k + 1
     return first, last
+
+
+def most_possible_loads(loads: LoadArrays) -> int:
+    """Return the largest number of loads that are possible at the same time of the path."""
+    ranges = [possible_loads(loads, time_s) for time_s in loads[0][:, EARLIEST].tolist()]
+    return max((last - first + 1 for first, last in ranges), default=1)

@@ -13,7 +13,12 @@ from compensation.feedforward.inverse import CYCLES_TO_ACT, FeedforwardTuning
 from compensation.loops.velocity_loop import VelocityLoop, in_order
 from compensation.online import online_kernel as stage
 from compensation.online import path_kernels as path
-from compensation.online.load_kernels import LoadArrays, load_arrays, stated_times
+from compensation.online.load_kernels import (
+    LoadArrays,
+    load_arrays,
+    most_possible_loads,
+    stated_times,
+)
 from compensation.online.load_signals import LoadSignals
 from compensation.ramped_load import RampedLoad
 from config.arrays import FloatArray
@@ -27,6 +32,10 @@ ROUNDING: Final = 0.01
 REST_RAD_S: Final = 1e-3
 LARGEST_CORRECTION: Final = 0.25
 LONGEST_LOOK_AHEAD: Final = 32
+LOAD_TIME_S: Final = 0.3e-6
+"""Upper limit of the time to compute the torque of a load, per joint [s] (`benchmarks.stream`)."""
+LARGEST_LOAD_FRACTION: Final = 0.1
+"""Largest fraction of a cycle that is used to check the torques of all possible loads."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,6 +158,26 @@ class OnlineFeedforward:
         axes[stage.PRESLIDING : stage.PRESLIDING + 2] = torque.presliding
         axes.setflags(write=False)
         return cls(robot, step_s, torque, axes, load_arrays((torque,), np.zeros(0)))
+
+    def with_signals(self, signals: LoadSignals) -> OnlineFeedforward:
+        """Return the data for a path during which the load changes at signals.
+
+        Raises:
+            ConfigError: So many loads are possible at the same time that a cycle is too short to
+                check their torques.
+        """
+        begun = signals.begin(self.loads, self.delay_cycles * self.cycle_time_s)
+        possible = most_possible_loads(begun)
+        load_s = stage.POINTS_A_CYCLE * len(self.robot.joints) * LOAD_TIME_S
+        most = int(LARGEST_LOAD_FRACTION * self.cycle_time_s / load_s)
+        if possible > max(most, 2):
+            raise ConfigError(
+                f"{possible} loads are possible at the same time, but a cycle of"
+                f" {1e3 * self.cycle_time_s:g} ms is long enough to check the torques of"
+                f" {max(most, 2)} only: give fewer signals, or `missed: stop`",
+                code="RID-LOAD-SIGNAL-MANY",
+            )
+        return replace(self, signals=signals)
 
     @property
     def delay_cycles(self) -> int:

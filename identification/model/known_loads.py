@@ -73,6 +73,16 @@ class LoadedRun(ConfigModel):
     bodies: Annotated[tuple[str, ...], Field(min_length=1)]
 
 
+class CarriedBodies(PhysicalFile):
+    """Known bodies that a robot carries.
+
+    Attributes:
+        bodies: The bodies, by their names.
+    """
+
+    bodies: Annotated[dict[str, KnownBody], Field(min_length=1)]
+
+
 class KnownLoads(PhysicalFile):
     """Known bodies, and the runs in which the robot carried them.
 
@@ -110,19 +120,33 @@ def read_known_loads(path: Path, robot: RobotDescription) -> KnownLoads:
             have.
     """
     loads = load_bundled_or_path(str(path), "loads", KnownLoads)
+    refuse_missing_link(path, loads.bodies, robot)
+    return loads
+
+
+Bodies = Mapping[str, KnownBody]
+"""The known bodies that a robot carried in one run, by their names."""
+
+
+def refuse_missing_link(path: Path, bodies: Bodies, robot: RobotDescription) -> None:
+    """Refuse bodies on a link that the robot does not have.
+
+    Args:
+        path: File of the bodies, for messages.
+        bodies: The bodies.
+        robot: The robot.
+
+    Raises:
+        ConfigError: The robot has fewer links.
+    """
     links = len(robot.joints)
-    for name, body in loads.bodies.items():
+    for name, body in bodies.items():
         if body.link > links:
             raise ConfigError(
                 f"{path}: body {name!r} is on link {body.link}, but robot {robot.name} has"
                 f" {links} links: give a link from 1 to {links}",
                 code="RID-ROBOT-OTHER",
             )
-    return loads
-
-
-Bodies = Mapping[str, KnownBody]
-"""The known bodies that a robot carried in one run, by their names."""
 
 
 def known_values(model: RobotModel, base: BaseParameters, runs: Sequence[Bodies]) -> FloatArray:
@@ -144,13 +168,18 @@ def known_values(model: RobotModel, base: BaseParameters, runs: Sequence[Bodies]
         )
     found = np.zeros((len(runs), len(base)))
     for row, bodies in zip(found, runs, strict=True):
-        standard = np.zeros(len(model.parameter_names))
-        links = standard[model.parameter_groups["rigid_body"]]
-        for body in bodies.values():
-            first = PARAMETERS_PER_LINK * (body.link - 1)
-            links[first : first + PARAMETERS_PER_LINK] += body.parameters
-        row[:] = base.from_standard(standard)
+        row[:] = base_values(model, base, bodies)
     return found
+
+
+def base_values(model: RobotModel, base: BaseParameters, bodies: Bodies) -> FloatArray:
+    """Return the contribution of bodies to the base parameters, shape (b,)."""
+    standard = np.zeros(len(model.parameter_names))
+    links = standard[model.parameter_groups["rigid_body"]]
+    for body in bodies.values():
+        first = PARAMETERS_PER_LINK * (body.link - 1)
+        links[first : first + PARAMETERS_PER_LINK] += body.parameters
+    return base.from_standard(standard)
 
 
 def load_findings(

@@ -1,8 +1,8 @@
-"""`carry`, `carry_own`, `without_payload`: models of a robot with and without its payload.
+"""`carry`, `carry_own`, `carry_bodies`, `without_payload`: models with and without a payload.
 
 The parameters of the last link contain a payload that the robot always carries: its ten parameters
-are added to those of the link (5.6). Therefore everything that uses an `Estimate` also works with a
-payload.
+are added to those of the link (5.6). Known bodies are added to the link that carries them.
+Therefore everything that uses an `Estimate` also works with a payload.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from dynamics.geometry.kinematics import flange_pose
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.estimation.estimate import Estimate
 from identification.estimation.transformed import transform
+from identification.model.known_loads import Bodies, base_values
 from identification.payload.body import parameters_to_parent
 from identification.payload.estimate import PayloadEstimate
 
@@ -77,6 +78,32 @@ def carry(estimate: Estimate, payload: PayloadEstimate) -> Estimate:
         covariance_residual=estimate.covariance_residual + more,
         covariance_jackknife=estimate.covariance_jackknife + more,
         run_ids=tuple(dict.fromkeys((*estimate.run_ids, *payload.run_ids))),
+    )
+
+
+def carry_bodies(estimate: Estimate, bodies: Bodies) -> Estimate:
+    """Return an estimate of the robot with known bodies, which may be on any link.
+
+    The covariance contains the uncertainty of each mass, but not that of centre and inertia.
+
+    Args:
+        estimate: The robot; a payload that was identified together with it is replaced.
+        bodies: The bodies.
+    """
+    estimate = without_payload(estimate)
+    values = base_values(estimate.model, estimate.base, bodies)
+    more = np.zeros_like(estimate.covariance_residual)
+    for name, body in bodies.items():
+        heavier = body.model_copy(update={"mass_kg": body.mass_kg + body.mass_sigma_kg})
+        changed = base_values(estimate.model, estimate.base, {**bodies, name: heavier}) - values
+        more += np.outer(changed, changed)
+    noise = estimate.covariance_noise
+    return replace(
+        estimate,
+        values=estimate.values + values,
+        covariance_noise=None if noise is None else noise + more,
+        covariance_residual=estimate.covariance_residual + more,
+        covariance_jackknife=estimate.covariance_jackknife + more,
     )
 
 

@@ -13,10 +13,15 @@ from acquisition.motion.samples import MotionSamples
 from compensation.ramped_load import RampedLoad, without_periods
 from config.errors import ConfigError
 from config.formats.approved_files import sha256_of
-from config.formats.json_file import read_content
 from identification.estimation.estimate import Estimate
-from identification.payload.file import LARGEST_FILE_BYTES, payload_content
-from rid_daq.operations.stated_payload import LoadedModel, model_with_payload, state_payload
+from identification.payload.file import payload_content
+from rid_daq.operations.stated_payload import (
+    BODIES,
+    LoadedModel,
+    load_content,
+    model_with_content,
+    state_payload,
+)
 from rid_daq.runs.changed_load import LOAD_CHANGES, load_changes_bytes
 from rid_daq.terminal.choices import NO_PAYLOAD, PAYLOAD_OF_MODEL
 
@@ -80,8 +85,7 @@ class StatedChanges:
         models = [first.estimate]
         for change, content in zip(self.changes.changes, self.contents, strict=True):
             if content:
-                judged = payload_content(content, self.file)
-                models.append(model_with_payload(estimate, judged, self.file))
+                models.append(model_with_content(estimate, content, self.file))
             else:
                 models.append(state_payload(estimate, name, change.payload, runs).estimate)
         return tuple(models)
@@ -150,8 +154,9 @@ def read_stated_changes(path: Path) -> StatedChanges:
         content = b""
         if change.payload not in (NO_PAYLOAD, PAYLOAD_OF_MODEL):
             file = path.expanduser().parent / change.payload
-            content = read_content(file, LARGEST_FILE_BYTES)
-            payload_content(content, file)
+            content = load_content(file)
+            if not content.startswith(BODIES):
+                payload_content(content, file)
             change = change.model_copy(update={"payload": sha256_of(content)})
         # only runs contain what was observed
         change = change.model_copy(update={"came_s": None, "outcome": None})

@@ -4,17 +4,31 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from acquisition.runs.catalogue import find_file_or_run
 from config.errors import ConfigError, EstimationError
 from config.formats.approved_files import sha256_of
 from config.formats.json_file import read_content
+from config.formats.yaml_tree import parse_yaml
+from config.load import validate
 from identification.estimation.estimate import Estimate
-from identification.payload.carried import carry, carry_own, contains_payload, without_payload
+from identification.model.known_loads import CarriedBodies, refuse_missing_link
+from identification.payload.carried import (
+    carry,
+    carry_bodies,
+    carry_own,
+    contains_payload,
+    without_payload,
+)
 from identification.payload.file import LARGEST_FILE_BYTES, payload_content, refuse_failed
 from identification.payload.verdict import PayloadResult
 from rid_daq.operations.cell_files import refuse_other_robot
 from rid_daq.terminal.choices import NO_PAYLOAD, PAYLOAD, PAYLOAD_OF_MODEL
+
+YAML: Final = (".yaml", ".yml")
+BODIES: Final = b'{"carried": '
+"""Start of the content of known bodies; a payload file does not begin with it."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +38,7 @@ class LoadedModel:
     Attributes:
         estimate: Robot and payload as one model; a payload is part of the last link.
         statement: The payload as the request states it; empty if the request states none.
-        content: Bytes of the payload file; empty if no file was given.
+        content: Bytes of the payload file, or its bodies as JSON; empty if no file was given.
     """
 
     estimate: Estimate
@@ -45,8 +59,8 @@ def state_payload(
     Args:
         estimate: The model.
         model: Name of the model, for messages.
-        payload: A payload file, a run or session with a payload, `model`, `none`, or None if the
-            request states nothing.
+        payload: A payload file, a file of known bodies, a run or session with a payload, `model`,
+            `none`, or None if the request states nothing.
         runs: Folder of the run folders.
 
     Raises:
@@ -73,11 +87,45 @@ def state_payload(
         return LoadedModel(without_payload(estimate), payload)
     found = find_file_or_run(runs, payload, having=(PAYLOAD,))
     if isinstance(found, Path):
-        path, content = found, read_content(found, LARGEST_FILE_BYTES)
+        path, content = found, load_content(found)
     else:
         path, content = found.file(PAYLOAD), found.read(PAYLOAD)
-    judged = payload_content(content, path)
-    return LoadedModel(model_with_payload(estimate, judged, path), payload, content)
+    return LoadedModel(model_with_content(estimate, content, path), payload, content)
+
+
+def load_content(path: Path) -> bytes:
+    """Return the content of a payload file, or of a file of known bodies as JSON.
+
+    Args:
+        path: A payload file of `payload identify`, or a YAML file with the key `bodies`.
+
+    Raises:
+        ConfigError: The file is missing, or its bodies are invalid.
+    """
+    content = read_content(path, LARGEST_FILE_BYTES)
+    if path.suffix not in YAML:
+        return content
+    carried = validate(parse_yaml(content, str(path)), CarriedBodies)
+    return BODIES + carried.model_dump_json().encode() + b"}"
+
+
+def model_with_content(estimate: Estimate, content: bytes, path: Path) -> Estimate:
+    """Return the model of a robot with the payload or the bodies of `load_content`.
+
+    Args:
+        estimate: The model; a payload in it is replaced.
+        content: The payload or the bodies.
+        path: Name of the file, for messages.
+
+    Raises:
+        ConfigError: The content is invalid, or belongs to another robot.
+        EstimationError: As raised by `state_payload`.
+    """
+    if not content.startswith(BODIES):
+        return model_with_payload(estimate, payload_content(content, path), path)
+    carried = CarriedBodies.model_validate_json(content[len(BODIES) : -1])
+    refuse_missing_link(path, carried.bodies, estimate.robot)
+    return carry_bodies(estimate, carried.bodies)
 
 
 def payload_words(payload: str | None) -> str:

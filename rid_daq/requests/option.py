@@ -109,9 +109,9 @@ RunsFolder = Annotated[
 _StatedPayload = Annotated[
     str | None,
     Field(
-        description="Payload on the flange: a payload file; a run or session with a payload;"
-        " `model` for the payload in the model; or `none`. Required if the model contains a"
-        " payload (identified with --loaded)."
+        description="What the robot carries: a payload file; a YAML file with known `bodies` on any"
+        " link; a run or session with a payload; `model` for the payload in the model; or `none`."
+        " Required if the model contains a payload (identified with --loaded)."
     ),
 ]
 CarriedPayload = Annotated[_StatedPayload, Option(metavar="PAYLOAD", file="input")]

@@ -82,9 +82,10 @@ class RecordRequest(Request):
     payload: Annotated[
         str | None,
         Field(
-            description="Payload on the flange. With --model as in `validate`: a payload file; a"
-            " run or session with a payload; `model`; or `none`. Without --model the name of a"
-            " payload in the plant file, which a simulated robot then carries."
+            description="What the robot carries. With --model as in `validate`: a payload file; a"
+            " YAML file with known `bodies`; a run or session with a payload; `model`; or `none`."
+            " Without --model the name of a payload in the plant file, which a simulated robot then"
+            " carries."
         ),
         Option(metavar="PAYLOAD", file="input"),
     ] = None

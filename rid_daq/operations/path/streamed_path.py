@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 from acquisition.motion.samples import MotionSamples
@@ -62,7 +61,8 @@ def stream_path(request: StreamRequest, context: Context) -> RecordedRun:
         context.say(f"note: {note}")
     forward = OnlineFeedforward.from_model(loaded.config, loaded.robot, load, measured.loops)
     signals = _signals(loads, loaded)
-    forward = replace(forward, signals=signals)
+    if signals is not None:
+        forward = forward.with_signals(signals)
     name = request.label or as_label("stream" if request.motion is None else request.motion.stem)
     require_label(name)
     if loads.stated is not None:

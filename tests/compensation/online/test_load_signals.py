@@ -14,7 +14,12 @@ from acquisition.motion.load_changes import LoadChange, LoadChanges
 from acquisition.supervision.cycle import SetPoint
 from acquisition.supervision.stop_reason import StopCode
 from compensation.online import path_kernels as path
-from compensation.online.load_kernels import CATCH_UP, possible_loads, set_load
+from compensation.online.load_kernels import (
+    CATCH_UP,
+    most_possible_loads,
+    possible_loads,
+    set_load,
+)
 from compensation.online.online import OnlineFeedforward
 from config.errors import ConfigError, PreflightError
 from tests.builders.load_signals import (
@@ -370,3 +375,20 @@ def test_windows_must_not_overlap_and_not_begin_before_the_motion() -> None:
         LoadChanges(changes=(change(), change(1.25)))
     with raises_invalid("", "-0.05 s"):
         change(0.05)
+
+
+@pytest.mark.parametrize(("missed", "possible"), [("stop", 2), ("unloaded", 13)])
+def test_more_possible_loads_than_a_cycle_can_check_are_refused(missed: str, possible: int) -> None:
+    changes = [change(float(number), missed=missed) for number in range(1, 13)]
+    loads = tuple(ALONE if number % 2 else LOADED for number in range(12))
+    forward = forward_of(*changes, loads=loads)
+    assert forward.signals is not None
+    begun = forward.signals.begin(forward.loads, 0.03)
+    assert most_possible_loads(begun) == possible
+    assert forward.with_signals(forward.signals).signals is forward.signals  # 8 ms
+    fast = replace(forward, cycle_time_s=4e-4)
+    if missed == "stop":
+        assert fast.with_signals(forward.signals).signals is forward.signals
+    else:
+        with raises_code(ConfigError, "RID-LOAD-SIGNAL-MANY", "13", "11", "0.4 ms"):
+            fast.with_signals(forward.signals)

@@ -1,0 +1,59 @@
+"""Effect of a payload on the tool's path error if the gears are elastic, for `benchmarks.loaded`.
+
+The softest cell of `benchmarks.elastic_cells` follows a circle with a feedforward that corrects the
+deflection. The stiffness is identified without payload, from the signals of the motors. The model
+is identified from two runs without and one run with the payload.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Final
+
+from acquisition.motion.motion_file import parse_motion
+from acquisition.processing.periods import average_periods
+from benchmarks.elastic import TERMS, excitation_samples, identify, path_errors, with_gears
+from benchmarks.elastic_cells import STIFFNESS, ElasticCell
+from benchmarks.paths import CIRCLES, FIRST, circle_text
+from config.simulation.plant import MountedBody
+from identification.estimation.fitted_periods import fit_periodic
+from identification.estimation.options import EstimationOptions
+from identification.payload.carried import carry_own, without_payload
+
+SEED: Final = 100
+PAYLOAD: Final = "tool"
+
+
+def tool_errors(body: MountedBody, quick: bool) -> dict[str, float]:
+    """Return mean tool errors [m] without payload, with it, and with a model of the robot alone.
+
+    Args:
+        body: The payload.
+        quick: True for short runs.
+    """
+    cell = ElasticCell.of(SEED, STIFFNESS)
+    plant = cell.plant.model_copy(update={"payloads": {PAYLOAD: body}})
+    cell = replace(cell, plant=plant)
+    empty = identify(cell, SEED, quick, ("motors",))
+    robot = with_gears(cell.robot, empty.gears["motors"])
+    samples = excitation_samples(cell, 10 * SEED, quick)
+    loaded = average_periods(cell.drive(samples, 10 * SEED + 3, mounted=PAYLOAD).recording)
+    averages = (*(replace(each, reaction=None) for each in empty.averages), loaded)
+    options = EstimationOptions(model=replace(TERMS, payload=True))
+    both = fit_periodic(cell.robot, averages, options, payload=(False, False, True)).estimate()
+    alone, carried = without_payload(both), carry_own(both)
+    motion = parse_motion(circle_text(CIRCLES[FIRST], 2).encode(), "circle")
+    found = {}
+    for label, model, mounted in (
+        ("empty", alone, None),
+        ("loaded", carried, PAYLOAD),
+        ("loaded, not in the model", alone, PAYLOAD),
+    ):
+        errors = path_errors(cell, robot, model, motion, mounted)
+        found[label] = errors["corrected, tool"]
+        print(
+            f"elastic gears, {FIRST}, {label:26s} mean tool error {1e3 * found[label]:.4f} mm"
+            f" (without correction of the deflection {1e3 * errors['rigid, tool']:.3f} mm)",
+            flush=True,
+        )
+    return found
