@@ -9,11 +9,12 @@ from itertools import islice
 from pathlib import Path
 from typing import Final
 
-from acquisition.imports.lines import DECIMAL_COMMA, SEPARATORS, read_lines, split_by_delimiters
+from acquisition.imports.lines import SEPARATORS, read_lines, split_by_delimiters
 from acquisition.maps.time_column import match_date
 from acquisition.proposals.column_groups import TIME_UNITS, UNITS
 from acquisition.sources.array_tables import has_named_arrays, read_named_arrays
 from config.errors import ConfigError
+from config.formats.number import DECIMAL_COMMA
 
 _LINES: Final = 400
 _FEWEST_COLUMNS: Final = 3
