@@ -19,6 +19,18 @@ SEPARATORS = {",": ",", ";": ";", "tab": "\t", "space": None}
 """Values of `delimiter` in an import map, and the arguments of `str.split` for them."""
 
 
+MISSING: Final = frozenset(
+    {"nan", "null", "none", "na", "n/a", "#n/a", "<na>", "-nan", "nan(ind)", "-nan(ind)"}
+    | {"1.#qnan", "-1.#qnan", "1.#ind", "-1.#ind"}
+)
+"""Texts with which programs write a missing number, in lower case."""
+
+
+def is_missing(cell: str) -> bool:
+    """Return True if a cell states that a number is missing; an empty cell is not meant."""
+    return cell.strip().lower() in MISSING
+
+
 def split_cells(line: str, separator: str | None) -> list[str]:
     """Return the cells of a line, without a comment mark at its beginning (`# time`).
 

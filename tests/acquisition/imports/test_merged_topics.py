@@ -48,7 +48,7 @@ def write_merged_topics(
     return path
 
 
-@pytest.mark.parametrize("empty", ["", " ", "nan", "NaN"])
+@pytest.mark.parametrize("empty", ["", " ", "nan", "NaN", "null", "#N/A", "-1.#IND"])
 def test_topics_of_one_file_are_interpolated_at_the_rows_of_the_first_joint(
     tmp_path: Path, empty: str
 ) -> None:

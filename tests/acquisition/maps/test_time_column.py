@@ -69,6 +69,8 @@ def date(ns: int, zone: str = "", hours: float = 0.0) -> str:
         (lambda ns: date(ns, "Z"), '{"column": 0, "unit": "iso"}', 3),
         (lambda ns: date(ns, "+05:30", 5.5), '{"column": 0, "unit": "iso"}', 3),
         (lambda ns: date(ns, "-0800", -8.0), '{"column": 0, "unit": "iso"}', 3),
+        (lambda ns: date(ns, "+02", 2.0), '{"column": 0, "unit": "iso"}', 3),
+        (lambda ns: date(ns, " UTC"), '{"column": 0, "unit": "iso"}', 3),
         (german, '{"column": 0, "unit": "iso"}', 3),
         (lambda ns: date(ns).replace("-", "/"), '{"column": 0, "unit": "iso"}', 3),
         (lambda ns: f'"{date(ns).replace("T", " ")}"', '{"column": 0, "unit": "iso"}', 3),
