@@ -161,15 +161,20 @@ def test_nanoseconds_of_ten_digits_are_a_damaged_row(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("stamp", "columns", "key"),
-    [(date, 3, "unit: iso"), (lambda ns: f"{ns // 10**9},{ns % 10**9}", 4, "nanoseconds: 1")],
+    ("stamp", "columns", "unit", "key"),
+    [
+        (date, 3, "s", "unit: iso"),
+        (lambda ns: f"{ns // 10**9},{ns % 10**9}", 4, "s", "nanoseconds: 1"),
+        (lambda ns: str(ns % 10**9), 3, "ns", "nanoseconds: 1"),
+        (lambda ns: repr((ns - int(NS[0])) / 1e9), 3, "ns", "unit of time"),
+    ],
 )
 def test_the_refusal_names_the_key_that_reads_such_stamps(
-    tmp_path: Path, stamp: Callable[[int], str], columns: int, key: str
+    tmp_path: Path, stamp: Callable[[int], str], columns: int, unit: str, key: str
 ) -> None:
     path = save(tmp_path / "r.csv", stamp)
     with raises_code(DataQualityError, "RID-IMPORT-ROWS", key):
-        import_csv(path, layout('{"column": 0}', columns))
+        import_csv(path, layout(f'{{"column": 0, "unit": "{unit}"}}', columns))
 
 
 def test_two_files_with_different_kinds_of_stamps_have_one_clock(tmp_path: Path) -> None:
