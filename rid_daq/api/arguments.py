@@ -189,16 +189,32 @@ def as_motion(
             than the joint's range.
     """
     found = as_samples(robot, position, *others)
-    for joint, values in zip(robot.joints, found[0].T, strict=True):
+    refuse_far_positions(robot, found[0])
+    return found
+
+
+def refuse_far_positions(
+    robot: RobotDescription, position: FloatArray, most_rows: float = 0.0
+) -> None:
+    """Refuse positions that are probably in another unit, such as degrees.
+
+    Args:
+        robot: The robot that has the positions.
+        position: Shape (samples, joints). Positions; NaN is ignored.
+        most_rows: Fraction of the rows that may be far beyond a limit, because they are damaged.
+
+    Raises:
+        ConfigError: More positions of a joint are beyond a limit by more than the joint's range.
+    """
+    for joint, values in zip(robot.joints, position.T, strict=True):
         low, high = joint.limits.position_min, joint.limits.position_max
         far = values[(values < 2.0 * low - high) | (values > 2.0 * high - low)]
-        if len(far):
+        if len(far) > most_rows * len(values):
             raise ConfigError(
                 f"position of {joint.name}: {far[0]:.4g} {joint.unit} is far beyond its limits,"
                 f" {low:.4g} and {high:.4g} {joint.unit}; give positions in {joint.unit}",
                 code=ARGUMENT,
             )
-    return found
 
 
 def validated(kind: type[M], values: Mapping[str, Any]) -> M:
