@@ -24,6 +24,9 @@ BEYOND_LIMIT = 0.05
 _GROUPED = re.compile(r"['\"][-+]?\d{1,3}(\.\d{3})+,\d|['\"][-+]?\d{1,3}([,' ]\d{3})+\.\d")
 """A number with thousands separators and a decimal separator in a message."""
 
+_OTHER_DATE = re.compile(r"['\"](\d\d?[/.-]\d\d?[/.-]\d{2,4},? )?\d\d?:\d\d:\d\d")
+"""A time of day, or a date in an order that is not read, in a message."""
+
 WITHIN_A_SECOND_S = 1.0
 SHORTEST_STEP_S = 1e-6
 MOST_STARTS = 10
@@ -129,6 +132,12 @@ def likely_cause_of_damage(
         return "the numbers have a decimal comma: put `decimal: ','` into the map"
     if reason == "without a time stamp" and _has_dates(damaged):
         return "the time stamps are dates: put `unit: iso` into `time` of the map"
+    if reason == "without a time stamp" and _OTHER_DATE.search(damaged[-1].detail):
+        return (
+            "the time stamps are times of day, or dates in an order that is not read: write dates"
+            " such as 2026-11-26T08:00:00.123 and put `unit: iso` into `time` of the map, or write"
+            " seconds"
+        )
     if _is_value_missing(damaged[-1].detail):
         return (
             "values are missing (empty cells, or texts such as nan): if several topics were"

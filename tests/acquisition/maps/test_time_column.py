@@ -166,6 +166,9 @@ def test_nanoseconds_of_ten_digits_are_a_damaged_row(tmp_path: Path) -> None:
         (date, 3, "s", "unit: iso"),
         (lambda ns: f"{ns // 10**9},{ns % 10**9}", 4, "s", "nanoseconds: 1"),
         (lambda ns: str(ns % 10**9), 3, "ns", "nanoseconds: 1"),
+        (lambda ns: date(ns)[11:], 3, "iso", "unit: iso"),
+        (lambda ns: f"11/14/2023 {date(ns)[11:]}", 3, "iso", "unit: iso"),
+        (lambda ns: f"14-11-23 {date(ns)[11:]}", 3, "s", "unit: iso"),
         (lambda ns: repr((ns - int(NS[0])) / 1e9), 3, "ns", "unit of time"),
     ],
 )
