@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from acquisition.imports.columns import ImportColumns, ImportRows
+from acquisition.imports.lines import is_missing
 from acquisition.imports.merged_topics import NO_NEIGHBOUR
 from acquisition.imports.report import DamagedRow
 from acquisition.maps.import_map import ImportMap
@@ -23,6 +24,11 @@ BEYOND_LIMIT = 0.05
 _GROUPED = re.compile(r"['\"][-+]?\d{1,3}(\.\d{3})+,\d|['\"][-+]?\d{1,3}([,' ]\d{3})+\.\d")
 """A number with thousands separators and a decimal separator in a message."""
 
+_OTHER_DATE = re.compile(r"['\"](\d\d?[/.-]\d\d?[/.-]\d{2,4},? )?\d\d?:\d\d:\d\d")
+"""A time of day, or a date in an order that is not read, in a message."""
+
+WITHIN_A_SECOND_S = 1.0
+SHORTEST_STEP_S = 1e-6
 MOST_STARTS = 10
 START_STEPS = 10.0
 """Number of steps of the time within which it starts again, from the first time stamp."""
@@ -124,13 +130,29 @@ def likely_cause_of_damage(
         return "the numbers have thousands separators: export the file without them"
     if reason == "without a number" and _has_decimal_commas(damaged, import_map):
         return "the numbers have a decimal comma: put `decimal: ','` into the map"
-    if reason == "without a number" and " is empty (" in damaged[-1].detail:
-        return (
-            "cells are empty: if several topics were exported into one file, put `empty_cells:"
-            " interpolate` into the map"
-        )
     if reason == "without a time stamp" and _has_dates(damaged):
         return "the time stamps are dates: put `unit: iso` into `time` of the map"
+    if reason == "without a time stamp" and _OTHER_DATE.search(damaged[-1].detail):
+        return (
+            "the time stamps are times of day, or dates in an order that is not read: write dates"
+            " such as 2026-11-26T08:00:00.123 and put `unit: iso` into `time` of the map, or write"
+            " seconds"
+        )
+    if _is_value_missing(damaged[-1].detail):
+        return (
+            "values are missing (empty cells, or texts such as nan): if several topics were"
+            " exported into one file, put `empty_cells: interpolate` into the map; if not, correct"
+            " its columns"
+        )
+    in_ns = import_map.time is not None and import_map.time.unit == "ns"
+    if in_ns and _covers_less_than(rows.time_s, WITHIN_A_SECOND_S):
+        if reason == "with a time stamp out of order":
+            return (
+                "the time stamps are nanoseconds within a second: give the column of the seconds"
+                " too, such as `time: {column: 0, nanoseconds: 1}`"
+            )
+        if _covers_less_than(rows.time_s, SHORTEST_STEP_S * len(rows.time_s)):
+            return "the unit of time is not ns: correct it in the map"
     if reason == "with a time stamp out of order" and (starts := _starts_again(rows)):
         return (
             f"the time starts again in row {', '.join(map(str, starts))}: import each part alone,"
@@ -171,6 +193,13 @@ def _has_decimal_commas(damaged: Sequence[DamagedRow], import_map: ImportMap) ->
     return import_map.decimal == "." and bool(re.search(r"'[-+]?\d+,\d+(e[-+]?\d+)?' \(", last))
 
 
+def _is_value_missing(detail: str) -> bool:
+    """Return True if the detail of a damaged row names an empty cell, or a missing value."""
+    quoted = re.search(r" is '([^']*)' \(", detail)
+    of_text = quoted is not None and is_missing(quoted[1])
+    return of_text or " is empty (" in detail or " is nan, " in detail
+
+
 def _has_dates(damaged: Sequence[DamagedRow]) -> bool:
     """Return True if the time stamp of the last damaged row is a date."""
     return any(match_date(text) for text in damaged[-1].detail.split("'"))
@@ -184,6 +213,11 @@ def _starts_again(rows: ImportRows) -> list[int]:
     first, step_s = rows.time_s[0], float(np.median(np.diff(rows.time_s)))
     near = rows.time_s[back] <= first + START_STEPS * step_s
     return [int(row) for row in rows.row[back]] if near.all() else []
+
+
+def _covers_less_than(time_s: FloatArray, span_s: float) -> bool:
+    """Return True if all time stamps are within a time."""
+    return len(time_s) > 0 and float(np.ptp(time_s)) < span_s
 
 
 def _are_whole_seconds(time_s: FloatArray, import_map: ImportMap) -> bool:

@@ -38,6 +38,10 @@ _FACTORS = (
     (0.5 / math.pi, "turns are read as radians"),
     (1e-3, "the unit of time, or of one of the two columns, is wrong by a factor of 1000"),
     (1e3, "the unit of time, or of one of the two columns, is wrong by a factor of 1000"),
+    (1e-6, "the unit of time is wrong by a factor of a million"),
+    (1e6, "the unit of time is wrong by a factor of a million"),
+    (1e-9, "the unit of time is wrong by a factor of 1e9"),
+    (1e9, "the unit of time is wrong by a factor of 1e9"),
 )
 
 
@@ -153,12 +157,12 @@ def _velocity_ratios(
 
 def _obvious_contradiction(moved: float, recorded: float) -> str:
     """Return the obvious reason for a contradiction of position and velocity; empty if unknown."""
+    for factor, words in _FACTORS:
+        if abs(recorded - factor * moved) < 0.05 * factor * moved:
+            return f" ({words})"
     if moved < STUCK * recorded:
         return " (the position is stuck)"
-    if recorded < STUCK * moved:
-        return " (the velocity is stuck)"
-    close = [words for factor, words in _FACTORS if abs(recorded / moved / factor - 1.0) < 0.05]
-    return f" ({close[0]})" if close else ""
+    return " (the velocity is stuck)" if recorded < STUCK * moved else ""
 
 
 def _rate_findings(rows: ImportRows, import_map: ImportMap) -> Iterator[str]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
@@ -12,14 +11,24 @@ from typing import Final
 from config.errors import ConfigError, system_errors
 from config.formats.bounded_file import open_file
 from config.formats.file_kinds import kind_of_text
+from config.formats.text_encoding import BEGINNING_BYTES, encoding_of
 
 LARGEST_FILE_BYTES = 500_000_000
-BEGINNING_BYTES: Final = 4096
 BLOCK_CHARACTERS: Final = 1 << 19
 SEPARATORS = {",": ",", ";": ";", "tab": "\t", "space": None}
 """Values of `delimiter` in an import map, and the arguments of `str.split` for them."""
-DECIMAL_COMMA: Final = re.compile(r"[-+]?\d*,\d+([eE][-+]?\d+)?")
-"""A number with a decimal comma."""
+
+
+MISSING: Final = frozenset(
+    {"nan", "null", "none", "na", "n/a", "#n/a", "<na>", "-nan", "nan(ind)", "-nan(ind)"}
+    | {"1.#qnan", "-1.#qnan", "1.#ind", "-1.#ind"}
+)
+"""Texts with which programs write a missing number, in lower case."""
+
+
+def is_missing(cell: str) -> bool:
+    """Return True if a cell states that a number is missing; an empty cell is not meant."""
+    return cell.strip().lower() in MISSING
 
 
 def split_cells(line: str, separator: str | None) -> list[str]:
@@ -82,23 +91,9 @@ def read_blocks(path: Path) -> Iterator[tuple[int, str]]:
                 " file name extension of its kind",
                 code="RID-IMPORT-FILES",
             )
-        text = io.TextIOWrapper(file, _encoding(beginning), errors="replace")
+        text = io.TextIOWrapper(file, encoding_of(beginning), errors="replace")
         row = 1
         while block := text.read(BLOCK_CHARACTERS):
             block += text.readline()
             yield row, block
             row += block.count("\n")
-
-
-def _encoding(beginning: bytes) -> str:
-    """Return the encoding of a text; UTF-16 without a byte order mark has zero bytes in digits."""
-    if beginning[:4] in (b"\xff\xfe\0\0", b"\0\0\xfe\xff"):
-        return "utf-32"
-    if beginning[:2] in (b"\xff\xfe", b"\xfe\xff"):
-        return "utf-16"
-    first, second = beginning[0::2], beginning[1::2]
-    if second.count(0) > 0.5 * len(second) and 0 not in first:
-        return "utf-16-le"
-    if first.count(0) > 0.5 * len(first) and 0 not in second:
-        return "utf-16-be"
-    return "utf-8-sig"

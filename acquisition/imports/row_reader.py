@@ -9,7 +9,12 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from acquisition.imports.lines import SEPARATORS, lines_of_block, split_by_delimiters
+from acquisition.imports.lines import (
+    SEPARATORS,
+    is_missing,
+    lines_of_block,
+    split_by_delimiters,
+)
 from acquisition.imports.number_blocks import NumberBlocks
 from acquisition.imports.report import DamagedRow
 from acquisition.maps.import_map import ImportMap
@@ -28,7 +33,8 @@ class RowReader:
         import_map: Layout of the file.
         width: Number of columns of the file.
         wanted: Columns to read, from 0 in this file.
-        may_be_empty: For each of them, True if cells may be empty; an empty cell becomes NaN.
+        may_be_empty: For each of them, True if cells may be empty; an empty cell, or one that
+            states that its number is missing, such as `null`, becomes NaN.
         roles: Role of each column, for messages.
         stamps: Collects the time stamps; None without a column of time.
         damaged: List to which the dropped rows are appended.
@@ -173,7 +179,7 @@ def _read_with_gaps(
     """Return the numbers, NaN for permitted empty cells, and the first column without a number."""
     numbers: list[float] = []
     for column, permitted in zip(columns, may_be_empty, strict=True):
-        if permitted and not fields[column].strip():
+        if permitted and (not fields[column].strip() or is_missing(fields[column])):
             numbers.append(math.nan)
             continue
         try:

@@ -26,7 +26,7 @@ _MOST_TICKS = (1 << 63) // 100
 _WHOLE = re.compile(r"[-+]?[0-9]+")
 _CLOCK = (
     r"[Tt ](?P<h>\d\d?)(?P<ms>:\d\d:\d\d)(?:[.,](?P<part>\d{1,9}))?"
-    r"\s*(?P<zone>[Zz]|[-+]\d\d:?\d\d)?"
+    r"\s*(?P<zone>[Zz]|UTC|[-+]\d\d(?::?\d\d)?)?"
 )
 _DATES = tuple(
     re.compile(date + _CLOCK, re.ASCII)
@@ -194,7 +194,7 @@ class Stamps:
         zone = found["zone"]
         if self._has_zone not in (None, zone is not None):
             raise ValueError(f"{text!r}: some rows have a time zone, others have none")
-        zone_text = "+00:00" if zone is None or zone in "Zz" else zone
+        zone_text = "+00:00" if zone in (None, "Z", "z", "UTC") else zone
         date = f"{found['y']}-{found['m']:0>2}-{found['d']:0>2}"
         when = datetime.fromisoformat(f"{date}T{found['h']:0>2}{found['ms']}{zone_text}")
         self._has_zone = zone is not None

@@ -14,12 +14,14 @@ from pydantic import AliasChoices, BaseModel, Field, ValidationError
 from config.errors import ConfigError
 from config.formats.bounded_file import read_file
 from config.formats.json_file import parse_json
-from config.formats.number import parse_number
+from config.formats.number import DECIMAL_COMMA, parse_number
+from config.formats.text_encoding import decode_text
 from config.formats.yaml_tree import parse_yaml
 
 MOST_BYTES: Final = 200_000_000
 TIMES: Final = ("time_s", "time_from_start")
 VELOCITIES: Final = ("{}_velocity", "velocity_{}", "{}_vel", "vel_{}")
+SEPARATORS: Final = (",", ";", "\t", " ")
 ENVELOPES: Final = ("trajectory", "planned_trajectory", "joint_trajectory")
 """Keys of other messages of ROS and MoveIt that contain a `trajectory_msgs/JointTrajectory`."""
 Rows = tuple[tuple[float, ...], ...]
@@ -47,7 +49,8 @@ def read_trajectory(path: Path) -> TrajectoryRows:
     """Return the rows of a trajectory file.
 
     A CSV file has a column `time_s` or `time_from_start` and one column per joint; columns of
-    velocities are named after their joint, as `VELOCITIES` shows. A JSON or YAML file contains a
+    velocities are named after their joint, as `VELOCITIES` shows. Its columns are separated as in
+    `SEPARATORS`, and its numbers may have decimal commas. A JSON or YAML file contains a
     `trajectory_msgs/JointTrajectory`, by itself or in a message of MoveIt; its accelerations and
     efforts are not used.
 
@@ -55,19 +58,21 @@ def read_trajectory(path: Path) -> TrajectoryRows:
         ConfigError: The file cannot be read, or one of its rows is invalid; the text names it.
     """
     try:
-        data = read_file(path, MOST_BYTES)
+        text = decode_text(read_file(path, MOST_BYTES))
     except OSError as error:
         raise ConfigError(f"{path}: cannot read: {error.strerror}", code="RID-FILE-READ") from None
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path}: is not a text file: {error}", code="RID-FILE-TYPE") from None
     if path.suffix.lower() == ".json":
         try:
-            tree = parse_json(data)
+            tree = parse_json(text.encode())
         except ConfigError as error:
             raise ConfigError(f"{path}: {error}", code=error.refusal) from None
         return _rows_of_message(path, tree)
     if path.suffix.lower() in (".yaml", ".yml"):
-        text = data.rstrip().removesuffix(b"---")  # `ros2 topic echo` appends this line
-        return _rows_of_message(path, parse_yaml(text, str(path)).data)
-    return _rows_of_csv(path, data)
+        message = text.rstrip().removesuffix("---")  # `ros2 topic echo` appends this line
+        return _rows_of_message(path, parse_yaml(message.encode(), str(path)).data)
+    return _rows_of_csv(path, text)
 
 
 class _Duration(BaseModel):
@@ -124,14 +129,17 @@ def _rows_of_message(path: Path, tree: Any) -> TrajectoryRows:
     )
 
 
-def _rows_of_csv(path: Path, data: bytes) -> TrajectoryRows:
-    try:
-        lines = list(csv.reader(io.StringIO(data.decode("utf-8-sig"), newline="")))
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise ConfigError(f"{path}: is not a CSV file: {error}", code="RID-FILE-TYPE") from None
-    header = [name.strip() for name in lines[0]] if lines else []
-    times = [column for column, name in enumerate(header) if name in TIMES]
-    if len(times) != 1:
+def _rows_of_csv(path: Path, text: str) -> TrajectoryRows:
+    text = text.removeprefix("#").lstrip(" ")
+    lines: list[list[str]] = []
+    times: list[int] = []
+    for separator in SEPARATORS:
+        lines = _split_lines(path, text, separator)
+        header = lines[0] if lines else []
+        times = [column for column, name in enumerate(header) if name in TIMES]
+        if len(times) == 1 and len(header) > 1:
+            break
+    else:
         raise ConfigError(
             f"{path}:1: the first line must contain the column names: {' or '.join(TIMES)} once,"
             " and the joints",
@@ -141,7 +149,7 @@ def _rows_of_csv(path: Path, data: bytes) -> TrajectoryRows:
     rows = [
         _parse_row(path, number, line, len(header))
         for number, line in enumerate(lines[1:], start=2)
-        if any(cell.strip() for cell in line)
+        if any(line)
     ]
     if not joints or not rows:
         missing = "no joint column" if not joints else "no row below the column names"
@@ -155,6 +163,23 @@ def _rows_of_csv(path: Path, data: bytes) -> TrajectoryRows:
         _columns(rows, joints),
         _columns(rows, velocities) if velocities else (),
     )
+
+
+def _split_lines(path: Path, text: str, separator: str) -> list[list[str]]:
+    """Return the cells of each line, with points instead of decimal commas.
+
+    A comma is a decimal comma only if no number of the file contains a point.
+    """
+    file = io.StringIO("\n".join(line.rstrip(" ") for line in text.splitlines()), newline="")
+    reader = csv.reader(file, delimiter=separator, skipinitialspace=True)
+    try:
+        lines = [[cell.strip() for cell in line] for line in reader]
+    except csv.Error as error:
+        raise ConfigError(f"{path}: is not a CSV file: {error}", code="RID-FILE-TYPE") from None
+    cells = [cell for line in lines[1:] for cell in line if "," in cell or "." in cell]
+    if all(DECIMAL_COMMA.fullmatch(cell) for cell in cells):
+        lines[1:] = [[cell.replace(",", ".") for cell in line] for line in lines[1:]]
+    return lines
 
 
 def _joint_columns(path: Path, header: list[str], time: int) -> tuple[list[int], list[int]]:

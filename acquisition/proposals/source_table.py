@@ -9,11 +9,12 @@ from itertools import islice
 from pathlib import Path
 from typing import Final
 
-from acquisition.imports.lines import DECIMAL_COMMA, SEPARATORS, read_lines, split_by_delimiters
+from acquisition.imports.lines import SEPARATORS, is_missing, read_lines, split_by_delimiters
 from acquisition.maps.time_column import match_date
 from acquisition.proposals.column_groups import TIME_UNITS, UNITS
 from acquisition.sources.array_tables import has_named_arrays, read_named_arrays
 from config.errors import ConfigError
+from config.formats.number import DECIMAL_COMMA
 
 _LINES: Final = 400
 _FEWEST_COLUMNS: Final = 3
@@ -28,7 +29,7 @@ _SCOPE_ROWS: Final = frozenset({_SCOPE_UNITS, "SampleTime[ms]", _SCOPE_SYMBOLS, 
 _OTHER_UNITS: Final = ("1", "bool", "v", "w", "kg", "-")
 """Units of columns that are not used, in lower case."""
 
-_NUMBER: Final = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?|nan", re.IGNORECASE)
+_NUMBER: Final = re.compile(r"[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?")
 
 
 _ALL_UNITS: Final = frozenset(
@@ -112,7 +113,11 @@ def _look_at_text(path: Path) -> SourceTable:
         header = scope[_SCOPE_NAMES]
     before = lines[first][0] - 1
     keys: dict[str, object] = {"delimiter": delimiter, "header_rows": before}
-    cells = tuple(tuple(row) for row in rows[first:] if len(row) == width)
+    cells = tuple(
+        tuple("nan" if is_missing(cell) else cell for cell in row)
+        for row in rows[first:]
+        if len(row) == width
+    )
     if any(DECIMAL_COMMA.fullmatch(cell) for row in cells for cell in row):
         keys["decimal"] = ","
     named = ("",) * width if header is None else rows[header]
@@ -189,7 +194,7 @@ def _is_first(row: list[str], later: list[str]) -> bool:
 
 
 def _is_number(cell: str) -> bool:
-    return bool(_NUMBER.fullmatch(cell) or match_date(cell))
+    return bool(_NUMBER.fullmatch(cell) or is_missing(cell) or match_date(cell))
 
 
 def _no_table(path: Path) -> ConfigError:

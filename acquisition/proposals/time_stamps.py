@@ -21,7 +21,7 @@ _TIME_NAME: Final = re.compile(
     r"|ns|us|ms|(nano|micro|milli)seconds|__index_level_0__",  # the last is the index of pandas
     re.IGNORECASE,
 )
-_UNIT_AFTER_SLASH: Final = re.compile(r"/(s|ms|us|µs|ns)$")
+_UNIT_AFTER_SLASH: Final = re.compile(rf"([^/]+)/({'|'.join(TIME_UNITS)})", re.IGNORECASE)
 _UNIT_IN_BRACKETS: Final = re.compile(r"[\[(]\s*([^\])]*?)\s*[\])]\s*$")
 _LAST_WORD: Final = re.compile(r"(?:^|[\W_])([a-zµμ]+)$", re.IGNORECASE)
 _STEPS_S: Final = (2e-4, 0.2)
@@ -45,11 +45,7 @@ def find_time(
     if pair is not None:
         columns = {"column": pair[0], "nanoseconds": pair[1]}
         return dict(columns), ("s",), f"time: seconds in {pair[0]}, nanoseconds in {pair[1]}"
-    candidates = [
-        n
-        for n, name in enumerate(table.names)
-        if _TIME_NAME.fullmatch(re.split(r"[./]", _UNIT_AFTER_SLASH.sub("", name.strip()))[-1])
-    ]
+    candidates = [n for n, name in enumerate(table.names) if _TIME_NAME.fullmatch(_last_part(name))]
     if source is not None:
         candidates = [_common_time(path, table, source)]
     unread = ""
@@ -101,6 +97,12 @@ def find_time(
         " someone-elses-recording`)",
         code="RID-IMPORT-PROPOSAL",
     )
+
+
+def _last_part(name: str) -> str:
+    """Return the last part of a name such as /joint_states/header.stamp, or the `t` of `t/s`."""
+    with_unit = _UNIT_AFTER_SLASH.fullmatch(name.strip())
+    return re.split(r"[./]", name.strip() if with_unit is None else with_unit[1])[-1]
 
 
 def _split_stamps(names: Sequence[str]) -> tuple[str, str] | None:

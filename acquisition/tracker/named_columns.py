@@ -13,10 +13,10 @@ from typing import Final
 
 import numpy as np
 
-from acquisition.imports.lines import DECIMAL_COMMA, SEPARATORS, read_lines, split_cells
+from acquisition.imports.lines import SEPARATORS, read_lines, split_cells
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import ConfigError
-from config.formats.number import parse_number
+from config.formats.number import DECIMAL_COMMA, parse_number
 
 HEADER: Final = "RID-TRACKER-COLUMNS"
 ROW: Final = "RID-TRACKER-ROW"

@@ -29,10 +29,12 @@ _DOCUMENTS: Final = {
     "rid-daq parameters": "a table of parameters by `export`",
     "rid-daq origins": "the origins of a run's files",
 }
+_URDF: Final = "a URDF"
+_FROM_URDF: Final = ", as `rid-daq init FOLDER --urdf FILE` makes it (in Python: Robot.from_urdf)"
 _BEGINNINGS: Final = (
     ("a recording (MCAP)", rb"\x89MCAP"),
     ("a page (HTML), as reports are", rb"\s*<(!doctype html|html)"),
-    ("a URDF", rb"\s*(<\?xml[^>]*>\s*)?(<!--.*?-->\s*)*<robot"),
+    (_URDF, rb"\s*(<\?xml[^>]*>\s*)?(<!--.*?-->\s*)*<robot"),
     ("a PDF", rb"%PDF"),
     ("an archive (zip), as Excel workbooks are", rb"PK\x03\x04"),
     ("a compressed file (gzip)", rb"\x1f\x8b"),
@@ -67,7 +69,8 @@ def wrong_kind(tree: YamlTree, wanted: str) -> list[str]:
     kind = _kind_of(tree.data)
     if kind is None or wanted not in _WANTED or kind == _WANTED[wanted]:
         return []
-    return [f"{tree.name}: this is {kind}; give {_WANTED[wanted]}"]
+    made = _FROM_URDF if (kind, wanted) == (_URDF, "RobotDescription") else ""
+    return [f"{tree.name}: this is {kind}; give {_WANTED[wanted]}{made}"]
 
 
 def kind_of_text(data: bytes, *, by_keys: bool = True) -> str | None:
@@ -92,9 +95,11 @@ def kind_of_text(data: bytes, *, by_keys: bool = True) -> str | None:
 
 
 def _kind_of(data: Any) -> str | None:
-    return (
-        (_kind_of_document(data) or _kind_of_keys(data.keys())) if isinstance(data, dict) else None
-    )
+    if isinstance(data, str):  # such as XML, which is a text in YAML
+        return kind_of_text(data.encode(), by_keys=False)
+    if isinstance(data, dict):
+        return _kind_of_document(data) or _kind_of_keys(data.keys())
+    return None
 
 
 def _kind_of_document(document: dict[str, Any]) -> str | None:

@@ -14,8 +14,10 @@ from config.errors import ConfigError
 
 NUMBER_CODE: Final = "RID-FILE-NUMBER"
 
+DECIMAL_COMMA: Final = re.compile(r"[-+]?[0-9]*,[0-9]+([eE][-+]?[0-9]+)?")
+"""A number with a decimal comma."""
+
 _NUMBER: Final = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
-_COMMA: Final = re.compile(r"[-+]?[0-9]*,[0-9]+([eE][-+]?[0-9]+)?")
 _GROUPED: Final = re.compile(r"[-+]?[0-9.,]*[0-9][_' ][0-9][0-9_'., ]*")
 _INFINITE: Final = re.compile(r"[-+]?inf(inity)?", re.IGNORECASE)
 _NOT_FINITE: Final = re.compile(r"[-+]?(nan|inf(inity)?)", re.IGNORECASE)
@@ -60,7 +62,7 @@ def number_hint(text: str) -> str:
     """Return a hint about a text that is not a number; empty if the cause is unknown."""
     if _EXPRESSION.search(text):
         return ": an expression that xacro has not expanded; run xacro FILE > robot.urdf first"
-    if any(_COMMA.fullmatch(word) for word in text.split()):
+    if any(DECIMAL_COMMA.fullmatch(word) for word in text.split()):
         return f": a decimal comma; write {text.replace(',', '.')}"
     if any(_NOT_FINITE.fullmatch(word) for word in text.split()):
         return ": give a finite number"

@@ -32,11 +32,15 @@ def require(name: str, value: object, kind: type[T]) -> T:
         ConfigError: It has another type.
     """
     if not isinstance(value, kind):
-        raise ConfigError(
-            f"{name}: {type(value).__name__} {str(value)[:40]!a}; give a {kind.__name__}",
-            code=ARGUMENT,
-        )
+        raise _wrong_kind(name, value, f"a {kind.__name__}")
     return value
+
+
+def _wrong_kind(name: str, value: object, expected: str) -> ConfigError:
+    """Return the error of an argument that is not of the expected kind."""
+    return ConfigError(
+        f"{name}: {type(value).__name__} {str(value)[:40]!a}; give {expected}", code=ARGUMENT
+    )
 
 
 def require_each(name: str, value: T | Iterable[T], kind: type[T]) -> list[T]:
@@ -93,9 +97,7 @@ def as_texts(name: str, values: object) -> tuple[str, ...]:
 
 def _several(name: str, values: object) -> Sequence[object]:
     if not isinstance(values, list | tuple):
-        raise ConfigError(
-            f"{name}: {type(values).__name__} {str(values)[:40]!a}; give a list", code=ARGUMENT
-        )
+        raise _wrong_kind(name, values, "a list")
     return values
 
 
@@ -108,10 +110,7 @@ def as_mapping(name: str, values: object) -> Mapping[str, Any]:
     if values is None:
         return {}
     if not isinstance(values, Mapping):
-        raise ConfigError(
-            f"{name}: {type(values).__name__} {str(values)[:40]!a}; give a mapping of fields",
-            code=ARGUMENT,
-        )
+        raise _wrong_kind(name, values, "a mapping of fields")
     for key in values:
         require(f"{name}: key", key, str)
     return values
@@ -124,9 +123,7 @@ def require_callable(name: str, value: object) -> None:
         ConfigError: It is neither None nor callable.
     """
     if value is not None and not callable(value):
-        raise ConfigError(
-            f"{name}: {type(value).__name__} {str(value)[:40]!a}; give a function", code=ARGUMENT
-        )
+        raise _wrong_kind(name, value, "a function")
 
 
 def as_numbers(name: str, values: npt.ArrayLike, *, finite: bool = True) -> FloatArray:
@@ -192,16 +189,32 @@ def as_motion(
             than the joint's range.
     """
     found = as_samples(robot, position, *others)
-    for joint, values in zip(robot.joints, found[0].T, strict=True):
+    refuse_far_positions(robot, found[0])
+    return found
+
+
+def refuse_far_positions(
+    robot: RobotDescription, position: FloatArray, most_rows: float = 0.0
+) -> None:
+    """Refuse positions that are probably in another unit, such as degrees.
+
+    Args:
+        robot: The robot that has the positions.
+        position: Shape (samples, joints). Positions; NaN is ignored.
+        most_rows: Fraction of the rows that may be far beyond a limit, because they are damaged.
+
+    Raises:
+        ConfigError: More positions of a joint are beyond a limit by more than the joint's range.
+    """
+    for joint, values in zip(robot.joints, position.T, strict=True):
         low, high = joint.limits.position_min, joint.limits.position_max
         far = values[(values < 2.0 * low - high) | (values > 2.0 * high - low)]
-        if len(far):
+        if len(far) > most_rows * len(values):
             raise ConfigError(
                 f"position of {joint.name}: {far[0]:.4g} {joint.unit} is far beyond its limits,"
                 f" {low:.4g} and {high:.4g} {joint.unit}; give positions in {joint.unit}",
                 code=ARGUMENT,
             )
-    return found
 
 
 def validated(kind: type[M], values: Mapping[str, Any]) -> M:

@@ -124,7 +124,7 @@ class Cell:
     ) -> Recording:
         """Run a motion on the cell and return its recording; Ctrl-C stops the robot.
 
-        The run stays in the service's folder.
+        The run stays in the service's folder, with a copy of the motion and the feedforward.
 
         Args:
             motion: The motion.
@@ -141,12 +141,15 @@ class Cell:
         if feedforward is not None:
             files["feedforward"] = require("feedforward", feedforward, Feedforward)
         names = {kind: f"{kind}-{uuid.uuid4().hex[:12]}{_ENDINGS[kind]}" for kind in files}
-        with tempfile.TemporaryDirectory(prefix="rid-daq-") as folder:
-            for kind, name in names.items():
-                files[kind].save(Path(folder) / name)
-                self._client.put_file(Path(folder) / name, name)
         request = {**with_options(names, options), **({"label": label} if label else {})}
-        return self.recording(self._run_job("record", request, cleared, progress).job.run or "")
+        with ExitStack() as uploaded:
+            with tempfile.TemporaryDirectory(prefix="rid-daq-") as folder:
+                for kind, name in names.items():
+                    files[kind].save(Path(folder) / name)
+                    version = self._client.put_file(Path(folder) / name, name)
+                    uploaded.callback(self._client.delete_file, name, version)
+            run = self._run_job("record", request, cleared, progress).job.run or ""
+        return self.recording(run)
 
     def recording(self, run: str) -> Recording:
         """Return the recording of a run of the service.

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from rid_daq.blocks.formats import format_measured
+
 
 @dataclass(frozen=True)
 class Parameter:
@@ -28,3 +30,9 @@ class Parameter:
     def interval(self) -> tuple[float, float]:
         """The ends of the 95 % interval: two standard deviations to either side."""
         return self.value - 2.0 * self.sigma, self.value + 2.0 * self.sigma
+
+    def __str__(self) -> str:
+        """Return the combination with its estimate and 95 % interval, as in `print(model)`."""
+        value, reach = format_measured(self.value, 2.0 * self.sigma)
+        shown = f"{value} ± {reach} {self.unit}" if self.is_shown else "not determined"
+        return f"{self.expression} = {shown}"

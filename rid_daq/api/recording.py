@@ -23,7 +23,13 @@ from acquisition.runs.manifest import MANIFEST, require_label
 from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.load import load_bundled_or_path, to_yaml
-from rid_daq.api.arguments import as_numbers, as_path, require, validated
+from rid_daq.api.arguments import (
+    as_numbers,
+    as_path,
+    refuse_far_positions,
+    require,
+    validated,
+)
 from rid_daq.api.curves import curves_plot
 from rid_daq.api.proposed_map import ProposedMap
 from rid_daq.api.robot import Robot
@@ -35,6 +41,8 @@ from rid_daq.operations.experiment.imported_runs import import_files
 from rid_daq.runs.run_data import RunData, all_defects
 
 MAP = "map.yaml"
+DAMAGED_ROWS = 0.02
+"""Largest fraction of damaged rows, as an import map permits it by default."""
 
 
 class TemporaryFolder:
@@ -86,8 +94,9 @@ class Recording:
             name: Name of the recording in messages.
 
         Raises:
-            ConfigError: An array has a wrong shape, or not real numbers; or the period is not
-                positive (RID-API-ARGUMENT); or the name is invalid (RID-FILE-NAME).
+            ConfigError: An array has a wrong shape, or not real numbers; or positions are far
+                beyond the limits, probably in degrees; or the period is not positive
+                (RID-API-ARGUMENT); or the name is invalid (RID-FILE-NAME).
             DataQualityError: Too many rows are damaged, or the values are impossible for a robot.
         """
         n = len(require("robot", robot, Robot).joint_names)
@@ -112,6 +121,7 @@ class Recording:
                     code="RID-API-ARGUMENT",
                 )
             columns += list(table.T)
+        refuse_far_positions(robot.description, np.column_stack(columns[1 : 1 + n]), DAMAGED_ROWS)
         joints = tuple(
             ImportJoint(
                 joint=joint,

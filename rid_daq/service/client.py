@@ -175,17 +175,23 @@ class ServiceClient:
         request = self._http.build_request("POST", path, timeout=_timeout(_STOP_PATIENCE_S))
         self._send_checked(request, repeatable=True)
 
-    def put_file(self, path: Path, name: str) -> None:
-        """Upload a local file into the service's folder."""
+    def put_file(self, path: Path, name: str) -> str:
+        """Upload a local file into the service's folder, and return its version."""
         try:
             content = path.read_bytes()
         except OSError as error:
             raise ConfigError(
                 f"{path}: cannot be read: {error.strerror}", code="RID-FILE-READ"
             ) from None
-        self._send_checked(
+        answer = self._send_checked(
             self._http.build_request("PUT", _api_path(f"/files/{quote(name)}"), content=content)
         )
+        return str(answer.json()["version"])
+
+    def delete_file(self, name: str, version: str) -> None:
+        """Delete a file of the service's folder if it still has this version."""
+        path, headers = _api_path(f"/files/{quote(name)}"), {"if-match": f'"{version}"'}
+        self._send_checked(self._http.build_request("DELETE", path, headers=headers))
 
     def get_file(self, name: str) -> bytes:
         """Return a file of the service's folder."""

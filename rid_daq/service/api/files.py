@@ -23,6 +23,7 @@ from config.formats.yaml_tree import MAX_BYTES
 from rid_daq.operations.catalogue import CATALOGUE, operation
 from rid_daq.service.api.cells import LeaseKey
 from rid_daq.service.api.context import Operator, Service, Who
+from rid_daq.service.files.deletion import delete_file
 from rid_daq.service.files.edited_file import EditedFile
 from rid_daq.service.files.editors import Editor
 from rid_daq.service.files.file_check import ContentCheck, check_content
@@ -46,6 +47,12 @@ Version = Annotated[
         max_length=100,
         description="ETag of the version that is replaced; without it, only a new file is saved.",
     ),
+]
+
+
+KnownVersion = Annotated[
+    str,
+    Header(alias="if-match", max_length=100, description="ETag of the version that is deleted."),
 ]
 
 
@@ -190,6 +197,17 @@ async def put_file(
         await asyncio.to_thread(write_new, found, content)
     service.audit.note(who.name, "put a file", details=path)
     return SavedFile.of(found, service.folder, version=sha256_of(content))
+
+
+@router.delete("/{path:path}", status_code=HTTPStatus.NO_CONTENT)
+def remove_file(path: str, service: Service, who: Operator, version: KnownVersion) -> None:
+    """Delete a motion, a model or another YAML or JSON file that no cell and no run uses.
+
+    It is deleted only in the version that `If-Match` states, as `PUT` returned it.
+    """
+    found = _find_file(service, path)
+    delete_file(service, found, path, version.strip('"'), MOST_FILE_BYTES)
+    service.audit.note(who.name, "deleted a file", details=path)
 
 
 @router.post("/{path:path}")

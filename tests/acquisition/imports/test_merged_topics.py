@@ -48,7 +48,7 @@ def write_merged_topics(
     return path
 
 
-@pytest.mark.parametrize("empty", ["", " ", "nan", "NaN"])
+@pytest.mark.parametrize("empty", ["", " ", "nan", "NaN", "null", "#N/A", "-1.#IND"])
 def test_topics_of_one_file_are_interpolated_at_the_rows_of_the_first_joint(
     tmp_path: Path, empty: str
 ) -> None:
@@ -59,6 +59,13 @@ def test_topics_of_one_file_are_interpolated_at_the_rows_of_the_first_joint(
     assert (report.rows_read, report.rows_damaged) == (300, 0)
     (note,) = report.findings
     assert re.findall(r"\d+", note) == ["300", "300", "300"]
+
+
+@pytest.mark.parametrize("empty", ["", "nan", "null"])
+def test_merged_topics_without_the_key_are_refused_with_it(tmp_path: Path, empty: str) -> None:
+    path = write_merged_topics(tmp_path / "r.csv", empty=empty)
+    with raises_code(DataQualityError, "RID-IMPORT-ROWS", "empty_cells: interpolate"):
+        import_csv(path, layout())
 
 
 def test_rows_beyond_the_other_topic_are_removed(tmp_path: Path) -> None:

@@ -69,6 +69,8 @@ def date(ns: int, zone: str = "", hours: float = 0.0) -> str:
         (lambda ns: date(ns, "Z"), '{"column": 0, "unit": "iso"}', 3),
         (lambda ns: date(ns, "+05:30", 5.5), '{"column": 0, "unit": "iso"}', 3),
         (lambda ns: date(ns, "-0800", -8.0), '{"column": 0, "unit": "iso"}', 3),
+        (lambda ns: date(ns, "+02", 2.0), '{"column": 0, "unit": "iso"}', 3),
+        (lambda ns: date(ns, " UTC"), '{"column": 0, "unit": "iso"}', 3),
         (german, '{"column": 0, "unit": "iso"}', 3),
         (lambda ns: date(ns).replace("-", "/"), '{"column": 0, "unit": "iso"}', 3),
         (lambda ns: f'"{date(ns).replace("T", " ")}"', '{"column": 0, "unit": "iso"}', 3),
@@ -159,15 +161,23 @@ def test_nanoseconds_of_ten_digits_are_a_damaged_row(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("stamp", "columns", "key"),
-    [(date, 3, "unit: iso"), (lambda ns: f"{ns // 10**9},{ns % 10**9}", 4, "nanoseconds: 1")],
+    ("stamp", "columns", "unit", "key"),
+    [
+        (date, 3, "s", "unit: iso"),
+        (lambda ns: f"{ns // 10**9},{ns % 10**9}", 4, "s", "nanoseconds: 1"),
+        (lambda ns: str(ns % 10**9), 3, "ns", "nanoseconds: 1"),
+        (lambda ns: date(ns)[11:], 3, "iso", "unit: iso"),
+        (lambda ns: f"11/14/2023 {date(ns)[11:]}", 3, "iso", "unit: iso"),
+        (lambda ns: f"14-11-23 {date(ns)[11:]}", 3, "s", "unit: iso"),
+        (lambda ns: repr((ns - int(NS[0])) / 1e9), 3, "ns", "unit of time"),
+    ],
 )
 def test_the_refusal_names_the_key_that_reads_such_stamps(
-    tmp_path: Path, stamp: Callable[[int], str], columns: int, key: str
+    tmp_path: Path, stamp: Callable[[int], str], columns: int, unit: str, key: str
 ) -> None:
     path = save(tmp_path / "r.csv", stamp)
     with raises_code(DataQualityError, "RID-IMPORT-ROWS", key):
-        import_csv(path, layout('{"column": 0}', columns))
+        import_csv(path, layout(f'{{"column": 0, "unit": "{unit}"}}', columns))
 
 
 def test_two_files_with_different_kinds_of_stamps_have_one_clock(tmp_path: Path) -> None:

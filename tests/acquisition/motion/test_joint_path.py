@@ -210,6 +210,52 @@ def test_a_joint_at_rest_may_have_velocities_of_rounding(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize(
+    ("separator", "decimal", "encoding", "mark"),
+    [
+        (";", ",", "utf-16", ""),
+        ("\t", ",", "utf-16-le", ""),
+        ("; ", ".", "utf-8-sig", ""),
+        (" ", ".", "utf-8", "# "),
+        ("','", ",", "utf-8", ""),  # quoted below
+    ],
+)
+def test_tables_of_spreadsheets_are_read(
+    tmp_path: Path, separator: str, decimal: str, encoding: str, mark: str
+) -> None:
+    motion = planned_csv(tmp_path, VELOCITY_NAMES[0], planned_rows()[1])
+    expected = load_motion(motion)
+    lines = (tmp_path / "path.csv").read_text().splitlines()
+    text = "\n".join(line.replace(".", decimal) for line in _separated(lines, separator))
+    (tmp_path / "path.csv").write_bytes((mark + text).encode(encoding))
+    assert load_motion(motion) == expected
+
+
+def _separated(lines: list[str], separator: str) -> list[str]:
+    """Return lines with another separator; with `','`, all cells are in double quotes."""
+    if separator == "','":
+        return [f'"{line.replace(",", "@")}"'.replace("@", '","') for line in lines]
+    return [line.replace(",", separator) for line in lines]
+
+
+def test_numbers_with_grouped_digits_are_refused_in_a_table(tmp_path: Path) -> None:
+    motion = planned_csv(tmp_path, VELOCITY_NAMES[0], planned_rows()[1])
+    text = (tmp_path / "path.csv").read_text().replace(",", ";").replace("\n0.4;", "\n1.000,4;", 1)
+    (tmp_path / "path.csv").write_text(text)
+    with raises_code(ConfigError, "RID-FILE-NUMBER", "path.csv:"):
+        load_motion(motion)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+@pytest.mark.parametrize("key", ["file.json", "file.yaml"])
+def test_a_trajectory_of_ros_may_be_utf_16(tmp_path: Path, key: str, encoding: str) -> None:
+    motion = moveit_json(tmp_path, lambda t: t, key)
+    expected = load_motion(motion)
+    file = tmp_path / key
+    file.write_bytes(file.read_text().encode(encoding))
+    assert load_motion(motion) == expected
+
+
+@pytest.mark.parametrize(
     ("key", "stamp"),
     [
         ("file.json", lambda t: {"sec": int(t), "nanosec": round((t - int(t)) * 1e9)}),

@@ -224,6 +224,7 @@ def test_an_unknown_unit_in_brackets_is_refused(tmp_path: Path) -> None:
     ("time", "scale", "patterns"),
     [
         ("t/s", 1.0, ("q{n}/rad", "tau{n}/Nm")),
+        ("t/msec", 1e3, ("q{n}/rad", "tau{n}/Nm")),
         ("ns", 1e9, ("q{n}", "tau{n}")),
         ("__index_level_0__", 1e9, ("q{n}", "tau{n}")),
         ("timeStamp", 1.0, ("jointPos{n}", "motorTorque{n}")),

@@ -120,3 +120,11 @@ def test_a_map_with_an_extra_bracket_is_reported_with_its_position(tmp_path: Pat
     path.write_text("name: a\nrobot: ir361\ncolumns: 13\ntime: {column: Time [ms], unit: ms}\n")
     with raises_code(ConfigError, "RID-FILE-SYNTAX", f"{path}:4:21: ", "'['", "quotes"):
         load_import_map(str(path))
+
+
+@pytest.mark.parametrize("head", ["", '<?xml version="1.0"?>\n<!-- my arm -->\n'])
+def test_a_urdf_instead_of_a_robot_file_is_named(tmp_path: Path, head: str) -> None:
+    path = tmp_path / "arm.urdf"
+    path.write_text(f'{head}<robot name="arm"> <link name="base"/> </robot>')
+    with raises_code(ConfigError, "RID-FILE-TYPE", "arm.urdf: ", "URDF", "from_urdf"):
+        load_robot(str(path))

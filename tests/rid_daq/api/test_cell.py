@@ -59,7 +59,10 @@ def test_a_path_is_driven_with_its_feedforward(service: str, tmp_path: Path) -> 
     ahead = compensate(motion, model, tmp_path / "loops.json", payload=payload)
     with Cell("ir361", service) as cell:
         recording = cell.record(motion, feedforward=ahead)
+        uploaded = ("motion-", "feedforward-")
+        left = [each.path for each in cell._client.files("ir361").motions]
     assert recording.run.folder.read("feedforward.json") == ahead.content
+    assert not [name for name in left if name.startswith(uploaded)]
 
 
 def test_a_file_of_the_service_is_saved(service: str, tmp_path: Path) -> None:

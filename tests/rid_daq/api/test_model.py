@@ -37,6 +37,14 @@ def test_predicted_torques_equal_those_of_the_true_arm(model: Model, arm: Arm) -
     np.testing.assert_allclose(one, model.inverse_dynamics(q, v, a)[3], rtol=1e-12)
 
 
+def test_a_parameter_is_printed_with_its_interval(model: Model) -> None:
+    shown = next(each for each in model.parameters if each.is_shown)
+    name, value, sign, reach, *unit = str(shown).removeprefix(shown.expression).split()
+    assert (name, sign, " ".join(unit)) == ("=", "±", shown.unit)
+    assert float(value.replace("−", "-")) == pytest.approx(shown.value, rel=0.1)
+    assert float(reach) == pytest.approx(2.0 * shown.sigma, rel=0.1)
+
+
 def test_the_regressor_times_the_values_is_the_torque(model: Model, arm: Arm) -> None:
     _, q, v, a = arm.motion(8, 1.0)
     y = model.regressor(q, v, a)
@@ -188,6 +196,8 @@ def test_positions_in_degrees_are_refused(model: Model, arm: Arm) -> None:
             compute(degrees, v, a)
     with raises_code(ConfigError, "RID-API-ARGUMENT", "1e+308"):
         model.mass_matrix(np.full(len(q[0]), 1e308))
+    with raises_code(ConfigError, "RID-API-ARGUMENT", "rad"):
+        Recording.from_arrays(np.arange(len(q)) * 0.01, degrees, q, robot=arm.robot)
 
 
 def test_options_of_the_request_are_checked(train: Recording) -> None:

@@ -165,3 +165,36 @@ def test_a_cell_is_loaded_with_content_that_is_not_saved(editing: Editing) -> No
     assert loaded.robot.name == "another"
     assert loaded.disk_names["robot.yaml"] == path.absolute()
     assert "another" not in bundled_names("robots")
+
+
+@pytest.mark.promise("edited-files")
+def test_only_the_known_version_of_a_file_without_a_cell_or_run_is_deleted(
+    editing: Editing,
+) -> None:
+    editing.ask(Role.OPERATOR, "PUT", "m/poses.yaml", MOTION)
+    editing.ask(Role.OPERATOR, "PUT", "m/ahead.json", "{}")
+    (editing.service.runs / "a").mkdir(parents=True)
+    (editing.service.runs / "a" / "motion.yaml").write_text(MOTION)
+
+    def delete(role: Role, name: str, version: str) -> httpx.Response:
+        return editing.ask(role, "DELETE", name, if_match=f'"{version}"')
+
+    for role, name, version, expected in (
+        (Role.VIEWER, "m/poses.yaml", editing.version("m/poses.yaml"), (403, "RID-ACCESS-ROLE")),
+        (Role.OPERATOR, "m/poses.yaml", "0" * 64, (412, "RID-FILE-CHANGED")),
+        (Role.OPERATOR, "m/none.yaml", "0" * 64, (404, "RID-FILE-UNKNOWN")),
+        (Role.ADMINISTRATOR, "arm.yaml", editing.version("arm.yaml"), (422, "RID-FILE-TYPE")),
+        (
+            Role.OPERATOR,
+            "runs/a/motion.yaml",
+            editing.version("runs/a/motion.yaml"),
+            (422, "RID-FILE-TYPE"),
+        ),
+    ):
+        assert refusal(delete(role, name, version)) == expected
+    assert editing.ask(Role.OPERATOR, "DELETE", "m/poses.yaml").status_code == 422  # no version
+    assert editing.text("m/poses.yaml") == MOTION
+    for name in ("m/poses.yaml", "m/ahead.json"):
+        assert delete(Role.OPERATOR, name, editing.version(name)).status_code == 204
+    assert list((editing.folder / "m").iterdir()) == []
+    assert [each.what for each in editing.service.audit.newest()][:2] == ["deleted a file"] * 2
