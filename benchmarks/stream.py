@@ -131,7 +131,7 @@ def load_us(cell: LoadedCell, points: Points, rows: int) -> float:
     times_s = stated_times(begin_s, np.full(MOST_CHANGES, 0.1))
     loads = load_arrays((forward.torque,) * (MOST_CHANGES + 1), times_s)
     signals = LoadSignals(changes, cell.robot.joint_names, step_s)
-    found = []
+    found: list[float] = []
     for each in (forward, replace(forward, loads=loads, signals=signals)):
         ring = PointRing.create(n, len(points))
         ring.write(points)
@@ -139,7 +139,7 @@ def load_us(cell: LoadedCell, points: Points, rows: int) -> float:
         source.prepare()
         source.begin(False, np.zeros(n))
         found.append(cpu_us(source.at, rows))
-    return float(found[1] - found[0]) / (MOST_CHANGES * n)
+    return float((found[1] - found[0]) / (MOST_CHANGES * n))
 
 
 def pinocchio_peer(cell: LoadedCell, points: Points) -> Callable[[int], object]:
