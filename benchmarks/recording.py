@@ -150,7 +150,7 @@ def main() -> int:
     result = {
         "name": "recording",
         "value": round(time_ratio, 2),
-        "unit": f"times as long for {given.long_s / given.short_s:g} times the motion",
+        "unit": f"times the computing time for {given.long_s / given.short_s:g} times the motion",
         "ratios": {name: round(ratio, 3) for name, ratio in ratios.items()},
         "peak_mb": {command: round(peak_mb, 1) for command, peak_mb in reads.items()},
         "bar": f"time at most {time_bar:g} times, memory of every process {MEMORY_BAR:g} times,"

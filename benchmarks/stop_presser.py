@@ -128,7 +128,7 @@ class StopLineClient:
 def echo(listener: socket.socket) -> None:
     """Echo every message at once; main function of a process."""
     with contextlib.suppress(OSError):
-        os.setpriority(os.PRIO_PROCESS, 0, -10)  # as the process that answers STOP
+        os.setpriority(os.PRIO_PROCESS, 0, -10)  # like the process that answers STOP
     line, _ = listener.accept()
     while data := line.recv(_FLOOR_SIZE):
         line.sendall(data)

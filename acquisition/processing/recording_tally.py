@@ -51,7 +51,7 @@ class RecordingTally:
         self.add(first)
 
     def add(self, part: Recording) -> None:
-        """Count the next part."""
+        """Count the rows of the next part of the recording."""
         self.cutter.add(part)
         self.rows += len(part)
         self._last_s = float(part.time_s[-1]) if len(part) else self._last_s

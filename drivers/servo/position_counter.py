@@ -74,7 +74,7 @@ class PositionCounter:
         return (counts - to + half) % self.size - half + to
 
     def to_range(self, counts: int) -> int:
-        """Return the value between `lowest` and `highest` that the drive shows for a count."""
+        """Return the value of the drive, from `lowest` to `highest`, for an unwrapped position."""
         return (counts - self.lowest) % self.size + self.lowest
 
 

@@ -11,7 +11,7 @@ from config.errors import EstimationError
 from config.robot.friction_terms import FrictionTerm
 
 Column = FrictionTerm | tuple[Literal["stribeck", "slope", "shear_thinning"], float]
-"""Name of a friction column; ("slope", speed) is the derivative of ("stribeck", speed)."""
+"""Name of a friction column; ("slope", v) is the derivative of ("stribeck", v) by the speed v."""
 
 SPEEDS_RAD_S: Final = (0.02, 0.03, 0.045, 0.07, 0.1, 0.15, 0.23, 0.35)
 """Candidate Stribeck speeds [rad/s or m/s]."""

@@ -31,7 +31,7 @@ async function showRuns(newest = null) {
   options(find("loop-run"), list(runs.filter(({ motion }) => motion === "multisine")));
   if (newest) for (const id of ["after", "refine-run"]) find(id).value = newest;
   const [before, after] = ["before", "after"].map((id) => runs.find((run) => run.id === find(id).value));
-  if (!after || (before.id !== after.id && before.motion === after.motion)) return; // they can be compared
+  if (!after || (before.id !== after.id && before.motion === after.motion)) return; // the chosen runs can be compared
   const other = runs.find((run) => run.id !== after.id && run.motion && run.motion === after.motion);
   if (other) find("before").value = other.id;
 }

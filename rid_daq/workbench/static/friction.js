@@ -25,7 +25,7 @@ async function showRuns() {
 
 press("measure", panel, "friction", () => {
   const run = chosenRuns();
-  if (!run.length) throw new Error("No run is chosen: choose constant-speed runs, or runs of a path that the robot follows forward and backward.");
+  if (!run.length) throw new Error("A run is missing: choose constant-speed runs, or runs of a path that the robot follows forward and backward.");
   const model = find("model").value;
   return panel.begin("friction", model ? { run, model } : { run });
 });

@@ -115,7 +115,8 @@ export class JobPanel {
     this.update();
     if (!over(job) || view.over) return;
     view.over = true;
-    // load up to twice: the first request may have begun before the last events; a killed job never sends `ended`
+    // load a second time if the event `ended` is missing: the first request may have begun before the last events. A
+    // killed job never sends this event
     for (let i = 0; i < 2 && view.last !== "ended"; i++) await this.load();
     if (this.view !== view) return; // the user has chosen another job meanwhile
     this.drop();

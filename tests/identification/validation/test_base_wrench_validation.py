@@ -48,7 +48,7 @@ def other(arm: KnownArm, weigh: Weigh) -> Recording:
 def test_the_reaction_is_predicted_as_well_as_with_true_parameters(
     cell: Any, estimate: Estimate, other: Recording
 ) -> None:
-    """The error is at most 1.3 times the error of the true parameters, and 1.3 times the noise."""
+    """The error is at most 1.3 times that with the true parameters, and 1.3 times the noise."""
     found = validate_base_wrench(estimate, other)
     truth = estimate.base.from_standard(true_parameters(estimate.model, cell.robot, cell.plant))
     floor = validate_base_wrench(replace(estimate, values=truth), other)
