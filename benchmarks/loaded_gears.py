@@ -2,7 +2,7 @@
 
 The softest cell of `benchmarks.elastic_cells` follows a circle with a feedforward that corrects the
 deflection. The stiffness is identified without payload, from the signals of the motors. The model
-is identified from two runs without and one run with the payload.
+is identified from the same two motions without and with the payload.
 """
 
 from __future__ import annotations
@@ -36,11 +36,14 @@ def tool_errors(body: MountedBody, quick: bool) -> dict[str, float]:
     cell = replace(cell, plant=plant)
     empty = identify(cell, SEED, quick, ("motors",))
     robot = with_gears(cell.robot, empty.gears["motors"])
-    samples = excitation_samples(cell, 10 * SEED, quick)
-    loaded = average_periods(cell.drive(samples, 10 * SEED + 3, mounted=PAYLOAD).recording)
-    averages = (*(replace(each, reaction=None) for each in empty.averages), loaded)
+    averages = [replace(each, reaction=None) for each in empty.averages]
+    for number in range(2):
+        samples = excitation_samples(cell, 10 * SEED + number, quick)
+        loaded = cell.drive(samples, 10 * SEED + 3 + number, mounted=PAYLOAD)
+        averages.append(average_periods(loaded.recording))
     options = EstimationOptions(model=replace(TERMS, payload=True))
-    both = fit_periodic(cell.robot, averages, options, payload=(False, False, True)).estimate()
+    payload = (False, False, True, True)
+    both = fit_periodic(cell.robot, averages, options, payload=payload).estimate()
     alone, carried = without_payload(both), carry_own(both)
     motion = parse_motion(circle_text(CIRCLES[FIRST], 2).encode(), "circle")
     found = {}

@@ -168,11 +168,11 @@ def known_values(model: RobotModel, base: BaseParameters, runs: Sequence[Bodies]
         )
     found = np.zeros((len(runs), len(base)))
     for row, bodies in zip(found, runs, strict=True):
-        row[:] = base_values(model, base, bodies)
+        row[:] = values_of_bodies(model, base, bodies)
     return found
 
 
-def base_values(model: RobotModel, base: BaseParameters, bodies: Bodies) -> FloatArray:
+def values_of_bodies(model: RobotModel, base: BaseParameters, bodies: Bodies) -> FloatArray:
     """Return the contribution of bodies to the base parameters, shape (b,)."""
     standard = np.zeros(len(model.parameter_names))
     links = standard[model.parameter_groups["rigid_body"]]

@@ -16,7 +16,7 @@ from dynamics.geometry.kinematics import flange_pose
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.estimation.estimate import Estimate
 from identification.estimation.transformed import transform
-from identification.model.known_loads import Bodies, base_values
+from identification.model.known_loads import Bodies, values_of_bodies
 from identification.payload.body import parameters_to_parent
 from identification.payload.estimate import PayloadEstimate
 
@@ -91,11 +91,13 @@ def carry_bodies(estimate: Estimate, bodies: Bodies) -> Estimate:
         bodies: The bodies.
     """
     estimate = without_payload(estimate)
-    values = base_values(estimate.model, estimate.base, bodies)
+    values = values_of_bodies(estimate.model, estimate.base, bodies)
     more = np.zeros_like(estimate.covariance_residual)
     for name, body in bodies.items():
         heavier = body.model_copy(update={"mass_kg": body.mass_kg + body.mass_sigma_kg})
-        changed = base_values(estimate.model, estimate.base, {**bodies, name: heavier}) - values
+        changed = (
+            values_of_bodies(estimate.model, estimate.base, {**bodies, name: heavier}) - values
+        )
         more += np.outer(changed, changed)
     noise = estimate.covariance_noise
     return replace(
