@@ -215,6 +215,7 @@ def test_a_joint_at_rest_may_have_velocities_of_rounding(tmp_path: Path) -> None
         (";", ",", "utf-16", ""),
         ("\t", ",", "utf-16-le", ""),
         ("; ", ".", "utf-8-sig", ""),
+        (";;", ".", "utf-8", ""),  # one semicolon, and another one at the end of each row
         (" ", ".", "utf-8", "# "),
         ("','", ",", "utf-8", ""),  # quoted below
     ],
@@ -231,7 +232,12 @@ def test_tables_of_spreadsheets_are_read(
 
 
 def _separated(lines: list[str], separator: str) -> list[str]:
-    """Return lines with another separator; with `','`, all cells are in double quotes."""
+    """Return lines with another separator; with `','`, all cells are in double quotes.
+
+    With `;;`, a separator follows the last cell, too.
+    """
+    if separator == ";;":
+        return [f"{line.replace(',', ';')};" for line in lines]
     if separator == "','":
         return [f'"{line.replace(",", "@")}"'.replace("@", '","') for line in lines]
     return [line.replace(",", separator) for line in lines]
@@ -242,6 +248,14 @@ def test_numbers_with_grouped_digits_are_refused_in_a_table(tmp_path: Path) -> N
     text = (tmp_path / "path.csv").read_text().replace(",", ";").replace("\n0.4;", "\n1.000,4;", 1)
     (tmp_path / "path.csv").write_text(text)
     with raises_code(ConfigError, "RID-FILE-NUMBER", "path.csv:"):
+        load_motion(motion)
+
+
+def test_decimal_commas_between_commas_are_named(tmp_path: Path) -> None:
+    motion = planned_csv(tmp_path, VELOCITY_NAMES[0], planned_rows()[1])
+    text = (tmp_path / "path.csv").read_text().replace(".", ",")
+    (tmp_path / "path.csv").write_text(text)
+    with raises_code(ConfigError, "RID-TABLE-INVALID", "path.csv:2: ", "semicolons"):
         load_motion(motion)
 
 
@@ -276,6 +290,7 @@ def test_a_file_without_one_trajectory_is_refused(tmp_path: Path) -> None:
     text = (tmp_path / "file.json").read_text()
     for wrong, details in (
         (text.replace('"points"', '"waypoints"'), ("file.json", "points")),
+        (text.replace('[{"joint_tr', '[{}, {"joint_tr'), ("file.json", "2 trajectories")),
         (text.replace('"joint_names"', '"names"'), ("file.json", "joint_names")),
         (text.replace('"time_from_start": 0.7', '"time_from_start": "late"'), ("points.2",)),
         (text.replace('"velocities": [0.0, 0.0, -0.0]', '"velocities": []'), ("velocities",)),
