@@ -23,7 +23,11 @@ TIMES: Final = ("time_s", "time_from_start")
 VELOCITIES: Final = ("{}_velocity", "velocity_{}", "{}_vel", "vel_{}")
 SEPARATORS: Final = (",", ";", "\t", " ")
 ENVELOPES: Final = (
-    *("goal", "motion_plan_response", "trajectory", "planned_trajectory", "joint_trajectory"),
+    "goal",
+    "motion_plan_response",
+    "trajectory",
+    "planned_trajectory",
+    "joint_trajectory",
 )
 """Keys of other messages of ROS and MoveIt that contain a `trajectory_msgs/JointTrajectory`."""
 Rows = tuple[tuple[float, ...], ...]
