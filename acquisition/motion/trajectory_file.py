@@ -12,10 +12,9 @@ from typing import Annotated, Any, Final
 from pydantic import AliasChoices, BaseModel, Field, ValidationError
 
 from config.errors import ConfigError
-from config.formats.bounded_file import read_file
+from config.formats.bounded_file import decode_text, read_file
 from config.formats.json_file import parse_json
 from config.formats.number import DECIMAL_COMMA, parse_number
-from config.formats.text_encoding import decode_text
 from config.formats.yaml_tree import parse_yaml
 
 MOST_BYTES: Final = 200_000_000

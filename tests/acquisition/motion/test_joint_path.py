@@ -17,7 +17,7 @@ from acquisition.motion.limits import verify_limits
 from acquisition.motion.motion_file import load_motion
 from acquisition.motion.samples import Phase
 from config.arrays import FloatArray
-from config.errors import ConfigError
+from config.errors import ConfigError, LimitError
 from config.load import load_robot, to_yaml
 from tests.builders.raised_codes import raises_code
 
@@ -290,7 +290,7 @@ def test_a_file_without_one_trajectory_is_refused(tmp_path: Path) -> None:
     text = (tmp_path / "file.json").read_text()
     for wrong, details in (
         (text.replace('"points"', '"waypoints"'), ("file.json", "points")),
-        (text.replace('[{"joint_tr', '[{}, {"joint_tr'), ("file.json", "2 trajectories")),
+        (text.replace('[{"joint_tr', '[{}, {"joint_tr'), ("file.json", "2")),
         (text.replace('"joint_names"', '"names"'), ("file.json", "joint_names")),
         (text.replace('"time_from_start": 0.7', '"time_from_start": "late"'), ("points.2",)),
         (text.replace('"velocities": [0.0, 0.0, -0.0]', '"velocities": []'), ("velocities",)),
@@ -362,3 +362,10 @@ def test_poses_that_an_encoder_does_not_distinguish_are_one(gap: float) -> None:
     last = tuple(value - gap for value in POINTS[3])
     twice = joint_path((*POINTS[:2], near, POINTS[2], last, POINTS[3])).plan(ROBOT, T)
     np.testing.assert_allclose(twice.position, usual.position, atol=1e-9)
+
+
+def test_a_cluster_of_points_beyond_the_resolution_of_encoders_is_named() -> None:
+    near = ((0.4, 0.2, -0.3), (0.400002, 0.2, -0.3), (0.4, 0.200002, -0.3))
+    motion = joint_path(((0.0, 0.0, 0.0), *near, (0.1, 0.5, 0.2)))
+    with raises_code(LimitError, "RID-MOTION-LIMIT", " 2 ", " 3 "):
+        motion.plan(ROBOT, T)
