@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from acquisition.imports.columns import ImportColumns, ImportRows
-from acquisition.imports.lines import is_missing
+from acquisition.imports.lines import states_no_number
 from acquisition.imports.merged_topics import NO_NEIGHBOUR
 from acquisition.imports.report import DamagedRow
 from acquisition.maps.import_map import ImportMap
@@ -196,7 +196,7 @@ def _has_decimal_commas(damaged: Sequence[DamagedRow], import_map: ImportMap) ->
 def _is_value_missing(detail: str) -> bool:
     """Return True if the detail of a damaged row names an empty cell, or a missing value."""
     quoted = re.search(r" is '([^']*)' \(", detail)
-    of_text = quoted is not None and is_missing(quoted[1])
+    of_text = quoted is not None and states_no_number(quoted[1])
     return of_text or " is empty (" in detail or " is nan, " in detail
 
 

@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Final
 
 from config.errors import ConfigError, system_errors
-from config.formats.bounded_file import open_file
+from config.formats.bounded_file import BEGINNING_BYTES, encoding_of, open_file
 from config.formats.file_kinds import kind_of_text
-from config.formats.text_encoding import BEGINNING_BYTES, encoding_of
 
 LARGEST_FILE_BYTES = 500_000_000
 BLOCK_CHARACTERS: Final = 1 << 19
@@ -26,7 +25,7 @@ MISSING: Final = frozenset(
 """Texts with which programs write a missing number, in lower case."""
 
 
-def is_missing(cell: str) -> bool:
+def states_no_number(cell: str) -> bool:
     """Return True if a cell states that a number is missing; an empty cell is not meant."""
     return cell.strip().lower() in MISSING
 

@@ -11,9 +11,9 @@ import numpy as np
 
 from acquisition.imports.lines import (
     SEPARATORS,
-    is_missing,
     lines_of_block,
     split_by_delimiters,
+    states_no_number,
 )
 from acquisition.imports.number_blocks import NumberBlocks
 from acquisition.imports.report import DamagedRow
@@ -179,7 +179,7 @@ def _read_with_gaps(
     """Return the numbers, NaN for permitted empty cells, and the first column without a number."""
     numbers: list[float] = []
     for column, permitted in zip(columns, may_be_empty, strict=True):
-        if permitted and (not fields[column].strip() or is_missing(fields[column])):
+        if permitted and (not fields[column].strip() or states_no_number(fields[column])):
             numbers.append(math.nan)
             continue
         try:

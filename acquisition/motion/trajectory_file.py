@@ -12,17 +12,22 @@ from typing import Annotated, Any, Final
 from pydantic import AliasChoices, BaseModel, Field, ValidationError
 
 from config.errors import ConfigError
-from config.formats.bounded_file import read_file
+from config.formats.bounded_file import decode_text, read_file
 from config.formats.json_file import parse_json
 from config.formats.number import DECIMAL_COMMA, parse_number
-from config.formats.text_encoding import decode_text
 from config.formats.yaml_tree import parse_yaml
 
 MOST_BYTES: Final = 200_000_000
 TIMES: Final = ("time_s", "time_from_start")
 VELOCITIES: Final = ("{}_velocity", "velocity_{}", "{}_vel", "vel_{}")
 SEPARATORS: Final = (",", ";", "\t", " ")
-ENVELOPES: Final = ("trajectory", "planned_trajectory", "joint_trajectory")
+ENVELOPES: Final = (
+    "goal",
+    "motion_plan_response",
+    "trajectory",
+    "planned_trajectory",
+    "joint_trajectory",
+)
 """Keys of other messages of ROS and MoveIt that contain a `trajectory_msgs/JointTrajectory`."""
 Rows = tuple[tuple[float, ...], ...]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
@@ -100,7 +105,12 @@ def _rows_of_message(path: Path, tree: Any) -> TrajectoryRows:
     for key in ENVELOPES:
         if isinstance(tree, dict) and key in tree:
             tree = tree[key]
-        if isinstance(tree, list) and len(tree) == 1:
+        if isinstance(tree, list) and len(tree) > 1:
+            raise ConfigError(
+                f"{path}: contains {len(tree)} trajectories: give each in a file of its own",
+                code="RID-TABLE-INVALID",
+            )
+        if isinstance(tree, list) and tree:
             tree = tree[0]
     if not isinstance(tree, dict) or "points" not in tree:
         raise ConfigError(
@@ -176,6 +186,8 @@ def _split_lines(path: Path, text: str, separator: str) -> list[list[str]]:
         lines = [[cell.strip() for cell in line] for line in reader]
     except csv.Error as error:
         raise ConfigError(f"{path}: is not a CSV file: {error}", code="RID-FILE-TYPE") from None
+    while lines and lines[0][-1:] == [""] and all(line[-1:] in ([], [""]) for line in lines):
+        lines = [line[:-1] for line in lines]  # a separator at the end of each row
     cells = [cell for line in lines[1:] for cell in line if "," in cell or "." in cell]
     if all(DECIMAL_COMMA.fullmatch(cell) for cell in cells):
         lines[1:] = [[cell.replace(",", ".") for cell in line] for line in lines[1:]]
@@ -211,9 +223,12 @@ def _columns(rows: Sequence[Sequence[float]], columns: Sequence[int]) -> Rows:
 
 def _parse_row(path: Path, number: int, line: list[str], columns: int) -> list[float]:
     if len(line) != columns:
+        decimal_commas = (
+            "; quote numbers with decimal commas, or separate the columns by semicolons"
+        )
         raise ConfigError(
             f"{path}:{number}: has {len(line)} columns, but the first line has {columns}: correct"
-            " the line",
+            f" the line{decimal_commas if len(line) == 2 * columns else ''}",
             code="RID-TABLE-INVALID",
         )
     values = []

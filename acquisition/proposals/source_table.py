@@ -9,7 +9,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Final
 
-from acquisition.imports.lines import SEPARATORS, is_missing, read_lines, split_by_delimiters
+from acquisition.imports.lines import SEPARATORS, read_lines, split_by_delimiters, states_no_number
 from acquisition.maps.time_column import match_date
 from acquisition.proposals.column_groups import TIME_UNITS, UNITS
 from acquisition.sources.array_tables import has_named_arrays, read_named_arrays
@@ -114,7 +114,7 @@ def _look_at_text(path: Path) -> SourceTable:
     before = lines[first][0] - 1
     keys: dict[str, object] = {"delimiter": delimiter, "header_rows": before}
     cells = tuple(
-        tuple("nan" if is_missing(cell) else cell for cell in row)
+        tuple("nan" if states_no_number(cell) else cell for cell in row)
         for row in rows[first:]
         if len(row) == width
     )
@@ -194,7 +194,7 @@ def _is_first(row: list[str], later: list[str]) -> bool:
 
 
 def _is_number(cell: str) -> bool:
-    return bool(_NUMBER.fullmatch(cell) or is_missing(cell) or match_date(cell))
+    return bool(_NUMBER.fullmatch(cell) or states_no_number(cell) or match_date(cell))
 
 
 def _no_table(path: Path) -> ConfigError:

@@ -21,6 +21,8 @@ from dynamics.geometry.inverse_kinematics import PathSlopes
 
 POINTS_A_CHORD: Final = 40
 FEWEST: Final = 200
+NEAR: Final = 1e-3
+"""Fraction of the usual distance between two poses below which they bend the curve too much."""
 SAME_POSE: Final = 1e-6
 """Largest difference between poses that count as the same [rad or m]; encoders cannot resolve this
 difference.
@@ -114,9 +116,15 @@ def _check_curve_limits(
         off = np.maximum(low - position[:, j], position[:, j] - high)
         if off.max() > 0.0:
             after = int(np.searchsorted(knots, grid[off.argmax()]))
+            chords = np.diff(knots)
+            nearest = int(chords.argmin())
+            remedy = "move the points"
+            if chords[nearest] < NEAR * np.median(chords[chords > NEAR * chords.max()]):
+                first, second = numbers[nearest] + 1, numbers[nearest + 1] + 1
+                remedy = f"points {first} and {second} are almost the same: leave one of them out"
             raise LimitError(
                 f"between points {numbers[after - 1] + 1} and {numbers[after] + 1} of the path,"
                 f" joint {joint.name!r} would reach {position[off.argmax(), j]:.4g} {joint.unit},"
-                f" outside its limits {low:g} to {high:g} {joint.unit}: move the points",
+                f" outside its limits {low:g} to {high:g} {joint.unit}: {remedy}",
                 code="RID-MOTION-LIMIT",
             )

@@ -92,7 +92,7 @@ class TestClock:
         with raises_code(DataQualityError, "RID-IMPORT-UNITS", *names):
             report_of(tmp_path, table)
         table[:, 0] *= 1e6  # nanoseconds that are read as seconds
-        with raises_code(DataQualityError, "RID-IMPORT-UNITS", "unit of time", "1e9"):
+        with raises_code(DataQualityError, "RID-IMPORT-UNITS", "1e9"):
             report_of(tmp_path, table)
 
     def test_the_clock_has_no_finding_if_one_joint_has_a_wrong_unit_or_gear(

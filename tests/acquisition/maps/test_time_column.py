@@ -169,7 +169,7 @@ def test_nanoseconds_of_ten_digits_are_a_damaged_row(tmp_path: Path) -> None:
         (lambda ns: date(ns)[11:], 3, "iso", "unit: iso"),
         (lambda ns: f"11/14/2023 {date(ns)[11:]}", 3, "iso", "unit: iso"),
         (lambda ns: f"14-11-23 {date(ns)[11:]}", 3, "s", "unit: iso"),
-        (lambda ns: repr((ns - int(NS[0])) / 1e9), 3, "ns", "unit of time"),
+        (lambda ns: repr((ns - int(NS[0])) / 1e9), 3, "ns", " ns"),
     ],
 )
 def test_the_refusal_names_the_key_that_reads_such_stamps(

@@ -17,7 +17,7 @@ from acquisition.motion.limits import verify_limits
 from acquisition.motion.motion_file import load_motion
 from acquisition.motion.samples import Phase
 from config.arrays import FloatArray
-from config.errors import ConfigError
+from config.errors import ConfigError, LimitError
 from config.load import load_robot, to_yaml
 from tests.builders.raised_codes import raises_code
 
@@ -215,6 +215,7 @@ def test_a_joint_at_rest_may_have_velocities_of_rounding(tmp_path: Path) -> None
         (";", ",", "utf-16", ""),
         ("\t", ",", "utf-16-le", ""),
         ("; ", ".", "utf-8-sig", ""),
+        (";;", ".", "utf-8", ""),  # one semicolon, and another one at the end of each row
         (" ", ".", "utf-8", "# "),
         ("','", ",", "utf-8", ""),  # quoted below
     ],
@@ -231,7 +232,12 @@ def test_tables_of_spreadsheets_are_read(
 
 
 def _separated(lines: list[str], separator: str) -> list[str]:
-    """Return lines with another separator; with `','`, all cells are in double quotes."""
+    """Return lines with another separator; with `','`, all cells are in double quotes.
+
+    With `;;`, a separator follows the last cell, too.
+    """
+    if separator == ";;":
+        return [f"{line.replace(',', ';')};" for line in lines]
     if separator == "','":
         return [f'"{line.replace(",", "@")}"'.replace("@", '","') for line in lines]
     return [line.replace(",", separator) for line in lines]
@@ -242,6 +248,14 @@ def test_numbers_with_grouped_digits_are_refused_in_a_table(tmp_path: Path) -> N
     text = (tmp_path / "path.csv").read_text().replace(",", ";").replace("\n0.4;", "\n1.000,4;", 1)
     (tmp_path / "path.csv").write_text(text)
     with raises_code(ConfigError, "RID-FILE-NUMBER", "path.csv:"):
+        load_motion(motion)
+
+
+def test_decimal_commas_between_commas_are_named(tmp_path: Path) -> None:
+    motion = planned_csv(tmp_path, VELOCITY_NAMES[0], planned_rows()[1])
+    text = (tmp_path / "path.csv").read_text().replace(".", ",")
+    (tmp_path / "path.csv").write_text(text)
+    with raises_code(ConfigError, "RID-TABLE-INVALID", "path.csv:2: ", "semicolons"):
         load_motion(motion)
 
 
@@ -276,6 +290,7 @@ def test_a_file_without_one_trajectory_is_refused(tmp_path: Path) -> None:
     text = (tmp_path / "file.json").read_text()
     for wrong, details in (
         (text.replace('"points"', '"waypoints"'), ("file.json", "points")),
+        (text.replace('[{"joint_tr', '[{}, {"joint_tr'), ("file.json", "2")),
         (text.replace('"joint_names"', '"names"'), ("file.json", "joint_names")),
         (text.replace('"time_from_start": 0.7', '"time_from_start": "late"'), ("points.2",)),
         (text.replace('"velocities": [0.0, 0.0, -0.0]', '"velocities": []'), ("velocities",)),
@@ -347,3 +362,10 @@ def test_poses_that_an_encoder_does_not_distinguish_are_one(gap: float) -> None:
     last = tuple(value - gap for value in POINTS[3])
     twice = joint_path((*POINTS[:2], near, POINTS[2], last, POINTS[3])).plan(ROBOT, T)
     np.testing.assert_allclose(twice.position, usual.position, atol=1e-9)
+
+
+def test_a_cluster_of_points_beyond_the_resolution_of_encoders_is_named() -> None:
+    near = ((0.4, 0.2, -0.3), (0.400002, 0.2, -0.3), (0.4, 0.200002, -0.3))
+    motion = joint_path(((0.0, 0.0, 0.0), *near, (0.1, 0.5, 0.2)))
+    with raises_code(LimitError, "RID-MOTION-LIMIT", " 2 ", " 3 "):
+        motion.plan(ROBOT, T)
