@@ -24,9 +24,9 @@ from dynamics.model.robot_model import RobotModel
 from dynamics.terms.friction_functions import FRICTION_FUNCTIONS
 from identification.equations.segments import thin_rows
 from identification.equations.time_domain import rows_by_event
-from identification.estimation.fitted_periods import build_model
 from identification.estimation.fitted_signals import FittedSignals, fit_smoothed
 from identification.estimation.options import EstimationOptions
+from identification.model.base_parameters import base_parameters
 from identification.model.torque_columns import torque_structure
 from identification.validation.held_out import (
     LeftOutParts,
@@ -134,15 +134,22 @@ class TermTrial:
         """Condense the equations of the recordings.
 
         Raises:
-            EstimationError: The recordings have less than two parts.
+            EstimationError: The recordings have less than two parts, or every set of candidate
+                terms changes the base parameters.
         """
         part = parts_of_seconds(plain)
         for terms in (tuple(ASKED), tuple(ASKED)[1:]):
             robot = _with_terms(plain.robot, terms)
-            options = replace(plain.options, nonlinear=None)
-            model, base, _, _ = build_model(robot, options)
+            model = replace(plain.options, nonlinear=None).build(robot)
+            base = base_parameters(model, kind=plain.options.kind, still=plain.still)
             if set(plain.base.names) <= set(base.names):  # else an offset acts like gravity
                 break
+        else:
+            raise EstimationError(
+                "the candidate friction terms change the base parameters of the robot; choose the"
+                " terms in the robot file",
+                code="RID-MODEL-TERMS-DIFFER",
+            )
         model, standard = _linearised(plain, model)
         problem = replace(plain.problem, base=base)
         structure = torque_structure(model, base, slopes=True)
@@ -153,8 +160,10 @@ class TermTrial:
         )
         names = (*base.names, *model.nonlinear_names)
         places: dict[tuple[FrictionTerm, str], int] = {}
+        still = {each.joint for each in plain.still}
+        moving = [joint for joint in plain.robot.joints if joint.name not in still]
         for term in terms:
-            for joint in plain.robot.joints:
+            for joint in moving:
                 name = f"{ASKED[term]}_{joint.name}"
                 if term not in joint.friction and name in names:
                     places[term, joint.name] = names.index(name)

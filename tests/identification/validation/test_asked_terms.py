@@ -7,13 +7,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from acquisition.processing.smoothing import smooth_nonperiodic
 from acquisition.recording.recording import Recording
+from config.errors import EstimationError
 from config.robot.friction_terms import FrictionTerm
 from identification.equations.segments import thin_rows
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
+from identification.validation import further_terms
 from identification.validation.further_terms import TermTrial, further_term_findings
 from identification.validation.held_out import held_out_errors
 from identification.validation.robot_terms import with_friction
@@ -64,3 +67,27 @@ def test_condensed_equations_give_the_errors_of_a_fit_with_the_term() -> None:
         full = fit_smoothed(with_friction(robot, [(*CLASSICAL, term)] * 3), signals)
         own = [trial.equations.errors(trial.kept(each)) for each in (None, term)]
         np.testing.assert_allclose(own, held_out_errors(plain, full), rtol=1e-9)
+
+
+def test_a_joint_at_rest_prevents_no_suggestion_for_the_others() -> None:
+    q, v, a = (each.copy() for each in WAY)
+    q[:, 2], v[:, 2], a[:, 2] = 0.3, 0.0, 0.0
+    recording = measured({}, (q, v, a))
+    tau = recording.torque_nm.copy()
+    tau[:, 1] += 15.0
+    (finding,) = suggested_terms(replace(recording, torque_nm=tau))
+    assert "axis2: offset" in finding
+
+
+def test_terms_that_change_the_base_parameters_are_not_tried(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(further_terms, "ASKED", {"cubic": "other"})
+    plain = fit_smoothed(
+        with_friction(arm(), [CLASSICAL] * 3),
+        [thin_rows(smooth_nonperiodic(recording_with_offset(0.0), 10.0))],
+    )
+    renamed = replace(plain.base, names=tuple(f"other_{name}" for name in plain.base.names))
+    with pytest.raises(EstimationError) as caught:
+        TermTrial.of(replace(plain, problem=replace(plain.problem, base=renamed)))
+    assert caught.value.refusal == "RID-MODEL-TERMS-DIFFER"
