@@ -8,20 +8,15 @@ All random numbers come from `seed`. A fault begins at once, or as one of these 
 
 from __future__ import annotations
 
-from typing import Annotated, Final, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
 from config.model import ConfigModel
 from config.ranges import Seed
+from config.simulation.timed_fault import LONGEST_S, MOST, Count, Duration, TimedFault
 
-LONGEST_S: Final = 604_800.0
-MOST: Final = 1_000_000_000
-"""Largest count in a script; `LONGEST_S` is the latest time and the longest duration [s]."""
-
-Duration = Annotated[float, Field(gt=0.0, le=LONGEST_S)]
 Probability = Annotated[float, Field(gt=0.0, le=1.0)]
-Count = Annotated[int, Field(ge=1, le=10_000_000)]
 Identifier = Annotated[int, Field(ge=0, le=0x7FF)]
 FrameKind = Literal[
     "answer",
@@ -34,25 +29,6 @@ FrameKind = Literal[
     "master_heartbeat",
     "any",
 ]
-
-
-class TimedFault(ConfigModel):
-    """Start of a fault.
-
-    Attributes:
-        at_s: Time of the start since the cell was started [s]; give this or `at_cycle`.
-        at_cycle: Number of the SYNC at which the fault starts, counted since the drives were
-            enabled.
-    """
-
-    at_s: Annotated[float, Field(ge=0.0, le=LONGEST_S)] | None = None
-    at_cycle: Annotated[int, Field(ge=1, le=MOST)] | None = None
-
-    @model_validator(mode="after")
-    def _check_start(self) -> TimedFault:
-        if self.at_s is not None and self.at_cycle is not None:
-            raise ValueError("at_s and at_cycle are both given; remove one")
-        return self
 
 
 class FrameFault(TimedFault):

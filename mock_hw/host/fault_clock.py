@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from config.simulation.faults import FaultScript, TimedFault
+from config.simulation.faults import FaultScript
+from config.simulation.timed_fault import TimedFault
 from drivers.canopen.frames import NMT_COB_ID, SYNC_COB_ID, rpdo_cob_id
 from drivers.servo.cia402 import ControlWord
 

@@ -152,8 +152,7 @@ def signals_for_diagnosis(
 
     Args:
         data: The runs; all are periodic, or none.
-        how: Options of the estimate, of which the highest frequency and the lists of runs with a
-            load are used.
+        how: Options of the estimate; the highest frequency and the lists of runs with a load count.
         robot: The robot as its file describes it.
         smoothed: Result of `smoothed_runs` for all runs, if it is known.
     """
