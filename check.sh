@@ -19,7 +19,7 @@ mypy=$!
 if [ $# = 0 ]; then
     lines=$(mktemp -d)
     trap 'rm -rf "$lines"' EXIT
-    # One process compiles the kernels first, because three would each compile all of them; it also parses the sources
+    # One process compiles the kernels first, because several would each compile all of them; it also parses the sources
     # once for all tests of their structure. If the tests are not compiled, it collects, and so compiles, all of them.
     first=(tests/dynamics tests/compensation/online tests/mock_hw/plant tests/mock_hw/amplifier
         tests/config/test_error_codes.py tests/guards tests/test_*.py)
@@ -30,7 +30,8 @@ if [ $# = 0 ]; then
     fi
     set -- --durations 20 "${first[@]/#/--ignore=}"
 fi
-tests -n 3 --dist loadfile --no-loadscope-reorder "$@"
+# Five processes on two cores, because many tests wait for simulated drives, heartbeats and other programs.
+tests -n 5 --dist loadfile --no-loadscope-reorder "$@"
 wait $pyright
 wait $mypy
 [ -z "$lines" ] || step $bin/python -m tests.builders.measured_lines "$lines" --worst 20
