@@ -126,7 +126,7 @@ def test_a_following_error_window_that_is_disabled_in_the_drive_is_refused(
     counts_per_rad = 4096 * 100 / (2.0 * math.pi)
     off = 0xFFFF_FFFF / counts_per_rad
     bench = make_bench(with_numbers(cell, following_error_rad=off))
-    with raises_code(PreflightError, "RID-PREFLIGHT-RED", "rest after a fault"):
+    with raises_code(PreflightError, "RID-PREFLIGHT-RED", "monitor"):
         bench.axes.bring_up()
 
 
