@@ -212,7 +212,7 @@ def test_a_failed_verdict_is_certified_as_failed_and_gives_no_load_data(tmp_path
     text = page_text(certificate_of(failed.folder, None))
     assert "Failed: interval of the mass (2σ)" in text
     assert "Passed" not in text
-    assert "No load data: the verdict is not passed." in text
+    assert "No load data: the payload has not passed the verdict." in text
     assert "principal moment" not in text
 
 
