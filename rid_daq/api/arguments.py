@@ -196,7 +196,7 @@ def as_motion(
 def refuse_far_positions(
     robot: RobotDescription, position: FloatArray, most_rows: float = 0.0
 ) -> None:
-    """Refuse positions that are probably in another unit, such as degrees.
+    """Refuse positions that are probably in another unit, such as degrees, or have another zero.
 
     Args:
         robot: The robot that has the positions.
@@ -212,7 +212,8 @@ def refuse_far_positions(
         if len(far) > most_rows * len(values):
             raise ConfigError(
                 f"position of {joint.name}: {far[0]:.4g} {joint.unit} is far beyond its limits,"
-                f" {low:.4g} and {high:.4g} {joint.unit}; give positions in {joint.unit}",
+                f" {low:.4g} and {high:.4g} {joint.unit}; give positions in {joint.unit}, from the"
+                " zero of the robot description",
                 code=ARGUMENT,
             )
 
