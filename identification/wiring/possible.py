@@ -1,4 +1,8 @@
-"""`keeps_limits`: check that a corrected motion and its torques are within the joints' limits."""
+"""Check that a corrected motion and its torques are possible, and that the correction is testable.
+
+`keeps_limits` compares them with the joints' limits. `keeps_torques` requires that the correction
+does not remove torques from the fit.
+"""
 
 from __future__ import annotations
 
@@ -48,6 +52,24 @@ def keeps_limits(mistake: Mistake, stated: WiredSignals, undone: WiredSignals) -
         return False
     right_outside = _distance_outside_limits(stated.robot, right_q)
     return bool(np.all((right_outside <= BEYOND_TRAVEL) | (right_outside <= outside + 1e-9)))
+
+
+def keeps_torques(mistake: Mistake, stated: WiredSignals, undone: WiredSignals) -> bool:
+    """Return False if the fit is better only because a varying torque is no longer part of it.
+
+    The torque of a joint at rest is not fitted, because its friction is unknown. A wrong order can
+    assign a joint's torque to a joint at rest, and its constant torque to the joint that moves;
+    every robot can explain that. Such a correction counts only if the torque that enters the fit
+    varies at least as much as the one that leaves it.
+
+    Args:
+        mistake: The mistake to correct.
+        stated, undone: Signals with the mistake, and with the mistake corrected.
+    """
+    used = (mistake.torque != 0.0)[undone.moving].any(axis=0)
+    lost, gained = stated.moving & ~used, used & ~stated.moving
+    spread = stated.torque_nm.std(axis=0)
+    return float(spread[gained].max(initial=0.0)) >= float(spread[lost].max(initial=0.0))
 
 
 def _limits_kept(

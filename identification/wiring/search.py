@@ -14,7 +14,7 @@ from identification.wiring.fine_search import find_fine_mistake, table_mistake
 from identification.wiring.golden_section import golden_section
 from identification.wiring.gravity import GravitySearch
 from identification.wiring.mistakes import Mistake, MistakeKind, zero_mistake
-from identification.wiring.possible import keeps_limits
+from identification.wiring.possible import keeps_limits, keeps_torques
 from identification.wiring.scale import wrong_quantity, wrong_scale
 from identification.wiring.signals import WiredSignals
 from identification.wiring.trial import CondensedEquations, WiringTrial, plain_model
@@ -168,7 +168,7 @@ def _best_common_mistake(
         if mistake.kind is MistakeKind.POSITION_OFFSET:
             mistake = _best_zero(signals, mistake, SCREENED_RAD)
         undone = mistake.correct(signals)
-        if not keeps_limits(mistake, signals, undone):
+        if not (keeps_limits(mistake, signals, undone) and keeps_torques(mistake, signals, undone)):
             continue
         condensed = CondensedEquations.of(undone) if mistake.moves else stated
         torque = still if mistake.moves else mistake.torque

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from acquisition.hold_to_run.line import HoldLine
+from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
 
-REST_ROWS = 10
+REST_ROWS: Final = 10
+LARGEST_STEP: Final = 100.0
+"""Change of the counts in one row, in usual changes, from which the counter has wrapped."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +62,7 @@ class AxisMotion:
         moving = np.flatnonzero(rows["target_velocity"][:, number])
         first, last = (0, 0) if not len(moving) else (int(moving[0]), int(moving[-1]) + 1)
         target, position = rows["target_position"][:, number], rows["position"][:, number]
-        counts = np.unwrap(rows["position_counts"][:, number].astype(float), period=2.0**32)
+        counts = _unwrapped_counts(rows["position_counts"][:, number].astype(float), position)
         before, after = slice(max(0, first - REST_ROWS), first + 1), slice(-REST_ROWS, None)
         moved = float(position[after].mean() - position[before].mean())
         increments = float(counts[after].mean() - counts[before].mean())
@@ -83,3 +86,19 @@ def travelled_fraction(line: HoldLine, rows: NDArray[Any], number: int) -> float
     """Return the fraction of a path that the set-points of an axis have travelled."""
     target = rows["target_position"][:, number]
     return float((target[-1] - target[0]) / (line.goal[number] - line.start[number]))
+
+
+def _unwrapped_counts(counts: FloatArray, position: FloatArray) -> FloatArray:
+    """Return the counts without the wraps of the drive's counter (at 32 bits, or by 607Bh).
+
+    Args:
+        counts: Shape (rows,). Increments as received.
+        position: Shape (rows,). Position of the joint, without wraps [rad or m].
+    """
+    steps, moved = np.diff(counts), np.diff(position)
+    changes = np.abs(steps[steps != 0.0])
+    usual = np.abs(steps) <= LARGEST_STEP * np.median(changes) if len(changes) else steps == 0.0
+    size = float(moved[usual] @ moved[usual])
+    scale = float(steps[usual] @ moved[usual]) / size if size else 0.0
+    steps[~usual] = np.rint(scale * moved[~usual])
+    return np.concatenate([counts[:1], counts[:1] + np.cumsum(steps)])

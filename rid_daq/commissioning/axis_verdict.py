@@ -83,7 +83,8 @@ def check_axis_motion(
             ratios show which one: R1, the integral of the commanded velocity over the measured
             displacement, and R2, the observed over the measured displacement. A wrong velocity
             unit changes only R1. A wrong gear ratio changes only R2. A wrong encoder resolution
-            changes R1 and R2 by the same factor (only R2 if velocities are in increments).
+            changes R1 and R2 by the same factor (only R2 if velocities are in increments). A
+            drive in a position mode has no velocity unit; its R1 is 1 if it follows its set-points.
     """
     problems = _wrong_joint(motion, observed, cell)
     if not problems:
@@ -147,6 +148,13 @@ def _wrong_scale(
         ]
     command = abs(motion.command_ratio)
     seen_ratio = abs(observed.amount / motion.measured)
+    if servo.by_position and not _is_near_one(command):
+        return [
+            f"commanded {motion.signed_text(motion.commanded)}, measured by the drive"
+            f" {motion.signed_text(motion.measured)}, seen {motion.size_text(observed.amount)}; the"
+            " drive receives positions and does not reach them: check that 607Ah and 6064h have the"
+            " same unit in the drive, and its position loop and brake."
+        ]
     if not _is_near_one(command) and _is_near_one(seen_ratio):
         units = servo.velocity_units * command
         # the axis's own velocity_unit replaces that of its servo profile

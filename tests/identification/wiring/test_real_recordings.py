@@ -84,3 +84,19 @@ def test_no_torque_factor_is_proposed_if_the_estimated_weight_is_noise(
     assert not weight.is_plausible
     assert abs(weight.share) < 2.0 * weight.sigma
     assert [each.mistake.kind for each in find_mistakes(signals)] == [MistakeKind.KINEMATICS]
+
+
+@pytest.mark.parametrize("still", [(0,), (4, 5)])
+def test_the_torque_of_a_joint_at_rest_is_not_exchanged_with_another(
+    real_robot: Path, still: tuple[int, ...]
+) -> None:
+    signals = of_ur10e(real_robot, *SOUND[1])
+    q, v, a, torque_nm, moving = (
+        getattr(signals, name).copy()
+        for name in ("position", "velocity", "acceleration", "torque_nm", "moving")
+    )
+    for j in still:
+        q[:, j], v[:, j], a[:, j], torque_nm[:, j], moving[j] = 0.5, 0.0, 0.0, 1.0, False
+    at_rest = WiredSignals(signals.robot, q, v, a, torque_nm, moving)
+    found = [each.mistake for each in find_mistakes(at_rest, fine=False)]
+    assert [each.joints for each in found if each.kind is MistakeKind.TORQUE_ORDER] == []

@@ -82,6 +82,15 @@ def test_the_velocity_unit_is_named_at_the_axis_if_it_is_there() -> None:
     assert "is not in rpm, correct axes, axis2: velocity_unit" in found
 
 
+@pytest.mark.parametrize("seen", [-2.05, -0.2])
+def test_no_velocity_unit_is_named_for_a_drive_that_receives_positions(seen: float) -> None:
+    far = replace(MOTION, command_ratio=0.2)
+    servo = ServoProfile(mode="cyclic_position")
+    found = problems(ObservedMotion("axis2", seen), far, with_servo(servo))
+    assert "607Ah" in found
+    assert "velocity_unit" not in found
+
+
 def test_two_wrong_scales_name_all_candidate_keys() -> None:
     both = replace(MOTION, command_ratio=10.0)
     found = problems(ObservedMotion("axis2", -8.0), both)

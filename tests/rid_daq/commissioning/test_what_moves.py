@@ -170,6 +170,20 @@ def test_an_axis_motion_contains_distance_and_encoder_counts() -> None:
     assert moved.increments_per_rev == pytest.approx(PER_REV, rel=1e-3)
 
 
+@pytest.mark.parametrize(("lowest", "size"), [(0, 500_000), (-(2**31), 2**32)])
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_increments_are_counted_over_a_wrap_of_the_counter(
+    lowest: int, size: int, way: float
+) -> None:
+    rows = axis_test_rows(way * math.radians(2.0))
+    counted = AxisMotion.of(rows, ROBOT, 1).counts
+    start = size - 500 if way > 0.0 else 500
+    shown = (rows["position_counts"][:, 1].astype(np.int64) + start) % size + lowest
+    rows["position_counts"][:, 1] = shown
+    assert np.abs(np.diff(shown)).max() > size // 2
+    assert AxisMotion.of(rows, ROBOT, 1).counts == pytest.approx(counted, abs=1)
+
+
 def test_the_command_share_shows_a_drive_that_moves_ten_times_too_far() -> None:
     moved = AxisMotion.of(axis_test_rows(math.radians(20.0), told_rad=math.radians(2.0)), ROBOT, 1)
     assert moved.commanded == pytest.approx(2.0)
