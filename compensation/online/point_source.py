@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -384,12 +384,16 @@ def buffer_points(buffer_s: float, cycle_time_s: float) -> int:
 def compile_stage(feedforward: OnlineFeedforward) -> None:
     """Compile or load the kernels, so that the cyclic task begins without delay.
 
+    numba compiles a kernel again for arrays that are read-only. The arrays here are those that the
+    cyclic task receives: copies, which can be written.
+
     Args:
         feedforward: Data of any robot; the compiled code is the same for all robots.
     """
-    axes = np.array(feedforward.axes)
+    copied = copy.deepcopy(feedforward)
+    axes = copied.axes
     axes[path.TORQUE] = np.inf
     ring = PointRing.create(axes.shape[1], FEWEST_NODES)
     ring.write(np.tile(0.5 * (axes[path.LOW] + axes[path.HIGH]), (FEWEST_NODES, 1)))
     ring.end()
-    PointSource(replace(feedforward, axes=axes), ring).prepare()
+    PointSource(copied, ring).prepare()
