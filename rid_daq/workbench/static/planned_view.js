@@ -29,23 +29,27 @@ function showPlan(section, getMotion) {
   const replacing = newest();
 
   let last = null; // the newest live pose, or the newest pose at rest
+  let chosen = null; // the pose chosen by the user, shown until there is a motion or a live pose
   let filesHash = ""; // hash of the cell's files for which the motion was requested
 
   // a live pose replaces the planned one; without live data, the planned motion remains
   followPose({
     show(pose) {
       last = pose;
-      if (pose.kind === "live") player.pause();
+      if (pose.kind === "live") {
+        player.pause();
+        chosen = null;
+      }
       player.controls.hidden = pose.kind === "live" || player.motion === null;
       player.nearest.hidden = pose.kind === "live";
-      if (pose.kind === "live" || player.motion === null) view.show(pose);
+      if (pose.kind === "live" || player.motion === null) view.show(chosen ?? pose);
       else if (view.state.dataset.kind === "live") player.seek(player.time);
     },
   });
 
   function close() {
     player.open(null);
-    if (last !== null) view.show(last);
+    if (chosen ?? last) view.show(chosen ?? last);
   }
 
   // Load and show the motion. The present picture is removed at once, or, if the motion is the same, when the answer arrives.
@@ -57,6 +61,7 @@ function showPlan(section, getMotion) {
       const found = await getMotion(signal);
       if (found === null) return;
       filesHash = found.files_hash;
+      chosen = null;
       player.open(found);
     } catch (error) {
       if (!signal.aborted) refuse(`The motion cannot be shown: ${error.message}`);
@@ -82,7 +87,8 @@ function showPlan(section, getMotion) {
   });
   const showPose = (position) => {
     player.pause();
-    view.show({ position, words: "CHOSEN POSE, NO LIVE DATA", kind: "planned" });
+    chosen = { position, words: "CHOSEN POSE, NO LIVE DATA", kind: "planned" };
+    view.show(chosen);
   };
   return { reload, refuse, showPose, side: view.side, knownPose: () => last?.position ?? null };
 }

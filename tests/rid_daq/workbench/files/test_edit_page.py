@@ -174,6 +174,14 @@ def test_a_motion_is_made_by_clicks_and_seen_before_it_is_saved(
     page.locator("#pose-0").fill("20,5")  # with a decimal comma
     page.locator("#pose-0").press("Tab")
     expect(page.locator(".view-parts tbody tr").first).to_contain_text("20.5 °")
+    refused = page.locator("p.clearance.problem")  # one pose is no motion yet
+    expect(refused).to_be_visible()
+    refused.evaluate("place => place.replaceChildren()")
+    page.get_by_role("button", name="Replace pose 1").click()
+    expect(refused).not_to_be_empty()  # the new text is refused too
+    expect(page.locator(".view-parts tbody tr").first).to_contain_text("20.5 °")
+    page.locator("#pose-0").fill("-10")
+    page.locator("#pose-0").press("Tab")
     page.locator("#pose-1").fill("99")
     page.locator("#pose-1").press("Tab")
     expect(page.locator("#pose-1-problem")).to_contain_text("-80 to 57")
@@ -184,11 +192,11 @@ def test_a_motion_is_made_by_clicks_and_seen_before_it_is_saved(
     page.locator("#pose-kind").select_option("path")
     expect(page.locator("#text")).to_have_value(re.compile("start_m"))
     page.get_by_role("button", name="Earlier pose 2").click()
-    expect(page.locator("#pose-list li").first).to_contain_text("20.5 °")
+    expect(page.locator("#pose-list li").first).to_contain_text("-10.0 °")
     expect(page.locator("#save")).to_be_enabled()
     page.locator("#save").click()
     page.get_by_role("link", name="Record this motion").click()
     expect(page.locator("#motion")).to_have_value("clicked.yaml")
     page.get_by_role("link", name="Edit this motion").click()
     expect(page.locator("#pose-kind")).to_have_value("path")
-    expect(page.locator("#pose-list li").first).to_contain_text("20.5 °")
+    expect(page.locator("#pose-list li").first).to_contain_text("-10.0 °")
