@@ -14,9 +14,7 @@ from compensation.ramped_load import RampedLoad, without_periods
 from config.errors import ConfigError
 from config.formats.approved_files import sha256_of
 from identification.estimation.estimate import Estimate
-from identification.payload.file import payload_content
 from rid_daq.operations.stated_payload import (
-    BODIES,
     LoadedModel,
     load_content,
     model_with_content,
@@ -155,8 +153,6 @@ def read_stated_changes(path: Path) -> StatedChanges:
         if change.payload not in (NO_PAYLOAD, PAYLOAD_OF_MODEL):
             file = path.expanduser().parent / change.payload
             content = load_content(file)
-            if not content.startswith(BODIES):
-                payload_content(content, file)
             change = change.model_copy(update={"payload": sha256_of(content)})
         # only runs contain what was observed
         change = change.model_copy(update={"came_s": None, "outcome": None})

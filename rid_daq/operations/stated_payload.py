@@ -27,7 +27,7 @@ from rid_daq.operations.cell_files import refuse_other_robot
 from rid_daq.terminal.choices import NO_PAYLOAD, PAYLOAD, PAYLOAD_OF_MODEL
 
 YAML: Final = (".yaml", ".yml")
-BODIES: Final = b'{"carried": '
+_BODIES: Final = b'{"carried": '
 """Start of the content of known bodies; a payload file does not begin with it."""
 
 
@@ -94,19 +94,20 @@ def state_payload(
 
 
 def load_content(path: Path) -> bytes:
-    """Return the content of a payload file, or of a file of known bodies as JSON.
+    """Return the valid content of a payload file, or of a file of known bodies as JSON.
 
     Args:
         path: A payload file of `payload identify`, or a YAML file with the key `bodies`.
 
     Raises:
-        ConfigError: The file is missing, or its bodies are invalid.
+        ConfigError: The file is missing or invalid.
     """
     content = read_content(path, LARGEST_FILE_BYTES)
-    if path.suffix not in YAML:
-        return content
-    carried = validate(parse_yaml(content, str(path)), CarriedBodies)
-    return BODIES + carried.model_dump_json().encode() + b"}"
+    if path.suffix in YAML:
+        carried = validate(parse_yaml(content, str(path)), CarriedBodies)
+        return _BODIES + carried.model_dump_json().encode() + b"}"
+    payload_content(content, path)
+    return content
 
 
 def model_with_content(estimate: Estimate, content: bytes, path: Path) -> Estimate:
@@ -121,9 +122,9 @@ def model_with_content(estimate: Estimate, content: bytes, path: Path) -> Estima
         ConfigError: The content is invalid, or belongs to another robot.
         EstimationError: As raised by `state_payload`.
     """
-    if not content.startswith(BODIES):
+    if not content.startswith(_BODIES):
         return model_with_payload(estimate, payload_content(content, path), path)
-    carried = CarriedBodies.model_validate_json(content[len(BODIES) : -1])
+    carried = CarriedBodies.model_validate_json(content[len(_BODIES) : -1])
     refuse_missing_link(path, carried.bodies, estimate.robot)
     return carry_bodies(estimate, carried.bodies)
 
