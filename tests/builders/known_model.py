@@ -100,6 +100,12 @@ def with_payload_columns(alone: Estimate, kind: ModelKind = "internal") -> Estim
     )
 
 
+def joint_path(*poses: list[float]) -> str:
+    """Return a motion file of `ir361`: a curve through poses [rad] at 0.3 of the speed limits."""
+    rows = "".join(f"- {pose}\n" for pose in poses)
+    return f"kind: joint_path\nrobot: ir361\nspeed_fraction: 0.3\npoints:\n{rows}"
+
+
 def write_path_files(folder: Path, path: str) -> None:
     """Write the files with which a path of `ir361` is compensated.
 

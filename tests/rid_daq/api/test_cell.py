@@ -11,20 +11,13 @@ import pytest
 from config.errors import ConfigError, LockedError, RidDaqError
 from rid_daq.api import Cell, Model, Motion, Payload, compensate, design, identify
 from rid_daq.service.sockets import socket_path_of
-from tests.builders.known_model import write_path_files
+from tests.builders.known_model import joint_path, write_path_files
 from tests.builders.raised_codes import raises_code
 from tests.rid_daq.service.conftest import serving
 
 pytestmark = pytest.mark.slow
 
-PATH = """
-kind: joint_path
-robot: ir361
-speed_fraction: 0.3
-points:
-- [0.0, 0.0, 0.0]
-- [0.2, 0.1, -0.2]
-"""
+PATH = joint_path([0.0, 0.0, 0.0], [0.2, 0.1, -0.2])
 
 
 @pytest.fixture(scope="module")

@@ -7,55 +7,29 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from config.load import load_cell
-from dynamics.model.robot_model import RobotModel
-from dynamics.model.true_parameters import true_parameters
 from identification.estimation.file import read_estimate, write_estimate
-from identification.payload.body import PayloadBody
 from rid_daq.app import run
 from rid_daq.operations.stated_loads import state_loads
 from rid_daq.operations.stated_payload import state_payload
 from tests.builders.identified_run import arm_in_motion, identified_run
 from tests.builders.json_output import document
-from tests.builders.known_model import write_path_files
+from tests.builders.known_body import bodies_text, link_parameters
+from tests.builders.known_model import joint_path, write_path_files
 
 SHARE = 0.4  # of link 2: the body of the loaded run
-SYMBOLS = ("m", "sx", "sy", "sz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
-LINK_2 = tuple(f"{symbol}2" for symbol in SYMBOLS)
-PATH = """
-kind: joint_path
-robot: ir361
-speed_fraction: 0.3
-points:
-- [0.0, 0.0, 0.0]
-- [0.4, 0.3, -0.4]
-"""
-
-
-def bodies_text(link: int = 2, mass_sigma_kg: float = 0.0) -> str:
-    """Return a file with a body that has `SHARE` of link 2's parameters."""
-    cell = load_cell("ir361")
-    assert cell.plant is not None
-    model = RobotModel.from_description(cell.robot)
-    values = np.array(true_parameters(model, cell.robot, cell.plant))
-    at = [model.parameter_names.index(name) for name in LINK_2]
-    mass, x, y, z, *inertia = PayloadBody.of_parameters(SHARE * values[at]).reported
-    return (
-        f"bodies:\n  weight: {{link: {link}, mass_kg: {mass:.12g}, mass_sigma_kg: {mass_sigma_kg},"
-        f" centre_m: {[float(x), float(y), float(z)]},"
-        f" inertia_kg_m2: {[float(each) for each in inertia]}}}\n"
-    )
+LINK_2 = link_parameters(2)
+BODIES = bodies_text("weight", 2, SHARE)
 
 
 @pytest.fixture(scope="module")
 def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a model, a run with a body on link 2, and a file of this body."""
     root = tmp_path_factory.mktemp("bodies")
-    write_path_files(root, PATH)
+    write_path_files(root, joint_path([0.0, 0.0, 0.0], [0.4, 0.3, -0.4]))
     arm = arm_in_motion()
     write_estimate(root / "model.json", identified_run(root / "runs", arm, "empty", 1))
     identified_run(root / "runs", arm, "loaded", 3, **dict.fromkeys(LINK_2, 1.0 + SHARE))
-    (root / "bodies.yaml").write_text(bodies_text())
+    (root / "bodies.yaml").write_text(BODIES)
     return root
 
 
@@ -77,7 +51,7 @@ def test_a_run_with_a_body_on_an_inner_link_is_predicted(
 
 def test_an_uncertain_mass_widens_the_intervals(root: Path, tmp_path: Path) -> None:
     model = read_estimate(root / "model.json")
-    (tmp_path / "weighed.yaml").write_text(bodies_text(mass_sigma_kg=0.5))
+    (tmp_path / "weighed.yaml").write_text(bodies_text("weight", 2, SHARE, mass_sigma_kg=0.5))
     exact, weighed = (
         state_payload(model, "model.json", str(file), root / "runs")
         for file in (root / "bodies.yaml", tmp_path / "weighed.yaml")
@@ -116,9 +90,9 @@ def test_bodies_are_taken_up_during_a_motion(root: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "code"),
     [
-        (bodies_text(link=4), "RID-ROBOT-OTHER"),
+        (bodies_text("weight", 2, SHARE, on_link=4), "RID-ROBOT-OTHER"),
         ("bodies: {}\n", "RID-FILE-VALUE"),
-        (bodies_text() + "loads:\n- {run: loaded, bodies: [weight]}\n", "RID-FILE-VALUE"),
+        (BODIES + "loads:\n- {run: loaded, bodies: [weight]}\n", "RID-FILE-VALUE"),
     ],
 )
 def test_bodies_that_do_not_fit_are_refused(

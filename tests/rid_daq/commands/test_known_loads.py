@@ -11,31 +11,19 @@ import pytest
 from config.load import load_cell
 from dynamics.model.robot_model import RobotModel
 from dynamics.model.true_parameters import true_parameters
-from identification.payload.body import PayloadBody
 from rid_daq.app import run
 from tests.builders.identified_run import arm_in_motion, identified_run
 from tests.builders.json_output import document
+from tests.builders.known_body import bodies_text, link_parameters
 
 SHARE = 0.4  # of link 3: the body of the loaded runs
-LINK_3 = tuple(
-    f"{symbol}3" for symbol in ("m", "sx", "sy", "sz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
-)
+LINK_3 = link_parameters(3)
 
 
 def loads_text(mass_sigma_kg: float, *runs: str) -> str:
     """Return a load file: in `runs`, link 3 carries a body with `SHARE` of link 3's parameters."""
-    cell = load_cell("ir361")
-    assert cell.plant is not None
-    model = RobotModel.from_description(cell.robot)
-    values = true_parameters(model, cell.robot, cell.plant)
-    at = [model.parameter_names.index(name) for name in LINK_3]
-    mass, x, y, z, *inertia = PayloadBody.of_parameters(SHARE * np.array(values)[at]).reported
     loads = "\n".join(f"- {{run: {name}, bodies: [disc]}}" for name in runs)
-    return (
-        f"bodies:\n  disc: {{link: 3, mass_kg: {mass:.12g}, mass_sigma_kg: {mass_sigma_kg},"
-        f" centre_m: {[float(x), float(y), float(z)]},"
-        f" inertia_kg_m2: {[float(each) for each in inertia]}}}\nloads:\n{loads}\n"
-    )
+    return bodies_text("disc", 3, SHARE, mass_sigma_kg=mass_sigma_kg) + f"loads:\n{loads}\n"
 
 
 @pytest.fixture(scope="module")

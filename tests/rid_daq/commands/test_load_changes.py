@@ -27,18 +27,10 @@ from rid_daq.session.scenario import Scenario, constant_load_notes, load_transfe
 from tests.builders.certified import MEDIUM, write_payload_file
 from tests.builders.identified_run import arm_in_motion, identified_run
 from tests.builders.json_output import document
-from tests.builders.known_model import write_path_files
+from tests.builders.known_model import joint_path, write_path_files
 from tests.builders.raised_codes import raises_code, raises_invalid
 
-PATH = """
-kind: joint_path
-robot: ir361
-speed_fraction: 0.3
-points:
-- [0.0, 0.0, 0.0]
-- [0.4, 0.3, -0.4]
-- [0.0, 0.2, 0.3]
-"""
+PATH = joint_path([0.0, 0.0, 0.0], [0.4, 0.3, -0.4], [0.0, 0.2, 0.3])
 CHANGES = """
 changes:
 - {at_s: 1.0, payload: payload.json, ramp_s: 0.1, simulated: {payload: tool}}

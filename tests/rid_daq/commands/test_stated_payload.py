@@ -23,21 +23,12 @@ from rid_daq.app import run
 from tests.builders.certified import estimate_of, write_payload_file
 from tests.builders.identified_run import arm_in_motion, identified_run
 from tests.builders.json_output import document
-from tests.builders.known_model import with_payload_columns, write_path_files
+from tests.builders.known_body import link_parameters
+from tests.builders.known_model import joint_path, with_payload_columns, write_path_files
 
-CIRCLE = """
-kind: joint_path
-robot: ir361
-speed_fraction: 0.3
-points:
-- [0.0, 0.0, 0.0]
-- [0.4, 0.3, -0.4]
-- [0.0, 0.2, 0.3]
-"""
+CIRCLE = joint_path([0.0, 0.0, 0.0], [0.4, 0.3, -0.4], [0.0, 0.2, 0.3])
 SHARE = 0.3  # of link 3: the payload of the recorded runs
-LINK_3 = tuple(
-    f"{symbol}3" for symbol in ("m", "sx", "sy", "sz", "Ixx", "Ixy", "Ixz", "Iyy", "Iyz", "Izz")
-)
+LINK_3 = link_parameters(3)
 
 
 @pytest.fixture(scope="module")
