@@ -41,8 +41,6 @@ from rid_daq.operations.experiment.imported_runs import import_files
 from rid_daq.runs.run_data import RunData, all_defects
 
 MAP = "map.yaml"
-DAMAGED_ROWS = 0.02
-"""Largest fraction of damaged rows, as an import map permits it by default."""
 
 
 class TemporaryFolder:
@@ -121,7 +119,6 @@ class Recording:
                     code="RID-API-ARGUMENT",
                 )
             columns += list(table.T)
-        refuse_far_positions(robot.description, np.column_stack(columns[1 : 1 + n]), DAMAGED_ROWS)
         joints = tuple(
             ImportJoint(
                 joint=joint,
@@ -134,6 +131,8 @@ class Recording:
         own = {"name": "arrays", "robot": "robot.yaml", "columns": len(columns), "torques": torques}
         time = TimeColumn(column=0, unit="s")
         layout = validated(ImportMap, {**own, "time": time, "joints": joints, "period_s": period_s})
+        measured = np.column_stack(columns[1 : 1 + n])
+        refuse_far_positions(robot.description, measured, layout.left_out_limit)
         with tempfile.TemporaryDirectory(prefix="rid-daq-") as folder:
             file = Path(folder) / f"{name}.csv"
             np.savetxt(file, np.column_stack(columns), fmt="%.17g", delimiter=",")
