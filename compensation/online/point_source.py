@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -390,10 +391,10 @@ def compile_stage(feedforward: OnlineFeedforward) -> None:
     Args:
         feedforward: Data of any robot; the compiled code is the same for all robots.
     """
-    copied = copy.deepcopy(feedforward)
+    copied = copy.deepcopy(replace(feedforward, signals=None))
     axes = copied.axes
     axes[path.TORQUE] = np.inf
     ring = PointRing.create(axes.shape[1], FEWEST_NODES)
     ring.write(np.tile(0.5 * (axes[path.LOW] + axes[path.HIGH]), (FEWEST_NODES, 1)))
     ring.end()
-    PointSource(copied, ring).prepare()
+    PointSource(replace(copied, signals=feedforward.signals), ring).prepare()
