@@ -61,7 +61,16 @@ def interpolation_period(cycle_time_ms: float) -> tuple[int, int] | None:
 
 
 def nearest_periods(cycle_time_ms: float) -> tuple[float, float]:
-    """Return the next shorter and longer cycle time [ms] that 60C2h represents."""
-    step = 0.1 if cycle_time_ms < 25.5 else 1.0
-    below = int(cycle_time_ms / step)
-    return _plain(round(below * step, 1)), _plain(round((below + 1) * step, 1))
+    """Return the next shorter and longer cycle time [ms] that 60C2h represents.
+
+    Args:
+        cycle_time_ms: A cycle time [ms] that no mantissa represents, from 1 to 100.
+    """
+    shorter, longer = [], []
+    for power in _POWERS:
+        step_ms = 10.0 ** (3 + power)
+        mantissa = int(cycle_time_ms / step_ms)
+        shorter.append(min(mantissa, _LARGEST) * step_ms)
+        if mantissa < _LARGEST:
+            longer.append((mantissa + 1) * step_ms)
+    return _plain(round(max(shorter), 3)), _plain(round(min(longer), 3))

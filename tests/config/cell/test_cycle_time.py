@@ -66,6 +66,13 @@ def test_the_proposed_cycle_times_can_be_written(cycle_ms: float) -> None:
     assert interpolation_period(above) is not None
 
 
+@pytest.mark.parametrize(
+    ("cycle_ms", "nearest"), [(25.55, (25.5, 26)), (2.542, (2.54, 2.55)), (2.551, (2.55, 2.6))]
+)
+def test_no_nearer_cycle_time_can_be_written(cycle_ms: float, nearest: tuple[float, float]) -> None:
+    assert nearest_periods(cycle_ms) == nearest
+
+
 @pytest.mark.parametrize(("period_s", "cycle_ms"), [(0.008, 8), (0.006667, 6.667), (0.0067, 6.7)])
 def test_a_period_is_stated_in_microseconds(period_s: float, cycle_ms: float) -> None:
     assert as_milliseconds(period_s) == cycle_ms
