@@ -15,7 +15,7 @@ from config.arrays import FloatArray
 ROUNDED_M: Final = 1e-4
 """Points are rounded to this length, and the radius is rounded up to it."""
 THINNEST_M: Final = 1e-3
-"""A set of points that is thinner than this is made this thick [m]."""
+"""A set of points that is thinner than this is made thicker by this length [m]."""
 _TOUCH_M: Final = 1e-6
 
 

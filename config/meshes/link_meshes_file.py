@@ -43,7 +43,7 @@ def unpack_link_meshes(content: bytes, name: str) -> tuple[Mesh, ...]:
         ConfigError: The bytes are not such a file, or a number in them is impossible.
     """
     if not content.startswith(_HEAD):
-        raise ConfigError(f"{name}: is not a file with link meshes", code=CODE)
+        raise ConfigError(f"{name} is not a file with link meshes", code=CODE)
     reader = _Reader(content, len(_HEAD), name)
     (count,) = reader.take(_NUMBER, 1).tolist()
     sizes = reader.take(_NUMBER, 2 * count).reshape(-1, 2).tolist()

@@ -219,7 +219,9 @@ class Joint(Derived):
 
 
 class GravitySpring(ConfigModel):
-    """A gravity-compensation spring across one joint (3.36-3.38); at angle zero the link points up.
+    """A gravity-compensation spring across one joint (theory: equations 3.36 to 3.38).
+
+    At angle zero the link points up.
 
     Attributes:
         joint: Name of the joint.

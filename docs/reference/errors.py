@@ -24,7 +24,7 @@ HEAD: Final = """# Error codes
 
 Every error message ends with a code in brackets, such as `[RID-FILE-READ]`. The same code is the
 value of `code` in the `--json` document and in the service's answers. All errors with the same code
-have the same remedy. A code does not change if its message is worded differently. For example,
+have the same remedy. A code does not change if its message is worded differently.
 `rid-daq docs RID-FILE-READ` prints the entry of this code, without a browser or a network.
 
 The examples are the messages of the program, with … instead of the values in them.

@@ -30,7 +30,7 @@ def nonlinear_slopes(
         conditions: Conditions of the motion; `load_nm` is required if gears have losses.
 
     Returns:
-        Shape (samples, n, parameters).
+        Shape (samples, n, nonlinear parameters), in the order of `model.nonlinear_names`.
 
     Raises:
         EstimationError: A shape does not fit the model, or the load is missing.

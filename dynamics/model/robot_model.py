@@ -144,7 +144,7 @@ class RobotModel:
 
     @property
     def nonlinear_bounds(self) -> FloatArray:
-        """Lowest and highest allowed values of the nonlinear parameters, (parameters, 2)."""
+        """Lowest and highest allowed values of the nonlinear parameters, one row each."""
         return np.array([(p.low, p.high) for p in self._nonlinear]).reshape(-1, 2)
 
     @property

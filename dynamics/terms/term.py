@@ -88,8 +88,8 @@ class NonlinearTerm(Protocol):
     def nonlinear_slopes(self, motion: TermMotion, coefficients: FloatArray) -> FloatArray:
         """Return the derivatives of the torque with respect to the nonlinear parameters.
 
-        The shape is (samples, n, parameters). `coefficients` are the values of the term's linear
-        parameters, one per column.
+        The shape is (samples, n, nonlinear parameters). `coefficients` are the values of the
+        term's linear parameters, one per column.
         """
 
     @property

@@ -102,7 +102,7 @@ class ConsistencyTest:
         """Text with the result and the largest violations by single parameters."""
         p = f"p = {self.p_value:.2g}" if self.p_value >= SHOWN_P else f"p < {SHOWN_P:g}"
         if self.is_consistent:
-            return f"The parameters are physically consistent ({p}): {self._largest}."
+            return f"The parameters do not contradict a possible robot ({p}): {self._largest}."
         if self.refuted:
             parts = [f"{v.expression} is {v.sigmas:.1f} σ below zero" for v in self.refuted]
             more = len(parts) - MOST_NAMED
@@ -114,7 +114,7 @@ class ConsistencyTest:
                 f"together they are {np.sqrt(far):.1f} σ away from the nearest consistent robot;"
                 f" {self._largest}"
             )
-        return f"The parameters are NOT physically consistent ({p}): {why}."
+        return f"The parameters contradict every possible robot ({p}): {why}."
 
     @property
     def _largest(self) -> str:

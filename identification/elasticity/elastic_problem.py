@@ -24,7 +24,7 @@ from identification.elasticity.levenberg_marquardt import Minimum
 from identification.elasticity.link_motion import Gears, solve_links
 
 LOSS_S: Final = 1e-3
-"""Unit of the ratio d/k [s]."""
+"""Start value of the ratio of damping to stiffness, d/k, and its unit in the fit [s]."""
 STIFFNESS_WIDTH, LOSS_WIDTH, ROTOR_WIDTH = 2.0, 5.0, 1.0
 """Standard deviations of the weak priors of log k, d/k in units of `LOSS_S`, and log rotor."""
 

@@ -112,12 +112,15 @@ class ArmWeightEntry(Section):
 
 
 class UnconfirmedSection(Section):
-    """Entries of the files of one kind that the recordings do not confirm.
+    """Values of one kind in the robot or cell file that the recordings do not confirm.
+
+    The recordings would fit as well if these values were wrong.
 
     Attributes:
-        kind: Kind of the entries.
-        joints: Joints concerned; empty for entries of the whole robot.
-        words: The entries, and the size of the error that would not be noticed, in words.
+        kind: Kind of the values.
+        joints: Joints to which the values belong; empty if they belong to the whole robot.
+        words: The values and, for some kinds, the size of an error that the recordings would not
+            show, as text.
     """
 
     kind: EntryKind

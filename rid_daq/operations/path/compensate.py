@@ -85,7 +85,7 @@ class CompensateResult:
     made: CompensatedMotion
 
     def document(self) -> dict[str, object]:
-        """Return size, corrections and tuning as numbers."""
+        """Return the path of the feedforward, its number of rows, corrections, tuning and notes."""
         tuning = self.made.tuning
         return {
             "feedforward": str(self.request.output),

@@ -1,4 +1,4 @@
-"""`WorkerTemplate`: the process from which the service forks a worker for each job."""
+"""`WorkerTemplate`: the process that forks itself into a worker for each job."""
 
 from __future__ import annotations
 

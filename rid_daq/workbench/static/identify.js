@@ -76,12 +76,12 @@ function show() {
   render(names.length && checked ? findings(checked.data) : [], find("data-findings"));
   render(findings([problem ? { passed: false, text: problem } : { passed: true, text: modelWords() }]), find("model-findings"));
   render(dataGood ? findings(checked.model) : [], find("check-findings"));
-  find("check-words").textContent = dataGood ? "Check of data and model together:" : names.length ? "The data are not complete yet." : "Choose runs first.";
+  find("check-words").textContent = dataGood ? "Check of data and model together:" : !names.length ? "Choose runs first." : checked === null ? "The data are being checked." : "The data cannot be used: see Data.";
   let why = "";
   if (!mayMove) why = "This device has read-only access. An administrator can give it the role operator.";
   else if (!names.length) why = "Data are missing: choose a run.";
   else if (checked === null) why = "The data are being checked.";
-  else if (!dataGood) why = "The data are not complete: see Data.";
+  else if (!dataGood) why = "The data cannot be used: see Data.";
   else if (problem) why = "The model is not complete: see Model.";
   else if (!checkGood) why = "The check has found a problem: see Check.";
   else if (solving) why = "Running.";

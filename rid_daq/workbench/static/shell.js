@@ -140,7 +140,7 @@ function showReach() {
   if (now.status) showCell(now.status);
 }
 
-// After a restart, the service may be a newer version, whose pages differ: reload once nothing moves.
+// After a restart, the service may be a newer version, whose pages differ: reload as soon as the cell has no job.
 let isOutdated = false;
 async function checkVersion() {
   const answer = await fetch(`${import.meta.url}?is-current`, { cache: "no-store" }).catch(() => null);

@@ -169,7 +169,9 @@ def test_the_on_line_feedforward_equals_that_of_the_whole_motion(
 def test_a_path_too_fast_for_a_motor_is_refused_on_line(
     cell: LoadedCell, loops: list[VelocityLoop]
 ) -> None:
-    """The joints are within their limits; the motor of axis 6 also turns for another joint."""
+    """The joints are within their limits, but the motor of axis 6, which also turns with axis 5, is
+    too fast.
+    """
     assert cell.plant is not None
     step_s = cell.config.cycle_time_s
     model = RobotModel.from_description(cell.robot)

@@ -86,7 +86,7 @@ def with_bodies(robot: RobotDescription, seed: int = 0) -> ExportModel:
 
 
 def without_friction(model: ExportModel, motion: np.ndarray) -> np.ndarray:
-    """Return the torques of the links without friction."""
+    """Return the torques of the links alone, without friction, rotors and spring."""
     options = ModelOptions(friction=False, rotors=False, spring=False)
     links = options.build(model.robot)
     q, v, a = motion

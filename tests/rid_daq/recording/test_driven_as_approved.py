@@ -255,7 +255,9 @@ def test_a_feedforward_that_alone_exceeds_a_speed_limit_is_refused(folder: Path)
 def test_the_planned_motion_is_checked_against_torque_limits(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The planned motion itself is checked, even if the position loop commands no motion."""
+    """Not only the torques of the motion that the position loop commands are checked; here that
+    motion is at rest.
+    """
     robot = (folder / "robot.yaml").read_text()
     (folder / "robot.yaml").write_text(robot.replace("torque: 450.0}", "torque: 1.0}"))
 

@@ -35,7 +35,11 @@ NEW = cast(NewPeriods, SimpleNamespace(recording=SimpleNamespace(joint_names=JOI
 def decisions(
     watch: WarmUpWatch, monkeypatch: pytest.MonkeyPatch, *pieces: list[list[float]]
 ) -> list[bool]:
-    """Return the watch's decisions to end the warm-up, one for each group of period powers [W]."""
+    """Return for each group of new periods whether the watch ends the warm-up after it.
+
+    Args:
+        pieces: The groups. A period has one friction power per joint [W].
+    """
     decisions_so_far = []
     for piece in pieces:
         power = np.array(piece).reshape(-1, len(JOINTS))
