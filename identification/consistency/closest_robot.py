@@ -120,7 +120,7 @@ def find_closest(estimate: Estimate, nominal: NominalLinks | None = None) -> Con
     - Each pseudo-inertia is at least a hundredth of that of the nominal body.
     - Coulomb and viscous friction have no negative coefficients.
     - Any other friction brakes at every speed from 2 % to 100 % of the joint's limit.
-    - Stiffness and preload of a spring are not negative.
+    - Inertias of rotors, and stiffness and preload of a spring, are not negative.
 
     Args:
         estimate: The estimate.
