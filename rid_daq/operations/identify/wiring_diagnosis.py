@@ -167,9 +167,10 @@ class WiringDiagnosis:
 
     Attributes:
         mistakes: Probable mistakes; None without a search.
-        driving: Joints with negative friction power; None without a search.
+        driving: Joints with negative friction power; None if the runs were not examined.
         weight: Weight of the arm, computed from torques; None if the torques do not determine it.
-        unconfirmed: Entries of the files that the runs do not confirm; None if a mistake was found.
+        unconfirmed: Entries of the files that the runs do not confirm; None if a mistake was found,
+            without a search, or if the runs are too short.
     """
 
     mistakes: tuple[MistakeEntry, ...] | None = None
