@@ -190,7 +190,7 @@ class CanServoAxes:
         except (ValueError, OverflowError, struct.error) as error:
             self.quick_stop()
             raise SafetyStop(
-                f"a velocity set-point cannot be sent ({velocity.tolist()} rad/s: {error});"
+                f"a velocity set-point cannot be sent ({velocity.tolist()} rad/s or m/s: {error});"
                 " the axes were stopped instead",
                 code="RID-INTERNAL-ERROR",
             ) from error

@@ -64,7 +64,7 @@ class GoalState:
         return self.sigma <= self.limit
 
     def sentence(self, periods: int) -> str:
-        """Return a sentence: the accuracy after this number of averaged periods, and what to do."""
+        """Return a sentence: the accuracy after some averaged periods, and what to do if known."""
         so_far = f"{self.goal.text}: σ is {self.sigma:.3g} {self.unit} after {periods} periods"
         if self.reached:
             return f"{so_far}, reached"

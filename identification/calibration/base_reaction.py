@@ -92,7 +92,8 @@ def base_load(
         time_s: Shape (samples,). Times [s].
         q, v, a: Shape (samples, n). The motion [rad or m, per s, per s^2].
         limits: Limits of the base.
-        mass_kg: Total mass on the base; from the robot's drawings if it is not given.
+        mass_kg: Total mass on the base; if it is not given, that of the robot's drawings, or else
+            zero.
 
     Raises:
         EstimationError: The estimate is of the internal model.

@@ -99,7 +99,7 @@ def best_mistake(
     Args:
         equations: Condensed equations of the wrench.
         plate: The plate as described in its file.
-        drawn: Shape (b,). The parameters from the robot's drawings.
+        drawn: Shape (b,). The parameters from `cad`, or from the arm's size.
         plausible: Smallest and largest ratio of a real arm's weight to the drawn one.
         names: Names in the file that describes the plate.
     """

@@ -32,7 +32,7 @@ class LimitUse:
         used, limit: Largest magnitude (for a position: from the middle of the range), or smallest
             distance.
         unit: Unit of both.
-        held: True if the motion satisfies the limit.
+        is_met: True if the motion satisfies the limit.
         active: True if the motion (nearly) reaches the limit.
     """
 
@@ -75,8 +75,9 @@ def check_motion(
 ) -> MotionCheck:
     """Check a motion against every limit of a design task, including its ramps.
 
-    Position, speed and acceleration are also checked between the cell's samples. Torque and
-    distances are checked on a separate grid over the period, and at the samples of the ramps.
+    Position, speed and acceleration are also checked between the cell's samples. Torques, base
+    wrench and distances are checked on a separate grid over the period, and at the samples of the
+    ramps.
 
     Args:
         problem: The design task.

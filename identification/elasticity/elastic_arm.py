@@ -169,7 +169,7 @@ class ElasticArm:
 class SmallMotion:
     """The equations of an arm for small motions about some poses, linear in all parameters.
 
-    Averaged over the poses, which are those of the slow motion under a multisine.
+    They are averaged over the poses, which are those of the slow motion under a multisine.
 
     Attributes:
         mass: Shape (n, n, b). Link torque per link acceleration, per base parameter.

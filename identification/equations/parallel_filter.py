@@ -2,9 +2,9 @@
 
 If tau = X(q, v, a) theta, then h * tau = (h * X) theta for every linear filter h. Therefore the
 same filter is applied to the torque and to the columns. The columns of a recording are computed
-from its unfiltered signals (`UnfilteredSignals`). The signals of a
-mean period contain only frequencies below its cut-off; its columns are computed from these signals
-and filtered at the same cut-off.
+from its unfiltered signals (`UnfilteredSignals`). The signals of a mean period contain only
+frequencies below its cut-off; its columns are computed from these signals and filtered at the same
+cut-off.
 """
 
 from __future__ import annotations

@@ -62,7 +62,8 @@ class SmoothedRuns(MeasuredRuns):
         """Set up the equations of smoothed recordings; see `MeasuredRuns`.
 
         Each joint's rows are divided by its RMS residual, found by iteration. A cluster is one
-        second of one run. `difference` needs one motion recorded with and without the payload.
+        interval of one run (`TimeRun.event`), a second or longer. `difference` needs one motion
+        recorded with and without the payload.
         """
         if procedure == "difference":
             equations = self._difference()._equations(model, procedure, None, None)
@@ -124,10 +125,11 @@ class SmoothedRuns(MeasuredRuns):
 def _clusters(
     model: PayloadModel, runs: SmoothedRuns, standard: FloatArray | None
 ) -> Iterator[tuple[int, list[tuple[FloatArray, FloatArray]]]]:
-    """Yield, for each second of each run, the index of the run and the equations of each joint."""
+    """Yield, for each interval of each run, the index of the run and each joint's equations."""
     for run, timed in enumerate(time_runs(model.model, runs.sources, runs.loaded)):
-        seconds = joint_equations(model.model, model.base, [timed], runs.standstill_rad_s, standard)
-        for rows in seconds:
+        for rows in joint_equations(
+            model.model, model.base, [timed], runs.standstill_rad_s, standard
+        ):
             yield run, rows
 
 

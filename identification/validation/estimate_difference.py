@@ -52,7 +52,7 @@ class EstimateDifference:
 
     @property
     def limit_sigmas(self) -> float:
-        """The largest difference that noise explains [standard deviations]."""
+        """The largest difference that noise can explain [standard deviations]."""
         return float(-ndtri(CHANCE / (2.0 * len(self.names))))
 
     @property
@@ -62,7 +62,7 @@ class EstimateDifference:
 
     @property
     def agree(self) -> bool:
-        """True if noise explains every difference."""
+        """True if noise can explain every difference."""
         return bool(np.abs(self.sigmas).max() <= self.limit_sigmas)
 
 

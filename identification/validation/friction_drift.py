@@ -1,4 +1,4 @@
-"""Drift of a run's friction from period to period, due to motors that were still warming up."""
+"""Drift of a run's friction from period to period, as while motors warm up."""
 
 from __future__ import annotations
 
@@ -48,10 +48,12 @@ class FrictionDrift:
     @property
     def sentence(self) -> str:
         """The drift of the joint's friction, in one sentence."""
-        way = "fell" if self.share < 0.0 else "rose"
+        way, cause = "fell", "was still warming up"
+        if self.share > 0.0:
+            way, cause = "rose", "probably cooled down"
         return (
-            f"{self.joint}'s friction {way} by {100.0 * abs(self.share):.2g} % over the run: it was"
-            " still warming up; move the joint until its friction is constant, then record again"
+            f"{self.joint}'s friction {way} by {100.0 * abs(self.share):.2g} % over the run: it"
+            f" {cause}; move the joint until its friction is constant, then record again"
         )
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from identification.wiring.weight import ArmWeight
 
 DRAWN_ERROR: Final = 0.2
-"""Relative difference between the weights of an arm and of its drawings that is not mentioned."""
+"""Relative difference between an arm's weight and that of `cad` up to which no remark is made."""
 
 
 class PlaceToChange(Section):

@@ -113,7 +113,7 @@ class Authenticator:
             local: True if the request arrived through the socket that only this user can open.
 
         Raises:
-            NotKnownError: The request contains no valid token.
+            NotKnownError: The request is not local, and contains no valid token.
         """
         found = self.find_identity(headers, local=local)
         if found is None:
@@ -125,7 +125,7 @@ class Authenticator:
         return found
 
     def find_identity(self, headers: Mapping[str, str], *, local: bool) -> Identity | None:
-        """Return the identity of the sender, None if the request contains no valid token."""
+        """Return the sender's identity, None for a request from elsewhere without a valid token."""
         secret = self.secret_of(headers)
         token = None if secret is None else self.tokens.find_token(secret)
         if token is None:

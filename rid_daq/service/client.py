@@ -168,8 +168,8 @@ class ServiceClient:
         """Stop the motion in a cell.
 
         Raises:
-            ServiceError: The service refused the stop, cannot be reached, or has not answered for
-                10 s.
+            ServiceError: The service cannot be reached, or has not answered for 10 s.
+            RidDaqError: The service refused the stop.
         """
         path = _api_path(f"/cells/{quote(cell)}/stop")
         request = self._http.build_request("POST", path, timeout=_timeout(_STOP_PATIENCE_S))

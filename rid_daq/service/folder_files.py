@@ -48,7 +48,7 @@ def folder_files(service: CellService, robot: str) -> FilesOfCell:
     """Return the files of a service's folder, newest first; from run folders, only JSON results.
 
     Args:
-        robot: Name of the cell's robot; files of other robots are left out.
+        robot: Name of the cell's robot; motions, models and payloads of other robots are left out.
     """
     found: dict[str, list[NamedFile]] = {sort: [] for sort in FilesOfCell.model_fields}
     for path in sorted(_files(service), key=_changed_s, reverse=True):

@@ -348,7 +348,8 @@ class JobRunner:
                     ended = event
             reason = "the service was killed before the job started"
             if begun:
-                reason = "the service was killed; the drives have stopped by heartbeat timeout"
+                stopped = "; the drives have stopped by themselves"
+                reason = "the service was killed" + job.kind.operation.opens_cell * stopped
             if begun and ended is not None:
                 reason = "the service was killed; the job's process has ended its motion"
             elif job.kind.operation.moves and run is not None:
@@ -379,8 +380,8 @@ def outcome_of_job(running: RunningJob, closing: bool) -> tuple[JobState, str]:
     if ended is None and running.stopping and running.run is None and code in _BY_TERM:
         return JobState.INTERRUPTED if closing else JobState.STOPPED, running.stopping
     if ended is None:
-        died = f"the job's process died (exit code {code}); the drives stop by heartbeat timeout"
-        return JobState.INTERRUPTED, died
+        stops = "; the drives stop by themselves" if running.job.kind.operation.opens_cell else ""
+        return JobState.INTERRUPTED, f"the job's process died (exit code {code}){stops}"
     if closing:
         return JobState.INTERRUPTED, running.stopping
     if ended.exit_code == 0:

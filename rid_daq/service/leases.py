@@ -153,8 +153,8 @@ class Leases:
             )
         if key is None or not held.has_key(key):
             raise LockedError(
-                f"cell {cell}: {held.lease.owner} holds it, and the lease key of this request"
-                " belongs to another lease",
+                f"cell {cell}: {held.lease.owner} holds it, and this request does not contain the"
+                " key of its lease",
                 code="RID-LEASE-OTHER",
             )
         return held

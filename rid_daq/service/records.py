@@ -205,7 +205,7 @@ class NamedFile(Record):
 
 
 class FilesOfCell(Record):
-    """Files in the service's folder for a cell's robot, by kind; the newest first."""
+    """Files in the service's folder by kind; the newest first."""
 
     motions: tuple[NamedFile, ...] = ()
     models: tuple[NamedFile, ...] = ()

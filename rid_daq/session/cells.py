@@ -60,15 +60,15 @@ def hold_reachable_cell(
     if not cell.simulated or is_served(cell):
         if simulation.pace is not None:
             raise ConfigError(
-                f"cell {cell.name}: its devices run in another process, which sets the pace:"
-                " leave --pace out, or give it to `rid-daq mock`",
+                f"cell {cell.name}: its devices are real or run in another process, which"
+                " sets the pace: leave --pace out, or give it to `rid-daq mock`",
                 code="RID-CELL-NOT-OURS",
             )
         if payload is not None:
             raise ConfigError(
-                f"cell {cell.name}: its robot runs in another process, so no payload can be"
-                " mounted on its flange: leave the payload out (--mounted, or --payload without"
-                " --model), or give it to `rid-daq mock`",
+                f"cell {cell.name}: its robot is real or runs in another process, so no payload"
+                " can be mounted on its flange: leave the payload out (--mounted, or --payload"
+                " without --model), or give it to `rid-daq mock`",
                 code="RID-CELL-NOT-OURS",
             )
         scenario.refuse_foreign(cell)

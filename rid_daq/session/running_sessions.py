@@ -137,7 +137,7 @@ def running_sessions(cell: str | None = None) -> list[RunningSession]:
     """Return the sessions that run on this computer, including simulated ones of this user.
 
     Args:
-        cell: Name of a cell, to return only its session.
+        cell: Name of a cell, to return only its session and the sessions whose cell is unknown.
     """
     found = [session for path in _session_files() if (session := _read_session(path)) is not None]
     return [session for session in found if cell is None or session.cell in (cell, "")]

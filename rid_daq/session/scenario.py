@@ -39,8 +39,8 @@ class Scenario:
         """
         if self.faults is not NO_SCRIPT:
             raise ConfigError(
-                f"cell {cell.name}: its devices run in another process, so faults cannot be"
-                " simulated in them: leave --faults out, or give it to `rid-daq mock`",
+                f"cell {cell.name}: its devices are real or run in another process, so faults"
+                " cannot be simulated in them: leave --faults out, or give it to `rid-daq mock`",
                 code="RID-CELL-NOT-OURS",
             )
         if self.tracker_file is not None:

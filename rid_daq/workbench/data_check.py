@@ -105,11 +105,11 @@ def _robot(name: str, of_run: RobotDescription, of_cell: RobotDescription) -> Fi
         return Finding(passed=False, text=text)
     if of_run != of_cell:
         text = (
-            f"{name}: the robot file has changed after the run. The model will use the robot file"
-            " of the run."
+            f"{name}: its robot file differs from the present one of the cell. The model will use"
+            " the robot file of the run."
         )
         return Finding(passed=None, text=text)
-    return Finding(passed=True, text=f"{name} is complete and has this cell's robot file.")
+    return Finding(passed=True, text=f"{name} has this cell's robot file.")
 
 
 def _of_motion(folder: RunFolder, robot: RobotDescription) -> list[Finding]:

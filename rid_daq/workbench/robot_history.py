@@ -100,7 +100,7 @@ class QuantityHistory:
         if both == 0.0:
             return f"{words}; the uncertainty is unknown."
         sigmas = abs(change) / both
-        verdict = "more than noise explains" if sigmas > 3.0 else "noise explains the change"
+        verdict = "more than noise explains" if sigmas > 3.0 else "noise can explain the change"
         return f"{words}: {sigmas:.1f} standard deviations, {verdict}."
 
 

@@ -240,7 +240,7 @@ class CalibrateKinematicsResult:
             Cells("joint", lambda each: each.joint),
             Cells("stiffness", lambda each: Interval.of(each.stiffness, each.std)),
             Cells("unit", lambda each: each.unit),
-            Cells("largest deflection", lambda each: 1e3 * each.deflection, "mrad", 3),
+            Cells("largest deflection", lambda each: 1e3 * each.deflection, "mrad or mm", 3),
             Cells("", lambda each: "" if each.is_precise else "not precise"),
         )
 

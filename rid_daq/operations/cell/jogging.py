@@ -109,7 +109,7 @@ class JogKeys:
         self._home = home
         self._check = check
         self._context = context
-        self._choose_sessions = 0
+        self._chosen = 0
 
     @property
     def help(self) -> str:
@@ -118,14 +118,14 @@ class JogKeys:
         home = "" if self._home is None else "hold h to go to the home pose; "
         return (
             f"Choose a joint: {numbers}. Hold + or - to move it; {home}release the key to stop; q"
-            f" ends. Chosen: {self._joints[self._choose_sessions].name}."
+            f" ends. Chosen: {self._joints[self._chosen].name}."
         )
 
     def tapped(self, key: str) -> bool:
         """Choose a joint by its digit; return True if the key ends the jog."""
         number = int(key) - 1 if key.isascii() and key.isdigit() else -1
-        if 0 <= number < len(self._joints) and number != self._choose_sessions:
-            self._choose_sessions = number
+        if 0 <= number < len(self._joints) and number != self._chosen:
+            self._chosen = number
             self._context.say(f"Chosen: {self._joints[number].name}.")
         return key == QUIT
 
@@ -142,7 +142,7 @@ class JogKeys:
         named, direction = key[:-1], key[-1:]
         if direction not in (FORTH, BACK) or not (named.isascii() and (named or "1").isdigit()):
             return None
-        number = int(named) - 1 if named else self._choose_sessions
+        number = int(named) - 1 if named else self._chosen
         if not 0 <= number < len(self._joints):
             return None
         joint = self._joints[number]

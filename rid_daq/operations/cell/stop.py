@@ -104,7 +104,7 @@ class StopOutcome:
             yield Text(text="Use the cell's emergency stop if anything still moves.")
             return
         yield Text(
-            text="The recording is kept. Find the cause of the stop, then run `rid-daq check`"
+            text="Recorded rows are kept. Remove the reason for the stop, then run `rid-daq check`"
             " before the next motion."
         )
 

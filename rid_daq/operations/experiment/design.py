@@ -181,9 +181,10 @@ class DesignRequest(Request):
     """Design an excitation trajectory and check it against the limits at closely spaced times.
 
     `optimal` refines random starts by exact gradients, on all cores, within the limits on position,
-    speed, acceleration, torque, workspace and self-collision. The same seed and number of starts
-    give the same file. `two-harmonic` generates many random motions with one low and one high
-    harmonic per axis, and takes the best. The written motion keeps every limit, also in its ramps.
+    speed, acceleration, torque, workspace and self-collision. Without --budget, the same seed and
+    number of starts give the same file. `two-harmonic` generates many random motions with one low
+    and one high harmonic per axis, and takes the best; it does not check torques. The written
+    motion keeps the limits on position, speed and acceleration also in its ramps.
     Ctrl-C ends the search with the best motion found so far (exit code 130).
     """
 

@@ -86,8 +86,8 @@ def align_plate(
         )
     elif not reaction.valid[[0, -1]].all():
         findings.append(
-            "Force plate: the first or last period has no valid readings at its end: use rows that"
-            " begin after the plate's first row and end before its last one"
+            "Force plate: its readings are not valid in the first or last row of the recording: use"
+            " rows that begin after the plate's first row and end before its last one"
         )
     plate_report = _report(table, timing, offset, lag_s, usable)
     findings = [*report.findings, *findings]

@@ -122,7 +122,7 @@ def designed_motion_blocks(designed: DesignedMotion, request: DesignRequest) -> 
             yield from _multisine_blocks(_multisine_axes(designed, motion))
             if not request.multisine.slow:
                 yield Text(
-                    text="Without the slow sine the joints stick: estimates of inertia and"
+                    text="Without the slow sine, the joints can stick: estimates of inertia and"
                     " stability margins are then wrong."
                 )
         case _:

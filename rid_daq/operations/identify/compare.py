@@ -101,7 +101,7 @@ class CompareResult:
             "sigmas",
         )
         headline = (
-            "The estimates agree: noise explains every difference"
+            "The estimates agree: noise can explain every difference"
             if difference.agree
             else f"The estimates differ: {difference.names[worst]} by {number(line.value, 3)}"
             f" sigmas; noise explains {number(difference.limit_sigmas, 3)}"

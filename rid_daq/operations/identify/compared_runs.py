@@ -62,7 +62,7 @@ class RunSide:
 
     @property
     def name(self) -> str:
-        """Label that the user gave the run."""
+        """Label of the run; its id if it has no label."""
         return self.manifest.label or self.folder.run_id
 
     def fact(self, name: str) -> str:

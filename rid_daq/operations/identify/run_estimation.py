@@ -253,7 +253,7 @@ def compare_friction(
 def _choose_by_periods(
     robot: RobotDescription, data: Sequence[RunData], how: EstimationJob, watch: Watch | None
 ) -> ModelChoice:
-    """Choose terms with mean periods; their DFT bins show any delay, so no filter is searched."""
+    """Choose friction terms and torque delays with mean periods; no filters are searched for."""
     averages = period_averages(data)
     signals = signals_of(data, how)
     chosen = choose_model(robot, signals, how.options, kinds=DELAYS_ALONE, watch=watch)

@@ -214,7 +214,7 @@ def required_plate_limits(cell: CellConfig | None, where: str) -> PlateLimits:
 
 
 def verdict_of_checks(checks: Sequence[VerdictCheck], passed: str, sentence: str) -> VerdictSection:
-    """Return a verdict whose headline names the quantities beyond their limits."""
+    """Return a verdict whose headline names the joints and components beyond their limits."""
     failed = [line.text.rsplit(" ", 1)[-1] for line in checks if not line.passed]
     headline = f"Failed: {', '.join(failed)} exceed the limit" if failed else passed
     return VerdictSection.of(checks, headline, sentence)

@@ -79,8 +79,8 @@ class UpdatedUrdfSection(Section):
 
     Attributes:
         links, joints: The arm's links and joints.
-        combinations: The combinations that torques determine; all other directions of the inertial
-            parameters keep the values of the URDF if physical consistency allows it.
+        combinations: The combinations that the recordings determine; all other directions of the
+            inertial parameters keep the values of the URDF if physical consistency allows it.
         notes: What a URDF cannot express, and what was not measured or not changed.
     """
 
@@ -137,8 +137,8 @@ class UpdatedUrdfSection(Section):
             Cells("unit", lambda each: unit(each.unit)),
         )
         yield Text(
-            text="Frames of the model: z along the joint's axis. Torques determine these"
-            " combinations and nothing else about the links.",
+            text="Frames of the model: z along the joint's axis. The recordings determine"
+            " these combinations and nothing else about the links.",
             is_note=True,
         )
         yield Heading(text="Joints")

@@ -167,10 +167,10 @@ class WiringDiagnosis:
 
     Attributes:
         mistakes: Probable mistakes; None without a search.
-        driving: Joints with negative friction power; None if the runs were not examined.
+        driving: Joints with negative friction power; None if this was not checked.
         weight: Weight of the arm, computed from torques; None if the torques do not determine it.
-        unconfirmed: Entries of the files that the runs do not confirm; None if a mistake was found,
-            without a search, or if the runs are too short.
+        unconfirmed: Entries of the files that the runs do not confirm; None without a search, if a
+            mistake was found, or if there are too few data.
     """
 
     mistakes: tuple[MistakeEntry, ...] | None = None

@@ -95,8 +95,8 @@ class RefineResult:
         )
         if self.has_stalled:
             yield Text(
-                text="The error no longer shrinks: the remaining error does not repeat"
-                " from run to run. The refinement is complete."
+                text="The error is larger than the noise, but no longer shrinks. The refinement is"
+                " complete."
             )
         elif self.refined.finished:
             yield Text(text="The remaining error is noise. The refinement is complete.")

@@ -32,6 +32,7 @@ from rid_daq.operations.payload.payload_session import (
 )
 from rid_daq.operations.payload.session_states import SessionFile
 from rid_daq.operations.payload.session_steps import SESSION_MOTION, PayloadGuide, enter
+from rid_daq.operations.payload.session_watches import warm_up_findings
 from rid_daq.operations.payload.shared import IdentifiedPayload
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.run_session import open_session
@@ -130,7 +131,7 @@ def run_payload_session(
         result=_session_result(file, loaded, motion, data),
         findings=[
             *compare_with_truth(data, carried, payload),
-            *_warm_up_finding(file.facts.get("warm_up")),
+            *warm_up_findings(file.facts.get("warm_up")),
         ],
         empty=file.empty_flange,
     )
@@ -221,12 +222,3 @@ def _session_result(
             created_utc=file.folder.manifest().created_utc, run_ids=tuple(file.done.values())
         ),
     )
-
-
-def _warm_up_finding(warm: JsonValue) -> list[str]:
-    if not isinstance(warm, dict):
-        return []
-    return [
-        f"Warm-up: {warm['verdict']} after {warm['periods']} periods; at its end friction changed"
-        f" by {warm['drift_percent'] or 0.0:.2f} % per period."
-    ]

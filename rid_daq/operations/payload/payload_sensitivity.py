@@ -62,7 +62,7 @@ class Sensitivity:
     """Errors of a payload estimate.
 
     Attributes:
-        problem: Robot with payload, and a motion of the wrist's axes.
+        problem: Robot with payload, and a motion of the wrist's axes or the requested motion.
         rows: Errors of the estimate, one row for each wrong assumption.
         drawn: Estimates of the random draws; None without draws.
     """
@@ -143,7 +143,7 @@ def _sensitivity_problems(
             terms.nonlinear_names,
         ):
             raise ConfigError(
-                f"{model}: the model has other terms than robot.yaml; identify again without"
+                f"{model}: the model has other terms than the robot file; identify again without"
                 " options that change the terms",
                 code="RID-MODEL-TERMS-DIFFER",
             )

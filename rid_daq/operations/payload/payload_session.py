@@ -112,7 +112,8 @@ class PayloadSessionRequest(Request):
     yes: Annotated[
         bool,
         Field(
-            description="Answer all questions with yes: the cell is clear, the payload is attached."
+            description="Answer all questions with yes: the cell is clear, the flange is empty"
+            " before the payload is attached, and the payload is attached."
         ),
         Option(group=BEFORE),
     ] = False

@@ -88,6 +88,22 @@ class WarmUpWatch:
         )
 
 
+def warm_up_findings(fact: JsonValue) -> list[str]:
+    """Return a sentence on the warm-up for the report; empty if the session had none.
+
+    Args:
+        fact: `WarmUpWatch.fact` from the session's file.
+    """
+    if not isinstance(fact, dict):
+        return []
+    if fact["drift_percent"] is None:
+        return ["Warm-up: too few periods to tell whether friction has settled."]
+    return [
+        f"Warm-up: {fact['verdict']} after {fact['periods']} periods; at its end friction changed"
+        f" by {fact['drift_percent']:.2f} % per period."
+    ]
+
+
 class MassWatch:
     """Watch of a run with the payload: ends it when the payload's mass is accurate enough.
 

@@ -51,8 +51,8 @@ def allow_touching_pairs(
         return robot, ()
     names = ", ".join(f"{first} and {second}" for first, second in pairs)
     note = (
-        f"these bodies touch in nearly all poses, so no distance between them is required: {names}"
-        " (`may_touch` in robot.yaml)"
+        "these bodies touch, or nearly touch, in nearly all poses, so no distance between them is"
+        f" required: {names} (`may_touch` in robot.yaml)"
     )
     return robot.model_copy(update={"may_touch": pairs}), (note,)
 

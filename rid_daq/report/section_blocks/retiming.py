@@ -21,7 +21,7 @@ def retiming_blocks(section: RetimingSection) -> Iterator[AnyBlock]:
     made = f"Computed from {section.motion} and {section.model}"
     cycle_ms, averaged_ms = 1e3 * section.cycle_s, 1e3 * section.averaged_s
     times = f"cycles of {cycle_ms:.3g} ms; averaged over {averaged_ms:.3g} ms"
-    free = f"; {100.0 * section.margin:.2g} % of the torques are kept free"
+    free = f"; {100.0 * section.margin:.2g} % of each torque limit are kept free"
     yield Text(text=f"{made} for {times}{free if section.margin else ''}.", is_note=True)
     yield _joint_table(section)
     if section.base:
@@ -30,7 +30,7 @@ def retiming_blocks(section: RetimingSection) -> Iterator[AnyBlock]:
         yield from _driven_blocks(section.driven, section.joints)
     for number, way in enumerate(section.ways, start=1):
         if len(section.ways) > 1:
-            yield Heading(text=f"Way {number}", level=3)
+            yield Heading(text=f"Part {number}, from rest to rest", level=3)
         yield way_plot(way, [joint.joint for joint in section.joints])
 
 

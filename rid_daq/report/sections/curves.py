@@ -75,7 +75,7 @@ class TorqueCurves(Section):
                 finite_or_none(validation.relative_percent[i]),
             )
             unit = joint.torque_unit
-            caption = "standstill"
+            caption = "no sample counts"
             if error is not None and share is not None:
                 caption = f"RMS error (counted) {error:.3g} {unit}, {share:.3g} %"
             axes.append(
@@ -110,7 +110,7 @@ class TorqueCurves(Section):
         for i, joint in enumerate(estimate.robot.joints):
             unit, counted = joint.torque_unit, comparison.counted[:, i]
             left = (comparison.measured_nm - comparison.fitted_nm)[counted, i]
-            caption = "standstill"
+            caption = "no sample counts"
             if counted.any():
                 caption = f"RMS residual (counted) {np.sqrt(np.mean(left**2)):.3g} {unit}"
             axes.append(

@@ -30,11 +30,12 @@ class ParameterEntry(Section):
             known.
         std_residual: Standard deviation if the residuals are white, in `unit`; null if it is not
             known.
-        truth: True value, in `unit`; left out if the robot is not simulated.
+        truth: True value, in `unit`; left out if it is not known, as for every real robot and for
+            every nonlinear parameter.
         deviation_sigmas: Deviation of the estimate from the true value, divided by `std`; left out
-            if the robot is not simulated.
+            if the true value is not known.
         inside_two_sigma: True if the deviation is at most two standard deviations; left out if the
-            robot is not simulated.
+            true value is not known.
         at_bound: True if the fit ended at a bound of the parameter's range: the data do not
             identify it, and its standard deviation has no meaning. Left out otherwise.
         not_shown: True if the parameter is at a bound, or its interval is as wide as its range.
@@ -67,13 +68,15 @@ class AxisResidual(Section):
             is at standstill.
         torque: RMS torque, in `unit`; left out if the estimate does not use torques.
         percent: Residual relative to the torque [%]; left out if the estimate does not use torques.
-        over_noise: Residual divided by the noise; left out if the estimate does not use torques.
+        over_noise: Residual divided by the noise; left out if the noise is not known, or if the
+            estimate does not use torques.
         held_out_percent: Residual relative to the torque [%], on parts of the recording that were
             held out of a fit of a simple model (rigid bodies, rotors, Coulomb and viscous friction,
             offset). The value is 0 if the residual is hardly larger than on the fitted parts. Left
             out if it was not computed.
-        grade: "good", "doubtful" or "bad".
-        reason: Reason for the grade.
+        grade: "good", "doubtful" or "bad"; left out if the joint does not move, or if the estimate
+            does not use torques.
+        reason: Reason for the grade, or for its absence.
     """
 
     joint: str
@@ -97,7 +100,8 @@ class EstimateSection(Section):
         method: "periodic" (on the harmonics) or "smoothed" (in the time domain).
         condition_number: Condition number of the scaled equations.
         equations: Number of equations.
-        band_hz: Highest frequency that is used [Hz].
+        band_hz: Highest frequency of the harmonics that are used, or cut-off frequency of the
+            low-pass filter [Hz].
         periods: Number of averaged periods; 0 if the recording is not periodic.
         weighting: "ml" (maximum likelihood), "ls" (least squares) or "huber" (robust).
         unseen: Parameters without any effect on the torques.

@@ -31,7 +31,8 @@ class MeasuredFriction(Section):
             the directions.
         backward: Friction in the backward direction [N m or N]; null if the motion does not
             separate the directions.
-        direction_std: Standard deviation of `forward` and `backward` [N m or N].
+        direction_std: Standard deviation of `forward` and `backward` [N m or N]; null if the motion
+            does not separate the directions.
     """
 
     speed: Numbers
@@ -151,7 +152,7 @@ class JointFriction(Section):
         sentence: The best model, and the lines for the robot file.
         curve: The measured friction.
         fits: The models, the best first.
-        lines: Curves of the models.
+        lines: Curves of the two best models and, if one was given, of the model file.
         percent: RMS error of the best model relative to the friction [%]; left out without a model.
         over_noise: RMS error of the best model divided by the noise; left out without a model.
         grade: "good", "doubtful" or "bad"; left out without a model.

@@ -27,8 +27,8 @@ class AxisGear(Section):
         damping_std: Standard deviation of the damping; null without a damping.
         motor_inertia: Inertia of the motor at the gear's output [kg m^2 or kg]; null if the data do
             not show the stiffness.
-        bend: Largest deflection that changed in the excitation runs [rad or m]; null if the data do
-            not show the stiffness.
+        bend: Largest deflection during an excitation run, without its constant part [rad or m];
+            null if the data do not show the stiffness.
         reason: Why the data do not show the stiffness; null if they do.
         residual_percent: RMS of the torque that the model does not explain on the lines of the
             multisine, relative to the torque [%].

@@ -62,8 +62,10 @@ class ImprovedParameter(Section):
         words: The parameter as a combination of standard parameters.
         unit: Unit of the parameter.
         value: Estimate from torques and plate together, in `unit`.
-        std_internal: Standard deviation of an estimate from the torques alone, in `unit`.
-        std_external: Standard deviation of an estimate from the plate alone, in `unit`.
+        std_internal: Standard deviation of an estimate from the torques alone, in `unit`; null if
+            the torques alone do not identify the parameter.
+        std_external: Standard deviation of an estimate from the plate alone, in `unit`; null if the
+            plate alone does not identify the parameter.
         std_combined: Standard deviation of an estimate from torques and plate together, in `unit`.
     """
 

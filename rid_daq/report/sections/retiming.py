@@ -130,8 +130,10 @@ class RetimingSection(Section):
         original_s: Duration of the original motion, without rests [s].
         moving_s: Duration of the retimed motion, without rests [s].
         rows: Number of rows that were checked against the model.
-        scans: Number of scans of the path that the computation needed until all limits were kept.
-        confidence: Probability that the robot's torques keep their limits; null without a margin.
+        scans: Number of scans of the path that the computation needed until all limits were kept;
+            of several parts, the largest number.
+        confidence: Probability with which each torque is within its limit at one instant; null if
+            the timing makes no allowance for the uncertainty of the torques.
         margin: Additional fraction of the torque limits that is kept free.
         averaged_s: Longest window of the moving average that smooths the motion [s].
         joints: Largest values of each joint.

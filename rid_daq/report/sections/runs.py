@@ -116,8 +116,9 @@ class ClockSection(Section):
             and rate [ms].
         rate: Duration of the rebuilt times divided by that of the time stamps; 1 if the stamps are
             kept.
-        tick_ms: Time of which all rebuilt steps are whole multiples [ms].
-        doubt: Reason why the clock is unknown.
+        tick_ms: Time of which all rebuilt steps are whole multiples [ms]; left out if there is
+            none.
+        doubt: Reason why the clock is unknown; left out if it is known.
         run: Id of the run.
     """
 
@@ -172,7 +173,7 @@ class RunSection(Section):
         imported: Result of the import in one line; it stays if the report's verdict changes.
         clock: Check of the time stamps; left out if it was not made.
         stop_curve: Curve of the joint for which the motion was stopped; left out if no joint was
-            the reason.
+            the reason, or if too few rows with set-points were recorded.
         traces: Recorded quantities over time; left out if fewer than two rows are valid, and in
             results that are based on several runs.
     """
@@ -211,7 +212,11 @@ class RunSection(Section):
             stop: Stop reason; None if the motion was not stopped.
         """
         invalid, duration_s = tally.rows - tally.valid_rows, tally.duration_s
-        lost = "no row is missing" if invalid == 0 else f"{invalid} rows have no valid answer"
+        lost = (
+            "every row has valid answers"
+            if invalid == 0
+            else f"{invalid} rows have no valid answer"
+        )
         return cls(
             role=role,
             sentence=f"{sentence} {tally.rows} rows in {duration_s:.1f} s; {lost}.",

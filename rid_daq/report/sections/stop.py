@@ -73,7 +73,9 @@ class StopCurve(Section):
     def of(
         cls, recording: Recording, reason: StopReason, cell: CellConfig, robot: RobotDescription
     ) -> StopCurve | None:
-        """Return the curve of a stop; None if the stop concerns no joint, or no rows were recorded.
+        """Return the curve of a stop; None if the stop concerns no joint, or too few rows show it.
+
+        A curve needs set-points, and at least two rows in the last second before the stop.
 
         Args:
             recording: The recording, or at least its end.

@@ -61,8 +61,8 @@ class ErrorSize(Section):
     """Size of the errors of a run.
 
     Attributes:
-        mean_m: Mean distance of the tool point from its path [m].
-        max_m: Largest distance of the tool point from its path [m].
+        mean_m: Mean distance of the tool point from its path, by the motor encoders [m].
+        max_m: Largest distance of the tool point from its path, by the motor encoders [m].
         joint_peak: Largest error of each joint [rad or m].
         bending: Estimated deflection of the gears, which the other values do not contain; left out
             if no stiffness is known.
@@ -136,8 +136,10 @@ class FollowedMotion(Section):
         use: States whether runs of this motion were used to compute its feedforward.
         after: Errors with compensation.
         before: Errors without compensation; null if there is no such run.
-        mean_ratio: Mean distance without compensation divided by that with compensation.
-        max_ratio: Largest distance without compensation divided by that with compensation.
+        mean_ratio: Mean distance without compensation divided by that with compensation; null if
+            there is no run without compensation.
+        max_ratio: Largest distance without compensation divided by that with compensation; null if
+            there is no run without compensation.
         drawn: The curves.
     """
 

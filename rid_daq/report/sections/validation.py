@@ -33,16 +33,17 @@ class AxisError(Section):
         floor: RMS error of the torques predicted with the true parameters; null if the robot is not
             simulated.
         error_over_floor: RMS error divided by `floor`; null if the robot is not simulated.
-        limit_percent: Limit of the relative error [%].
-        passed: True if the relative error is within its limit.
+        limit_percent: Limit of the relative error [%]; null if no limit was set.
+        passed: True if the relative error is within its limit; null if it is not judged.
         samples: Number of samples that count.
         unknown_samples: Number of samples, moving or not, whose friction depends on the motion
             before the recording or in a gap of the recording. They do not count. Left out if there
             are none.
-        over_noise: RMS error divided by the error that noise alone causes; left out if the
-            recording has no periods.
-        grade: "good", "doubtful" or "bad"; left out for an external model.
-        reason: Reason for the grade; left out for an external model.
+        over_noise: RMS error divided by the error that noise alone causes; left out if the noise is
+            not known, or if no limit was set.
+        grade: "good", "doubtful" or "bad"; left out if the axis does not move, or if no limit was
+            set.
+        reason: Reason for the grade, or for its absence; left out if no limit was set.
     """
 
     joint: str

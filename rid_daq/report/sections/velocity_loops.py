@@ -105,10 +105,10 @@ class AxisLoop(Section):
 
     @property
     def left_words(self) -> str:
-        """Phrase that states which fraction of the response a single inertia does not explain."""
+        """Phrase with the fraction of the response that inertia and damping do not explain."""
         left = (
-            f"an inertia leaves {100.0 * self.mechanics_misfit:.2g} % of the response (torque"
-            " to speed) unexplained"
+            f"inertia and damping leave {100.0 * self.mechanics_misfit:.2g} % of the response"
+            " (torque to speed) unexplained"
         )
         if self.mechanics_noise:
             over = number(self.mechanics_misfit / self.mechanics_noise, 2)
@@ -201,7 +201,7 @@ class VelocityLoopsSection(Section):
 
     @property
     def bad_joints(self) -> tuple[str, ...]:
-        """The joints whose measured response the fitted loop does not explain."""
+        """The joints whose response (torque to speed) inertia and damping do not explain."""
         return tuple(axis.joint for axis in self.axes if axis.grade is Grade.BAD)
 
 
@@ -245,7 +245,7 @@ def _findings(measured: FrequencyResponse, cascade: Cascade) -> list[str]:
     if cascade.mechanics.misfit > LARGEST_MISFIT:
         found.append(
             "the axis does not behave as one inertia (misfit"
-            f" {100.0 * cascade.mechanics.misfit:.0f} %), because it is elastic or stuck: its"
+            f" {100.0 * cascade.mechanics.misfit:.0f} %); it may be elastic or stuck, and its"
             " margins are not valid"
         )
     return found

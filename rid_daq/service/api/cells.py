@@ -66,7 +66,7 @@ async def get_preflight(cell: OfCell, service: Service) -> Preflight | None:
 def list_files_of_cell(cell: OfCell, service: Service) -> FilesOfCell:
     """Return the motions, models, loops, feedforwards and payloads that requests may name.
 
-    Files that contain the name of another robot are left out.
+    Motions, models and payloads that contain the name of another robot are left out.
     """
     return folder_files(service, cell.loaded.robot.name)
 

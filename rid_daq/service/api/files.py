@@ -112,7 +112,7 @@ class FileCheck(Record):
         version: Version on disk, as in its ETag; empty if there is no file.
         others: Other pages on which the file is open.
         differences: Lines that differ between the file on disk ("- ") and the content ("+ "); empty
-            if the page has read the version on disk.
+            if the page has read the version on disk, or the request has no content.
         check: Errors and help; None if the request has no content.
     """
 

@@ -5,7 +5,7 @@ The front process imports this module, so it imports little.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Final, Protocol
 
@@ -63,7 +63,7 @@ class StopHandler(Protocol):
 
 
 def stop_each(
-    cells: Iterable[str], stop: Callable[[str], bool], wrong: Callable[[str], None]
+    cells: Collection[str], stop: Callable[[str], bool], wrong: Callable[[str], None]
 ) -> StopAnswer:
     """Stop cells. An error of one cell does not prevent the stop of the others.
 
@@ -85,5 +85,5 @@ def stop_each(
     elif sent:
         sentence = "Stop requested: check that the axes come to rest."
     else:
-        sentence = "This service moves nothing now."
+        sentence = f"This service moves nothing in cell {', '.join(cells)} now."
     return StopAnswer(sent, sentence)

@@ -38,8 +38,7 @@ class ServiceStopHandler:
 
         Raises:
             NotKnownError: The sender is on another computer, and the request contains no secret
-                that was
-                ever issued.
+                that was ever issued.
         """
         who = self._authenticator.find_identity(headers, local=local)
         if who is not None:

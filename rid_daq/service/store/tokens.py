@@ -66,11 +66,11 @@ class TokenStore:
         return token, secret
 
     def note_issued(self, secret: str) -> None:
-        """Save the hash of a secret for ever: its sender may always stop motions."""
+        """Save the hash of a secret: its sender may stop motions even after the token has ended."""
         self._note_issued(hash_secret(secret))
 
     def issued(self) -> Sequence[str]:
-        """Return the hashes of all secrets that were ever issued."""
+        """Return the hashes of the issued secrets, at most the newest `MOST_ISSUED`."""
         return list(self._issued)
 
     def token_of_hash(self, key: str) -> Token | None:
@@ -78,7 +78,7 @@ class TokenStore:
         return self._tokens.get(key)
 
     def was_issued(self, secret: str) -> bool:
-        """Return True if a secret was ever issued, even if its token was revoked."""
+        """Return True if `issued` contains a secret, even if its token was revoked."""
         return hash_secret(secret) in self._issued
 
     def find_token(self, secret: str) -> Token | None:

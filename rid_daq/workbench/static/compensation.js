@@ -19,7 +19,7 @@ const STEPS = {
 function next(job, document) {
   if (job.state === "done" && job.kind in STEPS) return [STEPS[job.kind]];
   if (job.kind !== "refine" || !document) return [];
-  const words = document.finished ? "The refinement is complete: the remaining error is noise, or does not repeat." : "Next: record with the new file, then refine again.";
+  const words = document.finished ? "The refinement is complete: the remaining error is noise, or no longer shrinks." : "Next: record with the new file, then refine again.";
   return [html`<p>${words}</p>`];
 }
 

@@ -127,7 +127,7 @@ function showConflict({ version, differences }) {
   const section = find("conflict");
   section.hidden = version === base.value;
   if (section.hidden) return;
-  const words = version === "" ? "The file was removed since you opened it." : "Someone else has changed the file since you opened it.";
+  const words = version === "" ? "The file was removed since you opened it." : "The file has changed since you opened it.";
   const keep = () => {
     base.value = version;
     base.dispatchEvent(new Event("input", { bubbles: true }));
@@ -146,7 +146,7 @@ function showConflict({ version, differences }) {
 
 function showState() {
   const words = ({ who, since_s: since, has_changes: changes }) =>
-    `${who === page.who ? "Another page that is open on this device" : who} has this file open since ${timeOf(since)}${changes ? ", with changes that are not saved" : ""}.`;
+    `${who === page.who ? "Another page that is open on this device" : who} has had this file open since ${timeOf(since)}${changes ? ", with changes that are not saved" : ""}.`;
   find("others").textContent = others.map(words).join(" ");
   find("others").hidden = others.length === 0;
   const isWrong = checked === null || checked.problems.length > 0;

@@ -97,7 +97,7 @@ export class MotionPlayer {
   describe() {
     const { clearance } = this.motion;
     if (clearance === null) {
-      this.nearest.textContent = "Clearance: unknown, because the robot file has no bodies.";
+      this.nearest.textContent = "Clearance: not computed, because the robot file has no bodies, or no distance is required between them.";
       return;
     }
     const { times_s: times, distance_m: distances, pairs, least_at_s: at, margin_m: margin } = clearance;

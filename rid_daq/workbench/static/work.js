@@ -151,7 +151,7 @@ export function numberOf(id, { least = -Infinity, whole = false } = {}) {
   const value = parseNumber(input.value);
   const label = input.labels[0].firstChild.textContent.trim();
   if (Number.isNaN(value) || value < least || (whole && !Number.isInteger(value)))
-    throw refuseField(input, `${label}: ${input.value.trim() ? `"${input.value.trim()}" is not valid; ` : ""}give a ${whole ? "whole " : ""}number${least > -Infinity ? ` of at least ${least}` : ""}, such as 9.6.`);
+    throw refuseField(input, `${label}: ${input.value.trim() ? `"${input.value.trim()}" is not valid; ` : ""}give a ${whole ? "whole " : ""}number${least > -Infinity ? ` of at least ${least}` : ""}, such as ${whole ? "10" : "9.6"}.`);
   return value;
 }
 
@@ -164,7 +164,7 @@ export function modelOf() {
 // Return the name that the user has entered for an output file, with the file name ending `ending`.
 export function nameOf(id, ending) {
   const name = find(id).value.trim();
-  if (!/^[A-Za-z0-9][\w.-]{0,80}$/.test(name)) throw new Error("Name of the file: use letters, digits, - and _.");
+  if (!/^[A-Za-z0-9][\w.-]{0,80}$/.test(name)) throw new Error("Name of the file: begin with a letter or a digit, and use only letters, digits, -, _ and . .");
   return name.endsWith(ending) ? name : name + ending;
 }
 

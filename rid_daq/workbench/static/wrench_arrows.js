@@ -23,7 +23,7 @@ export class WrenchArrows {
     this.show(null);
   }
 
-  // Show force [N] and moment [N m] in the base frame. The full length of an arrow is the largest value so far, rounded
+  // Show force [N] and moment [N m] in the base frame. An arrow at full length shows the largest value so far, rounded
   // up to 1, 2 or 5 times a power of ten.
   show(wrench) {
     for (const part of this.parts) {

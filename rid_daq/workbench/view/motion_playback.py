@@ -82,8 +82,8 @@ class MotionPlayback:
         deviation_rad: Largest difference of a revolute joint from the straight lines, in any
             sample of the motion [rad].
         deviation_m: Largest difference of a prismatic joint from the straight lines [m].
-        clearance: The clearances; None if the robot file has no bodies, because then no distance is
-            known.
+        clearance: The clearances; None if the robot file has no bodies, or no distance is required
+            between any of them.
         periods: Number of periods of the whole motion; 0 if it is not periodic.
         start: Pose from which the robot approaches the motion.
         no_approach: Reason why there is no approach; empty if there is one.

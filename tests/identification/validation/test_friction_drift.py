@@ -47,6 +47,10 @@ def test_the_warming_axis_is_detected(recording: Recording) -> None:
     assert warming.share == pytest.approx(-0.09, abs=0.01)  # between the middles of the periods
     assert warming.first == pytest.approx(20.0, abs=0.5)
     assert "b's friction fell by 8.9" in warming.sentence
+    assert "still warming up" in warming.sentence
+    cooling = replace(warming, first=warming.last, last=warming.first)
+    assert "b's friction rose by 8.9" in cooling.sentence
+    assert "probably cooled down" in cooling.sentence
 
 
 def test_a_period_with_missing_rows_is_ignored(recording: Recording) -> None:

@@ -64,5 +64,5 @@ def test_a_loop_model_that_does_not_fit_gives_exit_code_6(
     monkeypatch.setattr(loop_measurement, "measure_velocity_loops", lambda request: found)
     assert run(["loop", "a-run"]) == code
     output = " ".join(capsys.readouterr().out.split())
-    assert f"{first.joint}: an inertia leaves" in output
+    assert f"{first.joint}: inertia and damping leave" in output
     assert f"; the fit is {grade}, 40 % is left." in output

@@ -50,8 +50,8 @@ def test_only_bodies_that_touch_in_every_pose_are_allowed_to_touch() -> None:
     robot, notes = allow_touching_pairs(arm(), np.zeros(3))
     assert robot.may_touch == (("base", "upper"),)
     assert notes == (
-        "these bodies touch in nearly all poses, so no distance between them is required: base and"
-        " upper (`may_touch` in robot.yaml)",
+        "these bodies touch, or nearly touch, in nearly all poses, so no distance between them is"
+        " required: base and upper (`may_touch` in robot.yaml)",
     )
     assert Clearances.of(arm()).names == (
         "the base's body base and link 2's body upper",

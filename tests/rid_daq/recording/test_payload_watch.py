@@ -21,7 +21,7 @@ from rid_daq.operations.payload import guided_session, session_watches
 from rid_daq.operations.payload.guided_session import run_payload_session
 from rid_daq.operations.payload.payload_estimate import PayloadRequest
 from rid_daq.operations.payload.payload_session import PayloadSessionRequest
-from rid_daq.operations.payload.session_watches import MassWatch, WarmUpWatch
+from rid_daq.operations.payload.session_watches import MassWatch, WarmUpWatch, warm_up_findings
 from rid_daq.recording.average_so_far import AverageSoFar
 from rid_daq.terminal.console import Console
 from tests.builders.known_model import known_estimate
@@ -57,6 +57,14 @@ def test_a_warm_up_ends_when_no_joint_changes_any_more(
     assert decisions(watch, monkeypatch, falling, even[:2], even) == [False, False, True]
     assert watch.settled
     assert watch.periods == 14
+    (finding,) = warm_up_findings(watch.fact)
+    assert finding.startswith("Warm-up: settled after 14 periods;")
+
+
+def test_a_warm_up_of_few_periods_is_reported_as_too_short() -> None:
+    found = warm_up_findings(WarmUpWatch(1.0).fact)
+    assert found == ["Warm-up: too few periods to tell whether friction has settled."]
+    assert warm_up_findings(None) == []
 
 
 def test_a_warm_up_continues_while_one_joint_changes_and_names_it(

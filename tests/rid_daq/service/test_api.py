@@ -187,7 +187,7 @@ def test_a_stop_needs_no_lease_and_no_role(api: Api) -> None:
     assert answer.status_code == 202
     assert answer.json() == {
         "sent": False,
-        "sentence": "This service moves nothing now.",
+        "sentence": "This service moves nothing in cell ir361 now.",
     }
 
 

@@ -19,7 +19,7 @@ from tests.rid_daq.workbench.stopped_motion import CELL, SOON_S, moving, press
 
 pytestmark = [pytest.mark.slow, pytest.mark.alone]
 
-NOTHING_MOVES = "This service moves nothing now."
+NOTHING_MOVES = "This service moves nothing in cell ir361 now."
 SLOW_3G = {"latency": 400, "downloadThroughput": 50_000, "uploadThroughput": 50_000}
 TABS = ("Experiment", "Runs", "Identify", "Payload", "Settings", "Cell")
 HAS_STOP = """before => performance.timeOrigin > before

@@ -240,7 +240,9 @@ def test_a_hanging_service_raises_an_alarm_and_stop_is_still_answered(
     served_pages.process.send_signal(signal.SIGSTOP)
     try:
         page.locator("#stop").click()  # the front process answers
-        expect(page.locator("#stop-words")).to_have_text("This service moves nothing now.")
+        expect(page.locator("#stop-words")).to_have_text(
+            "This service moves nothing in cell ir361 now."
+        )
         expect(page.locator("#reach")).to_contain_text("use the emergency stop")
         expect(page.locator("#state")).to_have_text("unknown")
     finally:

@@ -19,7 +19,7 @@ from tests.rid_daq.workbench.stopped_motion import SOON_S, moving, press, words_
 pytestmark = [pytest.mark.slow, pytest.mark.alone]
 
 STOPPED = re.compile("Stop requested")
-NOTHING_MOVES = "This service moves nothing now."
+NOTHING_MOVES = "This service moves nothing in cell ir361 now."
 
 
 @pytest.mark.promise("page-stop-any-channel")

@@ -121,7 +121,9 @@ def test_a_read_only_device_sees_everything_and_moves_nothing(
     )
     assert refused == "NotAllowedError"
     page.locator("#stop").click()
-    expect(page.locator("#stop-words")).to_contain_text("This service moves nothing now.")
+    expect(page.locator("#stop-words")).to_contain_text(
+        "This service moves nothing in cell two-arm now."
+    )
 
     take_cell(administrator, "seen by all")
     expect(page.locator("#lease-words")).to_contain_text("holds this cell (seen by all).")

@@ -68,7 +68,7 @@ def test_the_history_of_a_robot_contains_only_its_runs(tmp_path: Path) -> None:
     ("values", "words"),
     [
         ([(3.0, 0.1)], "Only one run"),
-        ([(3.0, 0.1), (3.1, 0.1)], "0.7 standard deviations, noise explains the change"),
+        ([(3.0, 0.1), (3.1, 0.1)], "0.7 standard deviations, noise can explain the change"),
         ([(3.0, 0.0), (3.1, 0.0)], "the uncertainty is unknown"),
     ],
 )

@@ -94,7 +94,7 @@ def test_two_people_are_told_of_each_other_and_nothing_is_overwritten(
 ) -> None:
     (served_pages.folder / "shared.yaml").write_text(MOTION)
     anna, bert = edit("shared.yaml"), edit("shared.yaml")
-    expect(anna.locator("#others")).to_contain_text("has this file open")
+    expect(anna.locator("#others")).to_contain_text("has had this file open")
     replace(anna, "0.2, 0.1, 0.1", "0.3, 0.1, 0.1")
     expect(bert.locator("#others")).to_contain_text("with changes that are not saved")
     replace(bert, "0.2, 0.1, 0.1", "0.4, 0.1, 0.1")
