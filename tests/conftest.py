@@ -40,8 +40,9 @@ for folder in ("XDG_RUNTIME_DIR", "XDG_STATE_HOME"):
 LONG_TESTS = [
     Path(__file__).parent / place
     for place in (
-        "test_tutorials.py",
+        "test_thesis.py",
         "test_release.py",
+        "test_tutorials.py",
         "rid_daq/workbench",
         "socketcan",
         "rid_daq/commands/test_demo.py",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from benchmarks.thesis.__main__ import DOCS, PAGE, PICTURES, RESULTS
+from benchmarks.thesis.__main__ import DOCS, PAGE, PICTURES, RESULTS, main
 from benchmarks.thesis.page import page_text
 from benchmarks.thesis.payload_experiment import friction_curve
 from benchmarks.thesis.records import load_facts, load_results
@@ -130,12 +129,16 @@ def test_each_row_of_table_5_3_is_a_case_of_the_program(facts: dict[str, Any]) -
 
 
 @pytest.mark.long
+@pytest.mark.usefixtures("plain_reports")
 def test_a_quick_run_reproduces_the_results(
-    facts: dict[str, Any], results: dict[str, Any], tmp_path: Path
+    facts: dict[str, Any],
+    results: dict[str, Any],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     file = tmp_path / "quick.json"
-    words = ["-m", "benchmarks.thesis", "--quick", "--results", str(file)]
-    assert subprocess.run([sys.executable, *words], check=False).returncode == 0
+    monkeypatch.setattr(sys, "argv", ["thesis", "--quick", "--results", str(file)])
+    assert main() == 0
     quick = load_results(file)
     for of_robot in ("internal", "without_rotors", "calibrated", "combined"):
         own, stored = (each["robot"][of_robot] for each in (quick, results))

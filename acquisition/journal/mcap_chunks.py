@@ -17,7 +17,7 @@ from typing import Any, Final
 import numpy as np
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import ChunkIndex
+from mcap.records import ChunkIndex, MessageIndex
 from mcap.writer import Writer
 from numpy.typing import NDArray
 
@@ -101,17 +101,21 @@ def add_messages(
     records["sequence"] = np.arange(sequence, sequence + len(records))
     records["log"] = records["publish"] = times_ns
     records["payload"] = payloads
-    builder, count = vars(writer)[_BUILDER], vars(writer)[_CHUNK_SIZE] // records.itemsize + 1
-    first = 0
+    builder, chunk_bytes = vars(writer)[_BUILDER], vars(writer)[_CHUNK_SIZE]
+    count, first = chunk_bytes // records.itemsize + 1, 0
     while first < len(records):
-        part = records[first : first + count]
-        if builder.count or len(part) < count:
-            part = part[:1]  # the library completes the chunk that it has begun
+        room = (chunk_bytes - builder.count) // records.itemsize
+        if not builder.count and len(records) - first >= count:
+            part = records[first : first + count]
+            _add_chunk(writer, channel, part)
+        elif room > 0:
+            part = records[first : first + room]
+            _extend_chunk(writer, channel, part)
+        else:
+            part = records[first : first + 1]  # the library completes the chunk
             time_ns = int(part["log"][0])
             body, number = part["payload"][0].tobytes(), sequence + first
             writer.add_message(channel, time_ns, body, time_ns, number)
-        else:
-            _add_chunk(writer, channel, part)
         first += len(part)
 
 
@@ -127,19 +131,35 @@ def _record_dtype(payload_bytes: int) -> np.dtype[Any]:
 
 def _add_chunk(writer: Writer, channel: int, records: NDArray[Any]) -> None:
     """Write message records as one chunk; the writer must not have begun a chunk."""
-    builder, statistics = vars(writer)[_BUILDER], vars(writer)[_STATISTICS]
-    times_ns = records["log"]
+    builder = vars(writer)[_BUILDER]
     pairs = np.empty((len(records), 2), "<u8")
-    pairs[:, 0], pairs[:, 1] = times_ns, np.arange(len(records)) * records.itemsize
-    builder.record_writer.write(records.tobytes())
+    pairs[:, 0], pairs[:, 1] = records["log"], np.arange(len(records)) * records.itemsize
     builder.message_indices[channel] = _MessageIndex(channel, pairs.tobytes())
-    builder.num_messages = len(records)
-    builder.message_start_time = start = int(times_ns.min())
-    builder.message_end_time = end = int(times_ns.max())
+    _add_records(writer, channel, records)
+    writer.flush()  # type: ignore[no-untyped-call]
+
+
+def _extend_chunk(writer: Writer, channel: int, records: NDArray[Any]) -> None:
+    """Add message records to the present chunk; they must not fill it."""
+    builder = vars(writer)[_BUILDER]
+    offsets = builder.count + np.arange(len(records)) * records.itemsize
+    index = builder.message_indices.setdefault(channel, MessageIndex(channel, []))
+    index.records.extend(zip(records["log"].tolist(), offsets.tolist(), strict=True))
+    _add_records(writer, channel, records)
+
+
+def _add_records(writer: Writer, channel: int, records: NDArray[Any]) -> None:
+    """Add message records to the present chunk and the statistics, but not to its index."""
+    builder, statistics = vars(writer)[_BUILDER], vars(writer)[_STATISTICS]
+    start, end = int(records["log"].min()), int(records["log"].max())
+    earlier = min(start, builder.message_start_time) if builder.num_messages else start
+    builder.record_writer.write(records.tobytes())
+    builder.message_start_time = earlier
+    builder.message_end_time = max(end, builder.message_end_time)
+    builder.num_messages += len(records)
     if statistics.message_count:
         start = min(start, statistics.message_start_time)
     statistics.message_start_time = start
     statistics.message_end_time = max(end, statistics.message_end_time)
     statistics.channel_message_counts[channel] += len(records)
     statistics.message_count += len(records)
-    writer.flush()  # type: ignore[no-untyped-call]

@@ -130,10 +130,8 @@ class PlateJournalWriter(JournalFile):
         rows["stream"] = read.rows["stream"] + first_stream
         rows["status"] = read.rows["status"]
         rows["counts"] = read.rows["counts"]
-        body, size = rows.tobytes(), ROW_DTYPE.itemsize
+        self.add_messages(self._rows, read.arrival_s, rows)
         arrivals = read.arrival_s.tolist()
-        for start, time_s in zip(range(0, len(body), size), arrivals, strict=True):
-            self.add_message(self._rows, time_s, body[start : start + size])
         event_arrivals = read.event_arrival_s.tolist()
         if self.simulated_time:
             event_arrivals = [arrivals[-1] if arrivals else np.nan] * len(event_arrivals)

@@ -36,12 +36,12 @@ def iwan(path: FloatArray, distance: float, elements: int = 97) -> FloatArray:
     """
     slips = distance * np.arange(1, elements + 1) / elements
     anchors = np.full(elements, path[0])
-    out = np.empty(len(path))
-    for i, q in enumerate(path):
-        anchors = np.where(q - anchors > slips, q - slips, anchors)
-        anchors = np.where(anchors - q > slips, q + slips, anchors)
-        out[i] = np.sum(q - anchors) / np.sum(slips)
-    return out
+    kept = np.empty((len(path), elements))
+    lowest, highest = path[:, np.newaxis] - slips, path[:, np.newaxis] + slips
+    for i in range(len(path)):
+        np.maximum(anchors, lowest[i], out=anchors)
+        kept[i] = np.minimum(anchors, highest[i], out=anchors)
+    return np.asarray(np.sum(path[:, np.newaxis] - kept, axis=1) / np.sum(slips))
 
 
 def dahl(path: FloatArray, distance: float) -> FloatArray:

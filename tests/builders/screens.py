@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import json
 import os
 import re
 import sys
@@ -156,6 +157,21 @@ def calls_of_command(words: Sequence[str], codes: Sequence[int] = (0,)) -> list[
         code = run(list(words))
     assert code in codes, (words, code)
     return calls
+
+
+def both_outputs(words: Sequence[str], codes: Sequence[int] = (0,)) -> tuple[Any, str]:
+    """Run a command once; return its document and the text that it shows without `--json`.
+
+    The text has no lines of progress.
+    """
+    printed, shown = io.StringIO(), io.StringIO()
+    with recorded_calls() as calls, contextlib.redirect_stdout(printed):
+        code = run([*words, "--json"])
+    assert code in codes, (words, code)
+    with contextlib.redirect_stdout(shown):
+        for call in calls:
+            call(Console())
+    return json.loads(printed.getvalue()), shown.getvalue()
 
 
 def store_screen(screen: Screen, folder: str) -> None:

@@ -41,6 +41,7 @@ def test_a_screen_is_written_as_a_picture_in_both_themes() -> None:
 
 
 @pytest.mark.long
+@pytest.mark.usefixtures("plain_reports")
 def test_the_output_of_commands_on_a_simulated_cell_fits(tmp_path: Path) -> None:
     count = 0
     for count, (words, calls) in enumerate(main_commands(tmp_path), start=1):

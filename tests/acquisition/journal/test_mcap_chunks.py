@@ -7,11 +7,12 @@ from __future__ import annotations
 import io
 import tracemalloc
 
+import numpy as np
 import pytest
 from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
-from acquisition.journal.mcap_chunks import ATTRIBUTE, keep_as_bytes
+from acquisition.journal.mcap_chunks import ATTRIBUTE, add_messages, keep_as_bytes
 from config.errors import RecordingError
 
 CHUNKS = 400
@@ -54,6 +55,34 @@ def test_the_file_is_identical_to_that_of_the_library() -> None:
     summary = make_reader(io.BytesIO(complete_file(as_bytes=True))).get_summary()
     assert summary is not None
     assert len(summary.chunk_indexes) >= CHUNKS
+
+
+@pytest.mark.parametrize("batches", [(1, 2, 16), (5, 100, 3, 40), (200,), (15, 16, 15, 16, 31)])
+def test_messages_that_are_added_together_give_the_file_of_single_ones(
+    batches: tuple[int, ...],
+) -> None:
+    files = []
+    for together in (True, False):
+        output, number = io.BytesIO(), 0
+        writer = Writer(output, chunk_size=1500, compression=CompressionType.NONE)
+        keep_as_bytes(writer)
+        writer.start(profile="ros2", library="test")
+        schema = writer.register_schema("rows", "ros2msg", b"uint8[64] data")
+        rows, events = (writer.register_channel(f"/{name}", "cdr", schema) for name in "ab")
+        for size in batches:
+            times_ns = (np.arange(number, number + size, dtype=np.uint64) * 7919) % 1000
+            payloads = np.arange(64 * size, dtype=np.uint64).astype(np.uint8).reshape(size, 64)
+            if together:
+                add_messages(writer, rows, times_ns, payloads, number)
+            else:
+                for i, time_ns in enumerate(times_ns.tolist()):
+                    body = payloads[i].tobytes()
+                    writer.add_message(rows, time_ns, body, time_ns, number + i)
+            number += size
+            writer.add_message(events, number, bytes(64), number, number)
+        writer.finish()
+        files.append(output.getvalue())
+    assert files[0] == files[1]
 
 
 def test_the_library_still_needs_more_memory() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -90,6 +92,7 @@ def test_a_recording_that_cannot_be_split_is_refused() -> None:
         choose_presliding(arm(), [recording({}, WAY)], folds=1)
 
 
+@cache
 def estimated_distances(seed: int) -> tuple[FloatArray, FloatArray]:
     """Return the estimated presliding distances of axes 2 and 3 and their standard deviations in
     one experiment.
@@ -102,6 +105,7 @@ def estimated_distances(seed: int) -> tuple[FloatArray, FloatArray]:
     return estimate.model.nonlinear_values, estimate.nonlinear_sigma
 
 
+@cache
 def estimated_shares(seed: int) -> tuple[FloatArray, FloatArray]:
     """Return the estimated presliding distance and fraction of axis 2 and their standard deviations
     in one experiment.

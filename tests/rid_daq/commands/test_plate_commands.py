@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import re
 import shutil
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,15 +20,30 @@ from config.load import load_cell
 from mock_hw.plant.rigid_bodies import BaseWrench
 from rid_daq.app import run
 from tests.builders.json_output import document
+from tests.builders.screens import both_outputs
 
 pytestmark = pytest.mark.slow
 
 LIMITS = "  limits: {force_n: [300.0, 300.0, 2000.0], moment_nm: [900.0, 900.0, 200.0]}\n"
 
 
+@dataclass(frozen=True)
+class Prepared:
+    """A folder with two runs on a force plate, and what `identify` showed of the first.
+
+    Attributes:
+        internal: Text of the identification from the torques.
+        combined: Document and text of the identification from torques and plate, which came later.
+    """
+
+    folder: Path
+    internal: str
+    combined: tuple[dict[str, Any], str]
+
+
 @pytest.fixture(scope="module")
-def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder made by init, with an excitation and a validation run on a force plate."""
+def prepared(tmp_path_factory: pytest.TempPathFactory) -> Prepared:
+    """Make a folder by init, and record an excitation and a validation run on a force plate."""
     folder = tmp_path_factory.mktemp("workshop")
     assert run(["init", str(folder)]) == 0
     cell = folder / "cell.yaml"
@@ -42,18 +59,21 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for label, name in (("excitation", "motion.yaml"), ("validation", "validation.yaml")):
         assert run(["record", str(cell), str(folder / name), "--label", label, *runs]) == 0
         assert find_run(folder / "runs", label).file("plate.mcap").exists()
+    words = ["identify", "excitation", *runs]
+    _, internal = both_outputs([*words, "-o", str(folder / "internal.json")])
     model = ["--model", "combined", "-o", str(folder / "combined.json")]
-    assert run(["identify", "excitation", *model, *runs]) == 0
-    assert run(["identify", "excitation", "-o", str(folder / "internal.json"), *runs]) == 0
-    return folder
+    return Prepared(folder, internal, both_outputs([*words, *model]))
+
+
+@pytest.fixture(scope="module")
+def workshop(prepared: Prepared) -> Path:
+    return prepared.folder
 
 
 def test_the_combined_model_reports_the_improvement_by_the_plate(
-    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+    prepared: Prepared, workshop: Path
 ) -> None:
-    output = ["--overwrite", "-o", str(workshop / "again.json")]
-    assert run(["identify", "excitation", "--model", "combined", "--json", *output, *runs]) == 0
-    plate = document(capsys)["plate"]
+    plate = prepared.combined[0]["plate"]
     assert plate["improvement"]["determinant_ratio"] > 3.0
     assert [axis["joint"] for axis in plate["torque_constants"]["axes"]] == [
         "axis1",
@@ -66,12 +86,8 @@ def test_the_combined_model_reports_the_improvement_by_the_plate(
     assert "σ from both" in report
 
 
-def test_the_output_states_the_improvement_by_the_plate(
-    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    output = ["--overwrite", "-o", str(workshop / "again.json")]
-    assert run(["identify", "excitation", "--model", "combined", *output, *runs]) == 0
-    text = " ".join(capsys.readouterr().out.split())
+def test_the_output_states_the_improvement_by_the_plate(prepared: Prepared) -> None:
+    text = " ".join(prepared.combined[1].split())
     assert "The force plate divides the standard deviations" in text
     assert "measured over expected torque" in text or "Compared with the force plate" in text
     assert "m1 + m2 + m3: identifiable only from the robot's weight" in text
@@ -84,12 +100,8 @@ def test_average_reports_the_drift_of_the_plate_channels(
     assert "channels drifted by up to" in document(capsys)["average"]["sentence"]
 
 
-def test_the_internal_model_mentions_the_unused_plate(
-    workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
-) -> None:
-    output = ["--overwrite", "-o", str(workshop / "again.json")]
-    assert run(["identify", "excitation", *output, *runs]) == 0
-    assert "combined" in capsys.readouterr().out
+def test_the_internal_model_mentions_the_unused_plate(prepared: Prepared) -> None:
+    assert "combined" in prepared.internal
 
 
 def test_the_external_model_is_identified_from_the_plate_alone(

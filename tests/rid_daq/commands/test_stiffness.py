@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from config.load import load_cell, to_yaml
 from rid_daq.app import run
 from rid_daq.runs.run_data import RunData
 from tests.builders.console_blocks import assert_shown
+from tests.builders.screens import both_outputs
 
 pytestmark = pytest.mark.slow
 
@@ -47,16 +49,9 @@ def perform(words: str, *codes: int) -> None:
     assert run(words.removeprefix("rid-daq ").split()) in (codes or (0,)), words
 
 
-def printed(words: str, capsys: pytest.CaptureFixture[str], *codes: int) -> str:
-    """Run a command and return its output."""
-    capsys.readouterr()
-    perform(words, *codes)
-    return capsys.readouterr().out
-
-
-def document(words: str, capsys: pytest.CaptureFixture[str], *codes: int) -> Any:
-    """Run a command and return its JSON document."""
-    return json.loads(printed(f"{words} --json", capsys, *codes))
+def outputs(words: str, *codes: int) -> tuple[Any, str]:
+    """Run a command in the present folder, and return its JSON document and its text."""
+    return both_outputs(words.removeprefix("rid-daq ").split(), codes or (0,))
 
 
 @pytest.fixture(scope="module")
@@ -81,33 +76,40 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.fixture(scope="module")
+def gears(folder: Path) -> tuple[Any, str]:
+    """Return document and text of the identification from motors alone."""
+    with contextlib.chdir(folder):
+        return outputs(IDENTIFY)
+
+
 @pytest.fixture(autouse=True)
 def _in_folder(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(folder)
 
 
-def test_the_stiffness_is_identified(capsys: pytest.CaptureFixture[str]) -> None:
-    found = document(IDENTIFY, capsys)
+def test_the_stiffness_is_identified(gears: tuple[Any, str]) -> None:
+    found, shown = gears
     for axis, stiffness, damping in zip(found["axes"], STIFFNESS, DAMPING, strict=True):
         assert axis["stiffness"] == pytest.approx(stiffness, rel=0.03)
         assert abs(axis["stiffness"] - stiffness) < 2.0 * axis["stiffness_std"]
         assert axis["damping"] == pytest.approx(damping, rel=0.2)
         assert axis["motor_inertia"] > 0.0
-    assert_shown("elastic-gears", IDENTIFY, printed(IDENTIFY, capsys), same_numbers=False)
+    assert_shown("elastic-gears", IDENTIFY, shown, same_numbers=False)
 
 
-def test_the_plate_confirms_the_stiffness(capsys: pytest.CaptureFixture[str]) -> None:
-    found = document(f"{IDENTIFY} --plate", capsys)
+def test_the_plate_confirms_the_stiffness() -> None:
+    found, _ = outputs(f"{IDENTIFY} --plate")
     assert found["has_plate"]
     assert [axis["stiffness"] for axis in found["axes"]] == pytest.approx(STIFFNESS, rel=0.03)
 
 
-def test_a_tracker_confirms_the_stiffness(capsys: pytest.CaptureFixture[str]) -> None:
-    found = document(BY_TRACKER, capsys)
+def test_a_tracker_confirms_the_stiffness() -> None:
+    found, shown = outputs(BY_TRACKER)
     assert [axis["stiffness"] for axis in found["axes"]] == pytest.approx(STIFFNESS, rel=0.02)
     # The arm is off its nominal geometry; this is fitted too. The gears bend the tool by 2 mm.
     assert found["tool_residual_m"] < 1e-4
-    assert_shown("elastic-gears", BY_TRACKER, printed(BY_TRACKER, capsys), same_numbers=False)
+    assert_shown("elastic-gears", BY_TRACKER, shown, same_numbers=False)
 
 
 def test_each_excitation_run_needs_its_own_file(capsys: pytest.CaptureFixture[str]) -> None:
@@ -117,9 +119,7 @@ def test_each_excitation_run_needs_its_own_file(capsys: pytest.CaptureFixture[st
     assert "RID-TRACKER-ALIGNMENT" in capsys.readouterr().err
 
 
-def test_encoders_that_contradict_the_motors_give_no_stiffness(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_encoders_that_contradict_the_motors_give_no_stiffness(folder: Path) -> None:
     names = [f"links-{number}.csv" for number in (1, 2)]
     for number, name in enumerate(names, start=1):
         data = RunData.load(find_run(Path("runs"), f"excitation-{number}"))
@@ -131,7 +131,7 @@ def test_encoders_that_contradict_the_motors_give_no_stiffness(
         (folder / name).write_text("\n".join(["time_s,axis1,axis2,axis3", *rows]))
     words = " ".join(f"--link-encoders {name}" for name in names)
     # These positions are those of the motors: they contradict the resonances.
-    found = document(f"{IDENTIFY} {words}", capsys, 6)
+    found, _ = outputs(f"{IDENTIFY} {words}", 6)
     assert found["has_link_encoders"]
     assert all(axis["stiffness"] is None for axis in found["axes"])
     assert found["robot_file"] == {}
@@ -143,10 +143,8 @@ def test_both_kinds_of_runs_are_needed(runs: str, capsys: pytest.CaptureFixture[
     assert "RID-STIFFNESS-RUNS" in capsys.readouterr().err
 
 
-def test_the_corrected_path_moves_the_tool_as_planned(
-    folder: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    keys = document(IDENTIFY, capsys)["robot_file"]
+def test_the_corrected_path_moves_the_tool_as_planned(folder: Path, gears: tuple[Any, str]) -> None:
+    keys = gears[0]["robot_file"]
     robot = load_cell("cell.yaml").robot
     joints = tuple(joint.model_copy(update=keys[joint.name]) for joint in robot.joints)
     (folder / "robot.yaml").write_text(to_yaml(robot.model_copy(update={"joints": joints})))
@@ -156,19 +154,21 @@ def test_the_corrected_path_moves_the_tool_as_planned(
     perform("loop multisine -o loops.json", 0, 6)
     perform(f"{COMPENSATE.replace('feedforward.json', 'rigid.json')} --no-deflection")
     perform("record cell.yaml circle.yaml --feedforward rigid.json --label rigid")
-    output = printed(COMPENSATE, capsys)
-    assert_shown("elastic-gears", COMPENSATE, output, same_numbers=False)
+    _, shown = outputs(COMPENSATE)
+    assert_shown("elastic-gears", COMPENSATE, shown, same_numbers=False)
     words = "--feedforward feedforward.json --label corrected --tracker corrected.csv"
     perform(f"record cell.yaml circle.yaml {words}")
-    (motion,) = document(TRACK, capsys)["motions"]
+    tracked, shown = outputs(TRACK)
+    (motion,) = tracked["motions"]
     before, after = motion["against"]["bending"], motion["bending"]
     # The motors follow equally well; the deflection of some 2 mm is corrected at the tool.
     assert motion["mean_m"] < 1.5 * motion["against"]["mean_m"] < 1e-4
     assert before["tool_mean_m"] > 1e-3
     assert after["tool_mean_m"] < 0.1 * before["tool_mean_m"]
-    assert_shown("elastic-gears", TRACK, printed(TRACK, capsys), same_numbers=False)
+    assert_shown("elastic-gears", TRACK, shown, same_numbers=False)
     assert find_run(Path("runs"), "corrected").file("report.html").exists()
-    (tool,) = document(MEASURE, capsys)["tool_side"]
+    measured, shown = outputs(MEASURE)
+    (tool,) = measured["tool_side"]
     # The tracker's noise is 0.08 mm of it; the kinematics of the robot file are wrong by more.
     assert tool["mean_m"] < 0.4e-3
-    assert_shown("elastic-gears", MEASURE, printed(MEASURE, capsys), same_numbers=False)
+    assert_shown("elastic-gears", MEASURE, shown, same_numbers=False)
