@@ -198,13 +198,7 @@ def add_mass_uncertainty(
         }
         step = estimate_runs(data, replace(how, bodies=changed)).estimate.values - estimate.values
         more += np.outer(step, step)
-    noise = estimate.covariance_noise
-    return replace(
-        estimate,
-        covariance_noise=None if noise is None else noise + more,
-        covariance_residual=estimate.covariance_residual + more,
-        covariance_jackknife=estimate.covariance_jackknife + more,
-    )
+    return estimate.add_covariance(more)
 
 
 def with_bodies(estimate: Estimate, bodies: Bodies) -> Estimate:
