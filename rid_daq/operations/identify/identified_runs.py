@@ -202,7 +202,8 @@ def identify_robot(
     how = replace(_estimation_job(request), loaded=loaded, bodies=bodies)
     rounded = find_rounded_positions(data, how)
     if rounded is not None:
-        how = replace(how, options=replace(how.options, band_hz=rounded.band_hz))
+        options = replace(how.options, band_hz=rounded.band_hz)
+        how = replace(how, options=options, has_rounded_positions=True)
     if how.options.model.kind != "external":
         require_torques(data)
     first = data[0]

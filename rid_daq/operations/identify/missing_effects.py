@@ -110,7 +110,8 @@ def find_missing_effects(
     findings += [each.sentence for each in late]
     joints = tuple(each.joint for each in late)
     is_clock_known = all(item.clock is None or item.clock.is_known for item in data)
-    if comparison is None and is_clock_known and not data[0].is_periodic:
+    can_show_filters = is_clock_known and not data[0].is_periodic and not how.has_rounded_positions
+    if comparison is None and can_show_filters:
         findings += filter_findings(estimate.robot, coarse, options, joints)
     return findings, joints
 
