@@ -9,6 +9,7 @@ which the result stays within one step of the recorded position.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -55,6 +56,23 @@ def _quantisation_step(position: FloatArray) -> float | None:
     steady = sizes.max() < 1.5 * step and 2 * goes_on > len(sizes)
     # at constant speed all changes are alike, so they prove no encoder step
     return None if steady else step
+
+
+def unrefined_steps(
+    steps: Sequence[float | None], has_velocity: Sequence[bool], coupling: FloatArray | None
+) -> tuple[float | None, ...]:
+    """Return the steps that remain in the joints' positions [rad or m]; None without steps.
+
+    Args:
+        steps: Result of `position_steps`.
+        has_velocity: For each column of positions, True if a velocity refines it.
+        coupling: Shape (n, n). Coupling matrix of positions at the actuators; None without it.
+    """
+    pairs = zip(steps, has_velocity, strict=True)
+    left = np.array([0.0 if fine or step is None else step for step, fine in pairs])
+    if coupling is not None:
+        left = np.sqrt(np.square(coupling) @ np.square(left))
+    return tuple(step or None for step in left.tolist())
 
 
 def refine_between_steps(rows: ImportRows, steps: tuple[float | None, ...]) -> FloatArray:

@@ -17,7 +17,11 @@ import numpy as np
 
 from acquisition.clock.judgement import judge_clock
 from acquisition.clock.samples import Samples
-from acquisition.imports.between_steps import position_steps, refine_between_steps
+from acquisition.imports.between_steps import (
+    position_steps,
+    refine_between_steps,
+    unrefined_steps,
+)
 from acquisition.imports.causes import likely_cause_of_damage
 from acquisition.imports.columns import ImportColumns
 from acquisition.imports.findings import check_rows
@@ -132,6 +136,7 @@ def import_csv(
         raise DataQualityError(f"{file.name}: {error}", code=error.refusal) from None
     position_step = position_steps(rows)
     position = columns.joint_positions(refine_between_steps(rows, position_step))
+    has_velocity = [joint.velocity is not None for joint in import_map.joints]
     steps = np.diff(stamps)
     of_robot = () if robot is None else robot.kinematics.notes
     report = ImportReport(
@@ -148,9 +153,10 @@ def import_csv(
         travel=tuple(np.ptp(position, axis=0).tolist()),
         velocity_ratio=findings.velocity_ratio,
         refined_step=tuple(
-            step if joint.velocity is not None else None
-            for step, joint in zip(position_step, import_map.joints, strict=True)
+            step if measured else None
+            for step, measured in zip(position_step, has_velocity, strict=True)
         ),
+        rounded_step=unrefined_steps(position_step, has_velocity, columns.coupling),
         findings=(
             *table.notes,
             *missing,

@@ -68,6 +68,8 @@ class ImportReport:
         refined_step: For each joint, the quantisation step of its position [rad or m]; between the
             steps, the position follows the recorded velocity. None without a visible step or a
             velocity.
+        rounded_step: For each joint without a recorded velocity, the quantisation step of its
+            position [rad or m]; None without a visible step or with a velocity.
         findings: Oddities of the used rows, one sentence each.
         static: True if no joint moves.
         torques: Meaning of the torques; None if the map does not state it.
@@ -89,6 +91,7 @@ class ImportReport:
     travel: tuple[float, ...]
     velocity_ratio: tuple[float | None, ...]
     refined_step: tuple[float | None, ...] = ()
+    rounded_step: tuple[float | None, ...] = ()
     findings: tuple[str, ...] = ()
     static: bool = False
     torques: TorqueMeaning | None = None

@@ -150,6 +150,16 @@ class Estimate:
         clustered, noise = _sigma(self.covariance_jackknife), self.sigma_noise
         return clustered if noise is None else np.maximum(noise, clustered)
 
+    def add_covariance(self, more: FloatArray) -> Estimate:
+        """Return an estimate with an additional covariance (b, b) from another source of error."""
+        noise = self.covariance_noise
+        return replace(
+            self,
+            covariance_noise=None if noise is None else noise + more,
+            covariance_residual=self.covariance_residual + more,
+            covariance_jackknife=self.covariance_jackknife + more,
+        )
+
     @property
     def fit(self) -> tuple[FitGrade, ...]:
         """Quality of the fit of each joint's torque on the data of the estimate."""

@@ -70,13 +70,9 @@ def carry(estimate: Estimate, payload: PayloadEstimate) -> Estimate:
     at_flange = parameters_to_parent(flange_pose(estimate.robot))
     turned = estimate.base.combination[:, _last_link(estimate)] @ at_flange
     more = turned @ payload.covariance @ turned.T
-    noise = estimate.covariance_noise
     return replace(
-        estimate,
+        estimate.add_covariance(more),
         values=estimate.values + turned @ payload.values,
-        covariance_noise=None if noise is None else noise + more,
-        covariance_residual=estimate.covariance_residual + more,
-        covariance_jackknife=estimate.covariance_jackknife + more,
         run_ids=tuple(dict.fromkeys((*estimate.run_ids, *payload.run_ids))),
     )
 
@@ -99,14 +95,7 @@ def carry_bodies(estimate: Estimate, bodies: Bodies) -> Estimate:
             values_of_bodies(estimate.model, estimate.base, {**bodies, name: heavier}) - values
         )
         more += np.outer(changed, changed)
-    noise = estimate.covariance_noise
-    return replace(
-        estimate,
-        values=estimate.values + values,
-        covariance_noise=None if noise is None else noise + more,
-        covariance_residual=estimate.covariance_residual + more,
-        covariance_jackknife=estimate.covariance_jackknife + more,
-    )
+    return replace(estimate.add_covariance(more), values=estimate.values + values)
 
 
 def _without_columns(estimate: Estimate, *, carries: bool) -> Estimate:

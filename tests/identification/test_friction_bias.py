@@ -7,13 +7,18 @@ import pytest
 
 from benchmarks.friction_bias import (
     BIAS_PERCENT,
+    BITS,
     NARROW_HZ,
     QUICK,
+    WHITE,
     Exact,
     add_noise,
+    at_rate,
     bias_percent,
     failures,
     identify_recording,
+    identify_rounded,
+    round_positions,
     run,
 )
 from benchmarks.simulated_arm import MOTIONS, Kind, SimulatedArm, simulate
@@ -57,6 +62,31 @@ def test_torques_without_noise_give_a_warning(exact: Exact) -> None:
     noisy = add_noise(exact.recording, "white", np.random.default_rng(0))
     assert noiseless_findings(identify_recording(exact, alone))
     assert not noiseless_findings(identify_recording(exact, noisy))
+
+
+def test_intervals_contain_the_effect_of_rounded_positions(exact: Exact) -> None:
+    step_deg = 0.1
+    whole = at_rate(exact.recording, 100)
+    rough = round_positions(whole, step_deg, WHITE, np.random.default_rng(1))
+    plain = identify_recording(exact, rough)
+    careful, rounded = identify_rounded(exact, rough, step_deg)
+    truth = exact.arm.truth(plain.base)
+    inside, inside_before = (
+        np.mean(np.abs(each.values - truth) <= 2.0 * each.sigma) for each in (careful, plain)
+    )
+    assert inside_before < 0.9
+    assert inside >= 0.93
+    assert rounded is not None
+    assert rounded.is_material
+    assert rounded.band_hz < BAND_HZ
+    assert np.median(careful.sigma / plain.sigma) < 1.0
+
+
+def test_fine_positions_change_nothing(exact: Exact) -> None:
+    alone = add_noise(at_rate(exact.recording, 100), "white", np.random.default_rng(0))
+    found, rounded = identify_rounded(exact, alone, 360.0 / 2**BITS)
+    assert rounded is None
+    np.testing.assert_array_equal(found.sigma, identify_recording(exact, alone).sigma)
 
 
 @pytest.mark.slow

@@ -146,6 +146,7 @@ def _run_document(run: ImportedRun) -> dict[str, object]:
         "findings": report.findings,
         "velocity_ratio": report.velocity_ratio,
         "refined_step": report.refined_step,
+        "rounded_step": report.rounded_step,
         "clock": None if report.clock is None else ClockSection.of(report.clock),
         "static": report.static,
         "plate": None if report.plate is None else asdict(report.plate),

@@ -9,13 +9,6 @@ from acquisition.processing.periods import PeriodAverage
 from acquisition.processing.smoothing import SmoothedSignals
 from acquisition.runs.catalogue import find_run, find_runs
 from config.errors import ConfigError, EstimationError
-from identification.accuracy.identifiability import (
-    few_cluster_findings,
-    noiseless_findings,
-    still_findings,
-    unseen_findings,
-    weak_parameters,
-)
 from identification.calibration.base_reaction import weight_words
 from identification.calibration.drive_gains import DriveGains
 from identification.consistency.closest_robot import check_consistency
@@ -26,13 +19,17 @@ from identification.estimation.file import write_estimate
 from identification.estimation.options import EstimationOptions
 from identification.model.known_loads import Bodies, load_findings
 from identification.regression.fit_grade import Grade
-from identification.validation.friction_drift import friction_drift
 from identification.validation.model_choice import STEPS, ModelChoice
 from identification.validation.period_comparison import compare_period
 from identification.wiring.held_out import held_out_share
 from identification.wiring.torque_origin import torque_contradiction
 from rid_daq.operations.identify.identify import IdentifyRequest
-from rid_daq.operations.identify.missing_effects import find_missing_effects
+from rid_daq.operations.identify.missing_effects import (
+    add_rounding_uncertainty,
+    estimate_findings,
+    find_missing_effects,
+    find_rounded_positions,
+)
 from rid_daq.operations.identify.run_estimation import (
     EstimationJob,
     add_mass_uncertainty,
@@ -57,7 +54,7 @@ from rid_daq.report.result import NOTHING_JUDGED, Result
 from rid_daq.report.sections.average import AverageSection
 from rid_daq.report.sections.comparison import ComparisonSection
 from rid_daq.report.sections.curves import CurvesSection
-from rid_daq.report.sections.estimate import EstimateSection
+from rid_daq.report.sections.estimate import EstimateSection, RoundedPositionsEntry
 from rid_daq.report.sections.plate import PlateSection
 from rid_daq.report.sections.runs import ClockSection
 from rid_daq.report.sections.verdict import VerdictSection
@@ -203,6 +200,10 @@ def identify_robot(
     request.refuse_contradictions()
     loaded, bodies = _loaded_run_ids(request, data), known_bodies(request.loads, request.runs, data)
     how = replace(_estimation_job(request), loaded=loaded, bodies=bodies)
+    rounded = find_rounded_positions(data, how)
+    if rounded is not None:
+        options = replace(how.options, band_hz=rounded.band_hz)
+        how = replace(how, options=options, has_rounded_positions=True)
     if how.options.model.kind != "external":
         require_torques(data)
     first = data[0]
@@ -211,6 +212,10 @@ def identify_robot(
     robot = None if comparison is None else comparison.robot(first.robot)
     identified = estimate_runs(data, how, robot=robot, chosen=comparison, smoothed=smoothed)
     estimate, wiring = identified.estimate, WiringDiagnosis()
+    if rounded is not None:
+        estimate, rounded = add_rounding_uncertainty(
+            estimate, rounded, data, how, robot, comparison
+        )
     if bodies:
         estimate = add_mass_uncertainty(estimate, data, how)
     empty = how.empty_runs(data)
@@ -234,7 +239,9 @@ def identify_robot(
             identified.plate_mistake,
         )
     consistency, consistency_words = _check_consistency(estimate)
-    findings = [*wiring.sentences, *_estimate_findings(estimate, data, weight), consistency_words]
+    findings = [*wiring.sentences, *estimate_findings(estimate, data, weight), consistency_words]
+    if rounded is not None and rounded.is_material:
+        findings.append(rounded.sentence)
     findings += load_findings(bodies, [item.folder.run_id for item in data], bool(empty))
     findings += _contradictions_of_torque_meaning(data, wiring)
     if comparison is not None:
@@ -260,6 +267,14 @@ def identify_robot(
     )
     if late:
         section = section.model_copy(update={"late_torques": late})
+    if rounded is not None and rounded.is_material:
+        section = section.model_copy(
+            update={
+                "rounded_positions": RoundedPositionsEntry.from_attributes(
+                    rounded, steps=rounded.step_of_joint
+                )
+            }
+        )
     return IdentifiedRobot(
         estimate,
         section,
@@ -363,24 +378,6 @@ def _contradictions_of_torque_meaning(
             stated = item.import_report.torques
             if why := torque_contradiction(stated, item.recording, item.robot, kinds):
                 findings.append(f"Run {item.folder.run_id}: {why}")
-    return findings
-
-
-def _estimate_findings(
-    estimate: Estimate, data: tuple[RunData, ...], weight: tuple[str, ...]
-) -> list[str]:
-    """Return the findings about an estimate, as sentences."""
-    weak = [each for each in weak_parameters(estimate) if each.expression not in weight]
-    findings = [
-        *still_findings(estimate),
-        *few_cluster_findings(estimate),
-        *noiseless_findings(estimate),
-        *unseen_findings(estimate),
-        *(each.sentence for each in weak),
-    ]
-    for item in data:
-        drifts = (drift for drift in friction_drift(item.parts()) if drift.significant)
-        findings += [f"Run {item.folder.run_id}: {drift.sentence}." for drift in drifts]
     return findings
 
 

@@ -38,6 +38,7 @@ from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.model.known_loads import Bodies, known_values
 from identification.model.still_joints import JERK_SHARE, refuse_unmoved_joints, still_joints
+from identification.validation.channel_choice import KINDS
 from identification.validation.model_choice import (
     DELAYS_ALONE,
     ModelChoice,
@@ -60,12 +61,15 @@ class EstimationJob(Ranged):
         cad_prior: True if the CAD data are prior knowledge.
         loaded: Ids of the runs with an unknown payload.
         bodies: Known bodies that the robot carried, by the ids of the runs.
+        has_rounded_positions: True if positions are rounded coarsely; a filter of the torques
+            cannot be distinguished from that.
     """
 
     options: EstimationOptions = field(default_factory=EstimationOptions)
     cad_prior: bool = False
     loaded: tuple[str, ...] = ()
     bodies: Mapping[str, Bodies] = field(default_factory=dict)
+    has_rounded_positions: bool = False
 
     def bodies_of(self, data: Sequence[RunData]) -> tuple[Bodies, ...] | None:
         """Return the known bodies of each run; None if no run has any."""
@@ -198,13 +202,7 @@ def add_mass_uncertainty(
         }
         step = estimate_runs(data, replace(how, bodies=changed)).estimate.values - estimate.values
         more += np.outer(step, step)
-    noise = estimate.covariance_noise
-    return replace(
-        estimate,
-        covariance_noise=None if noise is None else noise + more,
-        covariance_residual=estimate.covariance_residual + more,
-        covariance_jackknife=estimate.covariance_jackknife + more,
-    )
+    return estimate.add_covariance(more)
 
 
 def with_bodies(estimate: Estimate, bodies: Bodies) -> Estimate:
@@ -242,7 +240,8 @@ def compare_friction(
         return choose_model(robot, signals, how.options, kinds=("none",), watch=watch)
     if data[0].is_periodic:
         return _choose_by_periods(robot, data, how, watch)
-    chosen = choose_model(robot, signals, how.options, watch=watch)
+    kinds = DELAYS_ALONE if how.has_rounded_positions else tuple(KINDS)
+    chosen = choose_model(robot, signals, how.options, kinds=kinds, watch=watch)
     channel, refused = split_implausible_channel(chosen.channel, signals[0].sample_period_s)
     if refused:
         chosen = choose_model(robot, signals, how.options, kinds=("none",), watch=watch)

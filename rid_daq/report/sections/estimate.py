@@ -92,6 +92,28 @@ class AxisResidual(Section):
     reason: str | None = None
 
 
+class RoundedPositionsEntry(Section):
+    """Rounded positions without recorded velocities, and their effect on the estimate.
+
+    Attributes:
+        steps: Rounding step of each joint [rad or m].
+        asked_hz: Requested upper limit of the band [Hz].
+        band_hz: Upper limit that was used [Hz]; lower than the default limit if that is too high
+            for the steps.
+        advised_hz: Highest upper limit at which the effect is small [Hz].
+        noise_share: Power of the rounding errors' acceleration in the band, relative to that of the
+            motion.
+        widening: Largest factor by which an interval became wider.
+    """
+
+    steps: dict[str, float]
+    asked_hz: float
+    band_hz: float
+    advised_hz: float
+    noise_share: float
+    widening: float
+
+
 class EstimateSection(Section):
     """Estimated parameters with their intervals, and the method of the estimate.
 
@@ -121,6 +143,7 @@ class EstimateSection(Section):
             was found, if no search was made, or if there are too few data.
         still: Joints that no run moved, and their positions [rad or m]; left out if every joint
             moved.
+        rounded_positions: Rounded positions with a material effect; left out if there are none.
         consistency: Test of physical consistency; left out if it was not made.
     """
 
@@ -142,6 +165,7 @@ class EstimateSection(Section):
     arm_weight: ArmWeightEntry | None = None
     unconfirmed: tuple[UnconfirmedSection, ...] | None = None
     still: dict[str, Numbers] | None = None
+    rounded_positions: RoundedPositionsEntry | None = None
     consistency: ConsistencyEntry | None = None
 
     @classmethod

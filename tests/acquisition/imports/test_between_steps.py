@@ -7,7 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.imports.between_steps import position_steps, refine_between_steps
+from acquisition.imports.between_steps import (
+    position_steps,
+    refine_between_steps,
+    unrefined_steps,
+)
 from acquisition.imports.columns import ImportRows
 from config.arrays import FloatArray
 from dynamics.kernels.taut_string import pull_taut
@@ -147,3 +151,12 @@ def test_a_taut_string_stays_within_its_bounds_and_is_the_shortest(
 
 def length(time_s: FloatArray, path: FloatArray) -> float:
     return float(np.hypot(np.diff(time_s), np.diff(path)).sum())
+
+
+def test_steps_remain_in_positions_without_velocities() -> None:
+    left = unrefined_steps([STEP, 2.0 * STEP, None], [False, True, False], None)
+    assert left == (STEP, None, None)
+    coupling = np.array([[1.0, 0.0], [3.0, 4.0]])
+    assert unrefined_steps([STEP, STEP], [False, False], coupling) == pytest.approx(
+        (STEP, 5.0 * STEP)
+    )
