@@ -89,7 +89,7 @@ def fit_elastic(
     raise EstimationError(
         f"the model of the links has not converged in {MOST_FITS} fits: check the stiffness of the"
         " gears, or use an excitation with lower frequencies",
-        code="RID-STIFFNESS-RUNS",
+        code="RID-STIFFNESS-UNSETTLED",
     )
 
 

@@ -9,8 +9,10 @@ from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import Phase
 from acquisition.processing.periods import PeriodAverage
 from compensation.feedforward.motor_reference import motor_reference
+from config.errors import EstimationError
 from config.load import load_cell
 from config.robot.robot import RobotDescription
+from identification.elasticity import elastic_fit
 from identification.elasticity.elastic_fit import fit_elastic
 from identification.elasticity.transmitted_torque import transmitted_torque
 from identification.estimation.estimate import Estimate
@@ -18,6 +20,7 @@ from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from identification.payload.carried import carry_own, without_payload
 from tests.builders.known_model import known_estimate, with_payload_columns
+from tests.builders.raised_codes import raises_code
 
 CELL, STEP_S = load_cell("ir361"), 0.004
 STIFFNESS, DAMPING, MOTORS = (5e4, 6e4, 2e4), (100.0, 110.0, 25.0), (7.0, 14.0, None)
@@ -109,3 +112,11 @@ def test_one_elastic_gear_is_enough(averages: list[PeriodAverage], robot: RobotD
     fits = [fit_elastic(each, averages[:1]).estimate() for each in (CELL.robot, one)]
     assert np.isfinite(fits[1].values).all()
     assert np.abs(fits[1].values - fits[0].values).max() > 1e-4
+
+
+def test_fits_that_have_not_converged_are_refused(
+    averages: list[PeriodAverage], robot: RobotDescription, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(elastic_fit, "MOST_FITS", 1)
+    with raises_code(EstimationError, "RID-STIFFNESS-UNSETTLED"):
+        fit_elastic(robot, averages[:1])
