@@ -42,10 +42,10 @@ from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain, forward
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.elasticity.elastic_arm import ElasticArm
+from identification.elasticity.elastic_fit import fit_elastic
 from identification.elasticity.elastic_runs import excitation_bins, multisine_bins
 from identification.elasticity.gear_estimate import GearEstimate, estimate_gears
 from identification.estimation.estimate import Estimate
-from identification.estimation.fitted_periods import fit_periodic
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 
@@ -78,7 +78,8 @@ class IdentifiedCell:
 
     Attributes:
         gears: Gears, by the signals that were used.
-        estimate: Model with rigid gears from the excitation runs.
+        estimate: Model of the links from the excitation runs, with the gears from the motors'
+            signals.
         averages: Mean periods of the excitation runs.
     """
 
@@ -138,7 +139,8 @@ def identify(
             ]
         lines = multisine_bins("multisine", recording, small, cell.robot, arm)
         gears[label] = estimate_gears(cell.robot, averages, large, lines, arm)
-    fitted = fit_periodic(cell.robot, averages, EstimationOptions(model=TERMS))
+    robot = with_gears(cell.robot, gears["motors"])
+    fitted = fit_elastic(robot, averages, EstimationOptions(model=TERMS))
     return IdentifiedCell(gears, fitted.estimate(), tuple(averages))
 
 

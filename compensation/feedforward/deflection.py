@@ -21,8 +21,8 @@ from config.errors import DataQualityError
 from config.robot.robot import RobotDescription
 from config.robot.wrist_coupling import convert_to_joints
 from dynamics.geometry.kinematics import Chain, forward
-from dynamics.model.robot_model import load_torque
 from identification.choices import BAND_HZ
+from identification.elasticity.transmitted_torque import transmitted_torque
 from identification.equations.deconvolution import smoothed_recording
 from identification.estimation.estimate import Estimate
 
@@ -140,41 +140,3 @@ def _first_row_s(recording: Recording) -> float:
     assert recording.sample_period_s is not None
     row = int(recording.sample_index[first])
     return float(recording.time_s[first]) - row * recording.sample_period_s
-
-
-def transmitted_torque(
-    estimate: Estimate,
-    robot: RobotDescription,
-    position: FloatArray,
-    velocity: FloatArray,
-    acceleration: FloatArray,
-) -> FloatArray:
-    """Return the torques that the gears transmit, at their outputs, (samples, n) [N m or N].
-
-    The torques are those of the links and springs in the model, without friction. A motor's own
-    inertia is left out if the model separates it from the links, or if the robot file states it
-    (`motor_inertia_kg_m2`).
-
-    Args:
-        robot: Robot file with the motors' inertias.
-        position, velocity, acceleration: Shape (samples, n). Motion of the joints.
-    """
-    model = estimate.model
-    motion = (position, velocity, acceleration)
-    torque = load_torque(model, *motion, estimate.standard_values)
-    lumped = lumped_motors(estimate)
-    inertia = [
-        (joint.motor_inertia_kg_m2 or 0.0) if joint.name in lumped else 0.0
-        for joint in robot.joints
-    ]
-    return np.asarray(torque - np.array(inertia) * model.actuator_speed(acceleration))
-
-
-def lumped_motors(estimate: Estimate) -> tuple[str, ...]:
-    """Return the names of the joints whose motor inertia the model does not separate."""
-    names = set(estimate.base.names)
-    return tuple(
-        name
-        for number, name in enumerate(estimate.robot.joint_names, start=1)
-        if names.isdisjoint((f"Im{number}", f"Ia{number}"))
-    )

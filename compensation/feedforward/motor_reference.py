@@ -17,7 +17,6 @@ from typing import Final
 import numpy as np
 
 from acquisition.motion.samples import MotionSamples
-from compensation.feedforward.deflection import transmitted_torque
 from compensation.feedforward.inverse import append_return
 from compensation.feedforward.periodic_rows import period_rows, with_period
 from compensation.ramped_load import RampedLoad, evaluate_over, row_times
@@ -25,6 +24,7 @@ from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
 from config.robot.wrist_coupling import convert_to_joints
 from dynamics.model.robot_model import torque
+from identification.elasticity.transmitted_torque import transmitted_torque
 from identification.estimation.estimate import Estimate, predict
 
 BAND_HZ: Final = 15.0
@@ -45,11 +45,6 @@ class MotorReference:
     samples: MotionSamples
     deflection: FloatArray
     torque_nm: FloatArray
-
-
-def has_stiffness(robot: RobotDescription) -> bool:
-    """Return True if the stiffness of at least one gear is known."""
-    return any(joint.stiffness_nm_rad is not None for joint in robot.joints)
 
 
 def motor_reference(

@@ -11,7 +11,6 @@ import pytest
 from acquisition.motion.samples import MotionSamples
 from benchmarks.closed_loop import true_loops
 from compensation.compensated_motion import compensated_motion
-from compensation.feedforward.deflection import transmitted_torque
 from compensation.feedforward.inverse import feedforward
 from compensation.feedforward.motor_reference import motor_reference
 from compensation.online.online import OnlineFeedforward
@@ -19,6 +18,7 @@ from compensation.ramped_load import RampedLoad, evaluate_over, row_times
 from config.arrays import FloatArray
 from config.load import load_cell
 from dynamics.geometry.kinematics import flange_pose
+from identification.elasticity.transmitted_torque import transmitted_torque
 from identification.estimation.estimate import predict
 from identification.payload.carried import carry
 from mock_hw.plant.rigid_bodies import build_rigid_bodies

@@ -107,10 +107,12 @@ class StiffnessResult:
         yield Text(text=f"Report: {found.report}", is_for_terminal=True)
         if found.section.keys:
             yield Text(
-                text="Write the keys into the robot file; then identify the model again and"
-                " compensate with it."
+                text="Write the keys into the robot file; then identify the model again with these"
+                " gears and compensate with it."
             )
-            yield Next(words=("identify", *found.excitations, "-o", "model.json"))
+            yield Next(
+                words=("identify", *found.excitations, "--gears", "robot.yaml", "-o", "model.json")
+            )
 
 
 def run(request: StiffnessRequest, _context: Context) -> StiffnessResult:

@@ -14,6 +14,7 @@ from identification.calibration.drive_gains import DriveGains
 from identification.consistency.closest_robot import check_consistency
 from identification.consistency.consistency_test import ConsistencyTest
 from identification.cross_checks.agreement import CrossCheck, CrossMethod
+from identification.elasticity.elastic_fit import with_rigid_gears
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import write_estimate
 from identification.estimation.options import EstimationOptions
@@ -63,6 +64,7 @@ from rid_daq.runs import made_file
 from rid_daq.runs.measured_torques import require_torques
 from rid_daq.runs.output_file import refuse_output, register_output
 from rid_daq.runs.run_data import RunData, clock_sections, result_of, show_defects
+from rid_daq.runs.stated_gears import with_stated_gears
 from rid_daq.terminal.choices import MODEL
 
 BAD_FIT = "Failed: the model does not explain this run"
@@ -172,14 +174,13 @@ def identify_runs(request: IdentifyRequest, context: Context) -> IdentifiedRuns:
     if first.is_periodic:
         average = robot.averages[0]
         carrying = with_bodies(robot.estimate, robot.bodies)
-        period = compare_period(carrying, average)
+        period = compare_period(carrying, with_rigid_gears(average, carrying))
         result = result.with_sections(
             average=AverageSection.of(average, first.robot),
             curves=CurvesSection.of_period(carrying, period, average.periods_kept),
         )
     report = write_result(first.folder, result)
-    has_plate = first.is_periodic and all(item.has_plate for item in data)
-    unused = has_plate and plate is None
+    unused = plate is None and first.is_periodic and all(item.has_plate for item in data)
     return IdentifiedRuns(output, result, report, notes, robot.gains, unused, clock_sections(data))
 
 
@@ -198,6 +199,7 @@ def identify_robot(
         DataQualityError, EstimationError: The data do not determine the parameters.
     """
     request.refuse_contradictions()
+    data = with_stated_gears(data, request.gears)
     loaded, bodies = _loaded_run_ids(request, data), known_bodies(request.loads, request.runs, data)
     how = replace(_estimation_job(request), loaded=loaded, bodies=bodies)
     rounded = find_rounded_positions(data, how)
@@ -206,8 +208,7 @@ def identify_robot(
         how = replace(how, options=options, has_rounded_positions=True)
     if how.options.model.kind != "external":
         require_torques(data)
-    first = data[0]
-    smoothed = smoothed_runs(data, how)
+    first, smoothed = data[0], smoothed_runs(data, how)
     comparison = _choose_model(data, how, context, smoothed) if request.choose else None
     robot = None if comparison is None else comparison.robot(first.robot)
     identified = estimate_runs(data, how, robot=robot, chosen=comparison, smoothed=smoothed)
@@ -225,11 +226,10 @@ def identify_robot(
         if request.diagnose:
             estimate = replace(estimate, held_out_share=held_out_share(signals))
     smoothed.clear()  # its memory is needed below
-    gains = None
+    gains, plate = None, None
     if request.load_mass_kg is not None:
         gains = estimate_drive_gains(estimate, data, how, *request.load_mass_kg)
     weight = weight_words(estimate)
-    plate = None
     if estimate.plate is not None:
         plate = PlateSection.of(
             estimate.plate,

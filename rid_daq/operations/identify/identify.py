@@ -112,6 +112,15 @@ class IdentifyRequest(Request):
         Option(negatable=True),
     ] = False
     how: EstimationRequest = Field(default_factory=EstimationRequest)
+    gears: Annotated[
+        Path | None,
+        Field(
+            description="Robot file with the stiffness, damping and motor inertia of the gears"
+            " (default: that of the runs). If a stiffness is known, the model of periodic runs is"
+            " fitted to the motion of the links."
+        ),
+        Option(group=EQUATIONS, metavar="ROBOT", file="input"),
+    ] = None
     loaded: Annotated[
         tuple[str, ...],
         Field(description="Run among RUN... in which the robot carried an unknown payload."),

@@ -27,13 +27,14 @@ from identification.calibration.plate_search import (
 )
 from identification.calibration.torque_scale import TorqueConsistency, torque_consistency
 from identification.cross_checks.agreement import CrossCheck, cross_checks
+from identification.elasticity.elastic_fit import fit_elastic
 from identification.equations.bus_delay import split_implausible_channel
 from identification.equations.deconvolution import smoothed_recording
 from identification.equations.segments import period_signals, unfiltered_period_signals
 from identification.equations.time_domain import time_runs
 from identification.equations.warming import Warming
 from identification.estimation.estimate import Estimate
-from identification.estimation.fitted_periods import PLATE_LATE, fit_periodic, unsolved_equations
+from identification.estimation.fitted_periods import PLATE_LATE, unsolved_equations
 from identification.estimation.fitted_signals import fit_smoothed
 from identification.estimation.options import EstimationOptions
 from identification.model.known_loads import Bodies, known_values
@@ -154,7 +155,7 @@ def estimate_runs(
     if data[0].import_report is not None:
         names = MAP_NAMES if isinstance(plate, PlateDescription) else WRENCH_MAP_NAMES
     try:
-        fitted = fit_periodic(robot, averages, options, payload=payload, bodies=bodies)
+        fitted = fit_elastic(robot, averages, options, payload=payload, bodies=bodies)
     except EstimationError as error:
         if plate is None or error.refusal != PLATE_LATE or bodies is not None:
             raise

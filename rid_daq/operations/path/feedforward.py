@@ -20,7 +20,7 @@ from compensation.feedforward.file import (
     TuningEntry,
     write_feedforward,
 )
-from compensation.feedforward.motor_reference import has_stiffness, motor_reference
+from compensation.feedforward.motor_reference import motor_reference
 from compensation.feedforward.periodic_rows import with_period
 from compensation.feedforward.refinement import Refinement, refinement
 from compensation.feedforward.repeated_error import RepeatedError, repeated_error
@@ -30,6 +30,7 @@ from compensation.operating_temperature import at_operating_temperature
 from config.errors import ConfigError, DataQualityError
 from config.formats.approved_files import sha256_of
 from config.load import LoadedCell, load_cell
+from identification.elasticity.elastic_fit import has_stiffness
 from identification.estimation.estimate import Estimate
 from rid_daq.operations.cell_files import (
     read_estimate_and_bytes,

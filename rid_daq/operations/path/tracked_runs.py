@@ -9,12 +9,12 @@ import numpy as np
 
 from acquisition.runs.catalogue import find_runs
 from acquisition.tracker.tracker_file import read_tracked_point
-from compensation.feedforward.deflection import lumped_motors
 from compensation.feedforward.tool_side import tool_side_error
 from compensation.ramped_load import RampedLoad
 from config.errors import ConfigError, DataQualityError
 from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain
+from identification.elasticity.transmitted_torque import lumped_motors
 from identification.estimation.estimate import Estimate
 from rid_daq.operations.cell_files import read_estimate_for
 from rid_daq.operations.path.tracking import TrackingRequest

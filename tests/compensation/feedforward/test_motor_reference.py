@@ -10,18 +10,18 @@ import pytest
 
 from acquisition.motion.kinds.circle import CircleMotion
 from acquisition.motion.samples import MotionSamples, Phase
-from compensation.feedforward.deflection import transmitted_torque
 from compensation.feedforward.file import feedforward_bytes, feedforward_content
 from compensation.feedforward.motor_reference import (
     BAND_HZ,
     MotorReference,
     gear_deflection,
-    has_stiffness,
     motor_reference,
 )
 from config.errors import ConfigError
 from config.load import load_cell
 from config.robot.robot import RobotDescription
+from identification.elasticity.elastic_fit import has_stiffness
+from identification.elasticity.transmitted_torque import transmitted_torque
 from identification.estimation.estimate import Estimate
 from tests.builders.known_model import known_estimate
 from tests.builders.raised_codes import raises_code

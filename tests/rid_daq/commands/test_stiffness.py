@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from acquisition.runs.catalogue import find_run
-from config.load import load_cell, to_yaml
+from config.load import load_cell, load_robot, to_yaml
+from identification.estimation.file import read_estimate
 from rid_daq.app import run
 from rid_daq.runs.run_data import RunData
 from tests.builders.console_blocks import assert_shown
@@ -137,6 +138,16 @@ def test_encoders_that_contradict_the_motors_give_no_stiffness(folder: Path) -> 
     assert found["robot_file"] == {}
 
 
+def test_gears_need_a_stiffness_and_the_same_robot(capsys: pytest.CaptureFixture[str]) -> None:
+    perform("identify excitation-1 --gears ir361 -o other.json", 2)
+    assert "RID-OPTION-NO-EFFECT" in capsys.readouterr().err
+    other = load_robot("kr15")
+    stiff = tuple(joint.model_copy(update={"stiffness_nm_rad": 1e5}) for joint in other.joints)
+    Path("other.yaml").write_text(to_yaml(other.model_copy(update={"joints": stiff})))
+    perform("identify excitation-1 --gears other.yaml -o other.json", 2)
+    assert "RID-ROBOT-OTHER" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("runs", ["excitation-1 excitation-2", "multisine"])
 def test_both_kinds_of_runs_are_needed(runs: str, capsys: pytest.CaptureFixture[str]) -> None:
     perform(f"stiffness {runs}", 2)
@@ -150,7 +161,8 @@ def test_the_corrected_path_moves_the_tool_as_planned(folder: Path, gears: tuple
     (folder / "robot.yaml").write_text(to_yaml(robot.model_copy(update={"joints": joints})))
     (folder / "circle.yaml").write_text(json.dumps(CIRCLE))
     terms = "--friction-terms coulomb,viscous,presliding"
-    perform(f"identify excitation-1 excitation-2 {terms} -o model.json", 0, 6)
+    perform(f"identify excitation-1 excitation-2 {terms} --gears robot.yaml -o model.json", 0, 6)
+    assert read_estimate(Path("model.json")).robot.joints == joints
     perform("loop multisine -o loops.json", 0, 6)
     perform(f"{COMPENSATE.replace('feedforward.json', 'rigid.json')} --no-deflection")
     perform("record cell.yaml circle.yaml --feedforward rigid.json --label rigid")

@@ -1,0 +1,122 @@
+"""A model of the links from the motion of the motors, if the gears are elastic."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
+from acquisition.motion.samples import Phase
+from acquisition.processing.periods import PeriodAverage
+from compensation.feedforward.motor_reference import motor_reference
+from config.errors import EstimationError
+from config.load import load_cell
+from config.robot.robot import RobotDescription
+from identification.elasticity import elastic_fit
+from identification.elasticity.elastic_fit import fit_elastic
+from identification.elasticity.transmitted_torque import transmitted_torque
+from identification.estimation.estimate import Estimate
+from identification.estimation.options import EstimationOptions
+from identification.model.options import ModelOptions
+from identification.payload.carried import carry_own, without_payload
+from tests.builders.known_model import known_estimate, with_payload_columns
+from tests.builders.raised_codes import raises_code
+
+CELL, STEP_S = load_cell("ir361"), 0.004
+STIFFNESS, DAMPING, MOTORS = (5e4, 6e4, 2e4), (100.0, 110.0, 25.0), (7.0, 14.0, None)
+SIZES = np.array([0.25, 0.1, 0.0, 0.06, 0.0, 0.03, 0.0, 0.02, 0.0, 0.02])
+"""Largest sine and cosine coefficients of a joint, per harmonic [rad]."""
+
+OPTIONS = EstimationOptions(model=ModelOptions(payload=True))
+
+
+@pytest.fixture(scope="module")
+def robot() -> RobotDescription:
+    """Return ir361 with the stiffness of its gears."""
+    joints = tuple(
+        joint.model_copy(
+            update={"stiffness_nm_rad": k, "damping_nm_s": d, "motor_inertia_kg_m2": inertia}
+        )
+        for joint, k, d, inertia in zip(CELL.robot.joints, STIFFNESS, DAMPING, MOTORS, strict=True)
+    )
+    return CELL.robot.model_copy(update={"joints": joints})
+
+
+@pytest.fixture(scope="module")
+def truth() -> Estimate:
+    """Return the true parameters of the arm and of its payload."""
+    return with_payload_columns(known_estimate(CELL, {}))
+
+
+@pytest.fixture(scope="module")
+def averages(robot: RobotDescription, truth: Estimate) -> list[PeriodAverage]:
+    """Return what the motors of the arm measure, without and with the payload."""
+    random, joints = np.random.default_rng(2), []
+    for name in robot.joint_names:
+        sine, cosine = random.uniform(-1.0, 1.0, (2, 10)) * SIZES
+        joints.append(FourierJoint(joint=name, offset=0.1, sine=tuple(sine), cosine=tuple(cosine)))
+    motion = FourierMotion(
+        kind="fourier", robot="ir361", period_s=5.0, periods=2, joints=tuple(joints)
+    )
+    planned = motion.plan(CELL.robot, STEP_S).whole()
+    rows = planned.samples_per_period
+    assert rows is not None
+    found = []
+    for model in (without_payload(truth), carry_own(truth)):
+        reference = motor_reference(planned, model, robot)
+        last = np.flatnonzero(planned.phase == Phase.MAIN)[-rows:]
+        noise = np.full((rows // 2 + 1, 3), 1e-4)
+        found.append(
+            PeriodAverage(
+                joint_names=robot.joint_names,
+                sample_period_s=STEP_S,
+                position=reference.samples.position[last],
+                torque_nm=reference.torque_nm[last],
+                position_variance=np.full(3, 1e-14),
+                torque_variance=np.full(3, 1e-2),
+                position_bin_variance=1e-12 * noise,
+                torque_bin_variance=noise,
+                periods_kept=4,
+            )
+        )
+    return found
+
+
+def torque_error(fitted: Estimate, truth: Estimate, robot: RobotDescription) -> float:
+    """Return the largest relative error (RMS) of the links' torque in other poses, loaded."""
+    random = np.random.default_rng(5)
+    motion = (
+        random.uniform(-0.4, 0.4, (200, 3)),
+        random.normal(size=(200, 3)),
+        3.0 * random.normal(size=(200, 3)),
+    )
+    found, true = (
+        transmitted_torque(each, robot, *motion, payload=True) for each in (fitted, truth)
+    )
+    return float(np.max(np.std(found - true, axis=0) / np.std(true, axis=0)))
+
+
+def test_the_model_is_that_of_the_links(
+    averages: list[PeriodAverage], robot: RobotDescription, truth: Estimate
+) -> None:
+    payload = (False, True)
+    rigid = fit_elastic(CELL.robot, averages, OPTIONS, payload=payload).estimate()
+    elastic = fit_elastic(robot, averages, OPTIONS, payload=payload).estimate()
+    assert torque_error(rigid, truth, robot) > 0.03
+    assert torque_error(elastic, truth, robot) < 0.01
+
+
+def test_one_elastic_gear_is_enough(averages: list[PeriodAverage], robot: RobotDescription) -> None:
+    joints = (*CELL.robot.joints[:2], robot.joints[2])
+    one = CELL.robot.model_copy(update={"joints": joints})
+    fits = [fit_elastic(each, averages[:1]).estimate() for each in (CELL.robot, one)]
+    assert np.isfinite(fits[1].values).all()
+    assert np.abs(fits[1].values - fits[0].values).max() > 1e-4
+
+
+def test_fits_that_have_not_converged_are_refused(
+    averages: list[PeriodAverage], robot: RobotDescription, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(elastic_fit, "MOST_FITS", 1)
+    with raises_code(EstimationError, "RID-STIFFNESS-UNSETTLED"):
+        fit_elastic(robot, averages[:1])
