@@ -17,7 +17,6 @@ let status = null;
 
 const STARTS = [["experiment", "Record a motion"], ["payload", "Identify a payload"]].map(([path, words]) =>
   html`<a class="button" href="${CELL}/${path}">${words}</a>`);
-const LAST_POSE = "pose compared with the last pose"; // the same text as in rid_daq/preflight/last_pose.py
 
 const actions = {
   check: () => panel.begin("check"),
@@ -33,7 +32,7 @@ for (const [id, action] of Object.entries(actions)) find(id)?.addEventListener("
 
 function next(job, document) {
   const again = (text, action) => html`<button type="button" class="main" @click=${action}>${text}</button>`;
-  const moved = document?.lines?.some((line) => line.what === LAST_POSE && line.verdict === "red");
+  const moved = document?.lines?.some((line) => line.code === "RID-POSE-MOVED");
   if (job.kind === "check" && moved)
     return [again("Check again", actions.check), again("The positions are correct: accept them", actions.accept)];
   if (job.kind === "check") return document?.passed ? STARTS : [again("Check again", actions.check)];
@@ -47,7 +46,7 @@ function next(job, document) {
 // During an axis test, the 3-D view shows the positive direction of the joint that is tested.
 function heard(event, job) {
   if (job.kind !== "axes" || event.kind !== "motion") return;
-  const joint = (status?.joints ?? []).findIndex((name) => event.title === `Axis test of ${name}.`); // the same title as in axis_tester.py
+  const joint = (status?.joints ?? []).indexOf(event.tested_joint);
   view.choose(joint < 0 ? null : joint, { withGhost: false });
 }
 
