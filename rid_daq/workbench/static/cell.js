@@ -15,8 +15,8 @@ followPose(view);
 const panel = new JobPanel(find("job"), { next, ended, heard });
 let status = null;
 
-const STARTS = [["experiment", "Record a motion"], ["payload", "Identify a payload"]].map(([path, words]) =>
-  html`<a class="button" href="${CELL}/${path}">${words}</a>`);
+const STARTS = [["experiment", "Record a motion", "main"], ["payload", "Identify a payload", ""]].map(([path, words, kind]) =>
+  html`<a class="button ${kind}" href="${CELL}/${path}">${words}</a>`);
 
 const actions = {
   check: () => panel.begin("check"),

@@ -10,6 +10,7 @@ import { RobotArm, linkGeometries, matrixOf, vectorOf } from "./robot_arm.js";
 const DOWN = new Vector3(0, 0, -1);
 const NEAR_LIMIT = 0.03; // of the range
 const HARDLY_MOVED = 1e-3; // of the reach
+const FRAME_SHARE = 1.3; // length of a frame's arrows, as a multiple of the size of the marks
 const LAYERS = ["axes", "limits", "frames", "gravity", "plate", "wrench", "payload", "path"];
 
 export class RobotDrawing {
@@ -64,7 +65,8 @@ export class RobotDrawing {
     this.addFrames();
     this.addGravity();
     if (document.payload_centre) this.addPayload(vectorOf(document.payload_centre));
-    this.corners = this.cornersOfAll();
+    this.world.updateWorldMatrix(true, true);
+    this.corners = [...this.cornersOfAll(), ...this.placesOf(this.arm)];
     this.seen = [...this.corners];
     this.box = new Box3().setFromPoints(this.seen);
     this.camera.frame(this.seen, 0.2 * this.size);
@@ -105,7 +107,7 @@ export class RobotDrawing {
     const { arm, size, paints, labels } = this;
     if (this.document.plate) this.addWrench(); // first, because its labels precede those of the base frame
     for (const [name, group] of [["base", arm.base], ["tool", arm.tool]]) {
-      const frame = frameArrows(paints, 1.3 * size, 0.045 * size);
+      const frame = frameArrows(paints, FRAME_SHARE * size, 0.045 * size);
       group.add(frame);
       this.layers.frames.push(frame);
       ["X", "Y", "Z"].forEach((axis, i) => labels.add(`${name} ${axis}`, frame, new Vector3().setComponent(i, 1.5 * size), "frames"));
@@ -236,9 +238,11 @@ export class RobotDrawing {
     return new Box3().setFromObject(group);
   }
 
-  // Return the positions of an arm's joints and of its tool, in the upright frame.
+  // Return the positions of an arm's joints and of its tool, and the tips of the tool's arrows, in the upright frame.
   placesOf(arm) {
-    return [...arm.links, arm.tool].map((each) => new Vector3().setFromMatrixPosition(each.matrixWorld));
+    const far = FRAME_SHARE * this.size;
+    const tips = [[far, 0, 0], [0, far, 0], [0, 0, far]].map((tip) => new Vector3(...tip).applyMatrix4(arm.tool.matrixWorld));
+    return [...[...arm.links, arm.tool].map((each) => new Vector3().setFromMatrixPosition(each.matrixWorld)), ...tips];
   }
 
   // Keep these points inside the picture too, in addition to earlier points.

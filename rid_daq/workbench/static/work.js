@@ -125,7 +125,8 @@ export const findings = (list) => list.map(({ passed, text }) => {
 // ---- choices
 export function options(select, list, chosen = null) {
   const before = chosen || select.value || keptChoice(select);
-  const none = select.dataset.none === undefined ? [] : [element("option", { value: "" }, select.dataset.none)];
+  const empty = select.dataset.none ?? (list.length ? null : "none yet");
+  const none = empty === null ? [] : [element("option", { value: "" }, empty)];
   select.replaceChildren(...none, ...list.map(({ value, words }) => element("option", { value }, words)));
   if ([...select.options].some((option) => option.value === before)) select.value = before;
 }
