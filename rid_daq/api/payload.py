@@ -181,8 +181,8 @@ def identify_payload(
     for name, pair in as_mapping("known", known).items():
         if not isinstance(pair, Sequence) or len(pair) != 2:
             raise ConfigError(
-                f"known: {name}: {plain(pair)!r}; give value and standard deviation, such as (2.805,"
-                " 0.005), or (2.805, 0.0) for an exact value",
+                f"known: {name}: {plain(pair)!r}; give value and standard deviation, such as"
+                " (2.805, 0.005), or (2.805, 0.0) for an exact value",
                 code="RID-API-ARGUMENT",
             )
         quantities.append({"name": name, "value": pair[0], "sigma": pair[1]})
