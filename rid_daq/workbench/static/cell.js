@@ -8,7 +8,7 @@ import { zeroButton } from "./plate_zero.js";
 import { loadPreflight } from "./preflight.js";
 import { RobotView } from "./robot_view.js";
 import { runTable } from "./run_table.js";
-import { CELL, ask, on, page, preflightAge, reach } from "./service.js";
+import { CELL, OLD_MS, ask, on, page, preflightAge, reach } from "./service.js";
 
 const view = new RobotView(find("view"), { preview: true });
 followPose(view);
@@ -101,8 +101,7 @@ on("cell", (now) => {
   status = now;
   showState();
 });
-// ---- live values; they count as old if no new ones arrive for OLD_MS
-const OLD_MS = 1500;
+// ---- live values
 let picture = null;
 let pictureAt = 0;
 

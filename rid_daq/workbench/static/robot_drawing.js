@@ -157,11 +157,7 @@ export class RobotDrawing {
 
   // Show the path of the tool as points in the base frame [m].
   showPath(places) {
-    if (this.removePath()) {
-      this.seen = [...this.corners];
-      this.box.setFromPoints(this.seen);
-      this.camera.frame(this.seen, 0.5 * this.size);
-    }
+    if (this.removePath()) this.frame(this.corners);
     if (places.length === 0) {
       this.draw();
       return;
@@ -248,9 +244,14 @@ export class RobotDrawing {
   // Keep these points inside the picture too, in addition to earlier points.
   include(places) {
     if (this.box.containsBox(new Box3().setFromPoints(places))) return;
-    this.seen.push(...places);
-    this.box.setFromPoints(this.seen);
-    this.camera.frame(this.seen, 0.5 * this.size);
+    this.frame([...this.seen, ...places]);
+  }
+
+  // Move the camera so that these points are inside the picture.
+  frame(places) {
+    this.seen = places;
+    this.box = new Box3().setFromPoints(places);
+    this.camera.frame(places, 0.5 * this.size);
   }
 
   // Return the corners of the bounding boxes of the links and of the gravity arrow, in the upright frame.

@@ -1,7 +1,7 @@
 // Functions that several work pages share: blocks, figures, findings, choices.
 import { blockParts } from "./blocks.js";
 import { linked } from "./commands.js";
-import { element, find, parseNumber, seen, timeOf } from "./dom.js";
+import { addressOf, element, find, parseNumber, seen, timeOf } from "./dom.js";
 import { keptChoice } from "./entries.js";
 import { refuseField } from "./fields.js";
 import { showFigure } from "./figure.js";
@@ -21,7 +21,7 @@ export const ofRun = (run, ...sections) => blocksUrl(`/runs/${encodeURIComponent
 const FIGURE_MS = 120000; // timeout of a figure: a long run over a slow connection takes long
 
 // Cancel the loading of a figure.
-export function endFigure(place) {
+function endFigure(place) {
   place.loading?.abort();
   place.loading = null;
   delete place.dataset.again;
@@ -181,4 +181,4 @@ export function press(id, panel, kind, action) {
 }
 
 export const fileLink = (path, text) =>
-  html`<a class="button" download href="/api/v1/files/${path.split("/").map(encodeURIComponent).join("/")}">${text}</a>`;
+  html`<a class="button" download href="/api/v1/files/${addressOf(path)}">${text}</a>`;
