@@ -1,10 +1,9 @@
 // The page of a cell: state, actions, joints, preflight, last runs.
-import { duration, find, kindWords } from "./dom.js";
+import { duration, element, find, kindWords } from "./dom.js";
 import { JobPanel } from "./job_panel.js";
 import { showEnd, showJoints, showReturn, showSilence, showTemperatures } from "./joints.js";
 import { html, render } from "./lit.js";
 import { followPose } from "./live_pose.js";
-import { zeroButton } from "./plate_zero.js";
 import { loadPreflight } from "./preflight.js";
 import { RobotView } from "./robot_view.js";
 import { runTable } from "./run_table.js";
@@ -30,13 +29,20 @@ const actions = {
 };
 for (const [id, action] of Object.entries(actions)) find(id)?.addEventListener("click", action);
 
+// Return the place of the button that writes a measured zero of the force plate; its module is loaded only now.
+function zeroPart(run) {
+  const place = element("div", {});
+  import("./plate_zero.js").then(({ zeroButton }) => place.append(zeroButton(run, actions.check)));
+  return place;
+}
+
 function next(job, document) {
   const again = (text, action) => html`<button type="button" class="main" @click=${action}>${text}</button>`;
   const moved = document?.lines?.some((line) => line.code === "RID-POSE-MOVED");
   if (job.kind === "check" && moved)
     return [again("Check again", actions.check), again("The positions are correct: accept them", actions.accept)];
   if (job.kind === "check") return document?.passed ? STARTS : [again("Check again", actions.check)];
-  if (job.kind === "plate_zero" && document?.verdict?.passed) return [zeroButton(job.run, actions.check)];
+  if (job.kind === "plate_zero" && document?.verdict?.passed) return [zeroPart(job.run)];
   if (job.kind === "reset" && job.state === "done") return [again("Check", actions.check)];
   if (job.state !== "done" && status?.fault) return [again("Reset after the cause was found", actions.reset)];
   if (job.state !== "done" && job.kind !== "check") return [again("Check", actions.check)];

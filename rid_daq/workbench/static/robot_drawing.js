@@ -3,8 +3,7 @@
 import { Box3, BoxGeometry, BufferGeometry, Color, DirectionalLight, Group, HemisphereLight, Line, LineBasicMaterial, Scene, SphereGeometry, Vector3, WebGLRenderer } from "./three.js";
 import { DrawingCamera } from "./drawing_camera.js";
 import { DrawingLabels } from "./drawing_labels.js";
-import { Paints, alongAxis, arrow, frameArrows, limitMarks, turnArrow } from "./drawing_marks.js";
-import { WrenchArrows } from "./wrench_arrows.js";
+import { Paints, WrenchArrows, alongAxis, arrow, frameArrows, limitMarks, turnArrow } from "./drawing_marks.js";
 import { RobotArm, linkGeometries, matrixOf, vectorOf } from "./robot_arm.js";
 
 const DOWN = new Vector3(0, 0, -1);
