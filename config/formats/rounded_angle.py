@@ -52,6 +52,7 @@ class AngleReading:
             exact_rad: An angle that differs from a multiple of a quarter turn by at most this value
                 is read as the multiple, even if it has many decimals [rad].
         """
+        angle_rad = float(angle_rad)  # numpy's numbers have another shortest text
         nearest = round(angle_rad / STEP_RAD) * STEP_RAD
         error = abs(angle_rad - nearest)
         quarter = round(angle_rad / STEP_RAD) % 6 == 0

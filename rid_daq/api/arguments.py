@@ -218,6 +218,17 @@ def refuse_far_positions(
             )
 
 
+def plain(value: object) -> Any:
+    """Return a value with numpy's numbers and arrays, also inside containers, as plain numbers."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {key: plain(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return type(value)([plain(each) for each in value])
+    return value
+
+
 def validated(kind: type[M], values: Mapping[str, Any]) -> M:
     """Return a model of a file from arguments.
 
@@ -229,7 +240,9 @@ def validated(kind: type[M], values: Mapping[str, Any]) -> M:
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(map(str, first["loc"]))
-        raise ConfigError(f"{where}: {first['input']!r}: {first['msg']}", code=ARGUMENT) from None
+        raise ConfigError(
+            f"{where}: {plain(first['input'])!r}: {first['msg']}", code=ARGUMENT
+        ) from None
 
 
 def with_options(own: Mapping[str, Any], options: object) -> dict[str, Any]:
@@ -246,7 +259,7 @@ def with_options(own: Mapping[str, Any], options: object) -> dict[str, Any]:
             " arguments instead",
             code=ARGUMENT,
         )
-    return {**own, **options}
+    return {**own, **plain(options)}
 
 
 def require_stated_payload(estimate: Estimate) -> None:

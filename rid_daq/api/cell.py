@@ -7,14 +7,14 @@ import tempfile
 import uuid
 from collections.abc import Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Final, Self
 
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import MANIFEST
-from config.errors import ConfigError
+from config.errors import ConfigError, RidDaqError
 from config.formats.whole_file import write_new
 from rid_daq.api.arguments import ARGUMENT, as_path, require, with_options
 from rid_daq.api.compensation import Feedforward
@@ -124,7 +124,9 @@ class Cell:
     ) -> Recording:
         """Run a motion on the cell and return its recording; Ctrl-C stops the robot.
 
-        The run stays in the service's folder, with a copy of the motion and the feedforward.
+        The run stays in the service's folder, with a copy of the motion and the feedforward. The
+        files that this function uploads are deleted at the end; `Recording.notes`, or a note of the
+        error, names each file that could not be deleted.
 
         Args:
             motion: The motion.
@@ -142,14 +144,30 @@ class Cell:
             files["feedforward"] = require("feedforward", feedforward, Feedforward)
         names = {kind: f"{kind}-{uuid.uuid4().hex[:12]}{_ENDINGS[kind]}" for kind in files}
         request = {**with_options(names, options), **({"label": label} if label else {})}
-        with ExitStack() as uploaded:
+        uploaded: dict[str, str] = {}
+        try:
             with tempfile.TemporaryDirectory(prefix="rid-daq-") as folder:
                 for kind, name in names.items():
                     files[kind].save(Path(folder) / name)
-                    version = self._client.put_file(Path(folder) / name, name)
-                    uploaded.callback(self._client.delete_file, name, version)
+                    uploaded[name] = self._client.put_file(Path(folder) / name, name)
             run = self._run_job("record", request, cleared, progress).job.run or ""
-        return self.recording(run)
+        except BaseException as error:
+            for note in self._delete_uploaded(uploaded):
+                error.add_note(note)
+            raise
+        notes = self._delete_uploaded(uploaded)
+        recording = self.recording(run)
+        return replace(recording, notes=(*recording.notes, *notes))
+
+    def _delete_uploaded(self, versions: Mapping[str, str]) -> list[str]:
+        """Delete uploaded files, and return a note on each that remains in the service's folder."""
+        notes = []
+        for name, version in versions.items():
+            try:
+                self._client.delete_file(name, version)
+            except RidDaqError as error:
+                notes.append(f"{name} remains in the service's folder: {error}")
+        return notes
 
     def recording(self, run: str) -> Recording:
         """Return the recording of a run of the service.

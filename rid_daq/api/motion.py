@@ -50,7 +50,7 @@ from rid_daq.operations.start.starting_cell import starting_cell
 from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
 
-PERIOD_S, PERIODS = 10.0, 16
+PERIODS = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +186,7 @@ def design(
     cell: Robot | str | Path,
     *,
     kind: str = "excitation",
-    period_s: float = PERIOD_S,
+    period_s: float | None = None,
     periods: int = PERIODS,
     model: Model | None = None,
     options: Mapping[str, object] | None = None,
@@ -204,7 +204,7 @@ def design(
             plate apply.
         kind: excitation; constant-velocity or reversed, for friction alone; multisine, for velocity
             loops.
-        period_s: Period of an excitation [s].
+        period_s: Period of an excitation [s], a whole number of control cycles; about 10 s if None.
         periods: Number of periods to record.
         model: An identified model, for the torque limits.
         options: Further fields of the request `design` (docs/reference/openapi.json), such as
@@ -221,7 +221,7 @@ def design(
     if kind in ("excitation", "reversed"):
         own = {"period_s": period_s, "periods": periods}
         asked["excitation"] = {**own, **with_options({}, asked.get("excitation"))}
-    elif (period_s, periods) != (PERIOD_S, PERIODS):
+    elif (period_s, periods) != (None, PERIODS):
         raise ConfigError(
             f"period_s and periods have no effect on a motion of kind {kind!r}; leave them out, or"
             " give the fields of this kind as options",

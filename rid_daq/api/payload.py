@@ -13,7 +13,14 @@ from identification.choices import REPORTED, LoadFormat
 from identification.payload.body import REPORTED_UNITS
 from identification.payload.file import read_payload, write_payload
 from identification.payload.verdict import PayloadResult
-from rid_daq.api.arguments import as_mapping, as_path, require, require_each, with_options
+from rid_daq.api.arguments import (
+    as_mapping,
+    as_path,
+    plain,
+    require,
+    require_each,
+    with_options,
+)
 from rid_daq.api.console import text_of
 from rid_daq.api.model import Model
 from rid_daq.api.parameter import Parameter
@@ -174,8 +181,8 @@ def identify_payload(
     for name, pair in as_mapping("known", known).items():
         if not isinstance(pair, Sequence) or len(pair) != 2:
             raise ConfigError(
-                f"known: {name}: {pair!r}; give value and standard deviation, such as (2.805,"
-                " 0.005), or (2.805, 0.0) for an exact value",
+                f"known: {name}: {plain(pair)!r}; give value and standard deviation, such as"
+                " (2.805, 0.005), or (2.805, 0.0) for an exact value",
                 code="RID-API-ARGUMENT",
             )
         quantities.append({"name": name, "value": pair[0], "sigma": pair[1]})

@@ -16,7 +16,7 @@ from config.errors import ConfigError, RidDaqError
 from config.formats.whole_file import write_new
 from config.formats.yaml_tree import parse_yaml
 from config.load import validate
-from rid_daq.api.arguments import ARGUMENT, as_path
+from rid_daq.api.arguments import ARGUMENT, as_path, plain
 from rid_daq.api.robot import Robot
 from rid_daq.operations.experiment.map_proposal import propose_checked_map, to_map_text
 
@@ -70,7 +70,7 @@ class ProposedMap:
                 (RID-API-ARGUMENT), or a value is invalid (RID-FILE-VALUE).
         """
         keys = copy.deepcopy(self.proposal.keys)
-        for name, value in values.items():
+        for name, value in plain(values).items():
             if name in ImportJoint.model_fields:
                 _set_in_joints(keys, name, value, self.robot)
             elif name in _states_fields(keys):

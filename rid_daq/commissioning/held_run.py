@@ -36,6 +36,7 @@ class HeldRun:
         once: True if the run ends after the first press.
         until: Shape (joints,). Pose that ends the run when the robot rests there [rad or m].
         unattended: Key that counts as held all the time, for a simulated cell without a person.
+        tested_joint: Joint that moves in an axis test; None in other motions.
     """
 
     label: str
@@ -47,6 +48,7 @@ class HeldRun:
     once: bool = False
     until: FloatArray | None = None
     unattended: str = ""
+    tested_joint: str | None = None
 
 
 def record_held(session: RunSession, context: Context, definition: HeldRun) -> RecordedRun:
@@ -83,7 +85,13 @@ def record_held(session: RunSession, context: Context, definition: HeldRun) -> R
     # the run is recorded without the force plate, whose amplifier may still be in reset
     bare = replace(session, cell=session.cell.model_copy(update={"plate": None}))
     request = RunRequest(
-        definition.label, definition.sentence, None, drive, role=definition.role, held=True
+        definition.label,
+        definition.sentence,
+        None,
+        drive,
+        role=definition.role,
+        held=True,
+        tested_joint=definition.tested_joint,
     )
     return bare.record(request)
 

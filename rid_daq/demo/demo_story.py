@@ -184,7 +184,14 @@ class _ProgressConsole:
     def say(self, text: str = "") -> None:
         """Do nothing: the run folder contains the messages."""
 
-    def announce_motion(self, run: str, title: str, rows: int, rows_per_period: int | None) -> None:
+    def announce_motion(
+        self,
+        run: str,
+        title: str,
+        rows: int,
+        rows_per_period: int | None,
+        tested_joint: str | None = None,
+    ) -> None:
         """Do nothing: the progress shows the motion."""
 
     @contextlib.contextmanager

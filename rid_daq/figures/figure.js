@@ -185,9 +185,10 @@ class Panel {
             size: item.hidesX ? 8 : isNamed ? 56 : 32,
             ...(item.hidesX ? {} : { label: item.x.text }),
             values: item.hidesX ? () => [] : numbers(item.x.isLog),
+            ...(item.x.isLog ? { splits: logMarks } : {}),
             ...(isNamed ? { ...named(item.bars.map(({ name }) => name)), rotate: 35 } : {}),
           },
-          { ...axis, size: this.room - 20, label: rows.length ? " " : item.y.text, values: numbers(item.y.isLog), ...(rows.length ? named(rows) : {}) },
+          { ...axis, size: this.room - 20, label: rows.length ? " " : item.y.text, values: numbers(item.y.isLog), ...(item.y.isLog ? { splits: logMarks } : {}), ...(rows.length ? named(rows) : {}) },
         ],
         series: [{}, { scale: "y", paths: () => null, points: { show: false } }],
         cursor: {
@@ -215,7 +216,7 @@ class Panel {
   }
 
   width() {
-    return Math.max(240, this.body.clientWidth);
+    return Math.max(240, Math.floor(this.body.getBoundingClientRect().width)); // `clientWidth` may be rounded up
   }
 
   fit() {
@@ -551,6 +552,19 @@ function axisNumber(value, step) {
   let decimals = 0;
   while (decimals < 6 && Math.abs(step * 10 ** decimals - Math.round(step * 10 ** decimals)) > 1e-3) decimals += 1;
   return value.toFixed(decimals);
+}
+
+// Return the marks of a logarithmic axis: the multiples of powers of ten; in a narrow range, multiples of a smaller step.
+// uPlot's own marks never end if a range begins less than 5 % below a power of ten.
+function logMarks(_plot, _axis, from, to) {
+  const marks = [];
+  const add = (value) => value >= from && value <= to && marks.push(value);
+  for (let power = Math.floor(Math.log10(from)); 10 ** power <= to; power += 1) for (let i = 1; i < 10; i += 1) add(Number(`${i}e${power}`));
+  if (marks.length > 2) return marks;
+  marks.length = 0;
+  const step = Math.floor(Math.log10(to - from));
+  for (let i = Math.ceil(from / 10 ** step); i <= to / 10 ** step; i += 1) add(Number(`${i}e${step}`));
+  return marks;
 }
 
 // Return a picture of a line for the legend.

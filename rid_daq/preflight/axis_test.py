@@ -31,6 +31,8 @@ LARGEST_FILE_BYTES: Final = 1 << 20
 AXIS_TEST: Final = "axis test (direction, encoder, gear) since cell and robot file changed"
 """Name of the preflight's line on the axis test."""
 
+UNTESTED: Final = "RID-AXIS-TEST-MISSING"
+
 _WHAT: Final = "an axis test of `rid-daq axes`"
 _SECRET: Final = "axis-test.key"
 
@@ -128,6 +130,7 @@ def axis_test_line(loaded: LoadedCell, rule: AxisTestRule) -> CheckLine:
         found=_test_result(loaded),
         verdict=verdict,
         next_action=_remedy(loaded) if verdict == "red" else "",
+        code=UNTESTED if verdict == "red" else "",
     )
 
 
@@ -149,7 +152,7 @@ def require_axis_test(loaded: LoadedCell, rule: AxisTestRule) -> str:
         raise PreflightError(
             f"cell {loaded.config.name}: the axis test of {', '.join(untested)} is missing, or is"
             f" older than the cell file or robot file: {_remedy(loaded)}",
-            code="RID-AXIS-TEST-MISSING",
+            code=UNTESTED,
         )
     return f"{rule.value}; missing: {', '.join(untested)}"
 

@@ -44,7 +44,8 @@ class CheckLine:
 
     `code` is the stable error code of a red line; empty for lines without their own code. A line
     with a `headline` is shown under this name even if it is not red. `position` is the measured
-    position in the line of a joint's position [rad or m].
+    position in the line of a joint's position [rad or m], `temperature_c` the temperature in the
+    line of a motor's temperature [°C].
     """
 
     where: str
@@ -57,6 +58,7 @@ class CheckLine:
     code: str = ""
     headline: str = ""
     position: float | None = None
+    temperature_c: float | None = None
 
 
 def bus_lines(cell: CellConfig) -> list[CheckLine]:

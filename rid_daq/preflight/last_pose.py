@@ -15,7 +15,7 @@ from enum import Enum
 from pathlib import Path
 from typing import Final
 
-from acquisition.motion.known_pose import ADVICE, KnownPose
+from acquisition.motion.known_pose import ADVICE, MOVED, KnownPose
 from config.errors import RecordingError, system_errors
 from config.formats.json_file import read_json_file
 from config.formats.whole_file import write_whole
@@ -149,6 +149,7 @@ def pose_lines(loaded: LoadedCell, position: Sequence[float], rule: PoseRule) ->
             found=known.sentence(moved),
             verdict="red" if red else "allowed",
             next_action=ADVICE if red else "",
+            code=MOVED if red else "",
         )
     ]
 

@@ -68,17 +68,19 @@ def _temperature_lines(
     ):
         answered = math.isfinite(value)
         cool = answered and value <= monitor.warmest_k
+        temperature_c = value - ZERO_CELSIUS_K
         lines.append(
             CheckLine(
                 where=f"{axis.joint}, node {axis.node_id}",
                 what="motor temperature [°C]",
                 required=f"≤ {monitor.warmest_k - ZERO_CELSIUS_K:.0f}",
-                found=f"{value - ZERO_CELSIUS_K:.1f}" if answered else f"no answer of unit {unit}",
+                found=f"{temperature_c:.1f}" if answered else f"no answer of unit {unit}",
                 verdict="ok" if cool else "red",
                 next_action=""
                 if cool
                 else ("let the motor cool down" if answered else f"{next(problems, '')}; {_REACH}"),
                 of_drive=True,
+                temperature_c=temperature_c if answered else None,
             )
         )
     return lines

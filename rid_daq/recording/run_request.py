@@ -50,6 +50,7 @@ class RunRequest:
         frames: True to record all frames on the bus too.
         epilogue: Sentence that a storage error contains if this run is only one step of a job.
         held: True if the robot moves only while a person holds a key.
+        tested_joint: Joint that moves in an axis test; None in other motions.
     """
 
     label: str
@@ -63,3 +64,4 @@ class RunRequest:
     frames: bool = False
     epilogue: str = ""
     held: bool = False
+    tested_joint: str | None = None

@@ -201,7 +201,9 @@ class RunSession:
             is_enough = is_enough or watch.add_periods(new)
             return is_enough
 
-        self.display.announce_motion(folder.run_id, request.sentence, rows, per_period)
+        self.display.announce_motion(
+            folder.run_id, request.sentence, rows, per_period, request.tested_joint
+        )
         with self.display.progress(
             request.role, *motion_total(samples, held=request.held)
         ) as shown:

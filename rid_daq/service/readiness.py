@@ -6,9 +6,9 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Final
 
+from acquisition.motion.known_pose import MOVED
 from config.process.safety_clock import safety_now_s
-from rid_daq.preflight.axis_test import AXIS_TEST
-from rid_daq.preflight.last_pose import LAST_POSE
+from rid_daq.preflight.axis_test import UNTESTED
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.records import Preflight
 from rid_daq.service.served_cell import ServedCell
@@ -154,7 +154,7 @@ class Readiness:
 
 def _is_sufficient_for(preflight: Preflight, kind: JobKind | None) -> bool:
     """Return True if a failed preflight lacks only items that a kind of motion does not need."""
-    red = [line.get("what") for line in preflight.lines if line.get("verdict") == "red"]
-    waits_for_axes_only = preflight.problem is None and {*red} <= {AXIS_TEST, LAST_POSE}
+    red = [line.get("code") for line in preflight.lines if line.get("verdict") == "red"]
+    waits_for_axes_only = preflight.problem is None and {*red} <= {UNTESTED, MOVED}
     is_held = kind is not None and not kind.operation.needs_axis_test
     return is_held and bool(red) and waits_for_axes_only

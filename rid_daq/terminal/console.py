@@ -299,7 +299,14 @@ class Console:
 
         return Keyboard(tapped)
 
-    def announce_motion(self, run: str, title: str, rows: int, rows_per_period: int | None) -> None:
+    def announce_motion(
+        self,
+        run: str,
+        title: str,
+        rows: int,
+        rows_per_period: int | None,
+        tested_joint: str | None = None,
+    ) -> None:
         """Do nothing, because the progress display announces the motion to people.
 
         Args:
@@ -307,6 +314,7 @@ class Console:
             title: Description of the motion.
             rows: Number of cycles; 0 if unknown.
             rows_per_period: Rows of one period of a periodic motion.
+            tested_joint: Joint that moves in an axis test.
         """
 
     def announce_state(self, session: str, state: SessionState, text: str) -> None:

@@ -35,7 +35,14 @@ class Display(Protocol):
         """Show the progress of a long step; `total` is None if it is unknown."""
         ...
 
-    def announce_motion(self, run: str, title: str, rows: int, rows_per_period: int | None) -> None:
+    def announce_motion(
+        self,
+        run: str,
+        title: str,
+        rows: int,
+        rows_per_period: int | None,
+        tested_joint: str | None = None,
+    ) -> None:
         """Announce a motion: its run, its description, its number of cycles (0 if unknown)."""
         ...
 

@@ -73,6 +73,7 @@ class MotionEvent(_Event):
         title: Description of the motion.
         rows: Number of cycles; 0 if unknown.
         rows_per_period: Rows of one period; None if the motion is not periodic.
+        tested_joint: Name of the joint that moves in an axis test; None in other motions.
     """
 
     kind: Literal["motion"] = "motion"
@@ -80,6 +81,7 @@ class MotionEvent(_Event):
     title: str
     rows: int
     rows_per_period: int | None
+    tested_joint: str | None = None
 
 
 class ProgressEvent(_Event):

@@ -5,11 +5,14 @@ from __future__ import annotations
 import gzip
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
 from starlette.requests import Request
 from starlette.responses import Response
 
-_LEVEL = 6
+_LEVEL: Final = 6
+LARGEST_LEVEL: Final = 9
+"""Level for bodies that are compressed once and sent often."""
 
 
 @dataclass(frozen=True)
@@ -25,9 +28,9 @@ class CompressedBody:
     gzipped: bytes
 
     @classmethod
-    def of(cls, plain: bytes) -> CompressedBody:
-        """Compress a body."""
-        return cls(plain, gzip.compress(plain, _LEVEL, mtime=0))
+    def of(cls, plain: bytes, level: int = _LEVEL) -> CompressedBody:
+        """Compress a body, with a level of gzip."""
+        return cls(plain, gzip.compress(plain, level, mtime=0))
 
     def answer(
         self, request: Request, media_type: str, headers: Mapping[str, str] | None = None

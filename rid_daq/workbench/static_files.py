@@ -21,7 +21,7 @@ from starlette.responses import Response
 from rid_daq.service.refusals import UnknownError
 from rid_daq.session.versions import program_version
 from rid_daq.web.bundled_modules import bundled_modules
-from rid_daq.workbench.compressed import CompressedBody
+from rid_daq.workbench.compressed import LARGEST_LEVEL, CompressedBody
 from rid_daq.workbench.menu import command_links
 
 router = APIRouter(include_in_schema=False)
@@ -110,7 +110,7 @@ async def static_file(name: str) -> Response:
 
 @functools.cache
 def _compress(name: str) -> CompressedBody:
-    return CompressedBody.of(static_files()[name])
+    return CompressedBody.of(static_files()[name], LARGEST_LEVEL)
 
 
 def _content(name: str) -> bytes:

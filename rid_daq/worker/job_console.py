@@ -120,7 +120,14 @@ class JobConsole(Console):
         result = {"at_s": time.time(), "document": content, "blocks": shown}
         self.events.write(ResultEvent.model_validate(result))
 
-    def announce_motion(self, run: str, title: str, rows: int, rows_per_period: int | None) -> None:
+    def announce_motion(
+        self,
+        run: str,
+        title: str,
+        rows: int,
+        rows_per_period: int | None,
+        tested_joint: str | None = None,
+    ) -> None:
         """Write that a motion begins."""
         self.events.write(
             MotionEvent(
@@ -129,6 +136,7 @@ class JobConsole(Console):
                 title=title,
                 rows=rows,
                 rows_per_period=rows_per_period,
+                tested_joint=tested_joint,
             )
         )
 

@@ -75,7 +75,7 @@ class MultipointMotion(Motion):
         for _ in range(MOST_DRAWS * self.points):
             pose = middle + half * random.uniform(-1.0, 1.0, len(low))
             if clearances.is_clear(pose[np.newaxis]) and (
-                not poses or clearances.is_clear(_straight_line(poses[-1], pose))
+                not poses or clearances.is_clear(straight_line(poses[-1], pose))
             ):
                 poses.append(pose)
             if len(poses) == self.points:
@@ -99,7 +99,7 @@ class MultipointMotion(Motion):
         )
 
 
-def _straight_line(start: FloatArray, end: FloatArray) -> FloatArray:
+def straight_line(start: FloatArray, end: FloatArray) -> FloatArray:
     """Return poses (samples, joints) on the straight line between two poses, ends included."""
     steps = max(1, math.ceil(float(np.abs(end - start).max()) / CLEAR_STEP))
     share = np.linspace(0.0, 1.0, steps + 1)[:, np.newaxis]

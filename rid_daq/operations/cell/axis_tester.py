@@ -202,6 +202,7 @@ class AxisTester:
                 ready=ready,
                 once=True,
                 unattended=HOLD if self._unattended else "",
+                tested_joint=name,
             ),
         )
 

@@ -51,9 +51,14 @@ _METHOD_KEYS: Final = frozenset({"tries", "limit_fraction", "highest_harmonic"})
 _OF_MULTISINES: Final = frozenset({"--band", "--grid", "--phases", "--realisations", "--slow"})
 _OF_EXCITATIONS: Final = _OF_OPTIMAL | _OF_HEURISTIC | {"--method", "--harmonics"}
 
+EXCITATION_PERIOD_S: Final = 10.0
+
 Period = Annotated[
-    PeriodS,
-    Field(description="Period, a whole number of control cycles; 8 for multisines if not set."),
+    PeriodS | None,
+    Field(
+        description="Period, a whole number of control cycles; about 10 if not set (about 8 for"
+        " multisines)."
+    ),
     Option(unit="s", flag="period"),
 ]
 PeriodCount = Annotated[
@@ -81,7 +86,7 @@ class Excitation(Request):
         ),
         Option(group=SEARCH),
     ] = "d-optimal"
-    period_s: Period = 10.0
+    period_s: Period = None
     periods: PeriodCount = 16
     harmonics: Annotated[
         Harmonics | None,

@@ -27,7 +27,11 @@ from identification.estimation.estimate import Estimate
 from identification.estimation.limit_torque import limit_temperature_note
 from identification.friction.motions import constant_velocity_motion, reversed_motion
 from rid_daq.operations.cell_files import read_estimate_for
-from rid_daq.operations.experiment.design import DesignRequest, Multisine
+from rid_daq.operations.experiment.design import (
+    EXCITATION_PERIOD_S,
+    DesignRequest,
+    Multisine,
+)
 from rid_daq.operations.experiment.excitation_search import Search, search
 from rid_daq.operations.operation import Context
 from rid_daq.operations.stated_payload import state_payload
@@ -123,18 +127,18 @@ def _design_excitation(
 ) -> tuple[FourierMotion, str, Search | None]:
     """Return an excitation, its origin as a sentence, and the result of its search, if any."""
     robot, config, how = cell.robot, cell.config, request.excitation
+    cycle_s = config.cycle_time_s
+    period_s = how.period_s or round(round(EXCITATION_PERIOD_S / cycle_s) * cycle_s, 9)
     if how.method == "two-harmonic":
         options = TwoHarmonicOptions(
-            how.period_s,
+            period_s,
             how.harmonics or HEURISTIC_HARMONICS,
             how.limit_fraction,
             how.tries,
             how.seed,
             how.periods,
         )
-        motion = design_two_harmonic(
-            robot, options, config.cycle_time_s, workspace=config.workspace
-        )
+        motion = design_two_harmonic(robot, options, cycle_s, workspace=config.workspace)
         return (
             motion,
             (f"the best of {how.tries} random motions with two harmonics, seed {how.seed}."),
@@ -143,7 +147,7 @@ def _design_excitation(
     problem = excitation_problem(
         config,
         robot,
-        period_s=how.period_s,
+        period_s=period_s,
         harmonics=how.harmonics or HARMONICS,
         criterion=criterion_of_options(robot, how.criterion, how.wanted),
         model=_limit_model(request, robot),

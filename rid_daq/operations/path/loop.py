@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Field
 
-from rid_daq.blocks.block import AnyBlock, Next, Text, note_blocks
+from rid_daq.blocks.block import AnyBlock, Next, Text, Verdict, note_blocks
 from rid_daq.operations.operation import Context, Operation
 from rid_daq.requests.option import (
     DEFAULT_RUNS,
@@ -88,6 +88,10 @@ class LoopResult:
         found = self.found
         yield from note_blocks(found.notes)
         yield from loop_blocks(found.section)
+        if bad := found.section.bad_joints:
+            joints = ", ".join(bad)
+            text = f"The loop model does not fit {joints}: measure again as the notes on it advise"
+            yield Verdict(passed=False, text=text)
         yield Text(text=f"Report: {found.report}", is_for_terminal=True)
         yield Text(text=f"Loops: {found.output}")
         if not self.exit_code:

@@ -12,7 +12,12 @@ from config.robot.robot import Joint, RobotDescription
 from config.robot.urdf_motors import UrdfMotor
 from config.simulation.plant import LinkInertia, PlantConfig, SimulatedAxis
 from dynamics.geometry.clearances import Clearances
-from rid_daq.operations.start.workload import INTEGRAL_TIME_S, Workload, validation_motion
+from rid_daq.operations.start.workload import (
+    INTEGRAL_TIME_S,
+    Workload,
+    validation_motion,
+    zero_pose,
+)
 
 FRICTION_SHARE: Final = 0.04
 TORQUE_NOISE_SHARE: Final = 0.003
@@ -85,14 +90,6 @@ def _simulated_axis(
         brake_torque_nm=torque,
         initial_position=position,
     )
-
-
-def zero_pose(robot: RobotDescription) -> FloatArray:
-    """Return joint position 0, or mid-range for a joint whose range excludes 0, (n,) [rad or m]."""
-    limits = [joint.limits for joint in robot.joints]
-    ends = np.array([(each.position_min, each.position_max) for each in limits])
-    inside = (ends[:, 0] < 0.0) & (ends[:, 1] > 0.0)
-    return np.where(inside, 0.0, ends.mean(axis=1))
 
 
 def _initial_pose(robot: RobotDescription) -> FloatArray:

@@ -24,10 +24,15 @@ from config.robot.urdf_chain import SeveralArmsError, UrdfArm
 from config.robot.urdf_limits import LimitDefaults
 from config.robot.urdf_robot import UrdfRobot, robot_of_urdf
 from rid_daq.operations.start.init import InitRequest
-from rid_daq.operations.start.simulated_plant import simulated_plant, zero_pose
+from rid_daq.operations.start.simulated_plant import simulated_plant
 from rid_daq.operations.start.starting_cell import starting_cell
 from rid_daq.operations.start.touching_bodies import allow_touching_pairs
-from rid_daq.operations.start.workload import limit_to_motors, slow_down, validation_motion
+from rid_daq.operations.start.workload import (
+    limit_to_motors,
+    slow_down,
+    validation_motion,
+    zero_pose,
+)
 from rid_daq.terminal.console import as_command
 
 

@@ -10,15 +10,18 @@ from typing import Final
 
 import numpy as np
 
-from acquisition.motion.kinds.multipoint import MultipointMotion
+from acquisition.motion.kinds.multipoint import CLEARANCE_M, MultipointMotion, straight_line
 from config.arrays import FloatArray
+from config.robot.bodies import Workspace
 from config.robot.robot import Joint, RobotDescription
+from dynamics.geometry.clearances import Clearances
 from dynamics.model.cad import cad_parameters
 from dynamics.model.inverse_dynamics import mass_matrix
 from dynamics.model.robot_model import RobotModel, torque
 
 POSES: Final = 300
 VALIDATION_POINTS: Final = 12
+MOST_SEEDS: Final = 100
 SAMPLE_S: Final = 0.02
 TORQUE_SHARE: Final = 0.8
 """Fraction of the torque limits for links and rotors; friction and control use the rest."""
@@ -96,9 +99,33 @@ class Workload:
         return self.gains(robot) / FASTEST_LOOP_RAD_S
 
 
+def zero_pose(robot: RobotDescription) -> FloatArray:
+    """Return joint position 0, or mid-range for a joint whose range excludes 0, (n,) [rad or m]."""
+    limits = [joint.limits for joint in robot.joints]
+    ends = np.array([(each.position_min, each.position_max) for each in limits])
+    inside = (ends[:, 0] < 0.0) & (ends[:, 1] > 0.0)
+    return np.where(inside, 0.0, ends.mean(axis=1))
+
+
 def validation_motion(robot: RobotDescription) -> MultipointMotion:
-    """Return a motion through random points for the validation of a model."""
-    return MultipointMotion(kind="multipoint", robot=robot.name, points=VALIDATION_POINTS, seed=1)
+    """Return a motion through random points for the validation of a model.
+
+    Its seed is the first one whose first point can be reached from the zero pose, in which the
+    simulated robot starts; 1 if no seed up to `MOST_SEEDS` gives such a point.
+    """
+    clearances = Clearances.of(robot, Workspace(clearance_m=CLEARANCE_M))
+    start = zero_pose(robot)
+    motions = [
+        MultipointMotion(kind="multipoint", robot=robot.name, points=VALIDATION_POINTS, seed=seed)
+        for seed in range(1, MOST_SEEDS + 1)
+    ]
+    if not clearances.is_clear(start[np.newaxis]):
+        return motions[0]
+    for motion in motions:
+        (first,) = motion.model_copy(update={"points": 1}).draw_poses(robot)
+        if clearances.is_clear(straight_line(start, first)):
+            return motion
+    return motions[0]
 
 
 def limit_to_motors(robot: RobotDescription) -> tuple[RobotDescription, tuple[str, ...]]:

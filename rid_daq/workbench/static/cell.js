@@ -1,23 +1,21 @@
 // The page of a cell: state, actions, joints, preflight, last runs.
-import { duration, find, kindWords } from "./dom.js";
+import { duration, element, find, kindWords } from "./dom.js";
 import { JobPanel } from "./job_panel.js";
 import { showEnd, showJoints, showReturn, showSilence, showTemperatures } from "./joints.js";
 import { html, render } from "./lit.js";
 import { followPose } from "./live_pose.js";
-import { zeroButton } from "./plate_zero.js";
 import { loadPreflight } from "./preflight.js";
 import { RobotView } from "./robot_view.js";
 import { runTable } from "./run_table.js";
-import { CELL, ask, on, page, preflightAge, reach } from "./service.js";
+import { CELL, OLD_MS, ask, on, page, preflightAge, reach } from "./service.js";
 
 const view = new RobotView(find("view"), { preview: true });
 followPose(view);
 const panel = new JobPanel(find("job"), { next, ended, heard });
 let status = null;
 
-const STARTS = [["experiment", "Record a motion"], ["payload", "Identify a payload"]].map(([path, words]) =>
-  html`<a class="button" href="${CELL}/${path}">${words}</a>`);
-const LAST_POSE = "pose compared with the last pose"; // the same text as in rid_daq/preflight/last_pose.py
+const STARTS = [["experiment", "Record a motion", "main"], ["payload", "Identify a payload", ""]].map(([path, words, kind]) =>
+  html`<a class="button ${kind}" href="${CELL}/${path}">${words}</a>`);
 
 const actions = {
   check: () => panel.begin("check"),
@@ -31,13 +29,20 @@ const actions = {
 };
 for (const [id, action] of Object.entries(actions)) find(id)?.addEventListener("click", action);
 
+// Return the place of the button that writes a measured zero of the force plate; its module is loaded only now.
+function zeroPart(run) {
+  const place = element("div", {});
+  import("./plate_zero.js").then(({ zeroButton }) => place.append(zeroButton(run, actions.check)));
+  return place;
+}
+
 function next(job, document) {
   const again = (text, action) => html`<button type="button" class="main" @click=${action}>${text}</button>`;
-  const moved = document?.lines?.some((line) => line.what === LAST_POSE && line.verdict === "red");
+  const moved = document?.lines?.some((line) => line.code === "RID-POSE-MOVED");
   if (job.kind === "check" && moved)
     return [again("Check again", actions.check), again("The positions are correct: accept them", actions.accept)];
   if (job.kind === "check") return document?.passed ? STARTS : [again("Check again", actions.check)];
-  if (job.kind === "plate_zero" && document?.verdict?.passed) return [zeroButton(job.run, actions.check)];
+  if (job.kind === "plate_zero" && document?.verdict?.passed) return [zeroPart(job.run)];
   if (job.kind === "reset" && job.state === "done") return [again("Check", actions.check)];
   if (job.state !== "done" && status?.fault) return [again("Reset after the cause was found", actions.reset)];
   if (job.state !== "done" && job.kind !== "check") return [again("Check", actions.check)];
@@ -47,7 +52,7 @@ function next(job, document) {
 // During an axis test, the 3-D view shows the positive direction of the joint that is tested.
 function heard(event, job) {
   if (job.kind !== "axes" || event.kind !== "motion") return;
-  const joint = (status?.joints ?? []).findIndex((name) => event.title === `Axis test of ${name}.`); // the same title as in axis_tester.py
+  const joint = (status?.joints ?? []).indexOf(event.tested_joint);
   view.choose(joint < 0 ? null : joint, { withGhost: false });
 }
 
@@ -102,8 +107,7 @@ on("cell", (now) => {
   status = now;
   showState();
 });
-// ---- live values; they count as old if no new ones arrive for OLD_MS
-const OLD_MS = 1500;
+// ---- live values
 let picture = null;
 let pictureAt = 0;
 

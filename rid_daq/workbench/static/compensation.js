@@ -6,7 +6,7 @@ import { showChosenPlan } from "./planned_view.js";
 import { on } from "./service.js";
 import { completeRuns, modelOf, nameOf, numberOf, offer, options, press, runWords, showRun, wanted } from "./work.js";
 
-const panel = new JobPanel(find("job"), { next, ended, isBelow: ({ kind }) => ["loop", "tracking"].includes(kind) });
+const panel = new JobPanel(find("job"), { next, begun, ended, isBelow: ({ kind }) => ["loop", "tracking"].includes(kind) });
 
 const step = (place, words) => html`<a class="button main" href="#${place}">${words}</a>`;
 const STEPS = {
@@ -95,9 +95,20 @@ press("stream", panel, "stream", () => {
   return panel.begin("stream", asks, { moves: true });
 });
 
+// Show the measured loops of a run, unfolded until another job begins.
+async function showLoops(run) {
+  const part = find("loops-part");
+  [part.hidden, part.open] = [false, true];
+  await showRun(find("loops-result"), run, "velocity_loops");
+}
+
+function begun() {
+  find("loops-part").open = false; // it is long, and later steps are below it
+}
+
 async function ended(job, document) {
   if (job.kind === "loop" && document) {
-    await showRun(find("loops-result"), document.run, "velocity_loops");
+    await showLoops(document.run);
     const run = [...find("loop-run").options].find((option) => option.value === document.run);
     offer(find("loop"), `runs/${document.run}/loops.json`, run?.textContent);
   }
@@ -118,5 +129,5 @@ await showRuns();
 const first = wanted.get("run");
 if (first) {
   find("loop-run").value = first;
-  await showRun(find("loops-result"), first, "velocity_loops");
+  await showLoops(first);
 }

@@ -5,7 +5,7 @@ import { html, render } from "./lit.js";
 import { showChosenPlan } from "./planned_view.js";
 import { newest } from "./requests.js";
 import { CELL, go, on, page } from "./service.js";
-import { blocksUrl, modelOf, nameOf, numberOf, offer, press, showBlocks, wanted } from "./work.js";
+import { blocksUrl, completeRuns, modelOf, nameOf, numberOf, offer, press, showBlocks, wanted } from "./work.js";
 
 const OTHER_SEED = 1;
 const motion = find("motion");
@@ -18,13 +18,28 @@ const NEXT = {
   reversed: ["friction", "Measure the friction"],
 };
 
+let modelled = null; // the newest run with a model, at the start of a recording
+const step = (address, words, kind) => html`<a class="button ${kind || ""}" href="${CELL}/${address}">${words}</a>`;
+
 const panel = new JobPanel(find("job"), {
   next: (job) => {
+    if (job.state === "done" && job.kind === "design") return [html`<a class="button main" href="#drive-title">Record this motion</a>`];
     if (job.state !== "done" || !job.run) return [];
     const run = encodeURIComponent(job.run);
     if (job.kind !== "record") return [];
-    const [path, words] = NEXT[motion.selectedOptions[0]?.dataset.kind.replaceAll("-", "_")] ?? ["identify", "Identify this run"];
-    return [html`<a class="button main" href="${CELL}/${path}?run=${run}">${words}</a>`];
+    const kind = motion.selectedOptions[0]?.dataset.kind.replaceAll("-", "_");
+    const [path, words] = NEXT[kind] ?? ["identify", "Identify this run"];
+    const own = `${path}?run=${run}`;
+    if (kind in NEXT || !modelled) return [step(own, words, "main")];
+    const check = `identify?run=${encodeURIComponent(modelled.id)}&other=${run}`;
+    const isCheck = kind === "validation";
+    const steps = [step(check, "Validate the model on this run", isCheck && "main"), step(own, words, !isCheck && "main")];
+    return isCheck ? steps : steps.reverse();
+  },
+  begun: async (job) => {
+    if (job.kind !== "record") return;
+    const runs = await completeRuns().catch(() => []); // without a connection, no validation is offered
+    modelled = runs.find((each) => each.id !== job.run && each.files.includes("model.json")) ?? null;
   },
   ended: (job, document) => {
     if (job.kind === "design" && job.state === "done" && document) {

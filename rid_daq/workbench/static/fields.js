@@ -10,7 +10,7 @@ export function refuseField(input, text) {
   return Object.assign(new Error(text), { isShown: true });
 }
 
-export function acceptField(input) {
+function acceptField(input) {
   note(input, "problem", "");
   input.removeAttribute("aria-invalid");
 }

@@ -15,10 +15,13 @@ let model = null;
 let solving = false;
 
 const NEXT = {
-  identify: html`<a class="button main" href="#after">Validate this model</a>`,
-  validate: html`<a class="button main" href="${CELL}/compensation">Compensate a path</a>`,
+  identify: [html`<a class="button main" href="#after">Validate this model</a>`],
+  validate: [
+    html`<a class="button main" href="${CELL}/compensation">Compensate a path</a>`,
+    html`<a class="button" href="${CELL}/payload">Identify a payload</a>`,
+  ],
 };
-const next = ({ kind, state }) => (state === "done" && kind in NEXT ? [NEXT[kind]] : []);
+const next = ({ kind, state }) => (state === "done" && NEXT[kind]) || [];
 const panel = new JobPanel(find("job"), { next, begun, ended, isBelow: ({ kind }) => ["identify", "validate", "export"].includes(kind) });
 
 // ---- stages
@@ -172,9 +175,9 @@ async function showResult(run) {
   stage("result", blocks.some((block) => block.kind === "verdict" && block.passed === false) ? "bad" : "done");
   const used = new Set(chosenRuns());
   used.add(run);
-  options(find("other"), runs.filter((each) => !used.has(each.id)).map((each) => ({ value: each.id, words: runWords(each) })));
-  find("no-other").hidden = find("other").options.length > 0;
-  find("result-title").scrollIntoView({ block: "start" });
+  options(find("other"), runs.filter((each) => !used.has(each.id)).map((each) => ({ value: each.id, words: runWords(each) })), wanted.get("other"));
+  find("no-other").hidden = find("other").value !== "";
+  find(wanted.has("other") ? "after" : "result-title").scrollIntoView({ block: "start" });
 }
 
 press("validate", panel, "validate", async () => {

@@ -27,10 +27,10 @@ function say(words, sentence, problem) {
 
 // Show the drive temperatures of the preflight until a motion delivers new temperatures.
 export function showTemperatures(section, lines) {
-  for (const line of lines.filter((each) => each.what.includes("temperature"))) {
-    const card = section.querySelector(`[data-joint="${CSS.escape(line.where.split(",")[0])}"]`);
+  for (const { where, temperature_c: warm } of lines.filter((each) => Number.isFinite(each.temperature_c))) {
+    const card = section.querySelector(`[data-joint="${CSS.escape(where.split(",")[0])}"]`);
     const place = card?.querySelector('[data-show="temperature"]');
-    if (place && Number.isFinite(Number(line.found))) place.textContent = `${Number(line.found).toFixed(0)} °C at the preflight`;
+    if (place) place.textContent = `${warm.toFixed(0)} °C at the preflight`;
   }
 }
 

@@ -1,9 +1,8 @@
 // Pose of the cell's robot in the 3-D view: live while a job reads the drives, otherwise the newest known pose.
 import { timeOf } from "./dom.js";
 import { request } from "./requests.js";
-import { CELL, on, reach } from "./service.js";
+import { CELL, OLD_MS, on, reach } from "./service.js";
 
-const OLD_MS = 1500; // values count as old if no new ones arrive for this time
 const OLD_S = 0.5; // live values that are older than this at the service count as old
 const WATCH_MS = 500;
 const PATIENCE_MS = 10000;

@@ -87,7 +87,7 @@ export class MotionPlayer {
     const pose = position[before + 1].map((value, i) => (1 - share) * position[before][i] + share * value);
     const phase = phases.findLast(({ start_s }) => start_s <= time) ?? phases[0];
     if (Number(this.slider.value) !== time) this.slider.value = String(time);
-    this.clock.textContent = `${time.toFixed(1)} of ${end.toFixed(1)} s${periods > 1 ? `, with 1 of ${periods} periods` : ""}`;
+    this.clock.textContent = `${time.toFixed(1)} of ${end.toFixed(1)} s${periods > 1 ? `; 1 of ${periods} periods is shown` : ""}`;
     this.slider.setAttribute("aria-valuetext", `${time.toFixed(1)} s, ${phase.name}`);
     this.view.show({ position: pose, words: `PLANNED MOTION, NO LIVE DATA: ${phase.name}.`, kind: "planned" });
     this.describe();

@@ -20,7 +20,9 @@ const STAGES = [...document.querySelectorAll("[data-stage]")];
 on("cell", ({ job }) => {
   jobAtOpening ??= job?.id ?? "";
 });
-const panel = new JobPanel(find("job"), { heard, begun, ended, isBelow });
+const next = ({ kind, state }) =>
+  kind === "payload_session" && state === "done" ? [html`<a class="button main" href="#papers">Create the certificate</a>`] : [];
+const panel = new JobPanel(find("job"), { next, heard, begun, ended, isBelow });
 
 // ---- stages of the page: each stage shows one or two states of the session
 

@@ -3,13 +3,13 @@
 import { Box3, BoxGeometry, BufferGeometry, Color, DirectionalLight, Group, HemisphereLight, Line, LineBasicMaterial, Scene, SphereGeometry, Vector3, WebGLRenderer } from "./three.js";
 import { DrawingCamera } from "./drawing_camera.js";
 import { DrawingLabels } from "./drawing_labels.js";
-import { Paints, alongAxis, arrow, frameArrows, limitMarks, turnArrow } from "./drawing_marks.js";
-import { WrenchArrows } from "./wrench_arrows.js";
+import { Paints, WrenchArrows, alongAxis, arrow, frameArrows, limitMarks, turnArrow } from "./drawing_marks.js";
 import { RobotArm, linkGeometries, matrixOf, vectorOf } from "./robot_arm.js";
 
 const DOWN = new Vector3(0, 0, -1);
 const NEAR_LIMIT = 0.03; // of the range
 const HARDLY_MOVED = 1e-3; // of the reach
+const FRAME_SHARE = 1.3; // length of a frame's arrows, as a multiple of the size of the marks
 const LAYERS = ["axes", "limits", "frames", "gravity", "plate", "wrench", "payload", "path"];
 
 export class RobotDrawing {
@@ -64,7 +64,8 @@ export class RobotDrawing {
     this.addFrames();
     this.addGravity();
     if (document.payload_centre) this.addPayload(vectorOf(document.payload_centre));
-    this.corners = this.cornersOfAll();
+    this.world.updateWorldMatrix(true, true);
+    this.corners = [...this.cornersOfAll(), ...this.placesOf(this.arm)];
     this.seen = [...this.corners];
     this.box = new Box3().setFromPoints(this.seen);
     this.camera.frame(this.seen, 0.2 * this.size);
@@ -105,7 +106,7 @@ export class RobotDrawing {
     const { arm, size, paints, labels } = this;
     if (this.document.plate) this.addWrench(); // first, because its labels precede those of the base frame
     for (const [name, group] of [["base", arm.base], ["tool", arm.tool]]) {
-      const frame = frameArrows(paints, 1.3 * size, 0.045 * size);
+      const frame = frameArrows(paints, FRAME_SHARE * size, 0.045 * size);
       group.add(frame);
       this.layers.frames.push(frame);
       ["X", "Y", "Z"].forEach((axis, i) => labels.add(`${name} ${axis}`, frame, new Vector3().setComponent(i, 1.5 * size), "frames"));
@@ -155,11 +156,7 @@ export class RobotDrawing {
 
   // Show the path of the tool as points in the base frame [m].
   showPath(places) {
-    if (this.removePath()) {
-      this.seen = [...this.corners];
-      this.box.setFromPoints(this.seen);
-      this.camera.frame(this.seen, 0.5 * this.size);
-    }
+    if (this.removePath()) this.frame(this.corners);
     if (places.length === 0) {
       this.draw();
       return;
@@ -236,17 +233,24 @@ export class RobotDrawing {
     return new Box3().setFromObject(group);
   }
 
-  // Return the positions of an arm's joints and of its tool, in the upright frame.
+  // Return the positions of an arm's joints and of its tool, and the tips of the tool's arrows, in the upright frame.
   placesOf(arm) {
-    return [...arm.links, arm.tool].map((each) => new Vector3().setFromMatrixPosition(each.matrixWorld));
+    const far = FRAME_SHARE * this.size;
+    const tips = [[far, 0, 0], [0, far, 0], [0, 0, far]].map((tip) => new Vector3(...tip).applyMatrix4(arm.tool.matrixWorld));
+    return [...[...arm.links, arm.tool].map((each) => new Vector3().setFromMatrixPosition(each.matrixWorld)), ...tips];
   }
 
   // Keep these points inside the picture too, in addition to earlier points.
   include(places) {
     if (this.box.containsBox(new Box3().setFromPoints(places))) return;
-    this.seen.push(...places);
-    this.box.setFromPoints(this.seen);
-    this.camera.frame(this.seen, 0.5 * this.size);
+    this.frame([...this.seen, ...places]);
+  }
+
+  // Move the camera so that these points are inside the picture.
+  frame(places) {
+    this.seen = places;
+    this.box = new Box3().setFromPoints(places);
+    this.camera.frame(places, 0.5 * this.size);
   }
 
   // Return the corners of the bounding boxes of the links and of the gravity arrow, in the upright frame.

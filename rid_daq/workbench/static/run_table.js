@@ -17,7 +17,7 @@ export function runTable(groups, { pick = null, picked = [], opened = new Set(),
     <td>${verdict(run)}</td>
     <td>${run.status}${run.reason ? html`<span class="why">${run.reason}</span>` : nothing}</td>
     ${cells ? html`<td>${run.cell || "–"}</td>` : nothing}
-    <td>${run.created_utc ? timeOf(run.created_utc) : run.id}</td>
+    <td class="when">${run.created_utc ? timeOf(run.created_utc) : run.id}</td>
     <td>${run.kind || "–"}</td>
     <td>${run.has_report ? report(run) : "–"}</td></tr>`);
   const group = ({ head, parts }) => [row(head, false, parts), opened.has(head.id) ? parts.map((run) => row(run, true)) : nothing];

@@ -13,6 +13,7 @@ export const page = {
 };
 export const mayMove = page.role !== "viewer";
 
+export const OLD_MS = 1500; // live values count as old if no new ones arrive for this time
 const LEASE_S = 15;
 const PATIENCE_MS = 10000;
 const RENEW_MS = 2000;

@@ -46,29 +46,23 @@ async function showTokens() {
 async function revokeToken(token) {
   const text = `${token.name} will have no access from now on.`;
   if (!(await dialog(`Revoke ${token.name}?`, [element("p", {}, text)], "Revoke", { danger: true }))) return;
-  const place = find("revoke-problem");
-  render([], place);
-  try {
+  render([], find("revoke-problem"));
+  await load("revoke-problem", async () => {
     await ask("DELETE", `/tokens/${encodeURIComponent(token.id)}`);
     await Promise.all([showTokens(), showAudit()]);
-  } catch (error) {
-    render(html`<p class="problem">${error.message}</p>`, place);
-  }
+  });
 }
 
 find("token").addEventListener("submit", async (event) => {
   event.preventDefault();
-  const place = find("token-secret");
-  try {
+  await load("token-secret", async () => {
     const wanted = { name: find("token-name").value.trim(), role: find("token-role").value };
     const made = await ask("POST", "/tokens", wanted);
     render(html`<p>Token of ${made.name}. Copy it now: it is shown only once. The command reads it from RID_DAQ_TOKEN.</p>
-      <p class="secret">${made.secret}</p>`, place);
+      <p class="secret">${made.secret}</p>`, find("token-secret"));
     event.target.reset();
     await Promise.all([showTokens(), showAudit()]);
-  } catch (error) {
-    render(html`<p class="problem">${error.message}</p>`, place);
-  }
+  });
 });
 
 async function showAudit() {

@@ -3,14 +3,13 @@
 import { clockOf, duration, element, find, kindWords } from "./dom.js";
 import { JobPanel } from "./job_panel.js";
 import { html, render } from "./lit.js";
-import { now, on, reach, requestSignals } from "./service.js";
+import { OLD_MS, now, on, reach, requestSignals } from "./service.js";
 import { chartsOf, lineOf, SignalPlots } from "./signal_plots.js";
 import { SignalStore } from "./signal_store.js";
 
 const FIRST_SPAN_S = 30;
 const LEAST_SPAN_S = 0.5;
 const MOST_SPAN_S = 600;
-const OLD_MS = 1500; // values count as old if no new ones arrive for this time
 const OLD_S = 0.5; // live values that are older than this at the service count as old
 const DRAW_MS = 100; // time between two redraws
 const WATCH_MS = 250;

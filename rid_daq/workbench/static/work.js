@@ -1,7 +1,7 @@
 // Functions that several work pages share: blocks, figures, findings, choices.
 import { blockParts } from "./blocks.js";
 import { linked } from "./commands.js";
-import { element, find, parseNumber, seen, timeOf } from "./dom.js";
+import { addressOf, element, find, parseNumber, seen, timeOf } from "./dom.js";
 import { keptChoice } from "./entries.js";
 import { refuseField } from "./fields.js";
 import { showFigure } from "./figure.js";
@@ -21,7 +21,7 @@ export const ofRun = (run, ...sections) => blocksUrl(`/runs/${encodeURIComponent
 const FIGURE_MS = 120000; // timeout of a figure: a long run over a slow connection takes long
 
 // Cancel the loading of a figure.
-export function endFigure(place) {
+function endFigure(place) {
   place.loading?.abort();
   place.loading = null;
   delete place.dataset.again;
@@ -125,7 +125,8 @@ export const findings = (list) => list.map(({ passed, text }) => {
 // ---- choices
 export function options(select, list, chosen = null) {
   const before = chosen || select.value || keptChoice(select);
-  const none = select.dataset.none === undefined ? [] : [element("option", { value: "" }, select.dataset.none)];
+  const empty = select.dataset.none ?? (list.length ? null : "none yet");
+  const none = empty === null ? [] : [element("option", { value: "" }, empty)];
   select.replaceChildren(...none, ...list.map(({ value, words }) => element("option", { value }, words)));
   if ([...select.options].some((option) => option.value === before)) select.value = before;
 }
@@ -180,4 +181,4 @@ export function press(id, panel, kind, action) {
 }
 
 export const fileLink = (path, text) =>
-  html`<a class="button" download href="/api/v1/files/${path.split("/").map(encodeURIComponent).join("/")}">${text}</a>`;
+  html`<a class="button" download href="/api/v1/files/${addressOf(path)}">${text}</a>`;

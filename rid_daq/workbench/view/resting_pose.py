@@ -30,7 +30,7 @@ class RestingPose:
 
 
 def resting_pose(loaded: LoadedCell, preflight: Preflight | None) -> RestingPose:
-    """Return the newer of two poses: at the newest preflight, and at the end of the last run.
+    """Return the newer of two poses: at the newest preflight, and at the end of the last motion.
 
     Args:
         loaded: The cell.
@@ -39,7 +39,7 @@ def resting_pose(loaded: LoadedCell, preflight: Preflight | None) -> RestingPose
     Raises:
         RecordingError: The file of the last pose cannot be read.
     """
-    found = [pose for pose in (_at_preflight(loaded, preflight), _at_last_run(loaded)) if pose]
+    found = [pose for pose in (_at_preflight(loaded, preflight), _at_last_motion(loaded)) if pose]
     return max(found, key=lambda pose: pose.at_s or 0.0, default=RestingPose())
 
 
@@ -58,11 +58,11 @@ def _at_preflight(loaded: LoadedCell, preflight: Preflight | None) -> RestingPos
     return RestingPose(position, "the preflight", preflight.at_s)
 
 
-def _at_last_run(loaded: LoadedCell) -> RestingPose | None:
+def _at_last_motion(loaded: LoadedCell) -> RestingPose | None:
     last = last_pose(loaded)
     if last is None:
         return None
     at = datetime.fromisoformat(last.when_utc).astimezone(UTC)
     is_run = last.seen_by.startswith("run ")  # pages show no ids
-    source = "the last run" if is_run else last.seen_by
+    source = "the last motion" if is_run else last.seen_by
     return RestingPose(last.position, source, at.timestamp())

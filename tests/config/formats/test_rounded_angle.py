@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 from config.formats.rounded_angle import AngleReading, angle_notes
@@ -23,6 +24,13 @@ def test_a_rounded_multiple_of_15_degrees_is_exact(written: float, degrees: floa
     reading = AngleReading.of(written)
     assert reading.used_rad == pytest.approx(degrees * DEGREE, abs=1e-15)
     assert not reading.is_doubtful
+
+
+def test_a_number_of_numpy_is_read_as_its_plain_number() -> None:
+    reading = AngleReading.of(np.float64(1.5708))
+    assert reading == AngleReading.of(1.5708)
+    assert "1.5708 rad" in angle_notes([("r.urdf:3", reading)])[0]
+    assert "np." not in angle_notes([("r.urdf:3", reading)])[0]
 
 
 @pytest.mark.parametrize("written", [1.5702964, 1.5701, 1.5711588, 1.57079634, 0.0005, 0.7858123])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import rid_daq.api
@@ -73,7 +74,7 @@ def test_invalid_values_are_refused(
 
 
 def test_a_saved_proposal_is_an_import_map(tmp_path: Path, currents: ProposedMap) -> None:
-    complete = currents.with_values(torque_constant_nm_per_a=[1.0, 2.0])
+    complete = currents.with_values(torque_constant_nm_per_a=np.array([1.0, 2.0]))
     complete.save(tmp_path / "arm.yaml")
     recording = read_recording(currents.source, map=tmp_path / "arm.yaml")
     assert recording.torque_nm[:, 0] == pytest.approx(sound_table()[:, 5], abs=1e-6)

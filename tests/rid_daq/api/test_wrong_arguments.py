@@ -36,6 +36,7 @@ Change = Callable[[dict[str, Any]], object]
         (lambda a: a.update(time_s=TIME.astype("m8[ms]")), ARGUMENT, "time_s: "),
         (lambda a: a.update(robot="ir361"), ARGUMENT, "robot: "),
         (lambda a: a.update(period_s=-1.0), ARGUMENT, "period_s: -1.0"),
+        (lambda a: a.update(period_s=np.float64(-0.0)), ARGUMENT, "period_s: -0.0:"),
         (lambda a: a.update(period_s=float("nan")), ARGUMENT, "period_s: nan"),
         (lambda a: a.update(name=3), ARGUMENT, "name: "),
         (lambda a: a.update(torques=np.array([1, 2])), ARGUMENT, "torques: "),

@@ -12,15 +12,23 @@ from identification.friction.curve import FrictionCurve
 from identification.friction.fits import fit_friction
 from identification.regression.fit_grade import Grade
 from rid_daq.app import run
+from rid_daq.blocks.block import Verdict
 from rid_daq.operations.identify import friction_measurement
+from rid_daq.operations.identify.friction import FrictionResult
 from rid_daq.operations.identify.friction_measurement import FrictionMeasurement
 from rid_daq.operations.path import loop_measurement
+from rid_daq.operations.path.loop import LoopResult
 from rid_daq.operations.path.loop_measurement import MeasuredLoops
 from rid_daq.report.result import Result
 from rid_daq.report.sections.friction import FrictionSection
 
 RESULTS = Path(__file__).parents[1] / "report" / "results"
 SPEED = np.array([0.1, 0.2, 0.4, 0.8, 1.2, 1.6])
+
+
+def verdicts(result: FrictionResult | LoopResult) -> list[bool | None]:
+    """Return the verdicts that a page shows."""
+    return [block.passed for block in result.blocks() if isinstance(block, Verdict)]
 
 
 @pytest.mark.parametrize(
@@ -48,6 +56,7 @@ def test_friction_that_no_model_explains_gives_exit_code_6(
     monkeypatch.setattr(friction_measurement, "measure_friction", lambda request: found)
     assert run(["friction", "a-run"]) == code
     assert message in " ".join(capsys.readouterr().out.split())
+    assert (False in verdicts(FrictionResult(found))) is (code == 6)
 
 
 @pytest.mark.parametrize(("grade", "code"), [(Grade.DOUBTFUL, 0), (Grade.BAD, 6)])
@@ -66,3 +75,4 @@ def test_a_loop_model_that_does_not_fit_gives_exit_code_6(
     output = " ".join(capsys.readouterr().out.split())
     assert f"{first.joint}: inertia and damping leave" in output
     assert f"; the fit is {grade}, 40 % is left." in output
+    assert (False in verdicts(LoopResult(found))) is (code == 6)

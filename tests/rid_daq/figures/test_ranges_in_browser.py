@@ -22,11 +22,14 @@ pytestmark = pytest.mark.slow
 FREQUENCY = Axis("frequency", "Hz", log=True)
 SHORT = Line("short", (1.0, 100.0), (20.0, 21.0), "blue", width=4.0)
 LONG = Line("long", (1.0, 10_000.0), (20.0, 21.0), "orange", width=4.0)
+NOISE = Line("noise", (1.0, 100.0), (0.0018826, 17.42), "blue", width=4.0)
+"""With the margin, its range begins at 0.00099."""
 PLOT = Plot(
     name="gains",
     panels=(
         Panel(x=FREQUENCY, y=Axis("gain", "dB"), lines=(SHORT, LONG)),
         Panel(x=FREQUENCY, y=Axis("loss", "dB"), lines=(SHORT,), zooms_with_previous=True),
+        Panel(x=FREQUENCY, y=Axis("torque", "N m", log=True), lines=(NOISE,)),
     ),
 )
 
@@ -71,6 +74,10 @@ def test_two_fingers_zoom_a_logarithmic_axis_out(page: Page) -> None:
     page.locator(".u-over").first.evaluate(PINCH)
     page.get_by_role("button", name="Whole").wait_for()
     assert shows_blue(page.locator("canvas").first)
+
+
+def test_a_logarithmic_axis_can_begin_just_below_a_power_of_ten(page: Page) -> None:
+    assert shows_blue(page.locator("canvas").nth(2))
 
 
 @pytest.mark.parametrize("turn", [-100, 100])

@@ -6,10 +6,13 @@ from pathlib import Path
 
 import pytest
 
+from acquisition.motion.kinds.fourier import FourierMotion
 from config.errors import ConfigError
 from rid_daq.app import run
 from rid_daq.operations.catalogue import operation
 from rid_daq.operations.experiment.design import DesignRequest
+from rid_daq.operations.experiment.motion_design import design_motion
+from rid_daq.terminal.console import Console
 from tests.builders.raised_codes import raises_code
 
 REQUIRED = {"cell": "ir361", "output": "motion.yaml"}
@@ -83,3 +86,12 @@ def test_a_band_that_is_not_two_frequencies_is_refused(
 def test_a_client_cannot_set_a_scheduler() -> None:
     assert "scheduler" in operation("design").owned
     assert "scheduler" not in operation("design").schema()["properties"]  # type: ignore[operator]
+
+
+def test_the_usual_period_is_a_whole_number_of_cycles(tmp_path: Path) -> None:
+    output = tmp_path / "motion.yaml"
+    quick = {"method": "two-harmonic", "tries": 1, "limit_fraction": 0.1, "periods": 2}
+    request = {"cell": "kr15", "output": output, "excitation": quick}
+    designed = design_motion(DesignRequest.of(request, shown="design"), Console())
+    assert isinstance(designed.motion, FourierMotion)
+    assert designed.motion.period_s == 9.996, "833 cycles of 12 ms"

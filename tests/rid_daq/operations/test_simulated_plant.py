@@ -5,9 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from acquisition.motion.kinds.multipoint import CLEARANCE_M, straight_line
+from config.load import load_robot
+from config.robot.bodies import Workspace
 from config.robot.kinematic_table import KinematicRow, Kinematics
 from config.robot.link_cad import LinkCad
 from config.robot.robot import Joint, JointLimits, RobotDescription
+from dynamics.geometry.clearances import Clearances
 from dynamics.model.cad import cad_parameters
 from dynamics.model.inverse_dynamics import mass_matrix
 from dynamics.model.robot_model import RobotModel
@@ -20,6 +24,8 @@ from rid_daq.operations.start.workload import (
     INTEGRAL_TIME_S,
     Workload,
     limit_to_motors,
+    validation_motion,
+    zero_pose,
 )
 
 CYCLE_S = 0.008
@@ -135,3 +141,16 @@ def test_a_joint_that_could_cross_its_range_before_a_stop_is_slowed_down() -> No
 def test_strong_motors_keep_their_limits() -> None:
     robot = arm((500.0, 500.0, 40.0))
     assert limit_to_motors(robot) == (robot, ())
+
+
+def test_the_validation_motion_can_be_reached_from_the_zero_pose() -> None:
+    robot = load_robot("ur10e")
+    clearances = Clearances.of(robot, Workspace(clearance_m=CLEARANCE_M))
+    start = zero_pose(robot)
+    assert clearances.is_clear(start[np.newaxis])
+    chosen = validation_motion(robot)
+    ways = [
+        straight_line(start, chosen.model_copy(update={"seed": seed}).draw_poses(robot)[0])
+        for seed in (1, chosen.seed)
+    ]
+    assert [clearances.is_clear(way) for way in ways] == [False, True]

@@ -51,11 +51,12 @@ def test_a_real_cell_moves_only_after_the_axis_test(tmp_path: Path) -> None:
     with raises_code(PreflightError, "RID-AXIS-TEST-MISSING", "axis1", "axis2", "axis3", "cell.y"):
         require_axis_test(loaded, AxisTestRule.REQUIRED)
     line = axis_test_line(loaded, AxisTestRule.REQUIRED)
-    assert line.verdict == "red"
+    assert (line.verdict, line.code) == ("red", "RID-AXIS-TEST-MISSING")
     assert "rid-daq axes" in line.next_action
     sign_all(loaded)
     assert require_axis_test(loaded, AxisTestRule.REQUIRED).startswith("passed, ")
-    assert axis_test_line(loaded, AxisTestRule.REQUIRED).verdict == "ok"
+    tested = axis_test_line(loaded, AxisTestRule.REQUIRED)
+    assert (tested.verdict, tested.code) == ("ok", "")
 
 
 def test_an_axis_that_is_missing_is_named(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from acquisition.motion.known_pose import MOVED
 from config.errors import RidDaqError
 from config.load import LoadedCell, load_cell
 from rid_daq.preflight.check_words import show_devices
@@ -35,6 +36,7 @@ def real_cell(state: Path, tmp_path: Path) -> LoadedCell:
 def verdict(loaded: LoadedCell, position: list[float], rule: PoseRule = PoseRule.COMPARED) -> str:
     (line,) = pose_lines(loaded, position, rule)
     assert line.what == LAST_POSE
+    assert (line.code == MOVED) is (line.verdict == "red")
     return line.verdict
 
 
@@ -99,9 +101,9 @@ def test_a_stored_pose_of_other_joints_is_ignored(real_cell: LoadedCell) -> None
     assert known_pose(renamed, binding=True) is None
 
 
-def test_the_cell_page_finds_the_line_by_its_name() -> None:
+def test_the_cell_page_finds_the_line_by_its_code() -> None:
     script = files("rid_daq.workbench").joinpath("static/cell.js").read_text(encoding="utf-8")
-    assert f'"{LAST_POSE}"' in script
+    assert f'"{MOVED}"' in script
 
 
 @pytest.mark.parametrize("content", ["", "{", '{"cell": 3}', '{"position": [NaN]}'])

@@ -81,6 +81,7 @@ def test_a_hot_motor_is_red(loaded: LoadedCell, serve: Serve) -> None:
     (line,) = red_lines(loaded, serve(temperature_k=395.0))
     assert (line.where, line.found, line.required) == ("axis3, node 3", "121.9", "≤ 120")
     assert line.next_action == "let the motor cool down"
+    assert line.temperature_c == pytest.approx(121.9)
 
 
 def test_a_deviating_torque_constant_is_red(loaded: LoadedCell, serve: Serve) -> None:
@@ -92,6 +93,7 @@ def test_a_deviating_torque_constant_is_red(loaded: LoadedCell, serve: Serve) ->
 def test_a_missing_drive_is_red(loaded: LoadedCell, serve: Serve) -> None:
     (line,) = red_lines(loaded, serve(units=5))
     assert line.found == "no answer of unit 6"
+    assert line.temperature_c is None
     assert "exception 11" in line.next_action
 
 

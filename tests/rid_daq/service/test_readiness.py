@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from rid_daq.preflight.axis_test import AXIS_TEST
-from rid_daq.preflight.last_pose import LAST_POSE
+from acquisition.motion.known_pose import MOVED
+from rid_daq.preflight.axis_test import UNTESTED
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.readiness import NOT_SINCE_START, PREFLIGHT_LIMIT_S, Readiness
 from rid_daq.service.served_cell import ServedCell
@@ -40,11 +40,11 @@ def readiness(tmp_path: Path, clock: Clock) -> Readiness:
 
 def check_document(cell: ServedCell, *red: str, problem: str | None = None) -> dict[str, object]:
     """Return the document of a check with red lines."""
-    lines = [{"what": what, "verdict": "red"} for what in red]
+    lines = [{"code": code, "verdict": "red"} for code in red]
     return {
         "passed": not red and problem is None,
         "problem": problem,
-        "lines": [*lines, {"what": "heartbeat", "verdict": "ok"}],
+        "lines": [*lines, {"code": "", "verdict": "ok"}],
         "files_hash": cell.loaded.files_hash,
     }
 
@@ -85,7 +85,7 @@ def test_a_restart_of_the_service_voids_a_preflight(
 def test_only_axis_test_and_jog_are_allowed_without_an_axis_test(
     kind: JobKind, cell: ServedCell, readiness: Readiness
 ) -> None:
-    readiness.note_check(cell, check_document(cell, AXIS_TEST))
+    readiness.note_check(cell, check_document(cell, UNTESTED))
     held = kind in (JobKind("axes"), JobKind("jog"))
     assert (readiness.obstacle(cell, kind) == "") is held
     assert "preflight has failed" in readiness.obstacle(cell)
@@ -95,7 +95,7 @@ def test_only_axis_test_and_jog_are_allowed_without_an_axis_test(
 def test_a_robot_in_an_unexpected_pose_moves_only_with_a_held_key(
     kind: JobKind, cell: ServedCell, readiness: Readiness
 ) -> None:
-    readiness.note_check(cell, check_document(cell, LAST_POSE))
+    readiness.note_check(cell, check_document(cell, MOVED))
     held = kind in (JobKind("axes"), JobKind("jog"))
     assert (readiness.obstacle(cell, kind) == "") is held
 
@@ -105,14 +105,14 @@ def test_a_robot_in_an_unexpected_pose_moves_only_with_a_held_key(
 def test_any_other_red_line_also_prevents_axis_test_and_jog(
     kind: JobKind, cell: ServedCell, readiness: Readiness, clock: Clock
 ) -> None:
-    readiness.note_check(cell, check_document(cell, AXIS_TEST, "heartbeat"))
+    readiness.note_check(cell, check_document(cell, UNTESTED, ""))
     assert "preflight has failed" in readiness.obstacle(cell, kind)
-    readiness.note_check(cell, check_document(cell, "heartbeat"))
+    readiness.note_check(cell, check_document(cell, ""))
     assert "preflight has failed" in readiness.obstacle(cell, kind)
-    readiness.note_check(cell, check_document(cell, AXIS_TEST, problem="a drive is silent"))
+    readiness.note_check(cell, check_document(cell, UNTESTED, problem="a drive is silent"))
     assert "preflight has failed" in readiness.obstacle(cell, kind)
     readiness.note_check(cell, check_document(cell, problem="a drive is silent"))
     assert "preflight has failed" in readiness.obstacle(cell, kind)
-    readiness.note_check(cell, check_document(cell, AXIS_TEST))
+    readiness.note_check(cell, check_document(cell, UNTESTED))
     clock.now_s += PREFLIGHT_LIMIT_S + 1.0
     assert "min old" in readiness.obstacle(cell, kind)

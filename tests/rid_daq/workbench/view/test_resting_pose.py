@@ -1,4 +1,4 @@
-"""The pose of a robot at rest: the newer of the preflight and the last run."""
+"""The pose of a robot at rest: the newer of the preflight and the last motion."""
 
 from __future__ import annotations
 
@@ -48,4 +48,4 @@ def test_the_newer_source_counts(cell: LoadedCell) -> None:
     newer = resting_pose(cell, preflight(cell, stored_s + 60.0))
     assert newer == RestingPose(MEASURED, "the preflight", stored_s + 60.0)
     older = resting_pose(cell, preflight(cell, stored_s - 60.0))
-    assert older == RestingPose((0.5, 0.5, 0.5), "the last run", stored_s)
+    assert older == RestingPose((0.5, 0.5, 0.5), "the last motion", stored_s)
