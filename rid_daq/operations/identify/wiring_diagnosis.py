@@ -169,8 +169,7 @@ class WiringDiagnosis:
         mistakes: Probable mistakes; None without a search.
         driving: Joints with negative friction power; None if this was not checked.
         weight: Weight of the arm, computed from torques; None if the torques do not determine it.
-        unconfirmed: Entries of the files that the runs do not confirm; None without a search, if a
-            mistake was found, or if there are too few data.
+        unconfirmed: Entries of the files that the runs do not confirm; None if not examined.
     """
 
     mistakes: tuple[MistakeEntry, ...] | None = None
