@@ -64,5 +64,4 @@ def _find_contacts(clearances: Clearances, poses: FloatArray) -> BoolArray:
 
 
 def _select_pairs(clearances: Clearances, chosen: BoolArray) -> Clearances:
-    """Return the clearances of the chosen pairs only."""
     return replace(clearances, pairs=tuple(compress(clearances.pairs, chosen.tolist())))

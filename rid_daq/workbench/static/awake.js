@@ -16,7 +16,7 @@ async function keep() {
       lock = null;
     }
   } catch {
-    // a device in battery saver mode turns its screen off nevertheless; the page explains what this means for the lease
+    // a device in battery saver mode refuses this, and turns its screen off
   }
   asking = false;
 }
