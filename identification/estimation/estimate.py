@@ -248,7 +248,7 @@ def predict(
     """
     model, torque = estimate.model, np.empty(np.shape(q))
     if isinstance(estimate, Estimate):
-        _refuse_other_positions(estimate, q)
+        refuse_other_positions(estimate, q)
     if conditions is None or conditions.memory is None:
         conditions = with_presliding_history(model, q, conditions)
     for start in range(0, len(q), BLOCK_ROWS):
@@ -298,7 +298,7 @@ def predict_base_wrench(
         EstimationError: The estimate is of the internal model, which does not determine the wrench.
     """
     refuse_internal_model(estimate)
-    _refuse_other_positions(estimate, q)
+    refuse_other_positions(estimate, q)
     wrench = np.empty((len(q), 6))
     for start in range(0, len(q), BLOCK_ROWS):
         rows = slice(start, start + BLOCK_ROWS)
@@ -322,8 +322,16 @@ def refuse_internal_model(estimate: Estimate) -> None:
         )
 
 
-def _refuse_other_positions(estimate: Estimate, q: FloatArray) -> None:
-    """Refuse a motion if a joint that no run moved has another position than in the runs."""
+def refuse_other_positions(estimate: Estimate, q: FloatArray) -> None:
+    """Refuse a motion if a joint that no run moved has another position than in the runs.
+
+    Args:
+        estimate: The identified robot.
+        q: Shape (samples, n). Joint positions [rad or m].
+
+    Raises:
+        EstimationError: A joint is at another position.
+    """
     names = estimate.robot.joint_names
     refuse_unmoved_joints(
         [each for each in estimate.still if not each.has_position(q[:, names.index(each.joint)])],

@@ -16,7 +16,12 @@ from config.arrays import FloatArray
 from config.errors import ConfigError
 from dynamics.model.memory import with_presliding_history
 from dynamics.model.robot_model import torque
-from identification.estimation.estimate import Estimate, base_regressor, predict
+from identification.estimation.estimate import (
+    Estimate,
+    base_regressor,
+    predict,
+    refuse_other_positions,
+)
 from identification.estimation.file import write_estimate
 from identification.export.description import mjcf, pinocchio_model
 from identification.export.description import urdf as description_urdf
@@ -60,7 +65,8 @@ class Model:
     beta are the base parameters: the combinations of inertia, friction, springs and rotors that
     torques determine. Torques are those of the actuators at the link side; without a coupled wrist
     they are the torques of the joints. Arrays have the shape (samples, joints), or (joints,) for
-    one sample. Friction with hysteresis depends on the order of samples.
+    one sample. Friction with presliding is computed along the samples in their order; in one
+    sample, joints that move slide.
     `print` shows the parameters, the fit of each joint, and the findings.
 
     Attributes:
@@ -160,9 +166,11 @@ class Model:
                 another position; friction depends on temperature (`at_temperature`); or the model
                 contains a payload (`with_payload`).
         """
+        if np.ndim(position) == 1:
+            return np.asarray(self.regressor(position, velocity, acceleration) @ self.values)
         require_stated_payload(self.estimate)
         q, v, a = as_motion(self.estimate.robot, position, velocity, acceleration)
-        return predict(self.estimate, q, v, a).reshape(np.shape(position))
+        return predict(self.estimate, q, v, a)
 
     def regressor(
         self,
@@ -183,9 +191,10 @@ class Model:
         """
         require_stated_payload(self.estimate)
         q, v, a = as_motion(self.estimate.robot, position, velocity, acceleration)
-        found = base_regressor(
-            self.estimate, q, v, a, with_presliding_history(self.estimate.model, q)
-        )
+        refuse_other_positions(self.estimate, q)
+        is_path = np.ndim(position) > 1
+        conditions = with_presliding_history(self.estimate.model, q) if is_path else None
+        found = base_regressor(self.estimate, q, v, a, conditions)
         return found.reshape(*np.shape(position), len(self.values))
 
     def mass_matrix(self, position: npt.ArrayLike) -> FloatArray:

@@ -12,7 +12,11 @@ import pinocchio
 import pytest
 
 from config.errors import ConfigError, DataQualityError, EstimationError
+from config.robot.friction_terms import FrictionTerm
 from rid_daq.api import Model, Recording, Robot, identify, read_recording, validate
+from rid_daq.report.sections.estimate import EstimateSection
+from tests.builders.known_model import estimate_with_terms
+from tests.builders.point_streams import CELL
 from tests.builders.raised_codes import raises_code
 from tests.rid_daq.api.conftest import Arm
 
@@ -50,6 +54,17 @@ def test_the_regressor_times_the_values_is_the_torque(model: Model, arm: Arm) ->
     y = model.regressor(q, v, a)
     assert y.shape == (*q.shape, len(model.values))
     np.testing.assert_allclose(y @ model.values, model.inverse_dynamics(q, v, a), atol=1e-9)
+
+
+def test_a_joint_that_moves_in_one_sample_slides() -> None:
+    """One sample has no past from which the presliding deflection could be computed."""
+    terms: tuple[FrictionTerm, ...] = ("coulomb", "viscous")
+    torques = []
+    for own, distance_rad in ((terms, None), ((*terms, "presliding"), 1e-3)):
+        estimate = estimate_with_terms(CELL, own, 10.0, distance_rad)
+        model = Model(estimate, EstimateSection.of(estimate))
+        torques.append(model.inverse_dynamics(np.zeros(3), [0.5, -0.5, 0.0], np.zeros(3)))
+    np.testing.assert_allclose(torques[1], torques[0], rtol=1e-12)
 
 
 def test_mass_matrix_and_friction_are_parts_of_the_inverse_dynamics(model: Model, arm: Arm) -> None:
