@@ -50,14 +50,3 @@ def test_a_quintic_polynomial_is_differentiated_exactly() -> None:
     slope, curvature = quintic_derivatives(polynomial(time_s)[:, np.newaxis], 0.1)
     assert relative_error(slope[:, 0], polynomial.deriv()(time_s)) < EXACT
     assert relative_error(curvature[:, 0], polynomial.deriv(2)(time_s)) < EXACT
-
-
-@pytest.mark.parametrize("x", [[0.0], [0.0, 0.0], [0.0, 2.0, 1.0]])
-def test_knots_must_increase(x: list[float]) -> None:
-    with pytest.raises(ValueError, match="increasing"):
-        NotAKnotSpline(np.array(x), np.zeros(len(x)))
-
-
-def test_a_quintic_spline_needs_six_rows() -> None:
-    with pytest.raises(ValueError, match="six"):
-        quintic_derivatives(np.zeros((5, 1)), 0.1)
