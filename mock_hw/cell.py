@@ -15,7 +15,7 @@ from config.cell.monitor import ModbusTcp, MonitorConfig
 from config.errors import TransportError
 from mock_hw.bus.hub_process import serve_hub
 from mock_hw.bus.served_bus import ONE_PROCESS
-from mock_hw.drives_process import DrivesSettings, serve_drives, serve_until
+from mock_hw.drives_settings import DrivesSettings
 from mock_hw.host.device_process import DeviceProcess, wait_until_ready
 from mock_hw.host.hosted_process import HostedProcess
 from mock_hw.host.program_faults import ProgramFaults
@@ -190,7 +190,7 @@ class SimulatedCell:
             if drives.has_hub_process:
                 hub = DeviceProcess(serve_hub, simulation.hub(socket))
                 stack.callback(hub.end)
-            process = DeviceProcess(serve_drives, drives)
+            process = DeviceProcess(_serve_drives, drives)
             stack.callback(process.end)
             self._host = process if drives.hosts_masters else None
             drives_pipe = process.pipe
@@ -217,8 +217,17 @@ def _served_monitor(registers: RegisterSettings | None, port: int | None) -> Mon
     return registers.monitor.model_copy(update={"link": on_pseudo_terminal(link, registers.path)})
 
 
+def _serve_drives(settings: DrivesSettings, pipe: Connection) -> None:
+    """Run a cell's drives; see `mock_hw.drives_process.serve_drives`."""
+    from mock_hw.drives_process import serve_drives  # numba and other libraries of the drives only
+
+    serve_drives(settings, pipe)
+
+
 def _launch_thread(stack: contextlib.ExitStack, settings: DrivesSettings) -> Connection:
     """Start the drives in a thread, for the bus `virtual`, which exists within one process."""
+    from mock_hw.drives_process import serve_until  # see `_serve_drives`
+
     ours, theirs = multiprocessing.Pipe()
     ended = threading.Event()
     thread = threading.Thread(

@@ -12,17 +12,14 @@ import shutil
 import signal
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from multiprocessing.connection import Connection
-from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
-from config.cell.cell import CanBusConfig
 from config.errors import RidDaqError, TransportError
 from config.process.termination import signals_deferred
 from drivers.canopen.frames import NMT_COB_ID, SYNC_COB_ID, sdo_request_cob_id
 from drivers.ports.can_link import CanLink, open_can
-from mock_hw.amplifier.port import AmplifierPort, PlateSettings
+from mock_hw.amplifier.port import AmplifierPort
 from mock_hw.bus.bus_client import BusClient
 from mock_hw.bus.embedded_client import EmbeddedClient
 from mock_hw.bus.hub_client import HubClient
@@ -30,60 +27,22 @@ from mock_hw.bus.hub_process import LINGER_NS, open_hub
 from mock_hw.bus.hub_protocol import HubRole
 from mock_hw.bus.lawicel_port import LawicelPort
 from mock_hw.bus.served_bus import adapter_path, hold_served_bus
+from mock_hw.drives_settings import DrivesSettings
 from mock_hw.host.device_process import leave_signals_to_parent, request_exact_timing
-from mock_hw.host.runtime_directory import axes_path, folder_in_use
+from mock_hw.host.runtime_directory import folder_in_use
 from mock_hw.plant.snapshot import SnapshotReader, SnapshotWriter
 from mock_hw.plate_service import DeviceClient, PlateService
 from mock_hw.rack_loop import LONGEST_WAIT_S, RackLoop, act_on_frames, next_wait
 from mock_hw.registers.contents import DriveRegisters
 from mock_hw.registers.registers import SimulatedRegisters
-from mock_hw.registers.server import RegisterService, RegisterSettings
-from mock_hw.simulation import CellSimulation
+from mock_hw.registers.server import RegisterService
 
 if TYPE_CHECKING:
     from mock_hw.rack import DriveRack
+    from mock_hw.simulation import CellSimulation
 
 _LOOK_S = 0.1
 _FAULT_PATIENCE_S = 5.0
-
-
-@dataclass(frozen=True)
-class DrivesSettings:
-    """Settings of the drives' process.
-
-    Attributes:
-        simulation: The simulated cell and its settings.
-        socket: Path of the hub's socket. The names of all other files of the cell begin with its
-            name.
-        plate: Settings of the plate's amplifier.
-        registers: Settings of the drives' registers.
-        bus: Bus that the drives join; None for the hub of `rid_sim`.
-    """
-
-    simulation: CellSimulation
-    socket: Path
-    plate: PlateSettings | None = None
-    registers: RegisterSettings | None = None
-    bus: CanBusConfig | None = None
-
-    @property
-    def has_hub_process(self) -> bool:
-        """True if the hub has its own process, as in real time."""
-        return self.bus is None and self.simulation.realtime
-
-    @property
-    def hosts_masters(self) -> bool:
-        """True if the process can run masters of the hub.
-
-        A fault script that disturbs the program's processes needs a process for each master.
-        """
-        simulation = self.simulation
-        return self.bus is None and not (simulation.realtime or simulation.faults.program)
-
-    @property
-    def snapshot(self) -> Path:
-        """Path of the file with the true state of the axes."""
-        return axes_path(str(self.socket))
 
 
 def serve_drives(settings: DrivesSettings, pipe: Connection) -> None:

@@ -15,7 +15,7 @@ from config.load import load_bundled_or_path
 from config.robot.robot import RobotDescription
 from config.simulation.faults import NO_SCRIPT, FaultScript
 from config.simulation.plant import PlantConfig, SimulatedPlate
-from mock_hw.amplifier.port import PlateSettings
+from mock_hw.amplifier.settings import PlateSettings
 from mock_hw.bus.hub_process import HubSettings
 from mock_hw.bus.served_bus import ONE_PROCESS, SIMULATED, served_name, with_served_channel
 from mock_hw.host.fault_clock import refuse_unknown_joints

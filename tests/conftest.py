@@ -30,7 +30,8 @@ from config.cell.plate import AmplifierConfig, PlateConfig
 from config.load import load_bundled_or_path
 from config.simulation.faults import AmplifierFault, FaultScript
 from config.simulation.plant import SimulatedPlate
-from mock_hw.amplifier.port import AmplifierPort, PlateSettings
+from mock_hw.amplifier.port import AmplifierPort
+from mock_hw.amplifier.settings import PlateSettings
 from tests.builders.compiled_kernels import forget_stale_kernels
 from tests.builders.report_drawings import leave_out_drawings, without_drawings
 

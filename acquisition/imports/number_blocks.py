@@ -88,5 +88,7 @@ class NumberBlocks:
         integers = np.empty((lines, len(self._integers)), dtype=np.int64)
         for values, names in ((floats, self._floats), (integers, self._integers)):
             for place, name in enumerate(names):
-                values[:, place] = table.column(name).to_numpy()
+                # `to_numpy` would import pandas, if it is installed
+                pieces = map(np.from_dlpack, table.column(name).chunks)
+                values[:, place] = np.concatenate([*pieces])
         return floats, integers

@@ -10,6 +10,9 @@ from pathlib import Path
 
 from config.errors import RecordingError, system_errors
 
+FREE_BYTES = 500 << 20
+"Free disk space that must remain beside the expected recording before a motion [bytes]."
+
 RESERVE_BYTES = 16 << 20
 "Size of the reserve: more than the ring and the summary of a journal together [bytes]."
 

@@ -21,9 +21,9 @@ from acquisition.processing.unfiltered import (
     UnfilteredSignals,
     smooth_gaussian,
     smoothing_width,
-    spline_derivatives,
 )
 from acquisition.recording.recording import Recording
+from acquisition.signals.splines import NotAKnotSpline, quintic_derivatives
 from config.arrays import FloatArray, IntArray, freeze
 from config.errors import ConfigError, DataQualityError
 
@@ -165,8 +165,6 @@ def smooth_nonperiodic(
         ConfigError: The cut-off does not fit the sampling rate.
         DataQualityError: No segment is long enough.
     """
-    from scipy import interpolate  # a large import that periodic runs do not need
-
     time_s = recording.time_s[recording.valid]
     if len(time_s) < 2:
         raise DataQualityError(
@@ -196,7 +194,7 @@ def smooth_nonperiodic(
         raw_position, raw_torque = np.empty((2, len(grid), position.shape[1]))
         for j in range(position.shape[1]):  # one joint at a time, to limit the memory
             both = np.stack([position[rows, j], torque[rows, j]], axis=1)
-            raw_position[:, j], raw_torque[:, j] = interpolate.CubicSpline(stamps, both)(grid).T
+            raw_position[:, j], raw_torque[:, j] = NotAKnotSpline(stamps, both)(grid).T
         before = sum(len(piece.time_s) for piece in rough)
         inner.append(np.arange(inside.start, inside.stop) + before)
         if held is not None:
@@ -204,13 +202,13 @@ def smooth_nonperiodic(
             own = np.maximum(held.update_row[rows][at] - rows.start, 0)
             raw_torque = np.take_along_axis(torque[rows], own, axis=0)
             renewed.append(before + _rows_at(grid, stamps)[own])
-        motion = (raw_position, *spline_derivatives(raw_position, step_s))
+        motion = (raw_position, *quintic_derivatives(raw_position, step_s))
         if torque_limit_hz is not None:
             raw_torque = low_pass(raw_torque, step_s, torque_limit_hz)
         signals = (smooth_gaussian(values, step_s, width_s) for values in (*motion, raw_torque))
         rough.append(_Segment(grid, *signals))
         smooth_position = low_pass(raw_position, step_s, cutoff_hz)
-        motion = (smooth_position, *spline_derivatives(smooth_position, step_s))
+        motion = (smooth_position, *quintic_derivatives(smooth_position, step_s))
         signals = (values[inside] for values in (*motion, low_pass(raw_torque, step_s, cutoff_hz)))
         segments.append(_Segment(grid[inside], *signals))
     if not segments:
@@ -287,8 +285,6 @@ def resample_periods(recording: Recording, period_s: float) -> Recording:
         DataQualityError: The recording has fewer than two whole periods, or a period fewer than
             four rows.
     """
-    from scipy import interpolate
-
     time_s = recording.time_s[recording.valid]
     step_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.inf
     periods = int((time_s[-1] - time_s[0] + step_s) / period_s) if len(time_s) > 1 else 0
@@ -314,7 +310,7 @@ def resample_periods(recording: Recording, period_s: float) -> Recording:
         commands = np.empty((len(recording), 0))
     measured = np.hstack([recording.position, recording.torque_nm, commands])
     values = measured[recording.valid]
-    resampled = interpolate.CubicSpline(time_s, values)(np.minimum(grid, time_s[-1]))
+    resampled = NotAKnotSpline(time_s, values)(np.minimum(grid, time_s[-1]))
     after = np.clip(np.searchsorted(time_s, grid), 1, len(time_s) - 1)
     valid = time_s[after] - time_s[after - 1] <= GAP_STEPS * step_s
     return Recording(

@@ -81,20 +81,6 @@ class UnfilteredSignals:
         return int(np.max(np.arange(len(self.torque_row))[:, np.newaxis] - self.torque_row))
 
 
-def spline_derivatives(position: FloatArray, step_s: float) -> tuple[FloatArray, FloatArray]:
-    """Return velocity and acceleration of a quintic spline through uniform rows.
-
-    Args:
-        position: Shape (samples, joints). Position.
-        step_s: Time between rows [s].
-    """
-    from scipy import interpolate  # a large import that periodic runs do not need
-
-    time_s = np.arange(len(position)) * step_s
-    path = interpolate.make_interp_spline(time_s, position, k=5)
-    return np.asarray(path(time_s, 1)), np.asarray(path(time_s, 2))
-
-
 def smoothing_width(position: FloatArray, step_s: float) -> float:
     """Return the smoothing's standard deviation that makes the velocity's sign reliable [s].
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from multiprocessing.connection import wait
 from pathlib import Path
 
+from acquisition.journal.disk_reserve import FREE_BYTES
 from acquisition.journal.header import JournalHeader
 from acquisition.journal.plate import PLATE_RECORDING
 from acquisition.motion.collision import refuse_collision
@@ -52,7 +53,6 @@ from dynamics.geometry.clearances import Clearances
 
 RING_S = 10.0
 RING_ROWS = 4096
-FREE_BYTES = 500 << 20
 FREE_FACTOR = 3
 WATCH_S = 0.05
 START_PATIENCE_S = 60.0

@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import chdtrc
 
 from compensation.loops.frequency_response import FrequencyResponse
 from config.arrays import FloatArray, freeze
@@ -208,7 +207,14 @@ def whiteness(misfit: NDArray[np.complex128]) -> float:
     for lag in range(1, lags + 1):
         alike = float(abs(np.vdot(misfit[:-lag], misfit[lag:]))) / (lines * power)
         statistic += 2.0 * lines * (lines + 1.0) / (lines - lag) * alike**2
-    return float(chdtrc(2 * lags, statistic))
+    return _chi_squared_tail(2 * lags, statistic)
+
+
+def _chi_squared_tail(freedom: float, value: float) -> float:
+    """Return the probability that a chi-squared value is larger."""
+    from scipy.special import chdtrc  # a slow import that only the fit of a loop needs
+
+    return float(chdtrc(freedom, value))
 
 
 def _chance_of_cost(measured: FrequencyResponse, cost: float, parameters: int) -> float:
@@ -220,13 +226,13 @@ def _chance_of_cost(measured: FrequencyResponse, cost: float, parameters: int) -
     """
     lines, freedom = len(measured.frequency_hz), measured.noise_freedom
     if freedom <= 2:
-        return float(chdtrc(2 * lines - parameters, 2.0 * cost))
+        return _chi_squared_tail(2 * lines - parameters, 2.0 * cost)
     # Mean and variance of |misfit|^2 / variance; the variance has `freedom` degrees of freedom.
     mean = freedom / (freedom - 1.0)
     variance = freedom**3 / ((freedom - 1.0) ** 2 * (freedom - 2.0))
     left = lines - 0.5 * parameters
     scale = variance / mean
-    return float(chdtrc(2.0 * left * mean / scale, 2.0 * cost / scale))
+    return _chi_squared_tail(2.0 * left * mean / scale, 2.0 * cost / scale)
 
 
 def _choices() -> list[tuple[Extra, ...]]:

@@ -222,7 +222,6 @@ def _refine(
     steps: int,
 ) -> PlateTiming:
     """Improve delay and parameters by Gauss-Newton steps; with an own clock also its rate."""
-    slope = read.curve.derivative()
     middle_s = float(motion.time_s[0] + motion.time_s[-1]) / 2.0
     since = motion.time_s - middle_s
     scale = max(float(np.abs(since).max()), 1e-9)
@@ -240,7 +239,7 @@ def _refine(
                 " time stamps and `saturation` in the map",
                 code="RID-PLATE-CLOCK",
             )
-        values, rates = np.asarray(read.curve(at_s[used])), np.asarray(slope(at_s[used]))
+        values, rates = read.curve(at_s[used]), read.curve(at_s[used], 1)
         columns = motion.columns(theta)[used]
         basis = np.linalg.qr(columns)[0]
         mixing = np.linalg.lstsq(columns, values, rcond=None)[0][2:]

@@ -262,7 +262,8 @@ def _simulated_tail(
             freedom = clusters - 1
             error *= np.sqrt(freedom / random.chisquare(freedom)) / widening(clusters)
         target = centre + error
-        exceeded += _distance(cone, cone.solve(target), target) >= distance
+        nearest = cone.solve(target, exactly=False)
+        exceeded += _distance(cone, nearest, target) >= distance
         if exceeded == ENOUGH:
             return ENOUGH / draw
     return (exceeded + 1) / (DRAWS + 1)

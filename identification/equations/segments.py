@@ -16,10 +16,10 @@ from acquisition.processing.unfiltered import (
     UnfilteredSignals,
     smooth_gaussian,
     smoothing_width,
-    spline_derivatives,
 )
 from acquisition.recording.recording import Recording
 from acquisition.signals.bins import differentiate_on_bins, filter_response, from_bins, to_bins
+from acquisition.signals.splines import quintic_derivatives
 from config.arrays import BoolArray, FloatArray
 from config.errors import DataQualityError
 from identification.equations.bins import harmonics_below
@@ -92,7 +92,7 @@ def unfiltered_period_signals(average: PeriodAverage, band_hz: float) -> Smoothe
     at = np.arange(-margin, rows + margin) % rows
     position, torque_nm = average.position[at], torque_nm[at]
     width_s = smoothing_width(average.position, step_s)
-    motion = (position, *spline_derivatives(position, step_s))
+    motion = (position, *quintic_derivatives(position, step_s))
     if limit_hz is not None:
         torque_nm = low_pass(torque_nm, step_s, limit_hz)
     q, v, a, torque = (smooth_gaussian(values, step_s, width_s) for values in (*motion, torque_nm))

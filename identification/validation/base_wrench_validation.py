@@ -11,11 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from acquisition.processing.smoothing import SmoothedSignals, low_pass, smooth_nonperiodic
 from acquisition.recording.plate_geometry import WRENCH_NAMES
 from acquisition.recording.recording import Recording
+from acquisition.signals.splines import NotAKnotSpline
 from config.arrays import BoolArray, FloatArray, freeze
 from config.errors import DataQualityError, EstimationError
 from dynamics.terms.conditions import Conditions
@@ -179,7 +179,7 @@ def pool_base_wrenches(parts: Sequence[BaseWrenchValidation]) -> BaseWrenchValid
 
 def _measured_wrench(
     recording: Recording, signals: SmoothedSignals, cutoff_hz: float
-) -> tuple[CubicSpline, BoolArray]:
+) -> tuple[NotAKnotSpline, BoolArray]:
     """Return the low-passed wrench as a function of time, and a mask of the valid smoothed rows."""
     reaction, step_s = recording.reaction, recording.sample_period_s
     if reaction is None:
@@ -205,7 +205,7 @@ def _measured_wrench(
     good = np.flatnonzero(valid)
     nearest = good[np.clip(np.searchsorted(good, np.arange(len(valid))), 0, len(good) - 1)]
     wrench = without_filter(reaction.base_wrench[nearest], step_s, reaction.low_pass)
-    curve = CubicSpline(recording.time_s, low_pass(wrench, step_s, cutoff_hz))
+    curve = NotAKnotSpline(recording.time_s, low_pass(wrench, step_s, cutoff_hz))
     row = np.searchsorted(recording.time_s, signals.time_s)
     bad = np.concatenate([[0], np.cumsum(~valid)])
     edge = round(EDGE_CUTOFFS / cutoff_hz / step_s)
@@ -221,7 +221,7 @@ def _measured_wrench(
 
 
 def _remove_delay_and_drift(
-    curve: CubicSpline,
+    curve: NotAKnotSpline,
     time_s: FloatArray,
     predicted: FloatArray,
     slope: FloatArray,

@@ -9,22 +9,18 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from config.cell.amplifier_profile import AmplifierProfile
-from config.cell.plate import PlateConfig
-from config.simulation.faults import NO_SCRIPT, AmplifierFault, FaultScript
-from config.simulation.plant import SimulatedPlate
+from config.simulation.faults import AmplifierFault
 from drivers.amplifier.simulated_arrivals import ArrivalWriter, arrivals_path
 from mock_hw.amplifier.amplifier import SimulatedAmplifier
 from mock_hw.amplifier.line_faults import FaultInjector, Unit
 from mock_hw.amplifier.rows import RowBlock
 from mock_hw.amplifier.sensors import PlateSensors
 from mock_hw.amplifier.serial_line import BITS_PER_BYTE, SerialLine
+from mock_hw.amplifier.settings import PlateSettings
 from mock_hw.host.pty_port import UNKNOWN_RATE, PtyPort
 
 BUFFER_BYTES = 16384
@@ -33,29 +29,6 @@ BUFFER_BYTES = 16384
 _BUNCH_S = 0.001
 _NANOSECONDS = 9  # decimals; rounding removes effects of the order of additions
 _TWICE = 2.0
-
-
-@dataclass(frozen=True)
-class PlateSettings:
-    """Settings of a simulated plate: description, profile, true properties and faults.
-
-    Attributes:
-        plate: The plate as described in the cell file.
-        profile: Commands and formats of the plate's amplifier.
-        truth: True properties of the plate.
-        path: Path of the port.
-        seed: Random seed of noise and jitter.
-        baud_rate: Baud rate of the amplifier, if it differs from the cell file.
-        faults: Fault script; its `amplifier` part is used.
-    """
-
-    plate: PlateConfig
-    profile: AmplifierProfile
-    truth: SimulatedPlate
-    path: Path
-    seed: int = 0
-    baud_rate: int | None = None
-    faults: FaultScript = NO_SCRIPT
 
 
 class AmplifierPort:

@@ -9,7 +9,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from acquisition.session.record import FREE_BYTES
+from acquisition.journal.disk_reserve import FREE_BYTES
 from acquisition.task.realtime import PROCESSOR_LATENCY, SCHEDULER_PRIORITY
 from config.errors import RecordingError, system_errors
 from rid_daq.preflight.bus_check import CheckLine

@@ -52,6 +52,9 @@ _FILLED_PX: Final = (560.0, 540.0)
 _COLOURS: Final = 255
 """Colours of a picture; a palette makes the file three times smaller."""
 
+_COMPRESSION: Final = 6
+"""Level 9 takes five times as long for files that are 7 % smaller."""
+
 _AROUND_PX: Final = 150
 _LEAST_HEIGHT_PX: Final = 420
 
@@ -162,7 +165,7 @@ def join_stills(stills: Sequence[Still]) -> bytes:
 def _png(image: Image.Image) -> bytes:
     packed = io.BytesIO()
     few = image.quantize(_COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
-    few.save(packed, "PNG", optimize=True)
+    few.save(packed, "PNG", compress_level=_COMPRESSION)
     return packed.getvalue()
 
 

@@ -16,7 +16,6 @@ from config.arrays import FloatArray
 from config.errors import ConfigError
 from config.robot.bodies import Workspace
 from config.robot.robot import RobotDescription
-from dynamics.geometry.clearances import Clearances
 
 MOST_DRAWS: Final = 50
 CLEAR_STEP: Final = 0.05
@@ -70,6 +69,8 @@ class MultipointMotion(Motion):
         high = np.array([joint.limits.position_max for joint in robot.joints])
         middle, half = (low + high) / 2.0, (high - low) / 2.0 * self.range_fraction
         random = np.random.default_rng(self.seed)
+        from dynamics.geometry.clearances import Clearances  # coal, which few motions need
+
         clearances = Clearances.of(robot, Workspace(clearance_m=CLEARANCE_M))
         poses: list[FloatArray] = []
         for _ in range(MOST_DRAWS * self.points):

@@ -11,11 +11,11 @@ from acquisition.motion.samples import Phase
 from acquisition.processing.smoothing import smooth_nonperiodic
 from acquisition.processing.unfiltered import (
     smoothing_width,
-    spline_derivatives,
     window_mean,
     window_reach,
 )
 from acquisition.recording.recording import Recording
+from acquisition.signals.splines import quintic_derivatives
 from config.arrays import FloatArray
 
 STEP_S = 0.001
@@ -72,7 +72,7 @@ def test_filtering_a_part_equals_that_part_of_the_filtered_whole() -> None:
 
 def test_derivatives_are_those_of_the_position() -> None:
     time_s = np.arange(0.0, 4.0, STEP_S)
-    velocity, acceleration = spline_derivatives(path(time_s), STEP_S)
+    velocity, acceleration = quintic_derivatives(path(time_s), STEP_S)
     np.testing.assert_allclose(velocity[50:-50, 0], 3.0 * np.cos(3.0 * time_s)[50:-50], atol=1e-8)
     np.testing.assert_allclose(
         acceleration[50:-50, 0], -9.0 * np.sin(3.0 * time_s)[50:-50], atol=1e-5

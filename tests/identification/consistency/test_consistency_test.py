@@ -106,3 +106,14 @@ def test_few_clusters_give_wider_tails(estimate: Estimate) -> None:
     low = below_zero(estimate, "fv_joint3", 4.0)
     few = check_consistency(replace(low, clusters=6))
     assert few.single_p_value > 10.0 * check_consistency(low).single_p_value
+
+
+def test_the_faster_projection_has_nearly_the_same_distance(estimate: Estimate) -> None:
+    programme = cone(estimate)
+    random = np.random.default_rng(0)
+    for target in random.normal(scale=3.0, size=(3, len(estimate.values))):
+        exact, rough = (
+            programme.matrix @ programme.solve(target, exactly=exactly) - target
+            for exactly in (True, False)
+        )
+        assert np.linalg.norm(rough - exact) < 1e-3

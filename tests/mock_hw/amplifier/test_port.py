@@ -22,7 +22,8 @@ from config.simulation.faults import AmplifierFault, FaultScript
 from config.simulation.plant import SimulatedPlate
 from drivers.amplifier.simulated_arrivals import ArrivalReader, arrivals_path
 from drivers.amplifier.stream import AmplifierStream, StreamPiece
-from mock_hw.amplifier.port import AmplifierPort, PlateSettings
+from mock_hw.amplifier.port import AmplifierPort
+from mock_hw.amplifier.settings import PlateSettings
 
 PROFILE = load_bundled_or_path("kistler_style", "profiles", AmplifierProfile)
 REST = np.array([0.0, 0.0, -900.0, 0.0, 0.0, 0.0])

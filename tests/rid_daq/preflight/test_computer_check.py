@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from acquisition.session.record import FREE_BYTES
+from acquisition.journal.disk_reserve import FREE_BYTES
 from rid_daq.preflight.computer_check import (
     SLOWEST_BYTES_S,
     WRITE_BYTES,
