@@ -149,7 +149,7 @@ def test_a_page_without_drawings_has_no_script() -> None:
 
 def test_measured_torque_is_a_thin_line_over_a_wide_one(page: str) -> None:
     drawing = page[page.index("<svg") : page.index("</svg>")]
-    line = r'<path [^>]*stroke="var\(--{}\)" stroke-width="([\d.]+)'
+    line = r'<path [^>]*style="[^"]*stroke: var\(--{}\); stroke-width: ([\d.]+)'
     predicted, measured = (re.search(line.format(hue), drawing) for hue in ("orange", "ink"))
     assert predicted is not None
     assert measured is not None
