@@ -12,6 +12,7 @@ from markupsafe import Markup
 from config.errors import RecordingError
 from rid_daq.blocks.block import AnyBlock
 from rid_daq.blocks.formats import duration, format_utc, number
+from rid_daq.blocks.plot import Plot
 from rid_daq.report.certificate import Certificate
 from rid_daq.report.model_file import BY_MODEL
 from rid_daq.report.result import Result
@@ -19,7 +20,6 @@ from rid_daq.report.section_blocks.certificate import certificate_evidence, cert
 from rid_daq.report.section_blocks.sections import BLOCKS_BY_SECTION
 from rid_daq.report.section_blocks.verdict import check_tables
 from rid_daq.report_page.drawings.page_colours import colours
-from rid_daq.report_page.drawings.svg_plot import plot_svg
 from rid_daq.report_page.live_figures import LiveFigures, library, library_style, script
 from rid_daq.terminal.console import make_printable
 
@@ -124,9 +124,16 @@ def _environment() -> jinja2.Environment:
     )
     for show in (number, duration, format_utc):
         environment.filters[show.__name__] = show
-    for function in (plot_svg, colours, library, library_style, script):
+    for function in (_plot_svg, colours, library, library_style, script):
         environment.globals[function.__name__] = function
     return environment
+
+
+def _plot_svg(plot: Plot, name: str) -> Markup:
+    """Return the drawing of a plot as SVG; the first call imports matplotlib."""
+    from rid_daq.report_page.drawings.plot import plot_svg
+
+    return plot_svg(plot, name)
 
 
 def _visible(value: object) -> object:

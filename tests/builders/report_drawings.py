@@ -30,7 +30,7 @@ def leave_out_drawings(patch: pytest.MonkeyPatch) -> None:
     from rid_daq.report_page.live_figures import LiveFigures
     from rid_daq.robot_view import robot_pictures
 
-    patch.setitem(render._environment().globals, "plot_svg", lambda _plot, _name: "")
+    patch.setitem(render._environment().globals, "_plot_svg", lambda _plot, _name: "")
     patch.setattr(LiveFigures, "add", lambda _figures, _plot: "")
     for name in ("robot_picture", "flange_picture"):
         patch.setattr(robot_pictures, name, lambda *_of: LEFT_OUT)

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from rid_daq.figures.palette import DARK, LIGHT
+
+NAMES: Final = {colour: name for name, colour in LIGHT.items()}
+"""Name of the CSS variable of each light colour."""
 
 
 def colours(*, dark: bool) -> str:

@@ -1,4 +1,4 @@
-"""`matplotlib_figure`, `svg_file`: a declared plot for notebooks and as a file, by matplotlib."""
+"""`plot_svg`: a declared plot as SVG for print, drawn by matplotlib."""
 
 from __future__ import annotations
 
@@ -8,12 +8,13 @@ from typing import Any, Final
 
 import matplotlib as mpl
 import numpy as np
+from markupsafe import Markup
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rid_daq.blocks.plot import Axis, Line, Mark, Marker, Panel, Plot
 from rid_daq.figures.palette import LIGHT, line_stroke
-from rid_daq.report_page.drawings.style import STYLE, drawn_text
+from rid_daq.report_page.drawings.style import STYLE, as_svg, drawn_text
 
 PX_PER_INCH: Final = 120.0
 WIDTH_IN: Final = 9.6
@@ -31,6 +32,20 @@ _MARKERS: Final[dict[Marker, str]] = {
     "inverted_triangle": "v",
 }
 _SCALE: Final = 0.75  # line width in points per px on the screen
+
+
+def plot_svg(plot: Plot, name: str) -> Markup:
+    """Return the drawing of a declared plot.
+
+    Args:
+        plot: Declaration of the plot.
+        name: Prefix of the ids in the drawing, different for every figure of a page.
+    """
+    with mpl.rc_context(STYLE):
+        if plot.columns > 1:
+            return as_svg(_grid(plot.panels, min(plot.columns, len(plot.panels))), name)
+        parts = enumerate(_drawings(plot.panels), start=1)
+        return Markup().join(as_svg(_grid(part, 1), f"{name}-{i}") for i, part in parts)
 
 
 class NotebookFigure(Figure):
@@ -58,6 +73,16 @@ def svg_file(plot: Plot) -> bytes:
     with mpl.rc_context(STYLE):
         matplotlib_figure(plot).savefig(content, format="svg", metadata={"Date": None})
     return content.getvalue()
+
+
+def _drawings(panels: Sequence[Panel]) -> list[list[Panel]]:
+    """Return the panels, grouped into drawings: each title begins a drawing."""
+    drawings: list[list[Panel]] = []
+    for each in panels:
+        if each.title or not drawings:
+            drawings.append([])
+        drawings[-1].append(each)
+    return drawings
 
 
 def _grid(panels: Sequence[Panel], columns: int, kind: type[Figure] = Figure) -> Figure:

@@ -1,10 +1,17 @@
-"""`STYLE`: the matplotlib style of figures; `drawn_text`: a text for matplotlib."""
+"""`STYLE`: the matplotlib style of drawings; `as_svg`: a figure as SVG for a page."""
 
 from __future__ import annotations
 
+import io
+import re
 from typing import Any
 
+from markupsafe import Markup
+from matplotlib.backends.backend_svg import FigureCanvasSVG
+from matplotlib.figure import Figure
+
 from rid_daq.figures.palette import LIGHT
+from rid_daq.report_page.drawings.page_colours import NAMES
 from rid_daq.terminal.console import make_printable
 
 STYLE: Any = {
@@ -36,3 +43,29 @@ STYLE: Any = {
 def drawn_text(text: str) -> str:
     """Return a text for matplotlib with visible control characters and without formulas."""
     return make_printable(text).replace("$", r"\$")
+
+
+def as_svg(figure: Figure, name: str) -> Markup:
+    """Return a figure as an SVG element.
+
+    The prefix `name` makes the ids in the element unique on the page. The colours are CSS variables
+    (`colours`), so that they follow the light or dark page.
+    """
+    buffer = io.StringIO()
+    # `savefig` would draw everything twice, once for the layout; `print_svg` draws once.
+    canvas: Any = FigureCanvasSVG(figure)
+    canvas.print_svg(buffer, metadata={"Date": None, "Creator": None})
+    drawing = buffer.getvalue()
+    drawing = drawing[drawing.index("<svg") :]
+    drawing = re.sub(r"<path (?![^>]*\bd=)[^>]*/>", "", drawing)  # remove lines without points
+    drawing = re.sub(r'\bid="', f'id="{name}-', drawing)
+    drawing = re.sub("|".join(NAMES), lambda found: f"var(--{NAMES[found[0]]})", drawing)
+    drawing = drawing.replace("url(#", f"url(#{name}-").replace('href="#', f'href="#{name}-')
+    return Markup(
+        re.sub(
+            r'(<svg[^>]*?) width="[^"]*" height="[^"]*"|<metadata>.*?</metadata>\s*',
+            lambda found: found.group(1) or "",
+            drawing,
+            flags=re.DOTALL,
+        )
+    )

@@ -23,7 +23,7 @@ from rid_daq.blocks.plot import Axis, Bar, Colour, Line, Panel, Plot
 from rid_daq.blocks.plot import Span as Stretch
 from rid_daq.figures.figure_item import figure_item
 from rid_daq.report_page.drawings.page_colours import colours
-from rid_daq.report_page.drawings.svg_plot import plot_svg
+from rid_daq.report_page.drawings.plot import plot_svg
 from rid_daq.terminal.block_printer import print_blocks
 from rid_daq.terminal.console import Console
 

@@ -26,7 +26,7 @@ from rid_daq.blocks.block import Text
 from rid_daq.report.section_blocks.bode import bode_plot
 from rid_daq.report.section_blocks.velocity_loops import loop_blocks
 from rid_daq.report.sections.velocity_loops import VelocityLoopsSection
-from rid_daq.report_page.drawings.svg_plot import plot_svg
+from rid_daq.report_page.drawings.plot import plot_svg
 from tests.builders.raised_codes import raises_code
 
 DESIGN = ["design", "ir361", "--kind", "multisine", "--period", "4"]

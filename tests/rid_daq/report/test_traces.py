@@ -13,7 +13,7 @@ from acquisition.recording.recording import Recording
 from config.load import load_robot
 from rid_daq.report.section_blocks.curves import traces_plot
 from rid_daq.report.sections.curves import TRACE_STEPS, Traces
-from rid_daq.report_page.drawings.svg_plot import plot_svg
+from rid_daq.report_page.drawings.plot import plot_svg
 
 ROWS = 4001
 PEAK = 2345
