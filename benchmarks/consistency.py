@@ -27,6 +27,7 @@ import argparse
 import json
 import sys
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -258,10 +259,12 @@ def log_cholesky(task: ConsistencyProgramme, target: FloatArray) -> FloatArray:
 def against_log_cholesky(count: int) -> tuple[bool, float, float]:
     """Print the comparison; return True if it is good enough, the time [ms], and the speed-up."""
     spent, cost = np.zeros((2, count)), np.zeros((2, count))
+    ways: tuple[Callable[[ConsistencyProgramme, FloatArray], FloatArray], ...]
+    ways = ConsistencyProgramme.solve, log_cholesky
     for seed in range(count):
         estimate = noisy_estimate(seed)
         task, target = programme(estimate), whiten_parameters(estimate, estimate.values)
-        for way, solve in enumerate((ConsistencyProgramme.solve, log_cholesky)):
+        for way, solve in enumerate(ways):
             start_s = time.perf_counter()
             found = solve(task, target)
             spent[way, seed] = time.perf_counter() - start_s
