@@ -259,8 +259,8 @@ def log_cholesky(task: ConsistencyProgramme, target: FloatArray) -> FloatArray:
 def against_log_cholesky(count: int) -> tuple[bool, float, float]:
     """Print the comparison; return True if it is good enough, the time [ms], and the speed-up."""
     spent, cost = np.zeros((2, count)), np.zeros((2, count))
-    ways: tuple[Callable[[ConsistencyProgramme, FloatArray], FloatArray], ...]
-    ways = ConsistencyProgramme.solve, log_cholesky
+    ways: list[Callable[[ConsistencyProgramme, FloatArray], FloatArray]]
+    ways = [ConsistencyProgramme.solve, log_cholesky]
     for seed in range(count):
         estimate = noisy_estimate(seed)
         task, target = programme(estimate), whiten_parameters(estimate, estimate.values)
