@@ -46,6 +46,11 @@ HEAVY: Final = (
     " right, set rated_payload_kg in the robot file."
 )
 
+ROUNDED = (
+    "Rounding errors of the positions make inertias too small: record positions with more digits,"
+    " or velocities as well; or use a lower --band."
+)
+
 
 @dataclass(frozen=True)
 class PayloadCheck:

@@ -10,7 +10,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from acquisition.recording.recording import Recording
 from acquisition.runs.catalogue import find_run
+from config.arrays import FloatArray
 from identification.estimation.file import write_estimate
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
@@ -18,10 +20,12 @@ from identification.payload.body import PayloadBody
 from rid_daq.app import run
 from rid_daq.operations.identify.run_estimation import EstimationJob, estimate_runs
 from rid_daq.runs.run_data import RunData
+from rid_daq.terminal.exit_codes import ExitCode
 
 pytestmark = pytest.mark.usefixtures("plain_reports")
 
 IMPORTED = ("empty", "first", "second", "third", "left on", "heavy left on")
+COARSE_RAD = np.deg2rad(0.2)
 
 
 @pytest.fixture(scope="module")
@@ -53,12 +57,20 @@ def imported(lab: SimpleNamespace, tmp_path_factory: pytest.TempPathFactory) -> 
     carried = [None, lab.medium, lab.medium, lab.medium, rest, heavy]
     for seed, (label, payload) in enumerate(zip(IMPORTED, carried, strict=True), 1):
         recording = lab.measured(robot, motion, payload, seed=seed, friction=1.0 + 0.05 * seed)
-        table = np.column_stack([recording.time_s, recording.position, recording.torque_nm])
-        with (place / f"{label}.csv").open("w", newline="") as file:
-            csv.writer(file).writerows(table.tolist())
-        words = ["import", str(place / f"{label}.csv"), "--map", str(place / "map.yaml")]
-        assert run([*words, "--label", label, "--runs", str(place / "runs")]) == 0
+        import_run(place, label, recording, recording.position)
+        if label in ("empty", "first"):
+            steps = np.round(recording.position / COARSE_RAD)
+            import_run(place, f"coarse {label}", recording, COARSE_RAD * steps)
     return place
+
+
+def import_run(place: Path, label: str, recording: Recording, position: FloatArray) -> None:
+    """Import a recording with other positions."""
+    table = np.column_stack([recording.time_s, position, recording.torque_nm])
+    with (place / f"{label}.csv").open("w", newline="") as file:
+        csv.writer(file).writerows(table.tolist())
+    words = ["import", str(place / f"{label}.csv"), "--map", str(place / "map.yaml")]
+    assert run([*words, "--label", label, "--runs", str(place / "runs")]) == 0
 
 
 def test_repeated_periodic_runs_from_csv_files_of_another_manufacturer(
@@ -75,6 +87,28 @@ def test_repeated_periodic_runs_from_csv_files_of_another_manufacturer(
     assert section["repeats"]["runs"] == 3
     assert section["repeats"]["ratio"] < 2.0
     for entry, truth in zip(section["parameters"], lab.medium.reported, strict=True):
+        assert abs(entry["value"] - truth) < 3.0 * entry["std"]
+
+
+@pytest.mark.parametrize(
+    ("band", "code", "passed"), [((), 0, True), (("--band", "12"), ExitCode.DATA_QUALITY, False)]
+)
+def test_rounded_positions_narrow_the_default_band_and_fail_a_wide_one(
+    lab: SimpleNamespace,
+    imported: Path,
+    capsys: pytest.CaptureFixture[str],
+    band: tuple[str, ...],
+    code: int,
+    passed: bool,
+) -> None:
+    capsys.readouterr()
+    words = ["payload", "identify", "--unloaded", "coarse empty", "--loaded", "coarse first"]
+    words += ["--no-rotors", "--json", "--runs", str(imported / "runs"), *band]
+    assert run(words) == code
+    document = json.loads(capsys.readouterr().out)
+    rounding = document["verdict"]["checks"][-1]
+    assert (rounding["limit"], rounding["passed"]) == (pytest.approx(0.1), passed)
+    for entry, truth in zip(document["payload"]["parameters"], lab.medium.reported, strict=True):
         assert abs(entry["value"] - truth) < 3.0 * entry["std"]
 
 

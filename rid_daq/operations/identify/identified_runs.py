@@ -202,7 +202,7 @@ def identify_robot(
     data = with_stated_gears(data, request.gears)
     loaded, bodies = _loaded_run_ids(request, data), known_bodies(request.loads, request.runs, data)
     how = replace(_estimation_job(request), loaded=loaded, bodies=bodies)
-    rounded = find_rounded_positions(data, how)
+    rounded = find_rounded_positions(data, how.options.band_hz)
     if rounded is not None:
         options = replace(how.options, band_hz=rounded.band_hz)
         how = replace(how, options=options, has_rounded_positions=True)

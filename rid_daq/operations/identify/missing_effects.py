@@ -40,10 +40,14 @@ STRETCH_S: Final = 30.0
 """Duration of a stretch of a longer recording in this search [s]."""
 
 
-def find_rounded_positions(data: Sequence[RunData], how: EstimationJob) -> RoundedPositions | None:
+def find_rounded_positions(data: Sequence[RunData], band_hz: float) -> RoundedPositions | None:
     """Return the rounding of imported positions, with the band that it allows.
 
     The result is None if no step is large enough for an effect.
+
+    Args:
+        data: The runs.
+        band_hz: Requested upper limit of the band [Hz].
     """
     n = len(data[0].robot.joints)
     reports = [item.import_report for item in data]
@@ -54,7 +58,7 @@ def find_rounded_positions(data: Sequence[RunData], how: EstimationJob) -> Round
         data[0].robot,
         [item.recording for item in data],
         [own or (None,) * n for own in steps],
-        how.options.band_hz,
+        band_hz,
     )
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 from acquisition.processing.periods import PeriodAverage
 from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError
+from identification.accuracy.rounded_positions import NOISE_SHARE_LIMIT, RoundedPositions
 from identification.choices import BAND_HZ, STANDSTILL_RAD_S, PayloadLimits
 from identification.equations.deconvolution import smoothed_recording
 from identification.estimation.estimate import Estimate
@@ -20,6 +21,7 @@ from identification.payload.smoothed_runs import SmoothedRuns
 from identification.payload.verdict import (
     BAD_FIT,
     HEAVY,
+    ROUNDED,
     PayloadCheck,
     PayloadResult,
     Repeats,
@@ -28,6 +30,7 @@ from identification.payload.verdict import (
 )
 from identification.wiring.search import find_impossibilities
 from identification.wiring.weight import ArmWeight
+from rid_daq.operations.identify.missing_effects import find_rounded_positions
 from rid_daq.operations.identify.run_estimation import EstimationJob, require_one_robot
 from rid_daq.operations.identify.wiring_diagnosis import signals_for_diagnosis
 from rid_daq.operations.payload.shared import IdentifiedPayload
@@ -123,6 +126,9 @@ def estimate_payload(
     how, robot = payload_request.how, data[0].robot
     if how.robot is not None:
         _refuse_runs_of_model(data, loaded, how.robot)
+    rounded = find_rounded_positions(data, payload_request.band_hz)
+    if rounded is not None:
+        payload_request = replace(payload_request, band_hz=rounded.band_hz)
     runs = payload_runs(data, loaded, payload_request)
     estimate = identify_payload(
         robot,
@@ -137,7 +143,8 @@ def estimate_payload(
     left_on = mass_left_on_flange(robot, runs.part(_comparison_runs(data, loaded, how)), how)
     held = check_payload(estimate, payload_request.limits, repeats, left_on)
     unloaded = [run for run, carried in zip(data, loaded, strict=True) if not carried]
-    return PayloadResult(estimate, (*held, *_arm_checks(unloaded, payload_request))), repeats
+    checks = (*held, *_arm_checks(unloaded, payload_request), *_rounding_checks(rounded))
+    return PayloadResult(estimate, checks), repeats
 
 
 def report_payload(
@@ -227,6 +234,18 @@ def weight_checks(weight: ArmWeight) -> tuple[PayloadCheck, ...]:
         f" ({'upper' if light else 'lower'} end of the 2σ interval)"
     )
     return (PayloadCheck(text, value, "≥" if light else "≤", limit, "", HEAVY),)
+
+
+def _rounding_checks(rounded: RoundedPositions | None) -> tuple[PayloadCheck, ...]:
+    """Compare the rounding errors of the positions with the motion; no check without rounding."""
+    if rounded is None:
+        return ()
+    text = (
+        "power of the rounding errors' acceleration relative to that of the motion, up to"
+        f" {rounded.band_hz:g} Hz"
+    )
+    share, limit = 100.0 * rounded.noise_share, 100.0 * NOISE_SHARE_LIMIT
+    return (PayloadCheck(text, share, "≤", limit, "%", ROUNDED),)
 
 
 def _comparison_runs(
