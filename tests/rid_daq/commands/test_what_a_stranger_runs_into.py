@@ -239,7 +239,7 @@ def test_physical_consistency_is_reported_together_with_the_residuals(
     assert found.code == 0
     assert run(found.words) == 0
     output = capsys.readouterr().out
-    assert "consistent" in output
+    assert "possible robot" in output
     assert "residual" in output
 
 
