@@ -558,6 +558,7 @@ function axisNumber(value, step) {
 // uPlot's own marks never end if a range begins less than 5 % below a power of ten.
 function logMarks(_plot, _axis, from, to) {
   const marks = [];
+  if (!(0 < from && from < to)) return marks;
   const add = (value) => value >= from && value <= to && marks.push(value);
   for (let power = Math.floor(Math.log10(from)); 10 ** power <= to; power += 1) for (let i = 1; i < 10; i += 1) add(Number(`${i}e${power}`));
   if (marks.length > 2) return marks;
