@@ -80,6 +80,7 @@ def test_a_new_user_gets_from_an_experiment_to_a_validated_model(
     page.locator("#design-go").click()
     expect(page.locator("#picture")).to_contain_text("Condition number")
     expect(page.locator("#motion")).to_have_value("excitation.yaml")
+    page.locator("#picture > [data-figure=motion]").scroll_into_view_if_needed()
     expect(page.locator(f"#picture > [data-figure=motion]{SHOWN_FIGURE}")).to_be_visible()
 
     page.locator("#label").fill("other")
