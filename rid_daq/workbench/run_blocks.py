@@ -26,8 +26,8 @@ def run_blocks(folder: RunFolder, names: Sequence[str] = ()) -> Iterator[AnyBloc
 
     Args:
         folder: The run.
-        names: Names of the sections, `verdict` for the verdict (default: all). Views of the robot
-            are drawn only if `robot` is named.
+        names: Names of the sections; `verdict` for verdict and warm-up (default: all). Views of
+            the robot are drawn only if `robot` is named.
 
     Raises:
         RidDaqError: A file of the run cannot be read.
@@ -44,7 +44,7 @@ def run_blocks(folder: RunFolder, names: Sequence[str] = ()) -> Iterator[AnyBloc
                 yield from BLOCKS_BY_SECTION[name](section)
         if "robot" in names:
             yield from run_robot_blocks(folder, result)
-    if folder.file(SESSION).exists():
+    if (not names or "verdict" in names) and folder.file(SESSION).exists():
         yield from _warm_up(folder)
 
 

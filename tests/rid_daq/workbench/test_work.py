@@ -172,6 +172,7 @@ def test_a_new_user_gets_to_a_payload_verdict(
     page.locator("#typed").fill(held.replace("M 9.", "M 8."))
     page.locator("#read-back").click()
     expect(page.locator("#compared .verdict")).to_contain_text("✗ Failed")
+    expect(page.locator("[data-figure=warm_up]")).to_have_count(1)
     pictured(page, screenshots, "payload-result")
     give_back(page)
 
