@@ -82,7 +82,7 @@ def fit_elastic(
             )
             for average, loaded, more in zip(averages, fitted.problem.payload, known, strict=True)
         ]
-        if max(map(_torque_change, rigid, before)) <= SETTLED_SHARE:
+        if all(map(_is_settled, rigid, before)):
             return fitted
         fitted = fit_periodic(robot, rigid, options, payload=payload, bodies=bodies)
         before = rigid
@@ -136,7 +136,7 @@ def with_rigid_gears(
     return replace(average, torque_nm=average.torque_nm + from_bins(more, rows))
 
 
-def _torque_change(average: PeriodAverage, before: PeriodAverage) -> float:
-    """Return the largest change of a joint's torque between two mean periods."""
+def _is_settled(average: PeriodAverage, before: PeriodAverage) -> bool:
+    """Return True if the torques of two mean periods hardly differ."""
     change = np.std(average.torque_nm - before.torque_nm, axis=0)
-    return float(np.max(change / np.std(average.torque_nm, axis=0)))
+    return bool(np.all(change <= SETTLED_SHARE * np.std(average.torque_nm, axis=0)))

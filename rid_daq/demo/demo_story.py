@@ -44,6 +44,7 @@ from rid_daq.report.sections.validation import ValidationSection
 from rid_daq.runs.run_data import MOTION
 from rid_daq.session.session import hold_cell
 from rid_daq.terminal.console import Progress
+from rid_daq.terminal.context import MotionStart
 
 DEMO_CELL = "ir361"
 
@@ -184,14 +185,7 @@ class _ProgressConsole:
     def say(self, text: str = "") -> None:
         """Do nothing: the run folder contains the messages."""
 
-    def announce_motion(
-        self,
-        run: str,
-        title: str,
-        rows: int,
-        rows_per_period: int | None,
-        tested_joint: str | None = None,
-    ) -> None:
+    def announce_motion(self, motion: MotionStart) -> None:
         """Do nothing: the progress shows the motion."""
 
     @contextlib.contextmanager

@@ -47,7 +47,7 @@ from rid_daq.session.scenario import Scenario
 from rid_daq.session.session import mark_unfinished
 from rid_daq.session.versions import software_versions
 from rid_daq.terminal.clearance import require_cleared
-from rid_daq.terminal.context import Context, Display
+from rid_daq.terminal.context import Context, Display, MotionStart
 from rid_daq.terminal.motion_progress import motion_total, progress_callback
 
 if TYPE_CHECKING:
@@ -202,7 +202,7 @@ class RunSession:
             return is_enough
 
         self.display.announce_motion(
-            folder.run_id, request.sentence, rows, per_period, request.tested_joint
+            MotionStart(folder.run_id, request.sentence, rows, per_period, request.tested_joint)
         )
         with self.display.progress(
             request.role, *motion_total(samples, held=request.held)

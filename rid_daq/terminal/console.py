@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Final, TypeVar
 import click
 
 from config.errors import ConfigError, PreflightError
+from rid_daq.terminal.context import MotionStart
 from rid_daq.terminal.context import Progress as Progress
 from rid_daq.terminal.progress_bar import ProgressBar, format_count
 from rid_daq.terminal.text_wrapping import wrap_text
@@ -299,23 +300,8 @@ class Console:
 
         return Keyboard(tapped)
 
-    def announce_motion(
-        self,
-        run: str,
-        title: str,
-        rows: int,
-        rows_per_period: int | None,
-        tested_joint: str | None = None,
-    ) -> None:
-        """Do nothing, because the progress display announces the motion to people.
-
-        Args:
-            run: Id of the motion's run.
-            title: Description of the motion.
-            rows: Number of cycles; 0 if unknown.
-            rows_per_period: Rows of one period of a periodic motion.
-            tested_joint: Joint that moves in an axis test.
-        """
+    def announce_motion(self, motion: MotionStart) -> None:
+        """Do nothing, because the progress display announces the motion to people."""
 
     def announce_state(self, session: str, state: SessionState, text: str) -> None:
         """Write the next state of a payload session.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 if TYPE_CHECKING:
@@ -22,6 +23,25 @@ class Progress(Protocol):
         """Show the amount done, and the status `line`."""
 
 
+@dataclass(frozen=True)
+class MotionStart:
+    """A motion that begins.
+
+    Attributes:
+        run: Id of the motion's run.
+        title: Description of the motion.
+        rows: Number of cycles; 0 if unknown.
+        rows_per_period: Rows of one period; None if the motion is not periodic.
+        tested_joint: Name of the joint that moves in an axis test; None in other motions.
+    """
+
+    run: str
+    title: str
+    rows: int
+    rows_per_period: int | None
+    tested_joint: str | None = None
+
+
 class Display(Protocol):
     """Shows the progress of a motion."""
 
@@ -35,15 +55,8 @@ class Display(Protocol):
         """Show the progress of a long step; `total` is None if it is unknown."""
         ...
 
-    def announce_motion(
-        self,
-        run: str,
-        title: str,
-        rows: int,
-        rows_per_period: int | None,
-        tested_joint: str | None = None,
-    ) -> None:
-        """Announce a motion: its run, its description, its number of cycles (0 if unknown)."""
+    def announce_motion(self, motion: MotionStart) -> None:
+        """Announce that a motion begins."""
         ...
 
 
