@@ -8,6 +8,7 @@ import os
 import sqlite3
 import threading
 import time
+import weakref
 from collections import deque
 from collections.abc import Sequence
 from itertools import islice
@@ -67,6 +68,8 @@ class Database:
     def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
         self._path = path
         self._connection = connection
+        # If the service fails before it can call `close`, its file is closed with this object.
+        weakref.finalize(self, connection.close).atexit = False
         self._changed = threading.Condition()
         self._queue: deque[tuple[str, tuple[object, ...]]] = deque()
         self._queued = self._written = 0
@@ -234,6 +237,7 @@ def open_database(path: Path) -> Database:
         connection = sqlite3.connect(
             path, isolation_level=None, timeout=LOCK_S, check_same_thread=False
         )
+        database = Database(path, connection)
         connection.execute("PRAGMA journal_mode = WAL")
         connection.execute("PRAGMA synchronous = FULL")
         (version,) = connection.execute("PRAGMA user_version").fetchone()
@@ -252,4 +256,4 @@ def open_database(path: Path) -> Database:
             " with an empty database",
             code="RID-STATE-DAMAGED",
         ) from None
-    return Database(path, connection)
+    return database
