@@ -377,7 +377,7 @@ class Model:
         limits = [joint.limits.velocity for joint in self.robot.description.joints]
         share = np.linspace(-1.0, 1.0, FRICTION_SPEEDS)
         parts = ((Axis("friction", "N m or N"), self.friction(np.outer(share, limits))),)
-        yield curves_plot(self.robot.joint_names, Axis("speed / limit", "1"), share, parts)
+        yield curves_plot(self.robot.joint_names, Axis("speed / limit"), share, parts)
 
     def __str__(self) -> str:
         return text_of(self.blocks())

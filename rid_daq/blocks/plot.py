@@ -26,13 +26,13 @@ class Axis:
     """Axis of a panel.
 
     Attributes:
-        label, unit: Quantity, and its unit; the unit of a ratio is 1.
+        label, unit: Quantity, and its unit; empty for a ratio or a number.
         log: True for a logarithmic scale.
         least, most: Ends of the axis; None for the range of the data.
     """
 
     label: str
-    unit: str
+    unit: str = ""
     log: bool = False
     least: float | None = None
     most: float | None = None
@@ -40,7 +40,7 @@ class Axis:
     @property
     def text(self) -> str:
         """Label with unit."""
-        return f"{self.label} [{self.unit}]"
+        return f"{self.label} [{self.unit}]" if self.unit else self.label
 
 
 @dataclass(frozen=True, config=_CHECKED)

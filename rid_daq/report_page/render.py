@@ -105,10 +105,11 @@ def _part(name: str, blocks: Iterable[AnyBlock], figures: LiveFigures | None) ->
 
 
 def _origin(result: Result, name: str) -> Markup:
-    """Return the model and the time of a section as HTML; empty if neither is known."""
+    """Return the model of a section as HTML, and its time if the sections differ in theirs."""
     model = str(result.model) if result.model is not None and name in BY_MODEL else ""
-    made = "" if result.timing is None else (result.timing.made or {}).get(name, "")
-    words = ", ".join(filter(None, (model, made and format_utc(made))))
+    made = {} if result.timing is None else result.timing.made or {}
+    time = format_utc(made[name]) if name in made and len(set(made.values())) > 1 else ""
+    words = ", ".join(filter(None, (model, time)))
     return Markup('<p class="soft">{}.</p>').format(words) if words else Markup()
 
 

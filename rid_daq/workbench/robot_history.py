@@ -82,7 +82,7 @@ class QuantityHistory:
         )
         panel = Panel(
             x=Axis("since the first run", "d"),
-            y=Axis(self.title, self.unit or "1"),
+            y=Axis(self.title, self.unit),
             lines=(line,),
             height_px=280,
         )

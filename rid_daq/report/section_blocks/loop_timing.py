@@ -27,9 +27,7 @@ def lateness_plot(timing: LoopTiming) -> Plot:
     names = bin_names(timing.edges_us)
     panel = Panel(
         x=Axis("lateness of the cycle", "µs"),
-        y=Axis(
-            "cycles", "1", log=any(timing.counts), least=LEAST, most=4.0 * max(1.0, *timing.counts)
-        ),
+        y=Axis("cycles", log=any(timing.counts), least=LEAST, most=4.0 * max(1.0, *timing.counts)),
         bars=tuple(
             Bar(name, float(count)) for name, count in zip(names, timing.counts, strict=True)
         ),

@@ -121,7 +121,7 @@ def _progress_line(word: str, time_s: Numbers, done: Numbers, stroke: Colour, da
 def _plane(way: RetimedWay) -> Panel:
     return Panel(
         x=Axis("length of the path (time at the speed limits)", "s"),
-        y=Axis("speed / speed limit", "1", least=0.0, most=LIMIT_REACH * max(way.speed)),
+        y=Axis("speed / speed limit", least=0.0, most=LIMIT_REACH * max(way.speed)),
         lines=(
             Line("limit curve", way.place, way.limit, "red"),
             Line("speed of the path", way.place, way.speed, "ink"),
@@ -148,7 +148,7 @@ def _torques(way: RetimedWay, joints: Sequence[str]) -> Panel:
             )
     return Panel(
         x=Axis("time", "s"),
-        y=Axis("torque / limit", "1", least=-1.1, most=1.1),
+        y=Axis("torque / limit", least=-1.1, most=1.1),
         lines=tuple(lines),
         limits=(-1.0, 1.0),
     )
@@ -157,7 +157,7 @@ def _torques(way: RetimedWay, joints: Sequence[str]) -> Panel:
 def _limits(way: RetimedWay) -> Panel:
     return Panel(
         x=Axis("time", "s"),
-        y=Axis("active limit", "1"),
+        y=Axis("active limit"),
         spans=tuple(
             Span(
                 part.limit,

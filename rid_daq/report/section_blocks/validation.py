@@ -124,8 +124,8 @@ def _panel(case: TruthCase) -> Panel:
             )
     return Panel(
         title=case.title,
-        x=Axis("parameter number", "1"),
-        y=Axis("(estimate - truth) / σ", "1", least=-reach, most=reach),
+        x=Axis("parameter number"),
+        y=Axis("(estimate - truth) / σ", least=-reach, most=reach),
         lines=tuple(lines),
         limits=(-INSIDE, INSIDE),
     )

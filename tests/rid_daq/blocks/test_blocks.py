@@ -59,7 +59,7 @@ PLOT = Plot(
         ),
         Panel(
             x=TIME,
-            y=Axis(label="active limit", unit="1"),
+            y=Axis(label="active limit"),
             spans=(
                 Stretch(name="torque", begin=0.0, end=1.0),
                 Stretch(name="speed", begin=1.0, end=2.0, colour="faint"),
@@ -69,7 +69,7 @@ PLOT = Plot(
         ),
         Panel(
             x=Axis(label="lateness", unit="µs"),
-            y=Axis(label="cycles", unit="1", log=True, least=0.5, most=400.0),
+            y=Axis(label="cycles", log=True, least=0.5, most=400.0),
             bars=(Bar(name="0–1", value=100.0), Bar(name="≥ 1", value=0.0)),
         ),
     ),
@@ -142,7 +142,7 @@ def test_an_interactive_plot_has_every_part() -> None:
     assert [span["row"] for span in spans["spans"]] == [0, 1, 0]
     assert [bar["name"] for bar in bars["bars"]] == ["0–1", "≥ 1"]
     text = json.dumps(item, allow_nan=False, ensure_ascii=False)
-    for word in ("time [s]", "torque [N m]", "frequency [Hz]", "active limit", "cycles [1]"):
+    for word in ("time [s]", "torque [N m]", "frequency [Hz]", "active limit", "cycles"):
         assert word in text
 
 

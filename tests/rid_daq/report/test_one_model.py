@@ -48,6 +48,7 @@ def test_every_section_has_its_creation_time(tmp_path: Path) -> None:
     timing = result.timing
     assert timing is not None
     write_result(folder, result)
+    assert "model.json (11111111).</p>" in folder.read("report.html").decode()  # one time for all
     first = read_result(folder).timing
     assert first is not None
     assert first.made is not None
