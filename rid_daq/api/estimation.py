@@ -22,7 +22,7 @@ from rid_daq.api.model import Model
 from rid_daq.api.recording import Recording, named_recordings
 from rid_daq.api.robot import Robot
 from rid_daq.api.validation import Validation
-from rid_daq.operations.identify.identified_runs import identify_robot
+from rid_daq.operations.identify.identified_robot import identify_robot
 from rid_daq.operations.identify.identify import IdentifyRequest
 from rid_daq.operations.identify.torque_verdict import validate_recording, validate_together
 from rid_daq.operations.identify.validate import ValidateRequest

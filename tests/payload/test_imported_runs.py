@@ -18,7 +18,7 @@ from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from identification.payload.body import PayloadBody
 from rid_daq.app import run
-from rid_daq.operations.identify.run_estimation import EstimationJob, estimate_runs
+from rid_daq.operations.estimation.run_estimation import EstimationJob, estimate_runs
 from rid_daq.runs.run_data import RunData
 from rid_daq.terminal.exit_codes import ExitCode
 

@@ -19,7 +19,7 @@ from identification.estimation.estimate import Estimate
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from identification.payload.procedures import PayloadOptions, identify_payload
-from rid_daq.operations.identify.run_estimation import EstimationJob, estimate_runs
+from rid_daq.operations.estimation.run_estimation import EstimationJob, estimate_runs
 from rid_daq.operations.payload.payload_estimate import PayloadRequest, payload_runs
 from rid_daq.runs.run_data import RunData
 

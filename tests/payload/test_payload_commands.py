@@ -22,7 +22,7 @@ from identification.estimation.file import write_estimate
 from identification.estimation.options import EstimationOptions
 from identification.payload.file import read_payload
 from rid_daq.app import run
-from rid_daq.operations.identify.run_estimation import EstimationJob, estimate_runs
+from rid_daq.operations.estimation.run_estimation import EstimationJob, estimate_runs
 from rid_daq.runs.run_data import RunData
 from tests.builders.console_blocks import assert_shown
 from tests.builders.known_model import known_estimate

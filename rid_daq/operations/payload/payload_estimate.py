@@ -30,9 +30,9 @@ from identification.payload.verdict import (
 )
 from identification.wiring.search import find_impossibilities
 from identification.wiring.weight import ArmWeight
-from rid_daq.operations.identify.missing_effects import find_rounded_positions
-from rid_daq.operations.identify.run_estimation import EstimationJob, require_one_robot
-from rid_daq.operations.identify.wiring_diagnosis import signals_for_diagnosis
+from rid_daq.operations.estimation.rounded_runs import find_rounded_positions
+from rid_daq.operations.estimation.run_estimation import EstimationJob, require_one_robot
+from rid_daq.operations.estimation.wiring_diagnosis import signals_for_diagnosis
 from rid_daq.operations.payload.shared import IdentifiedPayload
 from rid_daq.report.result import Result
 from rid_daq.report.sections.payload import EmptyFlange, PayloadSection, payload_verdict

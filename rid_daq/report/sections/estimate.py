@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -13,8 +14,11 @@ from rid_daq.report.mistake_entry import ArmWeightEntry, MistakeEntry, Unconfirm
 from rid_daq.report.sections.section import Numbers, Section, Texts, finite_or_none
 
 if TYPE_CHECKING:
+    from identification.accuracy.rounded_positions import RoundedPositions
     from identification.consistency.consistency_test import ConsistencyTest
     from identification.estimation.estimate import Estimate
+    from identification.wiring.file_entries import UnconfirmedEntry
+    from identification.wiring.weight import ArmWeight
 
 
 class ParameterEntry(Section):
@@ -113,6 +117,36 @@ class RoundedPositionsEntry(Section):
     noise_share: float
     widening: float
 
+    @classmethod
+    def of(cls, rounded: RoundedPositions) -> RoundedPositionsEntry:
+        """Return the entry of rounded positions with their effect."""
+        return cls.from_attributes(rounded, steps=rounded.step_of_joint)
+
+
+@dataclass(frozen=True)
+class EstimateChecks:
+    """Checks of an estimate; None stands for a check that was not made.
+
+    Attributes:
+        findings: Remarks on the estimate.
+        mistakes: Probable mistakes in wiring, units and files.
+        driving: Joints with negative friction power.
+        late_torques: Joints whose recorded torque is later than any bus explains.
+        arm_weight: Weight of the arm implied by the torques.
+        unconfirmed: Entries of the files that the recordings do not confirm.
+        rounded: Rounded positions with a material effect; None if there are none.
+        consistency: Test of physical consistency.
+    """
+
+    findings: tuple[str, ...] | None = None
+    mistakes: tuple[MistakeEntry, ...] | None = None
+    driving: tuple[str, ...] | None = None
+    late_torques: tuple[str, ...] = ()
+    arm_weight: ArmWeight | None = None
+    unconfirmed: tuple[UnconfirmedEntry, ...] | None = None
+    rounded: RoundedPositions | None = None
+    consistency: ConsistencyTest | None = None
+
 
 class EstimateSection(Section):
     """Estimated parameters with their intervals, and the method of the estimate.
@@ -173,24 +207,16 @@ class EstimateSection(Section):
         cls,
         estimate: Estimate,
         truth: Sequence[float] | np.ndarray[Any, Any] | None = None,
-        findings: Sequence[str] | None = None,
-        mistakes: tuple[MistakeEntry, ...] | None = None,
-        consistency: ConsistencyTest | None = None,
-        driving: tuple[str, ...] | None = None,
-        arm_weight: ArmWeightEntry | None = None,
-        unconfirmed: tuple[UnconfirmedSection, ...] | None = None,
+        checks: EstimateChecks | None = None,
     ) -> EstimateSection:
         """Return the section of an estimate.
 
         Args:
             truth: Length b. True base parameters; None if the robot is not simulated.
-            findings: Remarks on the estimate.
-            mistakes: Probable mistakes in wiring, units and files.
-            consistency: Test of the estimate's physical consistency.
-            driving: Joints with negative friction power.
-            arm_weight: Weight of the arm implied by the torques.
-            unconfirmed: Entries of the files that the recordings do not confirm.
+            checks: Checks of the estimate; None if none were made.
         """
+        checks = checks or EstimateChecks()
+        weight, unconfirmed, rounded = checks.arm_weight, checks.unconfirmed, checks.rounded
         return cls.from_attributes(
             estimate,
             sentence=_sentence(estimate),
@@ -218,13 +244,21 @@ class EstimateSection(Section):
                     strict=True,
                 )
             ),
-            findings=None if findings is None else tuple(findings),
-            mistakes=mistakes,
-            driving=driving,
-            arm_weight=arm_weight,
-            unconfirmed=unconfirmed,
+            findings=checks.findings,
+            mistakes=checks.mistakes,
+            driving=checks.driving,
+            late_torques=checks.late_torques or None,
+            arm_weight=None if weight is None else ArmWeightEntry.of(weight),
+            unconfirmed=None
+            if unconfirmed is None
+            else tuple(
+                UnconfirmedSection.of(each, estimate.robot.joint_names) for each in unconfirmed
+            ),
+            rounded_positions=None if rounded is None else RoundedPositionsEntry.of(rounded),
             still={each.joint: each.positions for each in estimate.still} or None,
-            consistency=None if consistency is None else ConsistencyEntry.of(consistency),
+            consistency=None
+            if checks.consistency is None
+            else ConsistencyEntry.of(checks.consistency),
         )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from acquisition.recording.recording import Recording
-from rid_daq.operations.identify.missing_effects import STRETCH_S, smoothed_stretches, stretches
+from rid_daq.operations.estimation.missing_effects import STRETCH_S, smoothed_stretches, stretches
 
 STEP_S = 0.1
 

@@ -19,7 +19,7 @@ from config.load import load_cell
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
 from identification.estimation.file import read_estimate, write_estimate
 from identification.validation.torque_prediction import validate_torques
-from rid_daq.operations.identify.run_estimation import (
+from rid_daq.operations.estimation.run_estimation import (
     EstimationJob,
     compare_friction,
     estimate_runs,

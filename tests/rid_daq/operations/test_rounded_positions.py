@@ -14,7 +14,7 @@ from config.arrays import FloatArray
 from config.load import load_robot
 from dynamics.model.robot_model import RobotModel, torque
 from rid_daq.api.console import SilentConsole
-from rid_daq.operations.identify.identified_runs import IdentifiedRobot, identify_robot
+from rid_daq.operations.identify.identified_robot import IdentifiedRobot, identify_robot
 from rid_daq.operations.identify.identify import IdentifyRequest
 from rid_daq.runs.run_data import RunData
 

@@ -21,7 +21,7 @@ from identification.wiring.signals import WiredSignals
 from identification.wiring.unconfirmed import unconfirmed_entries
 from identification.wiring.weight import ArmWeight
 from rid_daq.blocks.formats import number
-from rid_daq.operations.identify.run_estimation import EstimationJob, signals_of
+from rid_daq.operations.estimation.run_estimation import EstimationJob, signals_of
 from rid_daq.report.mistake_entry import (
     Explanation,
     MistakeEntry,

@@ -1,4 +1,4 @@
-"""Effects that an estimate lacks, rounding of its positions, and findings about it."""
+"""`find_missing_effects`: effects that an estimate lacks, although its runs show them."""
 
 from __future__ import annotations
 
@@ -13,23 +13,13 @@ import numpy as np
 from acquisition.processing.smoothing import SmoothedSignals
 from acquisition.recording.recording import Recording
 from config.errors import DataQualityError
-from config.robot.robot import RobotDescription
-from identification.accuracy.identifiability import (
-    few_cluster_findings,
-    noiseless_findings,
-    still_findings,
-    unseen_findings,
-    weak_parameters,
-)
-from identification.accuracy.rounded_positions import RoundedPositions
 from identification.equations.deconvolution import smoothed_recording
 from identification.equations.late_torques import find_late_torques
 from identification.estimation.estimate import Estimate
-from identification.validation.friction_drift import friction_drift
 from identification.validation.further_terms import further_term_findings
 from identification.validation.model_choice import ModelChoice
 from identification.validation.torque_filters import filter_findings
-from rid_daq.operations.identify.run_estimation import EstimationJob, estimate_runs, signals_of
+from rid_daq.operations.estimation.run_estimation import EstimationJob, signals_of
 from rid_daq.runs.run_data import RunData
 
 COMPARED_HZ: Final = 200.0
@@ -38,55 +28,6 @@ COMPARED_S: Final = 300.0
 """Longest duration of the recordings in this search [s]."""
 STRETCH_S: Final = 30.0
 """Duration of a stretch of a longer recording in this search [s]."""
-
-
-def find_rounded_positions(data: Sequence[RunData], band_hz: float) -> RoundedPositions | None:
-    """Return the rounding of imported positions, with the band that it allows.
-
-    The result is None if no step is large enough for an effect.
-
-    Args:
-        data: The runs.
-        band_hz: Requested upper limit of the band [Hz].
-    """
-    n = len(data[0].robot.joints)
-    reports = [item.import_report for item in data]
-    steps = [() if report is None else report.rounded_step for report in reports]
-    if not any(steps):
-        return None
-    return RoundedPositions.of(
-        data[0].robot,
-        [item.recording for item in data],
-        [own or (None,) * n for own in steps],
-        band_hz,
-    )
-
-
-def add_rounding_uncertainty(
-    estimate: Estimate,
-    rounded: RoundedPositions,
-    data: Sequence[RunData],
-    how: EstimationJob,
-    robot: RobotDescription | None,
-    chosen: ModelChoice | None,
-) -> tuple[Estimate, RoundedPositions]:
-    """Return an estimate whose intervals contain the effect of rounded positions.
-
-    The estimate is repeated with positions that were rounded once more.
-
-    Args:
-        estimate: Result of `estimate_runs` with `data`, `how`, `robot` and `chosen`.
-        rounded: Result of `find_rounded_positions`.
-    """
-
-    def estimate_again(recordings: Sequence[Recording]) -> Estimate:
-        other = [
-            RunData.of(item.folder, recording, item.robot, item.import_report)
-            for item, recording in zip(data, recordings, strict=True)
-        ]
-        return estimate_runs(other, how, robot=robot, chosen=chosen).estimate
-
-    return rounded.widen(estimate, [item.recording for item in data], estimate_again)
 
 
 def find_missing_effects(
@@ -118,24 +59,6 @@ def find_missing_effects(
     if comparison is None and can_show_filters:
         findings += filter_findings(estimate.robot, coarse, options, joints)
     return findings, joints
-
-
-def estimate_findings(
-    estimate: Estimate, data: tuple[RunData, ...], weight: tuple[str, ...]
-) -> list[str]:
-    """Return the findings about an estimate, as sentences."""
-    weak = [each for each in weak_parameters(estimate) if each.expression not in weight]
-    findings = [
-        *still_findings(estimate),
-        *few_cluster_findings(estimate),
-        *noiseless_findings(estimate),
-        *unseen_findings(estimate),
-        *(each.sentence for each in weak),
-    ]
-    for item in data:
-        drifts = (drift for drift in friction_drift(item.parts()) if drift.significant)
-        findings += [f"Run {item.folder.run_id}: {drift.sentence}." for drift in drifts]
-    return findings
 
 
 def _coarse_signals(

@@ -1,0 +1,1 @@
+"""Estimates of a robot from its runs, with the checks of their result."""
