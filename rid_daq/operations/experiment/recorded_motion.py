@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 from acquisition.motion.limits import verify_limits
+from acquisition.motion.load_changes import LoadChanges
 from acquisition.motion.motion_file import AnyMotion
 from acquisition.motion.rehearsal import SLOWER, rehearsal
 from acquisition.motion.samples import MotionSamples
@@ -15,7 +17,7 @@ from acquisition.supervision.commanded import commanded_motion, verify_command
 from compensation.compensated_motion import refuse_torque
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
-from config.load import load_cell, read_faults
+from config.load import LoadedCell, load_cell, read_faults
 from config.simulation.faults import NO_SCRIPT, FaultScript
 from identification.estimation.limit_torque import limit_temperature_note
 from rid_daq.operations.cell_files import add_feedforward, read_estimate_for, read_motion_and_bytes
@@ -69,6 +71,22 @@ class RecordedMotion:
         return self.run.exit_code or (ExitCode.VERDICT_FAILED if missed else ExitCode.DONE)
 
 
+@dataclass(frozen=True)
+class _PlannedMotion:
+    """A motion before it is checked with a model.
+
+    Attributes:
+        motion, samples: The motion, and its set-points with feedforward.
+        changes: Changes of the payload during the motion; None if there are none.
+        files: Files of the run in addition to the cell's files, by name; each is read only once.
+    """
+
+    motion: AnyMotion
+    samples: MotionSamples
+    changes: LoadChanges | None
+    files: dict[str, bytes]
+
+
 def record_motion_file(request: RecordRequest, context: Context) -> RecordedMotion:
     """Record a motion on a cell into a new run folder.
 
@@ -78,37 +96,12 @@ def record_motion_file(request: RecordRequest, context: Context) -> RecordedMoti
     """
     loaded = load_cell(request.cell)
     simulation = _simulation(request)
-    motion, text = read_motion_and_bytes(request.motion, loaded)
-    files = {
-        MOTION: text
-    }  # source files of the run in addition to the cell's files; each is read only once
-    samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
     refuse_output(request.tracker, overwrite=False, made=TRACKED)
-    stated = None if request.load_changes is None else read_stated_changes(request.load_changes)
-    changes = None
-    if stated is not None:
-        samples, changes = stated.planned(samples), stated.changes
-        files |= stated.files
-    if request.feedforward is not None:
-        made = add_feedforward(request.feedforward, motion, samples)
-        samples, files[FEEDFORWARD], changes = made
-        if stated is not None or request.model is not None:
-            named = None if stated is None else stated.changes
-            require_same_changes(named, changes, str(request.feedforward))
-        if changes is not None:
-            files[LOAD_CHANGES] = load_changes_bytes(changes)
-        verify_limits(samples, loaded.robot)
-        verify_command(samples, loaded.config, loaded.robot)
+    planned = _plan(request, loaded)
+    motion, samples, files = planned.motion, planned.samples, planned.files
+    changes = planned.changes
     if request.model is not None:
-        estimate = read_estimate_for(request.model, loaded.robot)
-        by = (request.model, request.payload, request.load_changes, request.runs)
-        load = state_loads(estimate, *by).over_time(lambda model: model)
-        refuse_torque(motion, samples, load, loaded.robot)
-        driven = commanded_motion(samples, loaded.config.position_gain_per_s)
-        refuse_torque(motion, driven, load, loaded.robot)
-        warmth = limit_temperature_note(estimate)
-        if warmth:
-            context.say(warmth)
+        _refuse_excessive_torque(request.model, request, planned, loaded, context)
     script = _load_fault_script(request, loaded.config, files)
     if changes is not None and request.rehearse:
         raise ConfigError(
@@ -151,6 +144,49 @@ def record_motion_file(request: RecordRequest, context: Context) -> RecordedMoti
                 return RecordedMotion(run, motion, accuracy, rehearsal_only=True)
             context.say(f"Rehearsal at 1/{SLOWER:g} of the speed is done: {run.folder.path}")
         return RecordedMotion(session.record(asked), motion, accuracy)
+
+
+def _plan(request: RecordRequest, loaded: LoadedCell) -> _PlannedMotion:
+    """Plan the motion of a request, with its feedforward and the changes of its payload."""
+    motion, text = read_motion_and_bytes(request.motion, loaded)
+    files = {MOTION: text}
+    samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
+    stated = None if request.load_changes is None else read_stated_changes(request.load_changes)
+    changes = None
+    if stated is not None:
+        samples, changes = stated.planned(samples), stated.changes
+        files |= stated.files
+    if request.feedforward is not None:
+        made = add_feedforward(request.feedforward, motion, samples)
+        samples, files[FEEDFORWARD], changes = made
+        if stated is not None or request.model is not None:
+            named = None if stated is None else stated.changes
+            require_same_changes(named, changes, str(request.feedforward))
+        if changes is not None:
+            files[LOAD_CHANGES] = load_changes_bytes(changes)
+        verify_limits(samples, loaded.robot)
+        verify_command(samples, loaded.config, loaded.robot)
+    return _PlannedMotion(motion, samples, changes, files)
+
+
+def _refuse_excessive_torque(
+    model: Path,
+    request: RecordRequest,
+    planned: _PlannedMotion,
+    loaded: LoadedCell,
+    context: Context,
+) -> None:
+    """Refuse a motion if a model predicts torques beyond the limits, as planned or as driven."""
+    motion, samples = planned.motion, planned.samples
+    estimate = read_estimate_for(model, loaded.robot)
+    stated = (model, request.payload, request.load_changes, request.runs)
+    load = state_loads(estimate, *stated).over_time(lambda one: one)
+    refuse_torque(motion, samples, load, loaded.robot)
+    driven = commanded_motion(samples, loaded.config.position_gain_per_s)
+    refuse_torque(motion, driven, load, loaded.robot)
+    warmth = limit_temperature_note(estimate)
+    if warmth:
+        context.say(warmth)
 
 
 def _simulation(request: RecordRequest) -> Simulation:
