@@ -58,9 +58,9 @@ def stated_times(begin_s: FloatArray, ramp_s: FloatArray) -> FloatArray:
 def set_load(model: ModelArrays, loads: LoadArrays, time_s: float) -> None:
     """Set a model's parameters to those at a time of the path; they change linearly in a change.
 
-    If a change begins before the previous one is complete, the completed fractions of both are
-    added, and that of the later change is never the larger one. The parameters are therefore
-    continuous, and a weighted mean of the loads.
+    If a change begins before the previous one is complete, both are applied with their completed
+    fractions. The fraction of the later change is limited to that of the earlier change. Therefore
+    the parameters are continuous, and are always a weighted mean of the loads.
 
     Args:
         model: `SampleTorque.arrays`; its tables of parameters are overwritten.

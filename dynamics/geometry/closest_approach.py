@@ -12,7 +12,7 @@ from dynamics.geometry.clearances import Clearances
 from dynamics.geometry.kinematics import link_transforms
 
 ROWS_AT_ONCE: Final = 5000
-"""Samples whose kinematics are computed together; this limits the memory."""
+"""Number of samples whose kinematics are computed together; more if an interval is longer."""
 
 
 class ClosestApproaches(NamedTuple):
