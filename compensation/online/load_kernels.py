@@ -1,8 +1,8 @@
 """Kernels that set a model's parameters to the load at a time of the path.
 
-A change begins at a stated time, or at a signal during the motion. Until the signal comes, its
-change begins and ends at infinity, and the load that the robot will carry is unknown. The path's
-torques are therefore checked with every possible load.
+A change begins at a stated time, or at a signal during the motion. Until the signal comes, the
+times at which its change begins and ends are infinite, and it is not known which load the robot
+will carry. The path's torques are therefore checked with every possible load.
 
 A signal is noticed late: the input is sampled and debounced, and the path is already computed some
 cycles ahead. The load then changes `CATCH_UP` times as fast, until it has reached the ramp that

@@ -83,10 +83,10 @@ def _closest_approach(
 
 
 def _travel(levers: FloatArray, q: FloatArray) -> FloatArray:
-    """Return a bound of the travel of the solids of each pair relative to each other.
+    """Return an upper bound of the relative travel of each pair's solids, (samples, pairs) [m].
 
-    The shape is (samples, pairs). The travel is summed from the first sample on. Between two
-    samples, the distance of a pair cannot change by more than the difference of their values [m].
+    The travel is summed from the first sample on. Between two samples, the distance of a pair
+    cannot change by more than the difference of the values of these samples.
     """
     moved = np.zeros_like(q)
     moved[1:] = np.abs(np.diff(q, axis=0)).cumsum(axis=0)
@@ -94,7 +94,10 @@ def _travel(levers: FloatArray, q: FloatArray) -> FloatArray:
 
 
 def _levers(clearances: Clearances, q: FloatArray) -> FloatArray:
-    """Return a bound of a pair's movement per joint movement, (pairs, n) [m/rad; 1 if sliding]."""
+    """Return the largest relative movement of each pair's solids per movement of each joint.
+
+    The shape is (pairs, n), the unit m/rad; 1 for a sliding joint that moves the pair.
+    """
     chain = clearances.chain
     slide = np.where(chain.prismatic, np.abs(q).max(axis=0), 0.0)
     steps = np.abs(chain.rows[:, 3]) + np.abs(chain.rows[:, 4]) + slide
