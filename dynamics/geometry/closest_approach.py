@@ -94,9 +94,10 @@ def _travel(levers: FloatArray, q: FloatArray) -> FloatArray:
 
 
 def _levers(clearances: Clearances, q: FloatArray) -> FloatArray:
-    """Return the largest relative movement of each pair's solids per movement of each joint.
+    """Return an upper bound of the relative movement of a pair's solids per joint movement.
 
-    The shape is (pairs, n), the unit m/rad; 1 for a sliding joint that moves the pair.
+    The shape is (pairs, n), the unit m/rad; the bound is 1 for a sliding joint between the solids,
+    and 0 for a joint that is not between them.
     """
     chain = clearances.chain
     slide = np.where(chain.prismatic, np.abs(q).max(axis=0), 0.0)
