@@ -134,7 +134,8 @@ def transmitted_torques(
 def _first_row_s(recording: Recording) -> float:
     """Return the time of the motion's first row in a run [s].
 
-    A streamed path rests at its first point for a cycle more, so the row after it is used.
+    A streamed path rests at its first point for one more cycle. Therefore the time is computed from
+    the first row after this point.
     """
     first = int(np.argmax(recording.sample_index > 0))
     assert recording.sample_period_s is not None

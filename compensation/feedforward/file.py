@@ -62,9 +62,12 @@ class TuningEntry(ConfigModel):
 class RefinementEntry(ConfigModel):
     """One step of refinement: its runs, the error that remained in them, and the convergence bound.
 
-    `rms` is the RMS of each joint's mean error [rad or m], `over_noise` the ratio of its power to
-    that of the noise, and `bound` the largest fraction of an error that can remain after one step,
-    up to `band_hz`.
+    Attributes:
+        rms: RMS of each joint's mean error [rad or m].
+        over_noise: Power of each joint's mean error divided by the power of the noise.
+        noise_limit: Largest `over_noise` at which the error cannot be distinguished from noise.
+        bound: Largest fraction of each joint's error that can remain after one step, for
+            frequencies up to `band_hz`.
     """
 
     runs: tuple[str, ...]

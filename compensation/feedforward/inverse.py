@@ -1,12 +1,13 @@
 """Precompensated velocity feedforward (6.1-6.3): inverse velocity loop of a model's torque.
 
 A drive generates torque from velocity error only, so a loaded robot lags behind its command. The
-feedforward is the desired speed plus the velocity error that generates the desired torque,
+feedforward is the desired speed v_d plus the velocity error that generates the desired torque
+tau_d. For a velocity controller G_c with the gain K_p and the integral time T_i it is
 
-    v_ff = v_d + G_c^-1 tau_d ,    G_c^-1 = (1 / K_p) T_i s / (T_i s + 1) ,
+    v_ff = v_d + G_c^-1 tau_d ,    G_c^-1 = (1 / K_p) T_i s / (T_i s + 1) .
 
-a high-pass filter, because the loop's own integrator generates constant torque. A command takes
-effect after a delay. Therefore all values are sent earlier by this delay.
+G_c^-1 is a high-pass filter, because the loop's own integrator generates constant torque. A command
+takes effect after a delay. Therefore all values are sent earlier by this delay.
 """
 
 from __future__ import annotations

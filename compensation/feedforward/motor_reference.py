@@ -1,11 +1,12 @@
 """`MotorReference`: motion of the motors with which elastic gears move the links as planned.
 
-A gear that transmits the torque tau_link is bent by tau_link / (k + s d). The motors therefore
-follow theta_d = q_d + tau_link,d / (k + s d), so that the links follow q_d. The torque of a motor
-contains its own inertia times theta_d'' and its friction at the velocity theta_d'.
+A gear of stiffness k and damping d that transmits the torque tau_link is bent by tau_link / (k + s
+d), in which s is the Laplace variable. The motors therefore follow theta_d = q_d + tau_link,d / (k
++ s d), so that the links follow q_d. The torque of a motor contains its own inertia times theta_d''
+and its friction at the velocity theta_d'.
 
-The deflection is limited to 15 Hz, because its derivatives magnify noise and jumps of the planned
-acceleration.
+The deflection contains frequencies up to 15 Hz only, because its derivatives magnify noise and
+jumps of the planned acceleration.
 """
 
 from __future__ import annotations

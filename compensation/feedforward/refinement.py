@@ -1,19 +1,21 @@
 """Refinement of a feedforward over repetitions: each run corrects the error of the previous run.
 
-R is the transmission of commands, e = q_d - q the error. The command that reached the drive was R
-(K_v e + v_ff). According to the model, the robot's actual motion q needs jw q + G_c^-1 tau(q), and
-the desired motion q_d needs jw q_d + G_c^-1 tau(q_d). The difference of these two is added to the
-next command:
+q_d is the desired motion, q the actual motion, and e = q_d - q the error. K_v is the gain of the
+position loop, v_ff the feedforward, R the transmission of commands, and G_c the velocity loop. At
+the angular frequency w, the command R (K_v e + v_ff) reached the drive. According to the model, q
+needs the command jw q + G_c^-1 tau(q), and q_d needs jw q_d + G_c^-1 tau(q_d). The difference of
+these two is added to the next command:
 
     v_ff' = v_ff + K_v e + (jw e + G_c^-1 (tau(q_d) - tau(q))) / R .
 
-With an exact model one repetition would be enough. With a real model the error is multiplied by
+With an exact model one repetition would be enough. With a real model, each repetition multiplies
+the error by
 
     rho(w) = |1 - L(w) / L_true(w)| ,   L = R K_v + jw + G_c^-1 (jw f_v - w^2 M) ,
 
-in each repetition, in which f_v is viscous friction and M inertia. It decreases if rho < 1
-(Bristow, Tharayil and Alleyne 2006). `stability_bound` computes the largest rho along the motion at
-each frequency of the band, for loops and inertias within their confidence intervals.
+with the viscous friction f_v and the inertia M. The error decreases if rho < 1 (Bristow, Tharayil
+and Alleyne 2006). `stability_bound` computes the largest rho at each frequency, for loops and
+inertias within their confidence intervals, at the poses with the smallest and the largest inertia.
 
 With a coupled wrist, all quantities are those of the motors. The position loop of the joints then
 has the same gain for the motors, because the gain is equal for all joints.
@@ -188,7 +190,7 @@ def stability_bound(
 
 
 def without_jumps(estimate: Estimate) -> Estimate:
-    """Return the model without the friction terms that jump when a speed changes its sign."""
+    """Return the model without gear losses and without friction terms that are not smooth."""
     jumping = {
         column.parameter_name
         for term in estimate.model.terms

@@ -25,8 +25,8 @@ LEAST_SHARE: Final = 0.5
 class ToolSideError:
     """Measured minus desired point over the main part of a motion, in frame 0.
 
-    Clock and frame of the instrument are fitted to the path by the motors' encoders. Therefore a
-    delay along the path, and a shift or rotation of the whole path, are not visible.
+    Clock and frame of the instrument are fitted to the path that the motors' encoders measured.
+    Therefore a delay along the path, and a shift or rotation of the whole path, are not visible.
 
     Attributes:
         time_s: Shape (rows,). Times of the run [s].

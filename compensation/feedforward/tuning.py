@@ -1,12 +1,14 @@
 """Tuning of the feedforward by one averaged reference run: a torque scale and a delay per motor.
 
 Model, loops and transport delay were measured separately; the closed loop shows the combined effect
-of their errors. R is the transmission of commands, e the tracking error, s the torque scale and T
-the delay. For the mean period of the reference run,
+of their errors. K_v is the gain of the position loop, v_ff the feedforward, R the transmission of
+commands, and G_c the velocity loop. q is the measured motion, e the tracking error, s the torque
+scale and T the delay. For the mean period of the reference run,
 
     R exp(-jw T) (K_v e + v_ff) - jw q = s G_c^-1 tau(q)
 
-holds at every bin. Least squares give s and T (chapter 6.4 tunes the same two values).
+holds at every bin, with the bin's angular frequency w. Least squares give s and T (chapter 6.4
+tunes the same two values).
 """
 
 from __future__ import annotations

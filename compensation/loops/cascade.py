@@ -125,7 +125,7 @@ class Cascade:
 
     @property
     def peak(self) -> float:
-        """Largest magnitude of the position loop without feedforward, |L_p / (1 + L_p)|."""
+        """Largest magnitude of the closed position loop without feedforward, |L_p / (1 + L_p)|."""
         return float(np.max(self.position_loop_frd.feedback().magnitude))
 
     @property

@@ -42,9 +42,9 @@ class Distortion:
     Attributes:
         frequency_hz: Shape (lines,). Frequencies [Hz].
         output: Shape (lines,). Amplitude of the output, in its unit.
-        level, noise: Shape (lines,). Residual of the linear response, and the residual that noise
-            alone would leave, each divided by the input at the neighbouring excited lines; in the
-            unit of the response.
+        level: Shape (lines,). Output that the linear response does not explain, divided by the
+            input at the neighbouring excited lines; in the unit of the response.
+        noise: Shape (lines,). Value that `level` would have if there were only noise.
     """
 
     frequency_hz: FloatArray

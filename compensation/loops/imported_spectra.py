@@ -1,8 +1,8 @@
 """`imported_spectra`: spectra of a multisine that another program has recorded.
 
-The phases of the multisine are not known. They are not needed: in one realisation, the mean spectra
-of input and output over its periods are free of the reference, which cancels in their ratio
-(Pintelon and Schoukens 2012, section 2.6). The excited lines are those of the velocity commands.
+The phases of the multisine are not known. They are not needed, because there is one realisation:
+the phases cancel in the ratio of the mean spectra of output and input over its periods (Pintelon
+and Schoukens 2012, section 2.6). The excited lines are those of the velocity commands.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from config.errors import DataQualityError
 from config.robot.robot import RobotDescription
 
 FIRST_LINE: Final = 2
-"""First harmonic that can be a line of the multisine; the first one may be a slow sine."""
+"""Lowest harmonic that can be a line of the multisine; harmonic 1 may be a slow sine."""
 LEAST_AMPLITUDE: Final = 0.2
 """Smallest amplitude of an excited line, relative to the fourth largest of the joint."""
 LEAST_OF_LARGEST: Final = 0.02

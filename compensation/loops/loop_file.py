@@ -91,7 +91,7 @@ def loops_content(data: bytes, path: Path) -> tuple[LoopFile, tuple[VelocityLoop
 
 
 def _refuse_contradictions(file: LoopFile) -> None:
-    """Refuse loops of which one joint has two, or whose covariance is not that of the parameters.
+    """Refuse two loops of one joint, unknown parameters, and covariances that do not fit them.
 
     Raises:
         ConfigError: The file contradicts itself; the text begins with the key.

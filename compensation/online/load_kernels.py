@@ -1,8 +1,8 @@
 """Kernels that set a model's parameters to the load at a time of the path.
 
-A change begins at a stated time, or at a signal during the motion. Until the signal comes, its
-change begins and ends at infinity, and the load that the robot will carry is unknown. The path's
-torques are therefore checked with every possible load.
+A change begins at a stated time, or at a signal during the motion. Until the signal comes, the
+times at which its change begins and ends are infinite, and it is not known which load the robot
+will carry. The path's torques are therefore checked with every possible load.
 
 A signal is noticed late: the input is sampled and debounced, and the path is already computed some
 cycles ahead. The load then changes `CATCH_UP` times as fast, until it has reached the ramp that
@@ -58,9 +58,9 @@ def stated_times(begin_s: FloatArray, ramp_s: FloatArray) -> FloatArray:
 def set_load(model: ModelArrays, loads: LoadArrays, time_s: float) -> None:
     """Set a model's parameters to those at a time of the path; they change linearly in a change.
 
-    If a change begins before the previous one is complete, the completed fractions of both are
-    added, and that of the later change is never the larger one. The parameters are therefore
-    continuous, and a weighted mean of the loads.
+    If a change begins before the previous one is complete, both are applied with their completed
+    fractions. The fraction of the later change is limited to that of the earlier change. Therefore
+    the parameters are continuous, and are always a weighted mean of the loads.
 
     Args:
         model: `SampleTorque.arrays`; its tables of parameters are overwritten.

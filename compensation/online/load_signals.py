@@ -32,9 +32,10 @@ _OUTCOMES: Final[tuple[ChangeOutcome, ...]] = get_args(ChangeOutcome)
 class LoadSignals:
     """Signals of a motion's load changes; the changes wait for one another, in their order.
 
-    A signal is an input that becomes active while its change is awaited. An input that is active
-    already has no known time, and cannot show the change. A change whose load the robot carries
-    already, because an earlier signal was missed, needs no signal.
+    A signal is an input that becomes active while its change is awaited. An input that is already
+    active by then cannot show the change, because the time at which it became active is not known.
+    A change needs no signal if the robot already carries its load, because an earlier signal was
+    missed.
 
     What was observed is in shared memory, so that the program can read it after the motion.
 
@@ -86,7 +87,7 @@ class LoadSignals:
 
     @property
     def notes(self) -> list[str]:
-        """One sentence for each change that came, was missed or was not needed; none for a stop."""
+        """One sentence per change that came, was missed or was not needed, and caused no stop."""
         notes = []
         for number, change in enumerate(self.changes.changes):
             if number in self._stopped:

@@ -98,9 +98,9 @@ class OnlineFeedforward:
         """Build the data from a model's torque and the velocity loops, motor by motor.
 
         Speed and acceleration limits are those of the robot plus 1 %, because differences of a
-        path's points are not exact. Position and torque limits are those of the robot. The
-        feedforward changes by at most the acceleration limit plus the limit margin of the cell's
-        supervision.
+        path's points are not exact. Position and torque limits are those of the robot. The rate at
+        which the feedforward changes is limited to the acceleration limit plus 1 %, or plus the
+        limit margin of the cell's supervision if that is larger.
 
         Args:
             cell, robot: Cycle time and limits.

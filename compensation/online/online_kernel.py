@@ -6,9 +6,10 @@ model torque passes the inverse of each velocity loop,
 
     v_ff = v + e ,    tau = K_p e + x ,    x' = (K_p / T_i) e ,
 
-in which x is the torque of the loop's integrator. At the start, x is the torque at rest; therefore
-a robot at rest needs no correction. If e is limited, x is computed with the limited value, as in
-the drive's own integrator (anti-windup).
+with the speed v, its correction e, the loop's gain K_p and integral time T_i, and the torque x of
+the loop's integrator. At the start, x is the torque at rest; therefore a robot at rest needs no
+correction. If e is limited, x is computed with the limited value, as in the drive's own integrator
+(anti-windup).
 
 With a coupled wrist, loops, torques, corrections and hysteresis belong to the motors. The speeds to
 send are converted to the joints, because position loop and driver expect joint speeds (5.18).

@@ -1,4 +1,4 @@
-"""Waiting times of a stream of points; no slow imports, because option help imports this module."""
+"""Default times of a stream of points; no slow imports, because option help imports this module."""
 
 from __future__ import annotations
 

@@ -54,6 +54,7 @@ def stream_motion(
         options: Options of the stream.
 
     Raises:
+        ConfigError: The motion has another cycle time than the cell.
         PreflightError: The motion comes too close to a body; nothing was moved.
         RidDaqError: Any other error of `record_motion`.
     """

@@ -53,7 +53,8 @@ class JointCurve:
     def through(cls, points: FloatArray, speeds: Sequence[float] | FloatArray) -> JointCurve:
         """Return the cubic spline through points.
 
-        The path length is the travel time along the chords between the points, at the speed limits.
+        The length of a chord between two points is the Euclidean norm of the joints' travel times
+        at their speed limits.
 
         Args:
             points: Shape (m, n). Joint positions, m at least 2; each point differs from the

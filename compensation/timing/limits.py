@@ -13,7 +13,9 @@ from config.robot.robot import RobotDescription
 
 @dataclass(frozen=True, eq=False)
 class TimingLimits:
-    """Limits that hold in both directions, in rad, m, s, N and N m; torques are on the link side.
+    """Limits that hold in both directions, in rad, m, s, N and N m; None is no limit.
+
+    Torques are on the link side.
 
     Attributes:
         speed, acceleration: Shape (n,). Limits of the joints; with a coupled wrist `speed` limits

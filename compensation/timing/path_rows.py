@@ -37,7 +37,7 @@ class PathDynamics:
         friction, losses: Shape (terms, 8). Rows of `SampleTorque`'s table for friction and gear
             losses.
         smoothing: Smoothing of the sign of friction [rad/s].
-        motor_slope: Shape (points, n). Speeds of the actuators at x = 1.
+        motor_slope: Shape (points, n). Speeds of the actuators at the path speed 1.
     """
 
     curve: JointCurve

@@ -3,7 +3,7 @@
 The result of the scan satisfies the limits at the points of its grid. The rows lie between these
 points and are averaged. Therefore each row is checked again, against the whole model. If a row
 exceeds a limit, this limit is tightened on the part of the path that the row comes from, and the
-scan is repeated. The result never exceeds a limit.
+scan is repeated. No row of the result exceeds a limit.
 """
 
 from __future__ import annotations

@@ -35,14 +35,14 @@ class Clearances:
     """Pairs of solids whose distance is checked.
 
     Bodies that touch by design are not checked against each other: bodies of the same link or of
-    neighbouring links, and the pairs in `may_touch` of the robot file. For a robot without bodies,
-    only the tool point is checked against the workspace. The exact distance of two bodies is
-    computed only if their enclosing capsules are close.
+    neighbouring links, and the pairs in `may_touch` of the robot file. If no link that moves has
+    a body, the tool point is checked against the workspace instead. The exact distance of two
+    bodies is computed only if their enclosing capsules are close.
 
     Attributes:
         chain: The robot's geometry.
         pairs: Pairs of solids that must stay apart; the second solid of each pair is a body of the
-            robot.
+            robot or its tool point.
         margin_m: The smallest allowed distance.
     """
 

@@ -12,7 +12,7 @@ from dynamics.geometry.clearances import Clearances
 from dynamics.geometry.kinematics import link_transforms
 
 ROWS_AT_ONCE: Final = 5000
-"""Samples whose kinematics are computed together; this limits the memory."""
+"""Number of samples whose kinematics are computed together; more if an interval is longer."""
 
 
 class ClosestApproaches(NamedTuple):
@@ -83,10 +83,10 @@ def _closest_approach(
 
 
 def _travel(levers: FloatArray, q: FloatArray) -> FloatArray:
-    """Return a bound of the travel of the solids of each pair relative to each other.
+    """Return an upper bound of the relative travel of each pair's solids, (samples, pairs) [m].
 
-    The shape is (samples, pairs). The travel is summed from the first sample on. Between two
-    samples, the distance of a pair cannot change by more than the difference of their values [m].
+    The travel is summed from the first sample on. Between two samples, the distance of a pair
+    cannot change by more than the difference of the values of these samples.
     """
     moved = np.zeros_like(q)
     moved[1:] = np.abs(np.diff(q, axis=0)).cumsum(axis=0)
@@ -94,7 +94,11 @@ def _travel(levers: FloatArray, q: FloatArray) -> FloatArray:
 
 
 def _levers(clearances: Clearances, q: FloatArray) -> FloatArray:
-    """Return a bound of a pair's movement per joint movement, (pairs, n) [m/rad; 1 if sliding]."""
+    """Return an upper bound of the relative movement of a pair's solids per joint movement.
+
+    The shape is (pairs, n), the unit m/rad; the bound is 1 for a sliding joint between the solids,
+    and 0 for a joint that is not between them.
+    """
     chain = clearances.chain
     slide = np.where(chain.prismatic, np.abs(q).max(axis=0), 0.0)
     steps = np.abs(chain.rows[:, 3]) + np.abs(chain.rows[:, 4]) + slide

@@ -24,8 +24,8 @@ def pose_near_path(
 ) -> tuple[Chain, FloatArray, FloatArray | None]:
     """Return arm, pose and orientation with which the search along a path of the tool starts.
 
-    With three joints, the orientation of the flange is free (None); with more joints, the flange
-    keeps its orientation at `near`.
+    With three joints, the orientation of the flange is free (None); with any other number, the
+    flange keeps its orientation at `near`.
 
     Raises:
         ConfigError: `near` does not have one value per joint (RID-MOTION-JOINTS).

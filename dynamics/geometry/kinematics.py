@@ -89,6 +89,8 @@ def flange_pose(robot: RobotDescription) -> FloatArray:
     pose = np.eye(4)
     pose[:3, 3] = Chain.from_description(robot).tool_m
     pose[:3, :3] = rotation_of_rpy(*robot.tool_rpy_rad)
+    if robot.kinematics.convention == "standard_dh":  # from axis n to the last frame of the table
+        pose[:3, :3] = _rotation_x(robot.kinematics.calibrated_rows[-1].alpha_rad) @ pose[:3, :3]
     return pose
 
 

@@ -1,8 +1,8 @@
 """Zero-phase low-pass filter for many columns: second-order sections, forwards and backwards.
 
-Columns are filtered in groups that fit into the processor's fastest cache; the values of
-neighbouring columns are neighbours in memory. Each pass starts in the steady state for a signal
-that has always had its first value.
+Columns are filtered in groups of `COLUMNS`, so that the filter states of a group stay in the
+processor's fastest cache. Each pass starts in the steady state for a signal that has always had its
+first value.
 """
 
 from __future__ import annotations

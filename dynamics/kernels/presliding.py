@@ -60,8 +60,8 @@ def drive_presliding(
             following path can continue.
         out: Shape (samples, FOUND). Output for each sample: the direction, its derivatives by
             `distance` and by `fraction`, and 1 if the direction is known, else 0. It is known as
-            soon as it does not depend on the initial state: when the positions span at least twice
-            the longest slip distance.
+            soon as the positions span 2 d, and 2 `RIGID_SLIP` if there is a rigid part. From then
+            on it does not depend on the initial state.
     """
     widest = 0.5 * ELEMENTS * distance
     longest = distance if fraction == 1.0 else max(distance, RIGID_SLIP)

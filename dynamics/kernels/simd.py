@@ -3,8 +3,8 @@
 LLVM maps a vector of eight doubles to processor registers: one register of AVX-512, two of AVX2, or
 four of SSE or NEON. `Lanes` support +, - and * with floats and other `Lanes`, and the functions
 below. A lane is one of the eight elements. The same operations are done on every lane, so the
-result of a sample does not depend on the other samples. All functions can be called from compiled
-code only.
+result of a sample does not depend on the other samples. All functions except `kernel` can be called
+from compiled code only.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Derivatives of torque and regressor by the motion, and the joint-space inertia matrix.
 
-The derivatives are not finite differences. Kernels compute those of links and rotors by
-reverse-mode differentiation (Griewank and Walther 2008); the other terms use the complex step.
+The derivatives are not finite differences. Kernels compute those of links, payload and rotors by
+reverse-mode differentiation (Griewank and Walther 2008). Friction and springs use the complex step.
 """
 
 from __future__ import annotations

@@ -2,8 +2,8 @@
 
 The regressor's kernels (`dynamics.kernels.rigid_body`) compute eight samples at once. A controller
 needs only the torque of one sample, without the regressor. This module therefore uses the
-Newton-Euler recursion of the thesis's appendix B for a single sample, with all terms of the model,
-in preallocated memory.
+Newton-Euler recursion of the thesis's appendix B for a single sample, in preallocated memory. It
+contains all terms of the model except the payload.
 """
 
 from __future__ import annotations
@@ -35,10 +35,10 @@ ModelArrays: TypeAlias = tuple[
     FloatArray,  # (n, 5) the chain's rows
     FloatArray,  # (n, 3, 3) the chain's fixed rotations
     BoolArray,  # (n,) True for prismatic joints
-    FloatArray,  # (n + 2, 10) links' parameters; gravity; spring
+    FloatArray,  # (n + 2, 10) links' parameters; gravity and smoothing of sign(v); spring
     FloatArray,  # (terms, 8) rotors, armatures, friction, losses
     FloatArray,  # (2, n, n) C and C^-1
-    FloatArray,  # (n + 6, 21) working memory
+    FloatArray,  # (n + 6, 21 or more) working memory
 ]
 
 # Kinds of terms, and the columns of the table of terms.

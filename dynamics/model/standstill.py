@@ -17,7 +17,7 @@ def standstill_speed(model: RobotModel, speed_rad_s: float) -> FloatArray:
     """Return the speed below which each actuator counts as at rest, link side, (n,).
 
     It is `speed_rad_s` [rad/s or m/s], but at most a tenth of the joint's speed limit. Otherwise a
-    slow joint, such as a lift, would never count as moving.
+    slow joint, such as a lift, might never count as moving.
     """
     given = np.full(len(model.joint_names), speed_rad_s)
     if not model.speed_limits:

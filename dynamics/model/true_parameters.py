@@ -25,8 +25,8 @@ def true_parameters(model: RobotModel, robot: RobotDescription, plant: PlantConf
     rotor term of the model assumes this (theory: section 3).
 
     Args:
-        model: The model whose parameters are returned; friction coefficients of effects that the
-            plant does not have are zero.
+        model: The model whose parameters are returned. The coefficients of offset, cubic,
+            cube-root, Stribeck and temperature-dependent friction are zero.
         robot: Description of the robot, with the mounting of its rotors.
         plant: The simulated robot; its effects under `unmodelled` have no parameters in the model
             and are ignored.

@@ -1,9 +1,12 @@
 """`FRICTION_FUNCTIONS`: table of the friction functions, with properties for several modules.
 
-The table has one row per function. `dynamics.terms.friction` computes a function's values and
-derivatives, `dynamics.kernels.friction` its value for one sample, and
-`identification.export.function` writes its code into an exported file. Each of these three modules
-raises an error for a friction function that it does not support.
+The table has one row per function. Three modules compute or write the functions:
+- `dynamics.terms.friction` computes a function's values and derivatives. It raises an error for a
+  function that it does not support.
+- `dynamics.kernels.friction` computes the value for one sample. It does not check the function's
+  number: `dynamics.model.one_sample` raises an error for a function without a number.
+- `identification.export.function` writes a function's code into an exported file. It raises an
+  error for a function that it does not support.
 """
 
 from __future__ import annotations
@@ -32,12 +35,12 @@ class FunctionTraits:
             no constraint.
         by_direction: True if the function contains sign(v), which the hysteretic direction replaces
             in joints with presliding.
-        smooth: True if the function can be differentiated at zero speed.
+        smooth: True if the function depends on speed and has a finite slope at zero speed.
         kernel: Number of the function in `dynamics.kernels.friction`; None if the function depends
             on temperature, which this kernel does not support.
-        words: Name of the function, for the list of omitted effects in exports to formats that
-            support only Coulomb and viscous friction; None if such a format can contain the
-            function.
+        words: Name of the function for exports to formats that support only Coulomb and viscous
+            friction: the list of omitted effects then contains it. None if such a format can
+            contain the function, or if the list describes the omission in another way.
     """
 
     symbol: str

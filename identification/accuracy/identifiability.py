@@ -27,12 +27,13 @@ NOISELESS_SHARE: Final = 5e-4
 
 @dataclass(frozen=True)
 class WeakParameter:
-    """A base parameter that is not distinct from zero.
+    """A base parameter that cannot be distinguished from zero.
 
     Attributes:
         expression, unit: The parameter.
         value, sigma: Its estimate and cluster-robust standard deviation.
-        motion: The motion that would determine it best, in words; empty if no tried motion does.
+        motion: The motion that would determine it best, in words; empty if no tried motion divides
+            the standard deviation by at least `SMALLEST_GAIN`.
         gain: Factor by which the standard deviation would fall if this motion were added.
     """
 
@@ -57,11 +58,11 @@ class WeakParameter:
 
 
 def weak_parameters(estimate: Estimate, most: int = 5) -> tuple[WeakParameter, ...]:
-    """Return the rigid-body parameters that are not distinct from zero, the least certain first.
+    """Return the rigid-body parameters that may be zero, the least certain first.
 
-    For each parameter, motions of one joint or of two joints at their limits are tried. Each counts
-    as one more run of the same length, with residuals of the same spectrum: its information is
-    added to that of the estimate.
+    They are less than two standard deviations from zero. For each of them, the motions of
+    `joint_motions` are tried. Each motion counts as one more run of the same length, with residuals
+    of the same spectrum: its information is added to that of the estimate.
 
     Args:
         most: Largest number of parameters returned.
@@ -229,7 +230,7 @@ def joint_motions(
 ) -> list[tuple[str, tuple[FloatArray, FloatArray, FloatArray]]]:
     """Return motions of one joint and of two joints, each as a text and as q, v, a.
 
-    For each set of joints there is a motion through the whole range and a fast one.
+    For each set of joints there is a slow motion through most of the range and a fast one.
     """
     names = robot.joint_names
     motions = []
@@ -245,7 +246,7 @@ def joint_motions(
 def _sine_motion(
     robot: RobotDescription, moved: tuple[int, ...], fast: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return q, v, a of sines of some joints at their limits; other joints are at mid-range."""
+    """Return q, v, a of sines of some joints within their limits; the others are at mid-range."""
     q, v, a = np.zeros((3, SAMPLES, len(robot.joints)))
     phase = 2.0 * np.pi * np.arange(SAMPLES) / SAMPLES
     for j, joint in enumerate(robot.joints):

@@ -2,8 +2,8 @@
 
 The second derivative of rounding errors is a noise in the columns of inertia, which makes inertias
 too small (errors in variables). Its power grows with the fifth power of the band's upper limit, so
-a narrower band is the remedy. The rest is found by rounding the positions once more: to first
-order, the estimate moves by as much as the first rounding has already moved it.
+a narrower band is the remedy. The remaining effect is found by rounding the positions once more: to
+first order, the estimate moves by as much as the first rounding has already moved it.
 """
 
 from __future__ import annotations
@@ -48,7 +48,8 @@ class RoundedPositions:
             has an effect.
         asked_hz: Requested upper limit of the band [Hz].
         band_hz: Upper limit that was used [Hz].
-        advised_hz: Highest upper limit at which the effect is small [Hz].
+        advised_hz: Highest tried upper limit at which the effect is small; the lowest tried one if
+            it is small at none [Hz].
         noise_share: Power of the rounding errors' acceleration in the used band, relative to that
             of the motion.
         widening: Largest factor by which an interval became wider because of the rounding.

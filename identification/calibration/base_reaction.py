@@ -25,10 +25,10 @@ class BaseLoad:
     """Largest base wrench of a motion, component by component.
 
     Attributes:
-        peak: Shape (6,). Largest magnitude of the wrench that the base exerts on the robot [N, N
-            m].
-        sigma: Shape (6,). Standard deviation of the prediction at the peak [N, N m].
-        at_s: Shape (6,). Time of the peak [s].
+        at_s: Shape (6,). Time at which the magnitude of the wrench that the base exerts on the
+            robot, plus two standard deviations, is largest [s].
+        peak: Shape (6,). Magnitude of the wrench at this time [N, N m].
+        sigma: Shape (6,). Standard deviation of the prediction at this time [N, N m].
         limit: Shape (6,). Limits of the base [N, N m].
         weight_known: True if the prediction contains the robot's static weight; a plate cannot
             distinguish this weight from its offset.

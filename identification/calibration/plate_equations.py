@@ -46,7 +46,7 @@ class PlateEquations:
         equations: Sequence[BinEquations],
         delays_s: Sequence[float],
     ) -> PlateEquations | None:
-        """Condense the runs' equations; None if a channel was left out.
+        """Condense the runs' equations; None if a run lacks a channel or their channels differ.
 
         Args:
             averages: The runs' mean periods.

@@ -2,8 +2,8 @@
 
 The plate measures forces independently of any motor. With one additional factor on each axis's
 torques, the combined equations determine the error of every torque constant, with an interval.
-Friction has no effect on the result: the plate does not measure it, and each axis's friction
-parameters absorb the factor.
+Friction that does not depend on the load has no effect on the result: the plate does not measure
+it, and each axis's friction parameters absorb the factor.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ class TorqueScale:
 
     @property
     def wrong(self) -> bool:
-        """True if the axis does not agree with the plate."""
+        """True if the axis differs from the plate significantly, and by at least 2 %."""
         return self.p_value < SIGNIFICANT_P and abs(self.ratio - 1.0) >= WORTH_TELLING
 
 

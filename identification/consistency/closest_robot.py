@@ -5,8 +5,9 @@ no real robot with the estimated sums. A robot is physically consistent under th
 - The pseudo-inertia of every link is positive definite (Wensing, Kim and Slotine 2018, "Linear
   matrix inequalities for physically consistent inertial parameter identification").
 - No rotor has a negative inertia, and no spring a negative stiffness.
-- Friction never drives a joint: its coefficients are not negative, and friction with a curved
-  dependence on speed brakes at every tested speed. A constant offset of friction is free.
+- Friction never drives a joint. If one of a joint's friction terms is cubic, cube root or Stribeck,
+  the sum of its terms brakes at every tested speed. Otherwise no coefficient is negative. Constant
+  offsets and temperature coefficients are free.
 
 The result is the consistent robot whose base parameters are closest to the estimate. The distance
 is measured in the estimate's own standard deviations.
@@ -118,8 +119,9 @@ def find_closest(estimate: Estimate, nominal: NominalLinks | None = None) -> Con
 
     The constraints are:
     - Each pseudo-inertia is at least a hundredth of that of the nominal body.
-    - Coulomb and viscous friction have no negative coefficients.
-    - Any other friction brakes at every speed from 2 % to 100 % of the joint's limit.
+    - The friction of a joint with a cubic, cube-root or Stribeck term brakes at every tested speed,
+      from 2 % to 100 % of the joint's limit.
+    - The friction of any other joint has no negative coefficients.
     - Inertias of rotors, and stiffness and preload of a spring, are not negative.
 
     Args:

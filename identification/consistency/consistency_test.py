@@ -13,8 +13,9 @@ of their p-values is doubled (Bonferroni).
 The distribution of d2 depends on the number of constraints that are active for the true robot,
 which is unknown. Therefore the simulation starts from the nearest consistent robot; each of its
 values within `BORDER_SIGMAS` of the border is moved to the border (Andrews and Soares 2010). A
-robot closer to the cone's apex never has smaller distances: because the cone is convex, the
-distance of beta + k + e is at most that of beta + e for every k in the cone.
+robot closer to the cone's apex never has smaller distances. Let beta be a robot in the cone, and e
+an error. Because the cone is convex, the distance of beta + k + e is at most that of beta + e for
+every k in the cone.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Each of the other methods (energies, joint after joint, a Kalman filter) is less precise, but makes
 different assumptions. If a method contradicts the estimate, an assumption in which the two differ
-is wrong; the method indicates which assumption.
+is probably wrong; the method indicates which assumption.
 """
 
 from __future__ import annotations

@@ -41,13 +41,14 @@ def estimate_by_kalman_filter(
     From a more distant start it can fail to converge, because light wrists with friction make the
     simulation stiff.
 
-    A joint that sticks at a reversal has a friction that the model does not know, and the filters
-    of the torque spread it over the neighbouring rows. The torque of these rows has a large
-    uncertainty.
+    If a joint sticks at a reversal, the model does not know its friction, and the filters of the
+    torque spread this friction over the neighbouring rows. Therefore the filter assumes a large
+    uncertainty of the torque in these rows.
 
     Args:
         estimate: The model, and the size of each joint's residuals, which is the torques' noise.
-        runs: The recordings; only the positions of their motion are used.
+        runs: The recordings. Of their motion, only the positions are used, and the velocities of
+            each segment's first row.
 
     Returns:
         `values`, shape (b,). Base parameters.

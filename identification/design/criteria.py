@@ -41,7 +41,8 @@ class Criterion(Protocol):
 class DOptimal:
     """Negative log determinant of the information, per parameter (D-optimality).
 
-    It measures the volume of the confidence ellipsoid, independent of the parameters' units.
+    It measures the volume of the confidence ellipsoid. Its optimum does not depend on the
+    parameters' units.
     """
 
     def objective(self, information: FloatArray) -> float:

@@ -10,10 +10,7 @@ from dynamics.model.transmission import Transmission
 
 
 def design_model(robot: RobotDescription, sign_smoothing_rad_s: float = 0.0) -> RobotModel:
-    """Return the model for a design, with only the terms on which the motion has an influence.
-
-    The temperature dependence of friction and the gear losses are left out.
-    """
+    """Return a robot's model without temperature-dependent friction and without gear losses."""
     joints = tuple(
         joint.model_copy(
             update={"friction": tuple(t for t in joint.friction if t != "temperature")}

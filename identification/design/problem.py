@@ -187,9 +187,10 @@ class ExcitationProblem:
         return np.asarray(x.reshape(self._scales.shape) * self._scales)
 
     def within_limits(self, x: FloatArray) -> FloatArray:
-        """Return variables of the same motion, scaled down if it exceeds its fraction of a limit.
+        """Return variables of the same motion, scaled down to the usable fraction of the limits.
 
-        All amplitudes are multiplied by the same factor; the motion's middle pose does not change.
+        The limits are those of position, speed and acceleration. All amplitudes are multiplied by
+        the same factor; the motion's middle pose does not change.
         """
         q, v, a = self.motion(x, self._fine)
         planned = self.limit_fraction * self._sizes

@@ -115,7 +115,7 @@ def candidates(
 
     Args:
         problem, sample_period_s, iterations, periods: As for `refine_start`.
-        seeds: Seed of each start. The same seeds give the same candidates on any machine.
+        seeds: Seed of each start. The candidates do not depend on the number of processes.
         jobs: Number of processes; -1 for one per core.
         scheduler: Address of a Dask scheduler; its workers need this program installed.
 

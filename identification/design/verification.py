@@ -33,7 +33,7 @@ class LimitUse:
             distance.
         unit: Unit of both.
         is_met: True if the motion satisfies the limit.
-        active: True if the motion (nearly) reaches the limit.
+        active: True if the motion nearly reaches the usable fraction of the limit.
     """
 
     what: str

@@ -7,8 +7,9 @@ torque tau_link that a gear transmits (Spong 1987, with the motors' inertial cou
     gears:   tau_link = k (theta - q) + d (theta' - q')
     motors:  I (mu^2 theta'' + mu e . w') + friction(theta') + tau_link = tau_motor
 
-e is a rotor's axis, w the angular velocity of the link that carries the rotor. A motor of unknown
-mounting has the inertia J = mu^2 I only.
+k and d are the stiffness and damping of the gears, and S is the inertial coupling of motors and
+links. A rotor has the polar inertia I, the gear ratio mu and the axis e; w is the angular velocity
+of the link that carries it. A motor of unknown mounting has the inertia J = mu^2 I only.
 """
 
 from __future__ import annotations

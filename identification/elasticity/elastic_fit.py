@@ -1,7 +1,8 @@
 """`fit_elastic`: a model of the links from the motion of the motors, if the gears are elastic.
 
-Encoders at the motors measure theta, but the links are at q = theta - tau_link / (k + s d). Below
-the resonance of a link on its gear, the link moves more than its motor. A model that is fitted to
+Encoders at the motors measure theta, but the links are at q = theta - tau_link / (k + s d). k and d
+are the stiffness and damping of the gears, and s = j omega on the DFT bins. Below the resonance of
+a link on its gear, the link moves more than its motor. A model that is fitted to
 theta therefore overestimates the inertia of the links. A payload lowers the resonance and makes the
 error larger.
 

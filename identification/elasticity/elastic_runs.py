@@ -221,8 +221,10 @@ def multisine_torque(run: MultisineBins, gears: Gears) -> Bins:
     """Return the motor torques without friction at the lines of a multisine, shape (F, n).
 
     q = [s^2 M + K + s D + K_g]^-1 [K + s D - s^2 S] theta, and
-    tau = s^2 (I theta + C q) + (K + s D) (theta - q), with the matrices of `SmallMotion`. If
-    stiffness and damping have the shape (tries, n), the result has the shape (tries, F, n).
+    tau = s^2 (I theta + C q) + (K + s D) (theta - q). K and D contain the stiffness and damping of
+    the gears. The matrices M, K_g, S, C and I are `mass`, `slope`, `reaction`, `carried` and `own`
+    of `SmallMotion`. If stiffness and damping have the shape (tries, n), the result has the shape
+    (tries, F, n).
     """
     small = run.small
     s = 2j * math.pi * run.frequency_hz[:, np.newaxis]

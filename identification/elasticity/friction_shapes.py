@@ -1,10 +1,14 @@
 """`friction_shapes`: time functions whose combinations represent a motor's friction.
 
 The friction of a gear is not known when its stiffness is identified. It is eliminated from each run
-as a combination of these functions of the motor's measured motion: presliding friction by Dahl's
-model (1968), the same times the torque (friction that depends on load), the same with Stribeck's
-decay over speed, and viscous friction. The presliding distance is not known either; combinations of
-several distances represent the values in between.
+as a combination of these functions of the motor's measured motion:
+- presliding friction by Dahl's model (1968);
+- the same times the torque, for friction that depends on load;
+- the same with Stribeck's decay over speed;
+- viscous friction.
+
+The presliding distance is not known either; combinations of several distances represent the values
+in between.
 """
 
 from __future__ import annotations

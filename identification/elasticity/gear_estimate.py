@@ -58,7 +58,8 @@ class GearEstimate:
         motor_inertia: Shape (n,). Inertia of each motor at the gear's output [kg m^2 or kg].
         relative_sigma: Shape (n,). Standard deviation of each stiffness over its value.
         damping_sigma: Shape (n,). Standard deviation of each damping.
-        bend_rad: Shape (n,). Largest deflection that changes during an excitation run [rad or m].
+        bend_rad: Shape (n,). Largest amplitude of the deflection in an excitation run, without its
+            constant part [rad or m].
         minimum_hz: Shape (n,). Fitted frequency at which motor and link move against each other.
         residual_share: Shape (n,). RMS of the torque's residual over RMS of the torque, on the
             lines of the multisines.
@@ -67,8 +68,8 @@ class GearEstimate:
         tool_residual_m: RMS distance of the tracker's points from the fitted path, without its
             constant part; None without a tracker.
         has_link_encoders: True if encoders on the link side were used.
-        link_side_mismatch: Largest share of a deflection that an instrument saw and the fit does
-            not explain.
+        link_side_mismatch: Largest share of a deflection, measured by an instrument, that the fit
+            does not explain.
     """
 
     joint_names: tuple[str, ...]

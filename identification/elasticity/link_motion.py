@@ -1,8 +1,9 @@
 """`solve_links`: the periodic motion of the links that belongs to a measured motion of the motors.
 
 The links satisfy q = theta - tau_link(q, q', q'', theta', theta'') / (k + s d), with s = j omega on
-the DFT bins. The equation is solved by a fixed point. A step is divided by 1 + s^2 M / (k + s d),
-with the mean inertia M, so that it also converges near the resonance of links on locked motors.
+the DFT bins. The equation is solved by fixed-point iteration. Each step is divided by the factor
+1 + s^2 M / (k + s d) with the mean inertia M, so that the iteration also converges near the
+resonance of links on locked motors.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ from identification.kinematics.parameters import (
 )
 
 LARGEST_LOSS: Final = 2e-5
-"""Largest RMS of a motion beyond the harmonics that an instrument shows [m or rad]."""
+"""Largest accepted RMS of the motion at harmonics that an instrument does not show [m or rad]."""
 GEOMETRY_SIGMA: Final = 0.01
 """Standard deviation of the prior of each geometric parameter [m or rad]."""
 DELAY_SIGMA_S: Final = 0.01

@@ -90,7 +90,8 @@ def split_implausible_channel(
 ) -> tuple[TorqueChannel, RefusedChannel]:
     """Split a torque channel into its plausible and its refused part.
 
-    A value whose standard deviation is not smaller is at the end of its search range.
+    If the standard deviation of a value is as large as the value or larger, the value is at the end
+    of its search range.
 
     Args:
         channel: The estimated channel.

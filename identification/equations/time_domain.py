@@ -61,7 +61,8 @@ class TimeBlock:
         columns: Shape (rows, n, any). As returned by `torque_columns`.
         rhs: Shape (rows, n). Torque [N m or N].
         use: Shape (rows, n). True if the joint moves fast enough for its friction to be known. If
-            its friction has presliding: False only inside a long standstill.
+            its friction has presliding: False until its hysteresis is known, and inside a long
+            standstill.
         moving: Shape (rows, n). True if the joint moves fast enough.
         event: Shape (rows,). Index of each row's interval of time, counted over all recordings from
             0.

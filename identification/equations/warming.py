@@ -69,9 +69,11 @@ class Warming:
     def with_temperature_slopes(
         self, robot: RobotDescription, signals: SmoothedSignals
     ) -> SmoothedSignals:
-        """Return a recording with the derivatives of its temperatures [K/s].
+        """Return a recording whose temperature rises are derivatives by the time constants [K/s].
 
-        Each temperature is replaced by its derivative with respect to the joint's time constant.
+        Each rise above the joint's reference temperature is replaced by its derivative with respect
+        to the joint's time constant. The reference temperature is still contained, because the
+        friction term `temperature` subtracts it.
         """
         return replace(
             signals, temperature_k=self._computed_temperatures(robot, signals, BY_TIME_CONSTANT)

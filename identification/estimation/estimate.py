@@ -61,8 +61,8 @@ class Estimate:
         held_out_share: Shape (n,). RMS residual over RMS torque on held-out parts of the recording,
             with a simple model (`identification.wiring.held_out`); zero if it is hardly larger than
             on the fitted parts; None if it was not computed.
-        left_out_fraction: Shape (n,). Fraction of samples below the standstill speed, which were
-            left out or had free friction.
+        left_out_fraction: Shape (n,). Fraction of samples in which the joint's friction is unknown,
+            mostly near standstill; they were left out, or their torque was free.
         method: On the bins of averaged periods, or in the time domain on low-passed signals.
         band_hz, standstill_rad_s: Highest frequency and lowest speed used.
         weighting: Weighting of the rows.

@@ -24,9 +24,9 @@ def refuse_contradictions(estimate: Estimate, deviations: Mapping[str, Sequence[
             must agree with the covariances.
 
     Raises:
-        ConfigError: A parameter is duplicated or out of order, a covariance is not positive
-            semidefinite, or a standard deviation does not agree with its covariance. The text
-            begins with the key.
+        ConfigError: A parameter is duplicated or out of order, its unit or combination is not that
+            of the model, a covariance is not positive semidefinite, or a standard deviation does
+            not agree with its covariance. The text begins with the key.
     """
     for problem in _problems(estimate, deviations):
         raise ConfigError(f"{problem}: was the file edited?", code=UNSOUND_MODEL)

@@ -69,7 +69,7 @@ class FittedSignals:
 
     @property
     def left_out_fraction(self) -> FloatArray:
-        """Fraction of samples below the standstill speed, shape (n,)."""
+        """Fraction of the rows that were left out, mostly near standstill, shape (n,)."""
         return 1.0 - self.fit.rows_used / sum(
             count_rows(self.model, run) for run in self.problem.runs
         )

@@ -1,9 +1,9 @@
 """Nonlinear parameters, fitted together with the linear ones by Gauss-Newton steps on one cost.
 
-The torque is nonlinear in Stribeck speeds and gear losses. If these are given, it is linear in all
-other parameters, which are solved for exactly (variable projection: Golub and Pereyra 1973). The
-step of the nonlinear parameters comes from the equations linearised with `torque_columns`. It is
-halved until the cost falls, and limited to the parameters' bounds.
+The torque is nonlinear in Stribeck speeds, presliding parameters and gear losses. For given values
+of these, it is linear in all other parameters, which are solved for exactly (variable projection:
+Golub and Pereyra 1973). The step of the nonlinear parameters comes from the equations linearised
+with `torque_columns`. It is halved until the cost falls, and limited to the parameters' bounds.
 """
 
 from __future__ import annotations

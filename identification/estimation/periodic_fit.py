@@ -97,11 +97,14 @@ class PeriodicFit:
 class PeriodicProblem:
     """Averaged periods, and the weighting of their rows.
 
-    `inertia` (averages, n, n) is the magnitude of the joint-space inertia, through which the noise
-    of the positions becomes torque noise. `base_inertia` (averages, n, 6, 6) is the same for the
-    base wrench (`base_inertia_squares`). Both are zero before they are known. `kind` selects the
-    outputs, and `delays_s` are the delays of the plate's signals in each run. `known` (averages, b)
-    is the contribution of known bodies to the base parameters of each run.
+    Attributes:
+        inertia: Shape (averages, n, n). Magnitude of the joint-space inertia, through which the
+            noise of the positions becomes torque noise; zero before it is known.
+        kind: Kind of the model, which selects the outputs.
+        base_inertia: Shape (averages, n, 6, 6). The same as `inertia` for the base wrench
+            (`base_inertia_squares`).
+        delays_s: Shape (averages,). Delay of the plate's signals in each run.
+        known: Shape (averages, b). Contribution of known bodies to the base parameters of each run.
     """
 
     base: BaseParameters

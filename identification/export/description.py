@@ -14,8 +14,9 @@ import numpy as np
 from config.arrays import FloatArray
 from config.formats.urdf import rpy_of_rotation
 from config.robot.robot import Joint
+from dynamics.geometry.kinematics import flange_pose
 from identification.consistency.rigid_body import LinkBody
-from identification.export.model import ExportModel, StraightFriction, tool_frame
+from identification.export.model import ExportModel, StraightFriction
 from identification.export.text import (
     comment_text,
     header_lines,
@@ -145,7 +146,7 @@ def _render(template: str, model: ExportModel) -> str:
         left_out=[comment_text(line) for line in model.omitted_properties(armatures=armatures)],
         mount=None if np.array_equal(model.upright, np.eye(3)) else _Place(upright),
         links=[_link(model, number) for number in range(len(robot.joints))],
-        tool=_Place(tool_frame(model)),
+        tool=_Place(flange_pose(robot)),
         gravity=numbers(model.model.chain.gravity_m_s2),
         gravity_size=float(np.linalg.norm(model.model.chain.gravity_m_s2)),
     )

@@ -1,4 +1,6 @@
-"""Inverse dynamics as a self-contained C99 or Python file, with every term of the model.
+"""Inverse dynamics as a self-contained C99 or Python file.
+
+The file has every term of the model except presliding: its friction follows the sign of the speed.
 
 The recursion is that of the thesis's appendix B, with the values of the standard parameters.
 """

@@ -11,7 +11,6 @@ from scipy.optimize import nnls
 
 from config.arrays import FloatArray, freeze
 from config.errors import EstimationError
-from config.formats.urdf import rotation_of_rpy
 from config.robot.robot import Joint, RobotDescription
 from dynamics.model.robot_model import RobotModel
 from dynamics.terms.armature import Armature
@@ -278,19 +277,6 @@ class ExportModel:
             f"{what} as it warms up (time constant {constant_s:.3g} s): the file contains the"
             " friction of a cold robot"
         )
-
-
-def tool_frame(model: ExportModel) -> FloatArray:
-    """Return the pose of the tool in the frame of the last link, (4, 4)."""
-    chain = model.model.chain
-    frame = np.eye(4)
-    frame[:3, 3] = chain.tool_m
-    frame[:3, :3] = rotation_of_rpy(*model.robot.tool_rpy_rad)
-    kinematics = model.robot.kinematics
-    if kinematics.convention == "standard_dh":  # the last frame is twisted relative to axis n
-        twist = rotation_of_rpy(kinematics.calibrated_rows[-1].alpha_rad, 0.0, 0.0)
-        frame[:3, :3] = twist @ frame[:3, :3]
-    return frame
 
 
 def _origin(estimate: Estimate, sentence: str) -> tuple[str, str]:

@@ -20,7 +20,8 @@ from config.errors import ConfigError
 from config.formats.urdf import MOVING, UrdfTree
 from config.formats.urdf_file import read_urdf
 from config.robot.urdf_chain import UrdfArm, held_positions
-from identification.export.model import ExportModel, tool_frame
+from dynamics.geometry.kinematics import flange_pose
+from identification.export.model import ExportModel
 
 ANGLE_RAD: Final = 1e-3
 DISTANCE_M: Final = 1e-3
@@ -85,7 +86,7 @@ class MatchedArm:
 
     def link_at_tool(self, model: ExportModel) -> str | None:
         """Return the link behind the last joint whose frame is the model's tool frame."""
-        tool = self.frames[-1] @ tool_frame(model)
+        tool = self.frames[-1] @ flange_pose(model.robot)
         last = self.arm.joints[-1].child
         waiting = [last]
         while waiting:

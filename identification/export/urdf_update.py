@@ -1,7 +1,8 @@
-"""Update of a user's URDF with identified inertias and friction; all other bytes stay.
+"""Update of a user's URDF with identified inertias and friction; all other text stays.
 
 Only `<inertial>` of the changed links (`MovingBodies`) and `<dynamics>` of the arm's joints change.
 A comment after the robot's end tag has the origin of the values and what the URDF cannot express.
+A file in another encoding than UTF-8 is converted to UTF-8.
 """
 
 from __future__ import annotations

@@ -43,7 +43,8 @@ def constant_velocity_curves(
     The positions of each run are divided into blocks. In each block the torques of both directions
     are compared:
     - Half of their difference is friction.
-    - Half of their sum is gravity, plus the friction that depends on the direction.
+    - Half of their sum is gravity, plus the part of friction that does not change its sign
+      (`FrictionCurve.even`).
 
     Gravity is fitted as a function of the joint's position, with the functions of the robot's
     model. If these functions cannot be distinguished from a constant, the standard deviations are

@@ -37,7 +37,8 @@ def constant_velocity_motion(
 
     The other joints stay at zero, or in the middle of their limits if zero is too far from it. If
     this pose is not clear of obstacles, the first clear random pose is used. A joint runs over the
-    clear range around the pose, within the middle 80 % of its limits.
+    clear range around the pose, within the middle 80 % of its limits; a revolute joint runs over 4
+    rad at most.
 
     Args:
         workspace: The robot's surroundings.

@@ -148,8 +148,8 @@ def calibrate(
 ) -> Calibration:
     """Identify geometry and compliance of an arm from the measured positions of one point.
 
-    The base tilt is held as part of the first row: gravity's direction in frame 0 is taken from the
-    robot file, because the points show it only by the deflection.
+    Gravity's direction in frame 0 is taken from the robot file. It is not estimated, because it
+    affects the points only through the deflection of the gears.
 
     Args:
         robot: The nominal robot. Compliances that are not estimated have the values of the file.

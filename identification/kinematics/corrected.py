@@ -13,7 +13,7 @@ from config.formats.yaml_tree import parse_yaml
 from config.load import to_yaml, validate
 from config.robot.kinematic_table import KinematicRow, Kinematics
 from config.robot.robot import RobotDescription
-from dynamics.geometry.kinematics import Chain
+from dynamics.geometry.kinematics import Chain, flange_pose
 from identification.kinematics.calibration import Calibration
 
 _COLUMNS = ("alpha_rad", "beta_rad", "theta_rad", "a_m", "d_m")
@@ -91,9 +91,7 @@ def _in_modified_convention(robot: RobotDescription) -> RobotDescription:
     table = robot.kinematics
     if table.convention == "modified_dh":
         return robot
-    last = table.calibrated_rows[-1]
-    twist = Rotation.from_euler("x", last.alpha_rad)
-    tool = twist * Rotation.from_euler("xyz", robot.tool_rpy_rad)
+    tool = Rotation.from_matrix(flange_pose(robot)[:3, :3])
     nominal = table.model_copy(update={"calibration": ()}).modified_rows()
     offsets = tuple(
         KinematicRow(**{n: getattr(sum_, n) - getattr(row, n) for n in _COLUMNS})

@@ -35,7 +35,8 @@ class PayloadFinding:
         name, unit: Name and unit of the quantity.
         value, sigma: Its estimate and cluster-robust standard deviation; None if the motion does
             not determine it.
-        motion: The motion that would determine it best, in words; empty if no tried motion does.
+        motion: The motion that would determine it best, in words; empty if no tried motion
+            determines it, or makes its interval at least `SMALLEST_GAIN` times smaller.
         gain: Factor by which its standard deviation would fall; None if it is not yet determined.
     """
 
@@ -83,9 +84,9 @@ def payload_findings(estimate: PayloadEstimate) -> tuple[PayloadFinding, ...]:
     """Return undetermined and poorly determined quantities, with better motions for them.
 
     Poorly determined means that 2 sigma are more than 5 % of the mass, 10 mm of the centre of
-    gravity, or 20 % of the inertia about the flange. The candidate motions move one joint or two
-    joints at their limits. A candidate counts as a further pair of runs that is as long as the
-    present one and has the same residual spectrum.
+    gravity, or 20 % of the inertia about the flange. The candidate motions are those of
+    `joint_motions`. A candidate counts as a further pair of runs that is as long as the present one
+    and has the same residual spectrum.
     """
     limits = np.concatenate(
         [

@@ -374,7 +374,7 @@ def _cluster(
     values: FloatArray,
     joints: int,
 ) -> Cluster:
-    """Return one cluster's equations in the coordinates of `_System.columns`."""
+    """Return one cluster's equations in the coordinates of `_System.reduced_matrix`."""
     p = factor.shape[1] - joints
     residual = factor[:, p:].sum(axis=1) - factor[:, :p] @ system.all_unknowns(values)
     matrix = np.hstack(

@@ -122,7 +122,7 @@ def limit_share(torque_nm: FloatArray, noise_nm: FloatArray | None) -> FloatArra
 
 def _grade(residual: float, torque: float, noise: float, of: str) -> tuple[Grade | None, str]:
     if not (math.isfinite(residual) and math.isfinite(torque)) or torque <= 0.0:
-        return None, "the joint does not move"
+        return None, "the joint does not move, or its torque is not known"
     share = math.sqrt(max(residual**2 - noise**2, 0.0)) / torque
     if share <= GOOD_SHARE:
         if residual > GOOD_SHARE * torque:

@@ -110,7 +110,7 @@ def monte_carlo(
 ) -> Generator[Draws]:
     """Draw in batches in parallel, and yield each batch as soon as it is finished.
 
-    The same seed gives the same draws, wherever they are computed.
+    The draws do not depend on the number of processes.
 
     Args:
         problem, prior, against, seed: As for `draw_batch`.

@@ -153,12 +153,14 @@ def accepted_channel(fits: Sequence[JointChannel], none: Sequence[JointChannel])
     A value at the upper end of its search range is only a bound: its standard deviation is set to
     the value itself. It is left out if it does not lower the joint's held-out error.
 
-    A filter is a setting of the drives or of the logger, the same for all joints. If only some
-    joints, fewer than half, show a filter, it has another cause: then a channel without delays and
-    filters is returned. A joint shows a filter if the filter also lowers the error at the jumps of
-    friction. An elastic joint looks like a zero-phase filter, but only away from reversals. A joint
-    that sticks for long does not show the jumps; it keeps its lag if at least half of the joints
-    show a filter.
+    A joint shows a filter if the filter also lowers the error at the jumps of friction. This
+    distinguishes a filter from an elastic joint, which looks like a zero-phase filter, but only
+    away from reversals. A filter is a setting of the drives or of the logger, the same for all
+    joints. Therefore:
+    - If fewer than half of the joints show a filter, it has another cause. A channel without delays
+      and filters is then returned.
+    - If at least half show a filter, a joint that does not show it keeps its lag, because the
+      torque of a joint that sticks for long has no jumps.
     """
     found = np.zeros((6, len(fits)))
     passes_jumps = np.zeros(len(fits), dtype=np.bool_)

@@ -2,11 +2,12 @@
 
 Friction falls while a robot warms up. This is a function of time in every recording, but so are
 many other effects. Therefore a joint counts as warming up only under three conditions:
-1. Coulomb and viscous friction that change with the temperature rise (`Warming`) lower the joint's
-   squared error on held-out seconds by more than a standard error.
+1. Coulomb and viscous friction that change with the temperature rise (`Warming`) lower the
+   logarithm of the joint's error on held-out seconds by more than its standard error, and by at
+   least `LEAST_GAIN` of `nested_choice`.
 2. At least one of the two changes is distinct from zero.
-3. The time constant plus and minus two standard deviations is above zero and below the length of
-   the longest recording.
+3. The time constant is longer than `SHORTEST_S`. Plus and minus two standard deviations, it is
+   above zero and below the length of the longest recording.
 
 Time constants are first searched on a grid, for all joints at once because each affects only its
 own joint. Then they are estimated by Gauss-Newton together with all other parameters.

@@ -5,9 +5,17 @@ import pinocchio as pin
 import pytest
 
 from config.errors import EstimationError
+from config.formats.urdf import rotation_of_rpy
 from config.load import load_robot
 from config.robot.kinematic_table import KinematicRow, Kinematics
-from dynamics.geometry.kinematics import Chain, forward, jacobian, link_transforms, point_jacobian
+from dynamics.geometry.kinematics import (
+    Chain,
+    flange_pose,
+    forward,
+    jacobian,
+    link_transforms,
+    point_jacobian,
+)
 from tests.builders.raised_codes import raises_code
 
 
@@ -92,7 +100,8 @@ def test_a_standard_dh_table_includes_its_flange() -> None:
     assert robot.kinematics.convention == "standard_dh"
     last = robot.kinematics.rows[-1].model_copy(update={"a_m": 0.05, "alpha_rad": 0.7})
     kinematics = robot.kinematics.model_copy(update={"rows": (*robot.kinematics.rows[:-1], last)})
-    robot = robot.model_copy(update={"kinematics": kinematics, "tool_offset_m": (0.1, 0.2, 0.3)})
+    tool_frame = {"tool_offset_m": (0.1, 0.2, 0.3), "tool_rpy_rad": (0.4, -0.5, 0.6)}
+    robot = robot.model_copy(update={"kinematics": kinematics} | tool_frame)
     q = np.random.default_rng(1).uniform(-3.0, 3.0, 6)
 
     flange = np.eye(4)
@@ -106,8 +115,14 @@ def test_a_standard_dh_table_includes_its_flange() -> None:
             [0.0, 0.0, 0.0, 1.0],
         ]
     expected = (flange @ [0.1, 0.2, 0.3, 1.0])[:3]
-    tool = forward(Chain.from_description(robot), q[None])[0]
+    chain = Chain.from_description(robot)
+    tool = forward(chain, q[None])[0]
     np.testing.assert_allclose(tool, expected, rtol=0, atol=1e-12)
+
+    turned = flange[:3, :3] @ rotation_of_rpy(0.4, -0.5, 0.6)
+    pose = link_transforms(chain, q[None])[0, -1] @ flange_pose(robot)
+    np.testing.assert_allclose(pose[:3, :3], turned, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(pose[:3, 3], expected, rtol=0, atol=1e-12)
 
 
 def test_the_ir361_at_zero_has_its_upper_arm_up_and_its_forearm_forward(ir361) -> None:

@@ -60,8 +60,8 @@ def pinocchio_of(robot: RobotDescription) -> tuple[Any, Any]:
         model.addJoint(number, kind, place, joint.name)
         before = along(row.a_m, 0.0, 0.0) * about("x", row.alpha_rad)
     end = before if robot.kinematics.convention == "standard_dh" else pin.SE3.Identity()
-    offset = (end * pin.SE3(np.eye(3), np.array(robot.tool_offset_m))).translation
-    return model, pin.SE3(pin.rpy.rpyToMatrix(*robot.tool_rpy_rad), offset)
+    tool = pin.SE3(pin.rpy.rpyToMatrix(*robot.tool_rpy_rad), np.array(robot.tool_offset_m))
+    return model, end * tool
 
 
 def poses(scene: RobotScene, count: int) -> np.ndarray:
