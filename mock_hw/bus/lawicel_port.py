@@ -102,8 +102,8 @@ class LawicelPort:
     def _write(self, data: bytes) -> None:
         """Write lines to the computer; lose them if the adapter's memory is full.
 
-        The kernel can accept a part of a line only, or none, before the unread bytes show it. The
-        rest is sent with the next call.
+        The kernel may accept only a part of the bytes, or none, even if they fit. The rest is sent
+        with the next call.
         """
         if data and len(self._unsent) + len(data) + _unread_bytes(self._other) > _MEMORY_BYTES:
             self._adapter.overrun = True
