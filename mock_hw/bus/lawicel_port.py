@@ -20,7 +20,7 @@ from mock_hw.bus.lawicel import AdapterFrame, LawicelAdapter
 from mock_hw.bus.wire_time import REMOTE_FLAG, STANDARD_MASK
 
 _READ_BYTES = 4096
-_MEMORY_BYTES = 3072  # below the terminal's 4 kB; more could not be discarded
+_MEMORY_BYTES = 3072  # less than the 4 kB that the terminal holds and can discard
 
 
 class LawicelPort:
