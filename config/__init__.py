@@ -1,5 +1,5 @@
-"""Cell, robot, motion and plant files: schemas, loader, bundled examples; and all error classes.
+"""Cell, robot and plant files: schemas, loader, bundled examples; and all error classes.
 
-Lowest package: it imports no other package of rid-daq. It contains no device, no clock and only the
-numerics that checking a file needs. Begin with `config/errors.py`, then `config/load.py`.
+Lowest package: it imports no other package of rid-daq. It contains no device, and only the numerics
+that checking a file needs. Begin with `config/errors.py`, then `config/load.py`.
 """

@@ -76,7 +76,7 @@ def freeze(
 
 
 def _is_frozen(values: Any) -> bool:
-    """Return whether an array and the numpy memory that it views are read-only."""
+    """Return True if an array and the numpy memory that it views are read-only."""
     while isinstance(values, np.ndarray) and not values.flags.writeable:
         if values.base is None:
             return True

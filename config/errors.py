@@ -58,7 +58,7 @@ class DeviceFaultError(DriverError):
 
 
 class SafetyStop(RidDaqError):  # noqa: N818 - a stop is an outcome, not a defect
-    """The supervisor stopped the motion; the drives are stopped and disabled."""
+    """A stop was ordered, or a command cannot be sent; the axes are stopped."""
 
 
 class PreflightError(RidDaqError):

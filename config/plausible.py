@@ -1,8 +1,8 @@
 """`Plausible`: the range in which a physical value of a real robot lies.
 
 A field declares its range in its type, `Annotated[float, Plausible(0.0, 6.3, "rad")]`; the range is
-checked when a file is loaded. A value outside is usually in another unit: the message names that
-unit.
+checked when a file is loaded. A value outside is often in another unit; the message names that unit
+if it knows one that fits.
 """
 
 from __future__ import annotations

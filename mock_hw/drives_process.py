@@ -180,7 +180,7 @@ def _join_bus(settings: DrivesSettings, ended: Callable[[], bool]) -> Iterator[D
 
 
 def _parent_ended() -> Callable[[], bool]:
-    """Return a function that returns True if the parent process ended over `LINGER_NS` ago."""
+    """Return a function that returns True if the parent ended more than `LINGER_NS` ago."""
     parent = multiprocessing.parent_process()
     asked_s = gone_s = 0.0
 
@@ -240,5 +240,5 @@ def run_rack(rack: DriveRack, client: DeviceClient, plate: PlateService | None =
 
 
 def _exit(_number: int, _frame: object) -> None:
-    """End the process on SIGTERM, with all cleaning up."""
+    """End the process on SIGTERM; every `with` block cleans up."""
     raise SystemExit(0)

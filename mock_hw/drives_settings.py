@@ -1,6 +1,7 @@
 """`DrivesSettings`: settings of the process of the simulated drives.
 
-The program makes them without the modules of the process itself, whose libraries it does not need.
+The program creates these settings without importing the modules of that process, because it does
+not need their libraries.
 """
 
 from __future__ import annotations

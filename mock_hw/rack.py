@@ -21,6 +21,7 @@ from mock_hw.drive.axis import AxisPort
 from mock_hw.drive.drive import SimulatedDrive
 from mock_hw.drive.faults import DriveFaults
 from mock_hw.drive.objects import SimulatedIdentity
+from mock_hw.host.fault_clock import controlword_places
 from mock_hw.plant.load_transfer import DigitalInputs, LoadTransfer
 from mock_hw.plant.plant import Plant
 from mock_hw.plant.snapshot import SnapshotWriter
@@ -83,7 +84,7 @@ class DriveRack:
         robot: Description of the robot.
         plant: True parameters of the robot.
         seed: Random seed of all noise.
-        snapshots: Receives the true state of the axes after every step; None for no snapshots.
+        snapshots: Receives the true state of the axes after every `advance`; None for no snapshots.
         now_s: Switch-on time [s].
         faults: Faults of the drives.
         announce: Called with the number of a fault in the script's part `program` when it begins.
@@ -145,7 +146,9 @@ class DriveRack:
             self.drives.append(SimulatedDrive(identity, port, now_s))
         self._faults = None
         if faults.drives or faults.program:
-            self._faults = DriveFaults(faults, robot.joint_names, self.drives, now_s, announce)
+            self._faults = DriveFaults(
+                faults, robot.joint_names, self.drives, controlword_places(cell), now_s, announce
+            )
         self._start: NDArray[np.float64] = np.zeros(count)
         self._end: NDArray[np.float64] = np.zeros(count)
         self._powered: NDArray[np.bool_] = np.zeros(count, dtype=np.bool_)

@@ -18,7 +18,7 @@ from config.simulation.plant import PlantConfig, SimulatedPlate
 from mock_hw.amplifier.settings import PlateSettings
 from mock_hw.bus.hub_process import HubSettings
 from mock_hw.bus.served_bus import ONE_PROCESS, SIMULATED, served_name, with_served_channel
-from mock_hw.host.fault_clock import refuse_unknown_joints
+from mock_hw.host.fault_clock import controlword_places, refuse_unknown_joints
 from mock_hw.plant.load_transfer import LoadTransfer
 from mock_hw.registers.server import RegisterSettings, ServerCertificates
 
@@ -147,6 +147,7 @@ class CellSimulation:
             faults=self.faults,
             nodes={axis.joint: axis.node_id for axis in self.cell.axes},
             master=self.cell.drive_safety.master_node_id,
+            places=controlword_places(self.cell),
             pace=self.pace,
         )
 

@@ -4,8 +4,9 @@ Between two rows, a joint with velocities v and accelerations a moves by q1 - q0
 h^2 (a0 - a1)/12. Weighted least squares over all joints gives the length h of each interval. Each
 velocity has an unknown delay and an unknown scale relative to the other joints. Delay and scale are
 estimated from changes over 0.1 s, because the errors of the stamps are negligible over this time.
-If the motion does not determine an interval, for example at rest, the interval gets the mean length
-of the intervals with the same number of dropped repeated rows.
+If the motion does not determine an interval, for example at rest, the interval first gets the mean
+length of the intervals with the same number of dropped repeated rows. If the mean rate of the
+stamps is right, the times of such intervals are then kept close to the stamps.
 """
 
 from __future__ import annotations
@@ -28,12 +29,13 @@ FEWEST_OF_CLASS: Final = 10
 SHORTEST: Final = 0.1
 """Shortest permitted interval, relative to the median step of the stamps."""
 ON_TICK: Final = 0.95
-"""Smallest fraction of well-determined intervals that must be whole multiples of a common tick, so
-that all intervals are rounded to whole ticks."""
+"""All intervals are rounded to whole ticks if at least this fraction of the well-determined
+intervals are whole multiples of a common tick."""
 COUNTED: Final = 0.12
 """Largest standard deviation of an interval that is rounded to whole ticks on its own [ticks]."""
 RATE_KEPT: Final = 0.005
-"""Smallest relative difference from the stamps' mean rate for which the estimated rate is used."""
+"""Relative difference of the estimated duration from the stamps' duration, below which the mean
+rate of the stamps counts as right."""
 LARGEST_RATE_ERROR: Final = 0.05
 """Largest relative difference between the duration computed from the velocities and that of the
 stamps; if it is larger, the velocities are not used."""
@@ -57,7 +59,7 @@ class Times:
         time_s: Shape (rows,). Estimated times; the first one is the first stamp [s].
         tick_s: Time of which all intervals are whole multiples [s]; None if there is no such time.
         rate: Duration computed from the velocities divided by the true duration, which the stamps
-            show. The intervals of `time_s` are already divided by this ratio.
+            show. The intervals of `time_s`, except gaps, are already divided by this ratio.
     """
 
     time_s: FloatArray
@@ -129,7 +131,8 @@ def estimate_times(
 def displacement_error(samples: Samples, time_s: FloatArray, joint: int) -> FloatArray:
     """Return the displacement error of one joint in each interval, shape (rows - 1,).
 
-    The error is the joint's displacement minus the integral of its velocity over `time_s`.
+    The error is the joint's displacement minus the integral of its velocity over `time_s`, after
+    the scale and the delay of the velocity were corrected.
     """
     chosen = slice(joint, joint + 1)
     position = samples.position[:, chosen]

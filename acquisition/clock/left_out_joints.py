@@ -32,9 +32,10 @@ def left_out_gain(samples: Samples, repeats: IntArray) -> float | None:
 
     Returns:
         Mean logarithm of a ratio: the prediction error with the stamps divided by the prediction
-        error with the estimated times. None if fewer than two joints determine the times. 0 if the
-        gain is not significant. A significant gain exceeds two standard errors and 5 %, exceeds 5 %
-        in more than half of the blocks in motion, and makes at most a quarter of the joints worse.
+        error with the estimated times. None if fewer than two joints move, if they move too little,
+        or if no set of other joints determines the times. 0 if the gain is not significant. A
+        significant gain exceeds two standard errors and 5 %, exceeds 5 % in at least half of the
+        blocks in motion, and makes at most a quarter of the joints worse.
     """
     begin = max(0, (len(samples) - JUDGED_ROWS) // 2)
     samples = samples.part(slice(begin, begin + JUDGED_ROWS))

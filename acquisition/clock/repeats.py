@@ -35,12 +35,12 @@ So few equal rows are repeats at which a joint was slow or reversed.
 
 
 def repeated_rows(samples: Samples) -> BoolArray:
-    """Return True for each row with the position and torque of the previous row, shape (rows,).
+    """Return True for each row in which the logger read the previous values again, shape (rows,).
 
-    Velocities are ignored: a velocity computed from positions differs in such rows. Equal rows at
-    rest count as repeats if they are about as frequent as the repeats in motion, and if their runs
-    are not longer than those in motion. A measured torque contains noise; therefore an equal torque
-    shows that the row is a repeat.
+    Positions and torques of such a row equal those of the previous row. Velocities are ignored: a
+    velocity computed from positions differs in such rows. A measured torque contains noise, so that
+    it rarely repeats by chance. Equal rows at rest count as repeats if they are at most twice as
+    frequent as the repeats in motion, and if their runs are not longer than those in motion.
     """
     if len(samples) < FEWEST_ROWS:
         return np.zeros(len(samples), dtype=np.bool_)

@@ -71,7 +71,7 @@ class ClockReport:
 
     @property
     def is_sound(self) -> bool:
-        """True if no row repeats the previous one and nothing contradicts the stamps."""
+        """True if no row and few positions are repeats, and nothing contradicts the stamps."""
         held = max(self.held_share, default=0.0) > NAMED_SHARE
         stamps = self.clock in (ClockState.CONFIRMED, ClockState.UNVERIFIED)
         return stamps and not self.repeated_rows and not held

@@ -47,8 +47,8 @@ def torque_gain(
 
     Returns:
         Mean logarithm of a ratio, and its standard error. The ratio is the prediction error with
-        the stamps divided by the prediction error with `time_s`. None if the recording is too short
-        or its sampling rate is too low.
+        the stamps divided by the prediction error with `time_s`. None if the torques cannot be
+        predicted, for example because the recording is too short or its sampling rate too low.
     """
     try:
         by_stamps = _held_out_errors(robot, samples, samples.time_s, coupling)

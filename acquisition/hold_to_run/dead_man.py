@@ -42,8 +42,8 @@ class DeadMan(SharedBlock):
     """Shared memory between a held key and the cyclic task.
 
     Each press of a key permits the motion along one straight line while the key is held. A release
-    ends the press; a new press is needed to continue. The counters `press` and `begun` are written
-    after the fields whose new values they announce.
+    ends the press; a new press is needed to continue. `press` is written after the line that it
+    announces, and `over` and `begun` after the pose.
     """
 
     LABEL = "rid-daq-dead-man-1"

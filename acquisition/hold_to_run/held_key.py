@@ -128,8 +128,8 @@ class _Sender:
 class HeldKey:
     """The key that is held, at most one, according to the messages of several senders.
 
-    - A press begins with a message about a new challenge, from a sender that has released its key
-      before.
+    - A press begins with a message that answers a recent challenge, from a sender that has released
+      its key before.
     - The press continues while further messages of this sender arrive within `DEAD_MAN_S`, with
       increasing sequence numbers and with challenges younger than `CHALLENGE_LIMIT_S`.
     - After a gap, only a release followed by a new press counts.

@@ -29,8 +29,8 @@ class HeldMotion:
 
     The robot slows down from the first cycle in which the key is no longer held, with the
     acceleration of an approach. A press that has ended or whose key was released does not move the
-    robot again. On a simulated cell in lock-step, the motion runs in real time, because a person
-    holds the key.
+    robot again. On a simulated cell in lock-step, the motion runs in real time if a person holds
+    the key (not `unattended`).
 
     Args:
         robot: Robot whose joint limits apply.

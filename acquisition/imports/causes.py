@@ -31,7 +31,8 @@ WITHIN_A_SECOND_S = 1.0
 SHORTEST_STEP_S = 1e-6
 MOST_STARTS = 10
 START_STEPS = 10.0
-"""Number of steps of the time within which it starts again, from the first time stamp."""
+"""Largest distance from the first time stamp of a stamp at which the time starts again [median time
+steps]."""
 
 _BY_REASON = {
     "with a wrong number of columns": "check columns, delimiter and header_rows of the map",
@@ -54,7 +55,10 @@ _BY_REASON = {
 
 
 def respects_position_limits(position: FloatArray, limits: Sequence[JointLimits]) -> bool:
-    """Return True if positions, (rows, joints), respect the limits; 2 % at each end are ignored."""
+    """Return True if positions, (rows, joints), exceed no limit by more than `BEYOND_LIMIT`.
+
+    The lowest and the highest 2 % of the positions are ignored.
+    """
     if not np.isfinite(position).any(axis=0).all():
         return False
     low, high = np.nanpercentile(position, [2.0, 98.0], axis=0)
@@ -216,7 +220,7 @@ def _starts_again(rows: ImportRows) -> list[int]:
 
 
 def _covers_less_than(time_s: FloatArray, span_s: float) -> bool:
-    """Return True if all time stamps are within a time."""
+    """Return True if the first and the last of all time stamps are less than `span_s` apart."""
     return len(time_s) > 0 and float(np.ptp(time_s)) < span_s
 
 

@@ -85,10 +85,13 @@ class ImportColumns:
 
     @classmethod
     def of(cls, import_map: ImportMap, robot: RobotDescription | None) -> ImportColumns:
-        """Return the columns of a map without names; the robot file gives values that it lacks.
+        """Return the columns of a map that has numbers instead of the columns' names.
+
+        The robot file gives gear ratios and torque constants that are missing in the map.
 
         Raises:
-            ConfigError: A value is neither in the map nor in the robot file, or no robot is given.
+            ConfigError: A required value is in neither file, or the joints have other names in the
+                robot file.
         """
         units, joints = import_map.units, import_map.joints
         known = [_described_joint(import_map, joint, robot) for joint in joints]

@@ -1,7 +1,7 @@
 """`refuse_grouped_digits`: refuses columns in which `1.234` means 1234.
 
-A number without a fraction, such as `1.234` with a decimal point, is a sound decimal number by
-itself. It shows that it is not if other numbers of its column have no fraction.
+A single `1.234` can be a decimal number. Its point separates thousands if many numbers of its
+column have a point before the last three digits, and the others have no point.
 """
 
 from __future__ import annotations

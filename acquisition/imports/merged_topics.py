@@ -30,10 +30,10 @@ def merge_topics(
         table: Rows in which NaN marks an empty cell.
         columns: Indices of the table's columns to interpolate; the first one selects the rows.
         names: Name of each column in messages.
-        damaged: List to which rows are appended for which a column has no value at a near time.
+        damaged: List to which the kept rows are appended that have no near value in a column.
 
     Raises:
-        DataQualityError: A column is empty in all rows but one.
+        DataQualityError: A column is empty in every row, or in all rows but one.
     """
     if not columns or not np.isnan(table.values[:, columns]).any():
         return table

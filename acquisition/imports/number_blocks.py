@@ -1,6 +1,8 @@
 """`NumberBlocks`: converts whole blocks of lines to numbers, if every line is plain.
 
-The result is the same as that of reading cell by cell (`tables.py`), but takes a tenth of the time.
+The result is the same as that of reading cell by cell (`row_reader.py`), but takes a tenth of the
+time.
+
 A block with anything unusual (a quoted or empty cell, a missing column, a text) is not converted:
 its lines are then read one by one, which finds and names the damaged row.
 """

@@ -29,7 +29,8 @@ from config.errors import ConfigError, DataQualityError
 
 FEWEST_ROWS: Final = 100
 SAME_TIME: Final = 1e-3
-"""Largest distance between a row of the plate and one of the robot at the same time [steps]."""
+"""Largest difference of the times of a row of the plate and one of the robot that count as
+simultaneous [median steps of the plate]."""
 FLAT_ROWS: Final = 20
 """Number of equal rows at the extreme of a reading from which on it looks saturated."""
 
@@ -71,7 +72,10 @@ class PlateTable:
         return np.asarray(1.0 - self.valid.mean(axis=0))
 
     def without_offset(self, first_row_s: float) -> tuple[PlateTable, FloatArray | None]:
-        """Return the readings without the stated offset, and the offset (c,) [N, N m] or None.
+        """Return the readings without their offset, and the offset (c,) [N, N m] or None.
+
+        The offset is stated in the map, or is the mean of the readings while the robot is at rest
+        (`rest_s`). If the map has neither, the readings are unchanged.
 
         Args:
             first_row_s: Time of the run's first row on the plate's clock [s].

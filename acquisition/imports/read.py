@@ -3,7 +3,7 @@
 Impossible rows are reported and left out; a file with too few sound rows is refused. Repeated rows
 are left out, too. The times are rebuilt if positions and velocities show that the stamps are wrong
 (`acquisition.clock`). Positions that were recorded in steps follow the recorded velocity between
-the steps (`between_steps.py`). Everything else stays as recorded.
+the steps (`between_steps.py`).
 """
 
 from __future__ import annotations
@@ -58,7 +58,8 @@ def import_csv(
     - has another number of columns than the map,
     - has no number in a used column,
     - exceeds a limit of `plausible`,
-    - has a repeated or disordered time stamp, or
+    - has a repeated or disordered time stamp,
+    - has no near value of another topic or file, or
     - is further from its neighbours than the joints can move.
 
     Args:

@@ -57,7 +57,7 @@ class ImportReport:
 
     Attributes:
         file, map_name: Name of the file, without folders, and of the map.
-        rows_read, rows_used: Number of rows with data, and of rows in the recording.
+        rows_read, rows_used: Number of rows with data, and of rows that are used.
         damaged: Rows left out, in order.
         duration_s: Time from the first to the last used row [s].
         step_min_s, step_median_s, step_max_s: Time steps between used rows [s].
@@ -68,8 +68,8 @@ class ImportReport:
         refined_step: For each joint, the quantisation step of its position [rad or m]; between the
             steps, the position follows the recorded velocity. None without a visible step or a
             velocity.
-        rounded_step: For each joint without a recorded velocity, the quantisation step of its
-            position [rad or m]; None without a visible step or with a velocity.
+        rounded_step: For each joint, the quantisation step that remains in its position because no
+            velocity was recorded [rad or m]; None if no step remains or is visible.
         findings: Oddities of the used rows, one sentence each.
         static: True if no joint moves.
         torques: Meaning of the torques; None if the map does not state it.

@@ -104,9 +104,11 @@ def _drop_jumps(
 ) -> tuple[ImportRows, tuple[str, ...]]:
     """Drop rows that the joints cannot have reached, or whose stamps are far from all others.
 
-    A run is a series of rows, each of which the joints can have reached from the previous one. The
-    longest run is sound. Starting from it, the other runs are checked in both directions:
-    - A run is sound if the joints can have reached it from the last sound run.
+    A run is a series of rows, each of which the joints can have reached from the previous one, and
+    whose stamps are near each other. The longest run is sound. Starting from it, the other runs are
+    checked in both directions:
+    - A run of a few rows is damaged if its stamps are far from the last sound run.
+    - Any other run is sound if the joints can have reached it from the last sound run.
     - A long run is also sound if they can have reached it within 5 median steps. Then a time stamp
       was wrong, not a position.
     """

@@ -113,11 +113,11 @@ class CycleReader:
 
 
 def read_tail(path: Path, seconds: float) -> Recording:
-    """Return the end of a journal, at least `seconds` long; earlier rows do not stay in memory.
+    """Return the end of a journal; earlier rows do not stay in memory.
 
     Args:
         path: The `.mcap` file of an ended recording.
-        seconds: Required duration [s].
+        seconds: Shortest duration of the result [s]; a shorter journal is returned completely.
 
     Raises:
         RecordingError: The file cannot be read, is not a journal of this program, or has no

@@ -41,14 +41,14 @@ class JournalWriter(JournalFile):
         self._channel = self.add_channel(TOPIC, name, message_text(fields, joints), pairs)
 
     def append(self, rows: bytes) -> None:
-        """Write whole rows, given as bytes in the layout of the ring."""
+        """Write whole rows, given as bytes in the layout of the header."""
         size = self._row_size
         for start in range(0, len(rows), size):
             time_s: float = struct.unpack_from("<d", rows, start)[0]
             self.add_message(self._channel, time_s, rows[start : start + size])
 
     def append_array(self, rows: NDArray[Any]) -> None:
-        """Write many rows in the layout of the ring, faster than `append` does."""
+        """Write many rows in the layout of the header, faster than `append` does."""
         self.add_messages(self._channel, rows["time_s"], rows)
 
 

@@ -14,7 +14,7 @@ FREE_BYTES = 500 << 20
 "Free disk space that must remain beside the expected recording before a motion [bytes]."
 
 RESERVE_BYTES = 16 << 20
-"Size of the reserve: more than the ring and the summary of a journal together [bytes]."
+"Size of the reserve, for the rows in the ring and the summary of the journal [bytes]."
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 

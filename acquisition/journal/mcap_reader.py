@@ -103,7 +103,7 @@ class RawJournal(Messages):
     """All messages of a file.
 
     Attributes:
-        headers: Copies of the header, which may be damaged; the better protected copy is first.
+        headers: Copies of the header, which may be damaged.
         damage: Missing data.
     """
 
@@ -143,15 +143,12 @@ class JournalReader:
 
     @property
     def headers(self) -> tuple[dict[str, str], ...]:
-        """Copies of the header in the data read so far.
-
-        The copy that is better protected comes first.
-        """
+        """Copies of the header in the data read so far: of the file, then of its first channel."""
         candidates = (metadata_pairs(self._head), self._channel_pairs)
         return tuple(pairs for pairs in candidates if pairs is not None)
 
     def pieces(self, *, growing: bool = False) -> Iterator[Messages]:
-        """Yield the new messages up to the file's present end, from a quarter MB at a time.
+        """Yield the new messages up to the file's present end, after each quarter MB that is read.
 
         Args:
             growing: True if an incomplete end may still be completed.

@@ -73,7 +73,7 @@ class MonitorStream:
         time_s: Shape (rounds,). Times of the queries [s].
         temperature_k, operating_time_s: Shape (rounds, joints). Motor temperatures [K], and times
             since the drives were switched on [s].
-        valid: Shape (rounds, joints). True for drives that answered; other values are undefined.
+        valid: Shape (rounds, joints). True for drives that answered; the values of others are 0.
         notes: Damage of the file, one sentence each.
         run_id: Run of the recording; empty if the file does not name it.
     """
@@ -152,8 +152,9 @@ def read_run_temperatures(
         folder: The run's folder.
 
     Returns:
-        `stream`. Temperatures of every drive; None without a monitor. `notes`. Reason for missing
-        temperatures, or damage of their file; empty otherwise.
+        `stream`. Temperatures of every drive; None if they are missing for a drive. `notes`. Reason
+        for unreadable or missing temperatures, or damage of their file; empty otherwise, and for a
+        run without a monitor.
 
     Raises:
         RecordingError: The monitor belongs to another robot or run.
@@ -187,9 +188,9 @@ def with_temperature_compensation(
 ) -> Recording:
     """Return a recording with temperatures, and with torques corrected for them.
 
-    Drives multiply current by the constant at the reference temperature. The torque of a warm motor
-    differs by `torque_constant_per_k` per kelvin. Without a monitor, the recording is returned
-    unchanged.
+    Drives compute the torque with the torque constant at the reference temperature. The constant of
+    a warm motor differs from it by the fraction `torque_constant_per_k` per kelvin. Without a
+    monitor, the recording is returned unchanged.
     """
     if monitor is None:
         return recording

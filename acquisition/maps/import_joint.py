@@ -24,7 +24,8 @@ class JointReading(ConfigModel):
     Attributes:
         joint: Name of the joint in the robot file.
         torque_constant_nm_per_a: Torque per ampere [N m/A]: that of the motor if `gear_ratio` is
-            given, else that of the link side. Default: the constant of the robot file.
+            given or `side` of the map is `motor`, else that of the link side. Default: the constant
+            of the robot file.
         gear_ratio: Motor turns per joint turn, to convert values of the motor to the link side;
             negative if motor and joint turn in opposite directions.
         zero_offset: Recorded position at position 0 of the robot file's joint, in the unit of the

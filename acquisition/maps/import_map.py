@@ -80,9 +80,9 @@ class DamageLimits(ConfigModel):
 
     Attributes:
         position: Largest absolute position [rad or m].
-        speed: Largest absolute speed [rad/s or m/s]. A faster change between neighbouring rows is a
-            jump. Rows that are reached only by a jump also count as damaged; a long stretch of rows
-            is kept if a wrong time stamp can explain its jump.
+        speed: Largest absolute speed [rad/s or m/s]. The position jumps if it changes more than 1.5
+            times as fast between neighbouring rows. Rows that are reached only by a jump also count
+            as damaged; a long stretch of rows is kept if a wrong time stamp can explain its jump.
         torque: Largest absolute torque or force [N m or N].
     """
 

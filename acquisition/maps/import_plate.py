@@ -152,7 +152,7 @@ class ImportPlate(ConfigModel):
 
     @property
     def description(self) -> PlatePlace:
-        """The plate as the diagnosis of its description needs it."""
+        """Place of the plate; with channels, also its sizes and crosstalk."""
         place = {"position_m": self.position_m, "rotation_rad": self.rotation_rad}
         if not self.channels:
             return PlatePlace.model_validate(place)

@@ -65,7 +65,7 @@ def numbered(column: Column) -> int:
 
 
 class TimeColumn(ConfigModel):
-    """Column and unit of the time stamps. The steps may vary: the stamps are used as they are.
+    """Column and unit of the time stamps; the steps between them may vary.
 
     Attributes:
         column: Column of the time stamps, counted from 0, or its name in the header.
@@ -143,7 +143,7 @@ class Stamps:
 
     @property
     def whole_columns(self) -> tuple[int, ...] | None:
-        """Columns of whole numbers; none if the stamps are floats, None if they are texts."""
+        """Columns of whole numbers; empty if the stamps are floats, None if they are texts."""
         if self._time.unit == "iso":
             return None
         return self.columns if self._exact else ()
@@ -206,7 +206,7 @@ class Stamps:
 def match_date(text: str) -> re.Match[str] | None:
     """Return the match of a text with a date with a time of day, as unit `iso` reads it, or None.
 
-    Dates with the month first, such as 11/29/2026, are not read, because others mean the day.
+    Dates such as 03/04/2026 are not read: some programs write the month first, others the day.
     """
     return next((found for each in _DATES if (found := each.fullmatch(text.strip()))), None)
 

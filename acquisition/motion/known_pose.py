@@ -1,7 +1,7 @@
 """`KnownPose`: last known pose of the robot, to detect a lost encoder zero before a motion.
 
 A multi-turn encoder that has lost its count after a power cycle is wrong by whole turns of its
-motor; all later positions look plausible. Only a comparison with the last pose detects this.
+motor; all later positions look plausible. A comparison with the last pose detects this.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ ADVICE: Final = (
 def displacement_limit(joint: Joint) -> float:
     """Return the largest displacement that is accepted [rad or m].
 
-    It is less than one turn of the motor, so that a lost turn is always detected.
+    It is at most a quarter of a turn of the motor, so that a lost turn is detected.
     """
     least = LEAST_M if joint.type == "prismatic" else LEAST_RAD
     return min(least, _SHARE_OF_TURN * _motor_turn(joint))

@@ -151,7 +151,7 @@ def refuse(broken: list[str], what: str) -> None:
 def verify_limits(
     samples: MotionSamples, robot: RobotDescription, *, oversampling: int = 10
 ) -> None:
-    """Check position, velocity and acceleration also between the samples.
+    """Check position, velocity and acceleration, also between the samples, and the feedforward.
 
     The motion is the quintic through each pair of neighbouring rows (positions, velocities and
     accelerations). Therefore a step in the rows appears as the speed that it requires.

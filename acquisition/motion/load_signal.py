@@ -18,7 +18,7 @@ class LoadSignal(ConfigModel):
 
     Attributes:
         joint: Joint whose drive has the input; its servo profile must state `digital_inputs`.
-        bit: Bit of 60FDh.
+        bit: Number of the bit in object 60FDh (digital inputs).
         active: Level of the bit after the signal has come.
         debounce_s: Time for which the input must have this level without interruption.
         early_s: Longest time by which the signal may come before `at_s`.

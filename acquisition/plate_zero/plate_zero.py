@@ -1,9 +1,9 @@
 """`PlateOffset`: offsets of a force plate, separated from the moment of gravity by turning axis 1.
 
 The plate cannot be measured without load, because the robot stays on it. At rest, horizontal forces
-and the moment about the vertical are zero, the weight is constant, and the moment of gravity m
-turns with axis 1 (thesis, 4.4). In poses A and B, axis 1 is at -d/2 and +d/2 from the middle. With
-the offset o, the quarter turn J about axis 1, and the moment mu in the middle, the readings are
+and the moment about the vertical are zero, the weight is constant, and the moment of gravity turns
+with axis 1 (thesis, 4.4). In poses A and B, axis 1 is at -d/2 and +d/2 from the middle. With the
+offset o, the quarter turn J about axis 1, and gravity's moment mu in the middle, the readings are
 
     r_A = o + cos(d/2) mu - sin(d/2) J mu        r_B = o + cos(d/2) mu + sin(d/2) J mu
 

@@ -123,7 +123,9 @@ def average_periods(recording: Recording, *, rejected_limit: int = REJECTED_LIMI
       deviations above this median, and more than 1e-4 of the channel's variation (for a joint at
       rest: of the largest variation of all joints).
 
-    If any joint lacks a single row of a good period, this row is left out of the mean.
+    With a force plate, a period is also rejected if a channel drifts too fast in it, lacks too many
+    of its rows, or is an outlier. If any joint lacks a single row of a good period, this row is
+    left out of the mean.
 
     Args:
         recording: A periodic recording.

@@ -118,6 +118,12 @@ def _align(recording: Recording, rows: PlateRows, use: BoolArray, stream: int) -
 
 
 def find_settling(over: BoolArray, device_s: FloatArray, settling_s: float) -> BoolArray:
-    """Return True for overloaded values and for the settling time after an overload, (rows, 8)."""
+    """Return True for overloaded values and for the settling time after an overload.
+
+    Args:
+        over: Shape (rows, channels). True for overloaded values.
+        device_s: Shape (rows,). Times of the rows [s].
+        settling_s: Settling time [s].
+    """
     last_s = np.where(over, device_s[:, np.newaxis], -np.inf)
     return np.asarray(device_s[:, np.newaxis] - np.maximum.accumulate(last_s, axis=0) <= settling_s)

@@ -230,8 +230,8 @@ def _too_fast(
 
     The drift of a period is the difference between its beginning and the beginning of the next one.
     The drift of the last period is the difference between its end and the end of the previous one.
-    Values that repeat in every period cancel in these differences. For short periods, the noise of
-    the difference can be larger than the limit; then this noise is the limit.
+    Values that repeat in every period cancel in these differences. If six standard deviations of
+    the noise of such a difference are larger than the limit, they are used instead of it.
     """
     periods, samples, c = values.shape
     if periods < 2:

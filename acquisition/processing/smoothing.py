@@ -274,8 +274,8 @@ def _temperature_at(recording: Recording, time_s: FloatArray) -> FloatArray:
 def resample_periods(recording: Recording, period_s: float) -> Recording:
     """Return a periodic recording, resampled to a uniform grid that divides its period.
 
-    The first row is the start of the first period; rows after the last whole period are left out. A
-    grid row further than 5 median steps from a measured row is marked invalid.
+    The first row is the start of the first period; rows after the last whole period are left out.
+    Grid rows in a gap of more than 5 median steps are marked invalid.
 
     Args:
         recording: Whole periods from its first row on.

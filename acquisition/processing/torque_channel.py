@@ -1,7 +1,7 @@
 """`TorqueChannel`: delay and filter between a joint's torque and its recorded value.
 
 A drive samples, filters and sends its torque independently of its position. Therefore the recorded
-torque can be late by a fraction of a sample, and low-passed. The channel is applied to the model's
+torque can be late by a fraction of a sample, and low-passed. The filter is applied to the model's
 columns or to the predicted torque. The recorded torque is never deconvolved.
 """
 

@@ -85,8 +85,9 @@ def smoothing_width(position: FloatArray, step_s: float) -> float:
     """Return the smoothing's standard deviation that makes the velocity's sign reliable [s].
 
     It is `WIDTH_STEPS` times the duration of an encoder step at the speed `SLOW_RAD_S`, but at most
-    `WIDEST_SMOOTHING_S`. The result is 0, no smoothing, if this is not longer than the time between
-    rows.
+    `WIDEST_SMOOTHING_S`. If the noise of a position is larger than that of its steps, an equally
+    noisy step is used. The result is 0, no smoothing, if the width is not longer than the time
+    between rows.
 
     Args:
         position: Shape (samples, joints). Recorded positions.

@@ -41,7 +41,7 @@ _LOADS: Final = frozenset({"torque", "current"})
 
 
 def propose_map(path: Path, robot_reference: str) -> Proposal:
-    """Propose an import map for a CSV file or a file of arrays.
+    """Propose an import map for a CSV file, a file of arrays, or a bag with joint states.
 
     Args:
         path: The recording.
@@ -276,7 +276,10 @@ def try_import(
 def _propose_bundled_map(
     path: Path, table: SourceTable, reference: str, robot: RobotDescription
 ) -> Proposal:
-    """Return a bundled map with as many columns and joints as a file without a header has."""
+    """Return the first bundled map that fits a file without a header.
+
+    It has as many columns as the file and as many joints as the robot, and can import the file.
+    """
     width, own = len(table.names), robot.joint_names
     for name in bundled_names("maps"):
         import_map = load_bundled_or_path(name, "maps", ImportMap)

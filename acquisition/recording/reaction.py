@@ -22,7 +22,7 @@ class Reaction:
 
     Attributes:
         channel_names: Names of the c channels.
-        channels_n: Shape (samples, c). Readings at the recording's times [N].
+        channels_n: Shape (samples, c). Readings at the recording's times [N; N m for moments].
         valid: Shape (samples, c). False if the channel was in overload or delivered no value.
         base_wrench_matrix: Shape (6, c). Wrench on the robot's base per unit reading; see
             `PlateGeometry`.
@@ -50,7 +50,7 @@ class Reaction:
 
     @property
     def base_wrench(self) -> FloatArray:
-        """Wrench on the robot's base, with the channels' offsets, shape (samples, 6) [N, N m]."""
+        """Wrench on the robot's base, (samples, 6) [N, N m]; offsets of `channels_n` act on it."""
         return np.asarray(self.channels_n @ self.base_wrench_matrix.T)
 
 

@@ -8,6 +8,7 @@ from typing import Final
 
 import numpy as np
 
+from acquisition.recording.plate_geometry import WRENCH_NAMES, WRENCH_UNITS
 from acquisition.recording.recording import Recording
 from config.arrays import FloatArray
 from config.errors import RecordingError
@@ -80,12 +81,11 @@ def recording_table(recording: Recording, robot: RobotDescription) -> RecordingT
             )
     if recording.reaction is not None:
         reaction = recording.reaction
+        units = dict(zip(WRENCH_NAMES, WRENCH_UNITS, strict=True))
         for channel, name in enumerate(reaction.channel_names):
-            columns.append(
-                RecordingColumn(
-                    _column_name("plate", name, "N"), "N", reaction.channels_n[:, channel]
-                )
-            )
+            unit = units.get(name, "N")
+            values = reaction.channels_n[:, channel]
+            columns.append(RecordingColumn(_column_name("plate", name, unit), unit, values))
         wrench = reaction.channels_n @ reaction.base_wrench_matrix.T
         for axis, name in enumerate(WRENCH):
             unit = "N" if name.endswith("_n") else "N m"

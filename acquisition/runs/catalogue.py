@@ -17,7 +17,10 @@ _LOG = logging.getLogger("rid_daq.runs")
 
 
 def list_runs(root: Path) -> tuple[tuple[RunFolder, Manifest], ...]:
-    """Return the runs below `root`, oldest first; unreadable runs are left out."""
+    """Return the runs below `root`, oldest first.
+
+    Runs with an unreadable manifest, or with the manifest of another run, are left out.
+    """
     return tuple(
         (folder, manifest)
         for folder, manifest in _run_folders(root)

@@ -1,6 +1,6 @@
 """`RunFolder`: one folder with all files of a run, complete and portable.
 
-`manifest.json` lists each file of the run with the SHA-256 that it had when the run was made.
+`manifest.json` lists each file of the run with its SHA-256.
 Except recordings, which grow during the motion, files are written completely or not at all. The id
 is generated and the label is only text: neither can name a place outside the folder. Files that
 other programs put into the folder are strays: the program does not use or change them.
@@ -253,7 +253,7 @@ class RunFolder:
         facts: dict[str, JsonValue] | None = None,
         missing: Mapping[str, FileEntry] | None = None,
     ) -> Manifest:
-        """Record the outcome of the run, and enter the recordings of the folder in the manifest.
+        """Record the outcome of the run, and enter the recordings and logs of the run's processes.
 
         Files that are already in the manifest keep their hash. Files of other programs are ignored.
 

@@ -41,7 +41,7 @@ def run_monitor(
     header: MonitorHeader,
     parent: int,
 ) -> None:
-    """Run the monitor; main function of its process. It ends with the cyclic task.
+    """Run the monitor; main function of its process. It ends with the cyclic task or the program.
 
     Args:
         config, profile: Addresses and registers of the drives.

@@ -13,7 +13,10 @@ from config.process.termination import signals_blocked
 
 
 class ProcessHandle(Protocol):
-    """A process, or a function that runs in one: the methods of `multiprocessing.Process`."""
+    """A process, or the cyclic task within the process of a simulated cell.
+
+    Both have the methods of `multiprocessing.Process`.
+    """
 
     @property
     def pid(self) -> int | None:

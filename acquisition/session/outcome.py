@@ -25,7 +25,7 @@ _LATE = frozenset(
 
 @dataclass(frozen=True)
 class RecordOutcome:
-    """Outcome of a recorded motion; the drives are disabled and the file is closed.
+    """Outcome of a recorded motion, after its processes have ended.
 
     Attributes:
         path: The journal.

@@ -70,7 +70,7 @@ def prepare_plate(
 
 
 def discharge_plate(plate: PlateConfig, profile: AmplifierProfile) -> PlateReadiness:
-    """Configure the amplifier according to the cell file, reset it, and start the operation.
+    """Reset the amplifier, configure it according to the cell file, and start the operation.
 
     Raises:
         DriverError: The amplifier cannot be reached, or does not accept a setting or a command.

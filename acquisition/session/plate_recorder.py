@@ -1,7 +1,7 @@
 """The plate recorder: a process that reads the amplifier and writes `plate.mcap`.
 
-It reads blocks of rows, never single rows. After a loss of the connection it continues in the same
-file with a new stream, if the amplifier still operates with the same settings.
+It reads many rows at once. After a loss of the connection it continues in the same file with a new
+stream, if the amplifier still operates with the same settings.
 """
 
 from __future__ import annotations

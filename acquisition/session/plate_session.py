@@ -49,7 +49,10 @@ class PlateSession:
         self._wait_for_rows()
 
     def watch(self, progress: TaskProgress, control: ControlBlock) -> None:
-        """Request a stop if the plate sends no more rows, or is overloaded in too many periods."""
+        """Request a stop if the plate's connection or recorder fails, or at frequent overloads.
+
+        Overloads are frequent if they occur in more than three periods.
+        """
         status = self._block.status(time.monotonic())
         if status.state in (PlateState.LINE_LOST, PlateState.FAILED) or not self._process.is_alive:
             control.program.request_stop(StopCode.PLATE_LINE)

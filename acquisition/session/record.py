@@ -119,7 +119,7 @@ def record_motion(
     - Ctrl-C, SIGTERM and SIGHUP stop the motion (quick stop), however often they come, and are
       reported in the outcome. After the first signal this process ignores further ones, so that it
       can save the recording.
-    - The clean-up always completes, and every wait has a timeout.
+    - The clean-up always completes, and every wait for a process has a timeout.
     - Ctrl-Z only prints a sentence. The processes of a motion are independent of the terminal, and
       this process, which watches them, is not suspended either.
 

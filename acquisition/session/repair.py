@@ -59,7 +59,7 @@ class Repair:
         sentences += [note for note in self.damage.notes if "not closed" not in note]
         if not self.damage.finished:
             torn = (
-                f"about {self.torn_rows:.0f} incomplete rows and all"
+                f"about {self.torn_rows:.0f} incomplete rows and all "
                 if self.torn_rows >= 1.0
                 else ""
             )

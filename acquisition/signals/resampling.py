@@ -33,7 +33,7 @@ def resample(
         values: Shape (rows, channels). The rows.
         valid: Shape (rows, channels). False for invalid values, such as in saturation.
         at_s: Shape (samples,). Requested times [s].
-        at_rate_hz: Their rate.
+        at_rate_hz: Rate of the requested times [Hz].
 
     Returns:
         `samples`, shape (samples, channels). Zero if not valid.

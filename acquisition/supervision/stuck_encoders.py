@@ -29,6 +29,7 @@ class StuckEncoders:
     def __init__(self, rules: Supervision, robot: RobotDescription) -> None:
         self._rules = rules
         self._names = robot.joint_names
+        self._units = [joint.unit for joint in robot.joints]
         self._strain = [
             joint.limits.torque * rules.stuck_encoder_torque_fraction for joint in robot.joints
         ]
@@ -73,9 +74,9 @@ class StuckEncoders:
             return None
         return StopReason(
             StopCode.STUCK_ENCODER,
-            f"joint {self._names[i]}: its position has not changed for {self._periods[i]} cycles"
-            f" while {command:.4g} rad/s are commanded or its torque rises. Check encoder,"
-            " coupling and brake" + ("" if strains else NOT_STRAINED),
+            f"joint {self._names[i]}: its position has hardly changed for {self._periods[i]} cycles"
+            f" while {command:.4g} {self._units[i]}/s are commanded or its torque rises. Check"
+            " encoder, coupling and brake" + ("" if strains else NOT_STRAINED),
             joint=self._names[i],
             value=float(self._periods[i]),
             limit=float(rules.stuck_encoder_cycles),

@@ -26,7 +26,7 @@ class ControlBlock(SharedBlock):
     """Shared memory of a motion's processes; each part has one writer.
 
     Attributes:
-        program, task, recorder, monitor: Fields that this process writes.
+        program, task, recorder, monitor: Fields that the process of this name writes.
     """
 
     LABEL = "rid-daq-control-3"

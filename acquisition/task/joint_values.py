@@ -27,7 +27,7 @@ class JointValues:
         torque_share: Largest absolute torque within `WINDOW_S`, divided by the joint's limit.
         following_error: Set-point minus position [rad or m].
         following_error_share: Largest absolute following error within `WINDOW_S`, divided by the
-            supervisor's limit at the set-point's speed.
+            supervisor's limit at the speed of the feedforward.
         valid: True if the joint's drive answered plausibly; else the values are old.
     """
 

@@ -53,7 +53,7 @@ class Lockstep:
         return False
 
     def wait_for_judgement(self, periods: int) -> bool:
-        """Wait until `periods` whole periods are judged.
+        """Wait until `periods` whole periods are judged, at most a minute.
 
         Return False if the wait ended because of a stop.
         """
@@ -67,7 +67,10 @@ class Lockstep:
         return True
 
     def wait_for_monitor(self, time_s: float) -> None:
-        """Request temperatures for a simulated time [s] if the monitor's period has passed."""
+        """Request temperatures for a simulated time [s], and wait for them.
+
+        Do nothing if the monitor's period since the last request has not passed.
+        """
         if not self._monitored or time_s < self._requested_s + self._least_s:
             return
         control = self._control

@@ -2,8 +2,8 @@
 
 One process writes and one reads. Each counter has one writer and is stored with one aligned 64-bit
 store after the bytes that it announces. Therefore no lock is needed on x86-64, which keeps stores
-in order. The memory has no name and cannot outlive its processes. Another program of the same user
-can still find it, as it finds the control block, and read the latest rows without removing them.
+in order. The memory is freed when its last process ends. Another program of the same user can find
+it, as it finds the control block, and read the latest rows without removing them.
 """
 
 from __future__ import annotations

@@ -18,10 +18,11 @@ LEAST_OVERLAP: Final = 0.5
 LEAST_SPEED: Final = 1e-3
 """Smallest RMS speed of a motion that shows the clock [m/s or rad/s]."""
 LARGEST_GAP: Final = 2.5
-"""Distance of neighbouring rows, in typical distances, above which the path between is unknown."""
+"""Distance of neighbouring rows above which the path between them is unknown [median distances]."""
 LONGEST_SPAN: Final = 10.0
-"""Largest time between first and last row of an instrument, over the time of its rows and the run;
-with more, its clock has jumped."""
+"""Largest time from the first to the last stamp of an instrument, divided by the sum of two
+durations: that of its rows without gaps, and that of the run. If the time is longer, the clock has
+jumped."""
 _PEAKS: Final = 4
 _APART_S: Final = 0.2
 
@@ -46,7 +47,7 @@ class InstrumentClock:
 
 
 def is_covered(at_s: FloatArray, time_s: FloatArray) -> BoolArray:
-    """Return which times lie between rows, and not in a gap of the rows, shape of `at_s`.
+    """Return True for times between rows that are not in a gap of the rows, shape of `at_s`.
 
     Args:
         at_s: The times to judge [s].

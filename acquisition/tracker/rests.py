@@ -12,9 +12,9 @@ from config.arrays import FloatArray, freeze
 from config.errors import DataQualityError
 
 SHORTEST_S: Final = 0.4
-"""Shortest standstill that counts as a rest."""
+"""Shortest standstill that counts as a rest [s]."""
 SETTLING: Final = 0.3
-"""Duration at the beginning of each rest that is left out, because the robot still settles [s]."""
+"""Fraction of each rest, at its beginning, that is left out, because the robot still settles."""
 STILL: Final = 2e-3
 """Largest speed of a joint at rest [rad/s or m/s], as a mean over `WINDOW_S`."""
 WINDOW_S: Final = 0.1

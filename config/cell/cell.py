@@ -90,7 +90,7 @@ class DriveAxis(ConfigModel):
 
 
 class DriveSafety(ConfigModel):
-    """Safety settings that are written to every drive, and read back, before motion.
+    """Safety settings that are written to the drives, and read back, before motion.
 
     The preflight computes stopping time and distance of each axis from the values that its drive
     reads back. It refuses settings with which an axis would not stop in time, or not within its
@@ -173,7 +173,7 @@ class Supervision(ConfigModel):
             its position limit by this value, but at most by a twentieth of its range.
         following_error_per_velocity_s: Increase of the allowed following error per commanded speed
             (a line, as LinuxCNC's FERROR and MIN_FERROR).
-        stuck_encoder_cycles: An encoder is stuck if its position does not change for this number of
+        stuck_encoder_cycles: An encoder is stuck if its position hardly changes for this number of
             cycles while the commanded speed is above `stuck_encoder_velocity_rad_s`.
         stuck_encoder_velocity_rad_s: Lowest commanded speed for this check, without the part that
             comes from pre-compensation.

@@ -13,8 +13,8 @@ from config.robot.robot import RobotDescription
 STEEPEST_STOP: Final = 10.0
 """Largest plausible deceleration of a stop, relative to the robot's largest acceleration limit.
 
-A motor cannot brake a joint many times as fast as it accelerates it. A value in degrees/s² is 57
-times as large and is detected.
+A motor cannot brake a joint many times as fast as it accelerates it. A value that is given in
+degrees/s² by mistake is 57 times as large.
 """
 
 

@@ -168,8 +168,8 @@ class ServoProfile(ConfigModel):
             brakes and precharge.
         follows_bit: False if the drive never sets bit 12 of 6041h (drive follows the command
             value).
-        not_compared: Objects of the drive's ratings whose values are known to be wrong. Another
-            rating in the cell file is refused if the drive states a different one.
+        not_compared: Objects of the drive's ratings whose values are known to be wrong. Any other
+            rating in the cell file is refused if the drive states another value.
         referenced: Bits that report that the drive has been homed. A drive whose bits report the
             opposite is refused. Without this key, the program does not know if the drive was homed.
         watch: How drive and computer detect each other's failure: by heartbeats (1016h, 1017h) or,

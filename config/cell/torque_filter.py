@@ -1,4 +1,4 @@
-"""`ButterworthFilter`: the analog filter in front of the drives' torque converters."""
+"""`ButterworthFilter`: analog filter in front of the drives' torque converters or of a plate's."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from config.quantities import Positive
 
 
 class ButterworthFilter(ConfigModel):
-    """The analog anti-alias filter in front of the drives' torque converters.
+    """An analog anti-alias filter in front of a converter.
 
     Attributes:
         order: Number of poles.

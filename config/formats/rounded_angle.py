@@ -42,10 +42,10 @@ class AngleReading:
     def of(cls, angle_rad: float, exact_rad: float = 0.0) -> AngleReading:
         """Return the reading of an angle.
 
-        The angle is read as the nearest multiple of 15 degrees under two conditions. It differs
-        from the multiple, or from the multiple rounded to single precision, by less than one unit
-        of the angle's last decimal. It differs from the multiple by at most 1e-3 rad (quarter
-        turns: 5e-3 rad).
+        The angle is read as the nearest multiple of 15 degrees, except 0, under three conditions.
+        It has at least two decimals. It differs from the multiple, or from the multiple rounded to
+        single precision, by less than one unit of its last decimal. It differs from the multiple by
+        at most 1e-3 rad (quarter turns: 5e-3 rad).
 
         Args:
             angle_rad: The value in the file.

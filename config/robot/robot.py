@@ -53,9 +53,9 @@ class JointLimits(Derived):
     Attributes:
         position_min: Lowest position [rad or m].
         position_max: Highest position [rad or m].
-        velocity: [rad/s or m/s].
-        acceleration: [rad/s^2 or m/s^2].
-        torque: [N m or N].
+        velocity: Largest speed [rad/s or m/s].
+        acceleration: Largest acceleration [rad/s^2 or m/s^2].
+        torque: Largest torque or force [N m or N].
     """
 
     position_min: JointPosition

@@ -42,7 +42,7 @@ class UrdfBodies:
 
 @dataclass
 class _Notes:
-    """Notes on meshes: bodies made, and meshes not read by reason."""
+    """Notes on meshes: the bodies made from them, and by reason the meshes that were not read."""
 
     made: list[str] = field(default_factory=list)
     refused: dict[str, list[str]] = field(default_factory=dict)

@@ -71,7 +71,7 @@ def arm_between(tree: UrdfTree, base: str | None, tip: str | None) -> UrdfArm:
 
     Args:
         tree: The URDF.
-        base: The fixed link; if None, the root of the longest arm.
+        base: The fixed link; if None, the root of the tree that contains the arm.
         tip: The link whose origin is the tool point; if None, the last link of the only arm.
 
     Raises:

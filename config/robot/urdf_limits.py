@@ -53,8 +53,9 @@ class LimitDefaults:
 
     Attributes:
         position: Joints go from minus to plus this value [rad or m].
-        velocity, acceleration: [rad/s or m/s], and the same per second.
-        torque: At the link side [N m or N].
+        velocity, acceleration: Largest speed [rad/s or m/s], and largest acceleration [rad/s² or
+            m/s²].
+        torque: Largest torque at the link side [N m or N].
     """
 
     position: tuple[float, ...] = ()

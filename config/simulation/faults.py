@@ -1,6 +1,7 @@
 """`FaultScript`: the faults of a simulated cell, with their time and number.
 
-All random numbers come from `seed`. A fault begins at once, or as one of these keys states:
+All random numbers come from `seed`. A fault of the bus, a drive or the program begins at once, or
+when one of these keys says:
 - `at_s`: time since the start of the cell.
 - `at_cycle`: number of SYNCs since the drives were last commanded to be enabled.
 - `at_frame`, on the bus: number of the frame, from 1, among those that the fault concerns.
@@ -44,7 +45,7 @@ class FrameFault(TimedFault):
             the same identifier. `corrupt`: one bit is flipped. `wrong_length`: it has `length`
             bytes. `spoof`: another node answers before the drive, with its identifier and changed
             data.
-        frames: Kind of the frames.
+        frames: Kind of the frames. `answer` is a drive's TPDO 1, `command` its RPDO 1.
         joint: Joint of the drive whose frames are affected; without it, the frames of all drives.
         at_frame: Number of the first frame of this kind that is affected.
         probability: Probability with which each frame is affected.
@@ -125,10 +126,11 @@ class AdapterFault(TimedFault):
 
     Attributes:
         kind: `bus_off`: the adapter reports bus-off once, and receives and sends nothing.
-            `unplugged`: it is removed and cannot be opened. `no_acknowledge`: no node acknowledges
-            its frames; they wait in its queue and are sent after the fault.
+            `unplugged`: it is removed and cannot be opened. `no_acknowledge`: it receives nothing,
+            and no node acknowledges its frames; they wait in its queue and are sent after the
+            fault.
         duration_s: Duration of the fault.
-        queue: Frames that the queue holds; further ones are lost.
+        queue: Number of frames that wait at `no_acknowledge`; further ones are lost.
     """
 
     kind: Literal["bus_off", "unplugged", "no_acknowledge"]
@@ -294,7 +296,10 @@ class RegisterFault(ConfigModel):
     """A fault of a Modbus request.
 
     Attributes:
-        kind: `late`: answers the previous request. `exception`: answers with the exception `code`.
+        kind: `silent`: there is no answer. `late`: the answer comes before that to the next
+            request. `short`: the answer lacks one register. `wrong_unit`: another unit's number is
+            in the answer. `garbage`: each byte of the answer is changed. `exception`: the answer is
+            the exception `code`.
         at_request: Number of the request, from 0; without it, all requests.
         code: Exception code.
     """

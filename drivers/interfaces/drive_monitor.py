@@ -1,9 +1,10 @@
 """`DriveMonitor`: the drives' parameters and temperatures, read in parallel to the cyclic exchange.
 
 To add a monitor, write a class with the methods of `DriveMonitor`. It runs in its own process, so
-its waits do not delay the cyclic exchange. If a drive does not answer, its values are NaN and
-`problems` has a sentence about it; only a lost line raises `config.errors.DriverError`. An example
-is `drivers.modbus.drive_monitor`.
+its waits do not delay the cyclic exchange. If a drive does not answer `read`, its values are NaN
+and `problems` has a sentence about it; `read` raises `config.errors.DriverError` only if the line
+is lost. `motors` also raises it if a drive does not answer. An example is
+`drivers.modbus.drive_monitor`.
 """
 
 from __future__ import annotations
@@ -42,8 +43,8 @@ class MonitorReading:
 
     Attributes:
         temperature_k, operating_time_s: Shape (n,). Temperature of each joint's motor [K], and time
-            since its drive was switched on [s]; NaN if the drive did not answer or has no such
-            register.
+            since its drive was switched on [s]; NaN if the drive did not answer plausibly or has no
+            such register.
         problems: Reasons of missing answers, one sentence each.
     """
 

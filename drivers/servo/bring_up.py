@@ -153,7 +153,9 @@ def common_code(codes: Iterable[str]) -> str:
 
 
 def listen_for_masters(link: CanLink, cell: CellConfig, watch: DriveWatch) -> None:
-    """Listen for another master for the duration of a heartbeat timeout, before the first frame.
+    """Listen for another master before the first frame: for a heartbeat timeout, or 2.5 cycles.
+
+    The longer of the two times counts.
 
     Raises:
         LockedError: Another master was detected.

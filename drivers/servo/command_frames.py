@@ -1,7 +1,7 @@
 """Frames with the set-points and controlwords of a cycle: `FullCommands`, `TrimmedCommands`.
 
-`SpreadCommands` is for drives with fixed PDOs. The buffers of the frames are reused: send the
-returned frames before the next call.
+`SpreadCommands` is for cells with a drive whose data of a cycle are in several frames. The buffers
+of the frames are reused: send the returned frames before the next call.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class FullCommands:
 
 
 class SpreadCommands:
-    """Commands in the PDOs of drives with fixed PDOs; the controlword's frame is sent first.
+    """Commands in the frames of `AxisFrames`; the controlword is sent before the set-point.
 
     Args:
         frames: The drives' frames, base to flange.

@@ -39,8 +39,8 @@ SAFETY_OBJECTS: Final = frozenset(
     ("100Ch:00", "100Dh:00", "1016h:01", "1017h:00", "6007h:00", "605Ah:00", "605Eh:00", "6040h:00",
      "6041h:00", "6084h:00", "6085h:00")
 )  # fmt: skip
-"""Objects that protect people. A drive that lacks such an object is never used; only for 1016h and
-6085h there is a key that replaces them."""
+"""Objects that protect people. A key can replace only 1016h and 6085h. If 6007h, 605Ah or 605Eh is
+missing, the watchdog test must show the drive's reaction."""
 
 _RAMP: Final = "6084h:00"
 _MODES: Final[tuple[Mode, ...]] = tuple(mode for mode in get_args(Mode) if mode != "makers")

@@ -43,7 +43,7 @@ class PlateSensors:
         return np.asarray(base_wrench) @ self._forces.T
 
     def charges_pc(self, base_wrench: ArrayLike) -> Matrix:
-        """Return the channels' charges, (m, 8) [pC]; a positive force gives a negative charge."""
+        """Return the channels' charges, (m, 8) [pC], with the signs of the sensitivities."""
         return np.asarray(base_wrench) @ self._charges.T
 
 

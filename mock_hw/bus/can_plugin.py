@@ -162,10 +162,12 @@ class RidSimBus(can.BusABC):
             raise can.CanOperationError(str(error)) from error
 
     def receive_frames(self, timeout_s: float) -> Sequence[Arrival] | None:
-        """Return all classic data frames that have arrived; None after `timeout_s` [s] without any.
+        """Return all data frames with 11-bit identifiers that have arrived.
+
+        The result is None if no frame arrives within `timeout_s` [s].
 
         Raises:
-            can.CanOperationError: The hub has ended.
+            can.CanOperationError: The hub has ended, or the adapter is bus-off.
         """
         if not self._client.lockstep:
             return self._receive_realtime(timeout_s)

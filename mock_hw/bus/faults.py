@@ -134,6 +134,7 @@ class BusFaults:
         script: The faults.
         nodes: Node ids of the drives, by joint.
         master: Node id of the computer.
+        places: Places of the controlwords, from `controlword_places`.
         start_ns: Present time of the bus [ns].
 
     Attributes:
@@ -145,10 +146,15 @@ class BusFaults:
     """
 
     def __init__(
-        self, script: FaultScript, nodes: Mapping[str, int], master: int, start_ns: int = 0
+        self,
+        script: FaultScript,
+        nodes: Mapping[str, int],
+        master: int,
+        places: Mapping[int, int],
+        start_ns: int = 0,
     ) -> None:
         start_s = start_ns * 1e-9
-        self._cycles = CycleCount(nodes.values())
+        self._cycles = CycleCount(places)
         self._runners: list[_FrameFaultRunner] = []
         self._others: list[tuple[FaultStart, StrangeFrames | AdapterFault | TaskDelay]] = []
         self._random = random.Random(script.seed)

@@ -45,6 +45,7 @@ class HubSettings:
         faults: Faults of the bus.
         nodes: Node ids of the drives, by joint.
         master: Node id of the computer.
+        places: Places of the controlwords, from `controlword_places`.
         pace: Largest number of simulated seconds per second, in lock-step.
     """
 
@@ -57,6 +58,7 @@ class HubSettings:
     faults: FaultScript = NO_SCRIPT
     nodes: Mapping[str, int] = field(default_factory=dict)
     master: int = 127
+    places: Mapping[int, int] = field(default_factory=dict)
     pace: float | None = None
 
 
@@ -113,7 +115,7 @@ def _faults(settings: HubSettings) -> BusFaults | None:
     if not settings.faults.bus:
         return None
     start_ns = time.monotonic_ns() if settings.realtime else 0
-    return BusFaults(settings.faults, settings.nodes, settings.master, start_ns)
+    return BusFaults(settings.faults, settings.nodes, settings.master, settings.places, start_ns)
 
 
 def _run(hub: CanHub, stop_fd: int) -> None:

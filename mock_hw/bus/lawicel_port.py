@@ -20,7 +20,7 @@ from mock_hw.bus.lawicel import AdapterFrame, LawicelAdapter
 from mock_hw.bus.wire_time import REMOTE_FLAG, STANDARD_MASK
 
 _READ_BYTES = 4096
-_MEMORY_BYTES = 3072  # below the terminal's 4 kB; more could not be discarded
+_MEMORY_BYTES = 3072  # less than the 4 kB that the terminal holds and can discard
 
 
 class LawicelPort:
@@ -102,8 +102,8 @@ class LawicelPort:
     def _write(self, data: bytes) -> None:
         """Write lines to the computer; lose them if the adapter's memory is full.
 
-        The kernel can accept a part of a line only, or none, before the unread bytes show it. The
-        rest is sent with the next call.
+        The kernel may accept only a part of the bytes, or none, even if they fit. The rest is sent
+        with the next call.
         """
         if data and len(self._unsent) + len(data) + _unread_bytes(self._other) > _MEMORY_BYTES:
             self._adapter.overrun = True

@@ -26,7 +26,9 @@ def served_name(cell: CellConfig) -> str:
 
 
 def adapter_path(channel: str) -> Path:
-    """Return an adapter's path: `channel` itself, or for a name, a path in the runtime folder.
+    """Return the path of an adapter from a channel, without `@` and the text after it.
+
+    For a name without a folder, the path is in the runtime folder.
 
     Raises:
         TransportError: The runtime folder cannot be used.

@@ -63,7 +63,7 @@ def _header(can_id: int, length: int) -> tuple[int, int, int, int]:
     else:
         bits = (can_id & STANDARD_MASK) << 7 | remote << 6 | length
         count = 19
-    # The first zero of `bits` is the dominant start bit: it is state 0, before all other bits.
+    # The first of the `count` bits is the start bit, 0; state 0 is the state after it.
     stuffed, state = _feed(0, bits, count - 1)
     return count, stuffed, state, _crc(0, bits, count)
 

@@ -219,7 +219,7 @@ class SimulatedDrive:
                 self.power.abort_connection(self._now_s)
 
     def _reset(self, *, communication_only: bool) -> None:
-        """Reset the drive, or only its communication, by which a fault remains."""
+        """Reset the drive, or only its communication; in that case a fault remains."""
         faulty = self.power.state in (PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE)
         kept = communication_only and faulty
         self.power.enter_state(PowerState.FAULT if kept else PowerState.NOT_READY_TO_SWITCH_ON)

@@ -7,7 +7,7 @@ cell too. Therefore this module also announces when they start.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 from config.simulation.faults import DriveFault, FaultScript
@@ -30,6 +30,7 @@ class DriveFaults:
         script: The faults.
         joint_names: Names of the joints.
         drives: Drives in the order of the joints.
+        places: Places of the controlwords, from `controlword_places`.
         now_s: Present time [s].
         announce: Called with the number of a fault in the part `program` when it starts.
 
@@ -44,10 +45,11 @@ class DriveFaults:
         script: FaultScript,
         joint_names: Sequence[str],
         drives: Sequence[SimulatedDrive],
+        places: Mapping[int, int],
         now_s: float,
         announce: Callable[[int], None] = lambda _number: None,
     ) -> None:
-        self._cycles = CycleCount(drive.node_id for drive in drives)
+        self._cycles = CycleCount(places)
         self._drives = drives
         self._axes = {name: number for number, name in enumerate(joint_names)}
         self._coming = [(FaultStart(fault, now_s), fault) for fault in script.drives]

@@ -106,7 +106,8 @@ class SimulatedIdentity:
         if self.gear <= 0 or largest >= 2**32 or self.rated_torque_mnm <= 0:
             raise ConfigError(
                 f"node {self.node_id}: gear {self.gear} and rated torque {self.rated_torque_mnm}"
-                " mN m cannot be stored in 6091h and 6076h; both must be positive",
+                " mN m cannot be stored in 6091h and 6076h: both must be positive, and the two"
+                f" numbers of the gear below {2**32}",
                 code="RID-MOCK-RANGE",
             )
         if self.encoder_increments <= 0:
@@ -191,7 +192,7 @@ def _all_entries(identity: SimulatedIdentity) -> Iterator[ObjectEntry]:
 def _with_fixed_pdo(entry: ObjectEntry, fixed: dict[str, FixedPdo], node_id: int) -> ObjectEntry:
     """Return an object of a PDO's records, changed for a drive with fixed PDOs.
 
-    The transmission type of a fixed PDO can be written, its mapping and identifier cannot.
+    The transmission type of a fixed PDO can be written; its mapping and identifier cannot.
     """
     receives = entry.index & 0xFC00 == RPDO_COMMUNICATION
     number = (entry.index & 0xFF) + 1

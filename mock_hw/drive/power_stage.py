@@ -152,7 +152,7 @@ class PowerStage:
             self.set_target(target, now_s, self._ramp_s(change, PROFILE_ACCELERATION))
 
     def _ramp_s(self, change: float, acceleration: Key) -> float:
-        """Return the duration of a velocity change; `acceleration` is the object to use [s]."""
+        """Return the duration [s] of a velocity change; `acceleration` is the object to use."""
         return abs(change) / (max(1, self._objects[acceleration]) * self._acceleration_unit)
 
     def boot(self) -> None:
@@ -253,7 +253,7 @@ class PowerStage:
                 self._stop(PROFILE_DECELERATION, now_s, wanted)
 
     def _leave_quick_stop(self, wanted: PowerState) -> None:
-        """Leave the quick stop; T16 needs a 605Ah by which the drive holds the stopped axis."""
+        """Leave the quick stop; only with 5 or 6 in 605Ah can the drive be enabled again (T16)."""
         if wanted is PowerState.SWITCH_ON_DISABLED:
             self.enter_state()
         elif wanted is PowerState.OPERATION_ENABLED and self._after_ramp is None:

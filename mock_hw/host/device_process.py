@@ -97,7 +97,7 @@ def wait_until_ready(what: str, pipe: Connection) -> int | None:
 
 
 def leave_signals_to_parent() -> None:
-    """Ensure that only the parent process can end this process, which it does by SIGTERM.
+    """Leave the end of this process to its parent process, which sends SIGTERM.
 
     The process gets its own process group, so that it does not receive signals to all
     processes of the program: Ctrl-C, Ctrl-Z, a closed terminal, the SIGTERM of `timeout`. It

@@ -2,26 +2,45 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
+from config.cell.cell import CellConfig
 from config.simulation.faults import FaultScript
 from config.simulation.timed_fault import TimedFault
-from drivers.canopen.frames import NMT_COB_ID, SYNC_COB_ID, rpdo_cob_id
+from drivers.canopen.frames import NMT_COB_ID, SYNC_COB_ID
 from drivers.servo.cia402 import ControlWord
+from drivers.servo.requirements import cyclic_pdos, signal_object
+
+_ENABLING = (ControlWord.ENABLE_OPERATION, ControlWord.ENABLE_INTERPOLATION)
+
+
+def controlword_places(cell: CellConfig) -> dict[int, int]:
+    """Return the first byte of the controlword by the identifier of the RPDO that contains it."""
+    places = {}
+    for axis in cell.axes:
+        profile = cell.servo_of(axis)
+        for pdo in cyclic_pdos(axis.node_id, cell.exchange, profile):
+            start = 0
+            for item in pdo.objects:
+                controls = (item.index, item.subindex) == signal_object(profile, "controlword")
+                if controls and pdo.direction == "rpdo":
+                    places[pdo.cob_id] = start
+                start += item.bits // 8
+    return places
 
 
 class CycleCount:
     """Counts SYNC frames from the first Enable Operation until the power is switched off.
 
     Args:
-        node_ids: Node ids of the drives.
+        places: Places of the controlwords, from `controlword_places`.
 
     Attributes:
         cycle: Number of the present cycle; 0 before the first counted SYNC.
     """
 
-    def __init__(self, node_ids: Iterable[int]) -> None:
-        self._commands = frozenset(rpdo_cob_id(node) for node in node_ids)
+    def __init__(self, places: Mapping[int, int]) -> None:
+        self._places = places
         self._enabled = False
         self.cycle = 0
 
@@ -29,9 +48,9 @@ class CycleCount:
         """Process a frame of the bus."""
         if cob_id == SYNC_COB_ID:
             self.cycle += self._enabled
-        elif cob_id in self._commands and len(data) >= 2:
-            word = int.from_bytes(data[:2], "little")
-            if word == ControlWord.ENABLE_OPERATION:
+        elif (start := self._places.get(cob_id, len(data))) + 2 <= len(data):
+            word = int.from_bytes(data[start : start + 2], "little")
+            if word in _ENABLING:
                 self._enabled = True
             elif word == ControlWord.DISABLE_VOLTAGE:
                 self._restart()

@@ -23,8 +23,8 @@ def refuse_shared_disk(folder: Path) -> None:
         folder: Folder of the recordings; it may not exist yet.
 
     Raises:
-        ConfigError: The file system is larger than 4 GiB, or it is the one of the system, of
-            temporary files, of shared memory or of the home folder.
+        ConfigError: The file system is larger than 4 GiB, or it contains the system, temporary
+            files, shared memory, the home folder or the runtime folder.
     """
     there = next(path for path in (folder.absolute(), *folder.absolute().parents) if path.exists())
     needed = [Path("/"), Path(tempfile.gettempdir()), Path("/dev/shm"), runtime_directory()]
@@ -34,7 +34,7 @@ def refuse_shared_disk(folder: Path) -> None:
     disk = os.statvfs(there)
     if there.stat().st_dev in devices or disk.f_blocks * disk.f_frsize > LARGEST_BYTES:
         raise ConfigError(
-            f"program: disk_full: {folder} is on a file system that other programs need, so it is"
+            f"program: disk_full: other programs may need the file system of {folder}, so it is"
             f" not filled: record to a separate file system of at most {LARGEST_BYTES >> 30} GiB,"
             " such as a small RAM disk (--runs), or use disk_error",
             code="RID-FAULT-SCRIPT",

@@ -40,7 +40,7 @@ class ProgramFaults:
     Args:
         faults: The faults.
         pipe: Pipe from which the number of a fault comes when it begins, and to which an answer is
-            sent when it has taken effect.
+            sent when it has taken effect or is delayed.
 
     Raises:
         ConfigError: On leaving: a disk must not be filled, or the operating system refused an

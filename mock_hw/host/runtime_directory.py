@@ -20,12 +20,12 @@ _IN_USE = "in-use"
 def runtime_directory() -> Path:
     """Return the user's folder for simulated buses; create it without access for other users.
 
-    The folder is ``$XDG_RUNTIME_DIR/rid-daq``, or ``/tmp/rid-daq-<user id>`` if the variable is not
-    set.
+    The folder is ``$XDG_RUNTIME_DIR/rid-daq``, or ``/tmp/rid-daq-<user id>`` if the variable does
+    not name a folder.
 
     Raises:
-        TransportError: The folder belongs to another user, or other users can write to it, so that
-            a bus in it could be another user's.
+        TransportError: The folder cannot be created; or it belongs to another user, or other users
+            can write to it, so that a bus in it could be another user's.
     """
     base = os.environ.get("XDG_RUNTIME_DIR")
     if base and Path(base).is_dir():

@@ -165,11 +165,11 @@ class Plant:
         self._base_wrench = BaseWrench(self._robot, self._truth)
 
     def transfer(self, transfers: Sequence[LoadTransfer], origin_s: float) -> None:
-        """Schedule changes of the payload, which replace the ones that have not begun.
+        """Schedule changes of the payload; they replace earlier ones that have not ended.
 
         Args:
             transfers: The changes, in the order of time.
-            origin_s: Time of the plant from which they count [s].
+            origin_s: Time of the plant from which their `begin_s` counts [s].
         """
         self._transfers = [replace(each, begin_s=origin_s + each.begin_s) for each in transfers]
 

@@ -1,7 +1,8 @@
 """The simulated robot's rigid bodies in Pinocchio: links, and every rotor as a separate body.
 
-The full model has 2n coordinates: n joints and n rotors. A rotor is a body that turns about its
-axis on the link that carries it. The gears couple the coordinates to those of the n actuators:
+The coordinates of the full model are those of the n joints, and of the rotor of each joint that has
+one. A rotor is a body that turns about its axis on the link that carries it. The gears couple these
+coordinates to those of the n actuators:
 q_full = G alpha, with the constant matrix G = [C; diag(mu)]. C converts actuator positions to joint
 positions (5.18) and is the identity if the robot has no coupled wrist; mu are the gear ratios. With
 the full model's mass matrix M and bias b, the reduced equations have the mass matrix Gᵀ M G and the

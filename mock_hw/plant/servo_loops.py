@@ -8,17 +8,19 @@ Mass matrix and bias of the rigid bodies are constant during a call; the caller 
 calls. The outputs of elastic gears are separate coordinates after those of all axes. Between motor
 and output there are the spring, the damper and the play of the gear.
 
-A step is an implicit midpoint step for all effects except Coulomb friction, which is set-valued: at
-rest it can have any value in [-f_C, f_C]. The velocity v⁺ after a step h therefore minimises ½
-v⁺ᵀAv⁺ - rᵀv⁺ + h f_Cᵀ|v⁺|, which has a unique solution for any step. An axis that sticks has
+A step h is an implicit midpoint step for all effects except Coulomb friction. Without this
+friction, the velocity v⁺ after the step would satisfy the linear equations A v⁺ = r. Coulomb
+friction is set-valued: at rest it can have any value in [-f_C, f_C]. Therefore v⁺ minimises
+½ v⁺ᵀAv⁺ - rᵀv⁺ + h f_Cᵀ|v⁺|, which has a unique solution for any step. An axis that sticks has
 exactly v⁺ = 0.
 
 Friction with presliding is not set-valued. It is the elasto-plastic bristle model of Dupont,
-Hayward, Armstrong and Altpeter (IEEE Transactions on Automatic Control 47(5), 2002): the force is
-sigma_0 z + sigma_1 dz/dt, and the stretch z of the bristle follows dz/dt = v (1 - alpha z sign(v) /
-z_ss). While the stretch grows, alpha rises from 0 at 0.7 z_ss to 1 at z_ss; while it decreases,
-alpha is 0. Coulomb, Stribeck and load-dependent friction together are sigma_0 z_ss. The friction of
-the brake is always set-valued.
+Hayward, Armstrong and Altpeter (IEEE Transactions on Automatic Control 47(5), 2002). A bristle has
+stiffness sigma_0, damping sigma_1 and stretch z; its force is sigma_0 z + sigma_1 dz/dt. At a
+velocity v, the stretch follows dz/dt = v (1 - alpha z sign(v) / z_ss), where z_ss is the stretch of
+steady sliding. While the stretch grows, alpha rises from 0 at 0.7 z_ss to 1 at z_ss; while it
+decreases, alpha is 0. Coulomb, Stribeck and load-dependent friction together are sigma_0 z_ss. The
+friction of the brake is always set-valued.
 """
 
 from __future__ import annotations
@@ -310,8 +312,8 @@ def bristle_yield(velocity: float, stretch: float, limit: float, step_s: float) 
         velocity: Present velocity v.
         stretch: Present stretch z.
         limit: z_ss, the largest stretch.
-        step_s: Duration of a step [s]. If the limit falls below the present stretch, the stretch
-            returns to the limit within some steps.
+        step_s: Duration of a step [s]. If the limit is 0, the stretch returns to 0 within some
+            steps.
     """
     if velocity * stretch <= 0.0:
         return 0.0

@@ -1,9 +1,9 @@
 """`AxisSnapshot`: true state of the simulated axes, readable from any process.
 
-The drives' process writes the state into a small file after every step of the simulation; tests and
-checks read it. These data are not on the bus, and a real robot has no such file. In the opposite
-direction, readers write two numbers into the file: that of the payload to mount on the flange, and
-that of a motion's row.
+The drives' process writes the state into a small file whenever it has advanced the simulation;
+tests and checks read it. These data are not on the bus, and a real robot has no such file. Readers
+also write two numbers into the file: that of the payload to mount on the flange, and that of a
+motion's row.
 """
 
 from __future__ import annotations

@@ -19,7 +19,7 @@ LEAST_FRICTION = 0.2
 
 
 class MotorTemperatures:
-    """Temperatures of a robot's motors; a motor without `thermal` in the plant keeps its own.
+    """Temperatures of a robot's motors; that of a motor without `thermal` in the plant is constant.
 
     Attributes:
         temperature_k: Shape (n,). Temperatures of the motors, from base to flange [K].

@@ -59,7 +59,7 @@ class Tracker:
         self._before, self._taken = (position, velocity), 0
 
     def observe(self, now_s: float, position: Vector, velocity: Vector) -> list[Vector]:
-        """Return the measurements since the last state: rows of time, x, y, z [s, m].
+        """Return the measurements since the last state: rows of the tracker's time, x, y, z [s, m].
 
         The joints' motion between two states is the cubic that their velocities determine.
 

@@ -39,6 +39,7 @@ from mock_hw.bus.hub import CanHub
 from mock_hw.bus.hub_client import HubClient
 from mock_hw.bus.hub_process import listening_socket
 from mock_hw.bus.hub_protocol import HubRole
+from mock_hw.host.fault_clock import controlword_places
 from mock_hw.rack import DriveRack
 from mock_hw.rack_loop import RackLoop
 
@@ -189,7 +190,9 @@ class Rig:
         served = threading.Event()
         cell, robot, plant = loaded.config, loaded.robot, loaded.plant.without_unmodelled()
         nodes = {axis.joint: axis.node_id for axis in cell.axes}
-        faults = BusFaults(script, nodes, cell.drive_safety.master_node_id)
+        faults = BusFaults(
+            script, nodes, cell.drive_safety.master_node_id, controlword_places(cell)
+        )
 
         def serve() -> None:
             urgent = [NMT_COB_ID, SYNC_COB_ID, *map(sdo_request_cob_id, nodes.values())]

@@ -80,10 +80,10 @@ class ConstantVelocityMotion(Motion):
         joints: Ranges and speeds of the joints to measure.
         acceleration_fraction: Fraction of the joint's acceleration limit that is used to change the
             speed.
-        longest_run_s: Longest duration of one run [s]. Faster runs use the whole range; slower runs
-            use a part around the middle of the range.
+        longest_run_s: Longest time at constant speed in one run [s]. Faster runs use the whole
+            range; slower runs use a part around the middle of the range.
         repeats: Number of times that each speed is run forwards and backwards.
-        dwell_s: Rest before and after each run [s].
+        dwell_s: Rest before each run, and at the start and the end of the motion [s].
     """
 
     kind: Literal["constant_velocity"]

@@ -149,9 +149,10 @@ def require_duration(periods: int, period_s: float, ramp_s: float, parts: int = 
 def periodic_samples(
     motion: FourierMotion, robot: RobotDescription, sample_period_s: float
 ) -> MotionSamples:
-    """Return a periodic motion with run-in and run-out along its own path; stores one period.
+    """Return a periodic motion with run-in and run-out along its own path.
 
-    The ramps are longer than `ramp_s` if the limits require it.
+    The rows of the main phase are one period, which is repeated. The ramps are longer than `ramp_s`
+    if the limits require it.
 
     Args:
         motion: The periodic motion.

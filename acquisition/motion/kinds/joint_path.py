@@ -22,11 +22,10 @@ from dynamics.geometry.inverse_kinematics import PathSlopes
 POINTS_A_CHORD: Final = 40
 FEWEST: Final = 200
 NEAR: Final = 1e-3
-"""Fraction of the usual distance between two poses below which they bend the curve too much."""
+"""Fraction of the median distance between neighbouring poses; two poses that are closer are named
+as the cause if the curve exceeds a limit."""
 SAME_POSE: Final = 1e-6
-"""Largest difference between poses that count as the same [rad or m]; encoders cannot resolve this
-difference.
-"""
+"""Largest difference between poses that count as the same [rad or m]."""
 
 
 class JointPathMotion(Motion):
@@ -37,7 +36,8 @@ class JointPathMotion(Motion):
     Attributes:
         points: Poses on the curve, each with one position per joint, base to flange [rad or m].
         speed_fraction: Fraction of the joints' velocity and acceleration limits that is used.
-        jerk_time_s: Time that the acceleration takes to change from one limit to the other [s].
+        jerk_time_s: Shortest time in which the acceleration changes from one limit to the other
+            [s].
         dwell_s: Rest before and after the motion [s].
     """
 

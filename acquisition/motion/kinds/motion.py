@@ -24,7 +24,7 @@ Seconds = Annotated[Positive, Plausible(1e-3, LONGEST_MOTION_S, "s")]
 
 @dataclass(frozen=True)
 class MotionPoses:
-    """Poses, speed and rests of a motion that has no other properties.
+    """Poses of a motion, with its speed and its rests.
 
     Attributes:
         points: Poses, each with one position per joint, base to flange [rad or m].

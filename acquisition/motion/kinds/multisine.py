@@ -129,8 +129,8 @@ class MultisineMotion(Motion):
         """Return the harmonics of each joint's multisine, base to flange.
 
         Raises:
-            ConfigError: The joints of motion and robot differ, or the band has too many lines, or
-                too few for one of the joints.
+            ConfigError: The joints of motion and robot differ, `highest_hz` is too high a harmonic
+                of the period, or the band has too few lines for one of the joints.
         """
         order = self._joint_order(robot)
         first = math.ceil(self.lowest_hz * self.period_s - 1e-9)

@@ -47,7 +47,7 @@ FEWEST: Final = 200
 MOST: Final = 20_000
 SLOWEST_SHARE: Final = 0.02
 STEP_M: Final = 0.05
-"""Largest step along a line between two poses that follow each other."""
+"""Largest distance of the points on a line whose poses are computed one after the other [m]."""
 
 
 class PathMotion(Motion):

@@ -46,8 +46,8 @@ class SpeedLimits:
     Attributes:
         length: Shape (m,). Grid, from 0.
         speed: Shape (m,). Largest speed, per second.
-        steady, per_speed: Shape (m, n). The largest change of the speed is the smallest of `steady
-            - per_speed * speed^2`, per second squared.
+        steady, per_speed: Shape (m, n). The largest change of the speed is the smallest of the n
+            values `steady - per_speed * speed^2`, per second squared.
         smoothing_s: Time over which the change of the speed is averaged [s].
     """
 
@@ -113,7 +113,7 @@ def speed_limits(
 
 
 def speed_profile(limits: SpeedLimits, sample_period_s: float) -> SpeedProfile:
-    """Return the fastest motion along a path within its limits, from rest to rest.
+    """Return a fast and smooth motion along a path within its limits, from rest to rest.
 
     Args:
         limits: Limits of the speed.

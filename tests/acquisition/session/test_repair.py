@@ -17,10 +17,11 @@ from mcap.reader import make_reader
 
 from acquisition.journal.cycle_row import row_struct
 from acquisition.journal.cycles import JournalWriter, read_journal
+from acquisition.journal.mcap_reader import JournalDamage
 from acquisition.journal.mcap_writer import is_being_written
 from acquisition.journal.monitor import MonitorHeader, MonitorWriter, read_monitor
 from acquisition.session.cycle_recorder import run_recorder
-from acquisition.session.repair import examine_journal, repair_journal
+from acquisition.session.repair import Repair, examine_journal, repair_journal
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
 from acquisition.task.states import TaskState
@@ -222,3 +223,9 @@ def test_a_file_is_reported_as_being_written_until_it_is_closed(tmp_path: Path) 
     with JournalWriter(path, HEADER):
         assert is_being_written(path)
     assert not is_being_written(path)
+
+
+def test_the_rows_of_a_torn_end_are_named_in_separate_words() -> None:
+    damage = JournalDamage(finished=False, gaps=(), bad_chunks=0, torn_bytes=900)
+    repair = Repair(10, 0, 0.1, 0.0, 3.0, damage)
+    assert "allrows" not in " ".join(repair.sentences)

@@ -123,3 +123,12 @@ def test_a_movement_restarts_the_count(encoders: StuckEncoders) -> None:
         for _ in range(CYCLES - 1):
             assert encoders.check(1, FAST, 0.0, 0.0, 1) is None
         assert encoders.check(1, FAST, FAST, 0.0, 1) is None
+
+
+def test_the_speed_of_a_prismatic_joint_is_shown_in_metres(robot: RobotDescription) -> None:
+    sliding = robot.joints[1].model_copy(update={"type": "prismatic"})
+    joints = (robot.joints[0], sliding, *robot.joints[2:])
+    encoders = StuckEncoders(RULES, robot.model_copy(update={"joints": joints}))
+    reason = encoders.check(1, FAST, 0.0, 0.0, CYCLES)
+    assert reason is not None
+    assert f"{FAST:.4g} m/s" in reason.text
