@@ -7,8 +7,8 @@ bundled file with the folder's name. The data go through the commands `import`, 
 
 The output contains the prediction errors with their accuracy and causes (`benchmarks.judged_rows`),
 the number of rigid base parameters whose 95 % intervals agree between both directions, and the
-physical consistency of the models. With `--peer-python
-PYTHON`, figaroh identifies the same arrays in that Python. The last line is one JSON object.
+physical consistency of the models. With `--peer-python PYTHON`, figaroh identifies the same arrays
+in that Python. The last line is one JSON object.
 """
 
 from __future__ import annotations

@@ -4,8 +4,10 @@ The same simulated cell and program run for the whole time. Every simulated minu
 the bus, in a drive, in a process of the program or by the operator. Requirements:
 - After each fault the reaction is correct, the axes are at rest and the recording is readable.
 - After a reset of the faulty drives, the next motion runs normally.
-- Memory and descriptors of program, hub and drives do not grow. `--hours H` sets the simulated time
-(default: 8), `--every S` the time between faults (default: 60 s).
+- Memory and descriptors of program, hub and drives do not grow.
+
+`--hours H` sets the simulated time (default: 8), `--every S` the time between faults (default:
+60 s).
 """
 
 from __future__ import annotations

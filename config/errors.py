@@ -1,7 +1,7 @@
 """Error classes: every error that rid-daq raises on purpose.
 
-The program catches `RidDaqError` alone and turns it into one message and an exit code. A message
-says what is wrong, where, and what to do about it.
+The program turns such an error into one message and an exit code. A message says what is wrong,
+where, and what to do about it.
 """
 
 from __future__ import annotations

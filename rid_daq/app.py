@@ -1,7 +1,7 @@
 """The program: call a command line, and report how it ended.
 
-This is the only module that catches `RidDaqError`, and the system's errors about a lack of memory,
-disk space, files or processes.
+A command that fails raises a `RidDaqError`, or the system's error about a lack of memory, disk
+space, files or processes. This module turns the error into a message and an exit code.
 """
 
 from __future__ import annotations

@@ -3,8 +3,7 @@
 Run it with ``python -m benchmarks.thesis [--quick] [--only PART,...] [--page] [--results FILE]``.
 
 - The experiments have five parts: robot (chapters 3, 4 and 6), reversal (figure 6.6), friction,
-  payload and sensitivity.
-  With `--only`, the stored results of the other parts are kept.
+  payload and sensitivity. With `--only`, the stored results of the other parts are kept.
 - The results are stored in `docs/thesis.json`, part by part. Then the page and its pictures are
   written.
 - `--quick` runs short experiments. Page and results say which parts were short.

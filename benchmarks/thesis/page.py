@@ -154,6 +154,10 @@ def payload_tables(facts: Tree, payload: Tree, sensitivity: Tree) -> dict[str, s
     """Return the tables of chapter 5."""
     names = [f"{name} [{unit}]" for name, unit in zip(REPORTED, UNITS, strict=True)]
     masses = [each["values"][0] for each in _experiments(payload, "medium", "model")]
+    counts = [
+        f"{len(_experiments(payload, name, 'difference'))} with the {name}"
+        for name in _payloads(payload)
+    ]
     return {
         "payload_friction_table": table(
             ("friction", *(f"axis {j}" for j in range(1, 7))),
@@ -180,10 +184,7 @@ def payload_tables(facts: Tree, payload: Tree, sensitivity: Tree) -> dict[str, s
             ("wrong assumption", "torque error [%]"),
             *((case, _percent(max(row["torque_percent"]))) for case, row in sensitivity.items()),
         ),
-        "experiments": " and ".join(
-            f"{len(_experiments(payload, name, 'difference'))} of the {name} payload"
-            for name in _payloads(payload)
-        ),
+        "experiments": f"{', '.join(counts[:-1])} and {counts[-1]}",
         "difference_table": table(("payload", *names), *_payload_rows(payload, "difference")),
         "model_table": table(("payload", *names), *_payload_rows(payload, "model")),
         "model_masses": " to ".join(dict.fromkeys(f"{f(masses):.2f}" for f in (min, max))),

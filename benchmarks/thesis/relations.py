@@ -123,9 +123,9 @@ def _plate(robot: Tree) -> Iterator[Relation]:
         f" more than {100.0 * SMALL:g} % (axes 1 to 3: {_percent_list(points)}; on the excitation"
         f" run: {_percent_list(excited)}).",
         _largest(points) <= SMALL,
-        reason="A positive change is a larger error of the combined model. The internal model is"
-        " fitted to the torques alone, and the combined model also to the reaction. The simulated"
-        " robot has effects that neither model contains, so both fits differ.",
+        reason="A positive change means that the combined model has the larger error. The internal"
+        " model is fitted to the torques alone, and the combined model also to the reaction. The"
+        " simulated robot has effects that neither model contains, so both fits differ.",
     )
     change = _largest(_changes(robot["combined"]["wrench"], robot["external"]["wrench"]))
     yield Relation(

@@ -16,7 +16,8 @@ major version. Everything else in rid-daq may change at any time.
 - Every error is a `RidDaqError` with a stable code (`error.refusal`, such as RID-FILE-READ).
 - Nothing is printed. A function that takes long has the parameter `progress`, which is called
   with the name of the step, the amount done and the total.
-- Nothing is written except by `save` and by `Cell`. Ctrl-C leaves nothing half-written.
+- Only `save` and `Cell` write files, apart from temporary ones, which are deleted. Ctrl-C leaves
+  no file half-written.
 
 `model.py`, `recording.py` and `robot.py` contain the classes; begin to read with `estimation.py`.
 This package computes nothing itself: it calls `rid_daq.operations` and the packages below.

@@ -194,10 +194,10 @@ def design(
 ) -> Motion:
     """Choose an excitation trajectory that makes the parameters identifiable, within every limit.
 
-    The motion is a Fourier series for each joint. A search from many starts, with exact gradients,
-    maximises the information about the base parameters (docs/theory.md 10). Ramps, positions
-    between the samples, torques, workspace and self-collision are checked. Ctrl-C ends the search
-    with the best motion so far.
+    An excitation is a Fourier series for each joint. A search from many starts, with exact
+    gradients, maximises the information about the base parameters (docs/theory.md 10). Ramps,
+    positions between the samples, workspace and self-collision are checked; torques too, if a model
+    or `cad` in the robot file states masses. Ctrl-C ends the search with the best motion so far.
 
     Args:
         cell: A robot; or a cell, by its bundled name or its file, whose cycle time, workspace and

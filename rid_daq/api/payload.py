@@ -79,7 +79,7 @@ class Payload:
 
     @property
     def passed(self) -> bool:
-        """True if the intervals are within their limits and the payload explains the torques."""
+        """True if every criterion of the verdict holds (docs/guide/payload.md)."""
         return self.result.passed
 
     @property

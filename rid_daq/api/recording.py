@@ -187,7 +187,7 @@ class Recording:
 
     @property
     def time_s(self) -> FloatArray:
-        """Shape (samples,). Time stamps [s]; corrected if those of the source were wrong."""
+        """Shape (samples,). Times [s]; those of the source, unless the import corrected them."""
         return self.run.recording.time_s
 
     @property
@@ -265,9 +265,10 @@ def read_recording(
 ) -> Recording:
     """Read a recording: CSV, MAT, NPZ, HDF5 or Parquet files, a ROS bag, or a run folder.
 
-    Files are checked as by `rid-daq import`: damaged rows are left out, wrong time stamps are
-    corrected, and units and signs are tested; `Recording.notes` lists the findings. A run folder is
-    read as it was recorded or imported. The source is not changed.
+    Files are checked as by `rid-daq import`: damaged rows are left out, time stamps are corrected
+    if recorded velocities show that they are wrong, and units and signs are tested.
+    `Recording.notes` lists the findings. A run folder is read as it was recorded or imported. The
+    source is not changed.
 
     Args:
         source: A file, or a run folder.

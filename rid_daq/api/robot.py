@@ -57,7 +57,7 @@ class Robot:
         Args:
             path: The URDF.
             base: The fixed link; by default the URDF's root.
-            tip: The link at the tool point; by default the last moving link.
+            tip: The link at the tool point; by default the last link of the arm, before a gripper.
             packages: Folders with the ROS packages that contain the meshes.
             parallelograms: Joints with `<mimic>` that their own motors turn through a
                 parallelogram.

@@ -17,8 +17,8 @@ WIDEST_HELP: Final = 120
 
 _HELP: Final = (
     "Measure a robot's dynamics: drives, recordings, identification, validation, reports."
-    " CELL is a bundled name (ir361, kr15) or a path to a cell file. This program is not a safety"
-    " function: the cell's own emergency stop is required."
+    " CELL is a bundled name, such as ir361 or kr15, or a path to a cell file. This program is not"
+    " a safety function: the cell's own emergency stop is required."
 )
 
 

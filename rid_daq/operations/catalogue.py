@@ -155,7 +155,7 @@ CATALOGUE: Final = {
         "Experiment",
         "design an excitation trajectory, check it against the limits, write the motion file",
     ),
-    "import": local("experiment", "Experiment", "import a CSV file or ROS bag into a run folder"),
+    "import": local("experiment", "Experiment", "import a recording of another program as a run"),
     "average": local(
         "experiment", "Experiment", "cut a run into periods, reject bad ones, average the rest"
     ),

@@ -1,10 +1,10 @@
 """Record of a cell's axis test: signed, and valid until the cell file or robot file changes.
 
 The record is in the state folder of this user account. Clients of a service have no access to this
-folder, so no request can change the record. The entry of each axis has a signature, made with a
-secret of this account on this computer. The signature covers the cell, the hashes of its files, the
-person and the time. A record that was copied, edited or made by another account is therefore
-invalid.
+folder; they can change the record only by an axis test. The entry of each axis has a signature,
+made with a secret of this account on this computer. The signature covers the cell, the hashes of
+its files, the person and the time. A record that was copied, edited or made by another account is
+therefore invalid.
 """
 
 from __future__ import annotations

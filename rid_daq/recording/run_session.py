@@ -304,7 +304,7 @@ def require_runs_folder(runs: Path) -> None:
 
 @dataclass(frozen=True)
 class Clearance:
-    """Data for the question before a motion if the cell is clear.
+    """Data for the question, before a motion, whether the cell is clear.
 
     Attributes:
         cleared: True if a person has just confirmed that the cell is clear.
@@ -334,10 +334,9 @@ def open_session(
 
     Args:
         runs: Folder of the run folders.
-        context: Output for the person; asks if a real cell is clear, after all other checks have
-            passed.
-        clearance: Data for the question if the cell is clear; None if each step of the session asks
-            this question itself.
+        context: Output for the person; asks whether a real cell is clear, after all other checks
+            have passed.
+        clearance: Data for this question; None if each step of the session asks it itself.
         simulation: Options of a simulated cell that this program starts.
         scenario: Faults and instruments of such a cell.
         live: Options of the live page.

@@ -78,7 +78,7 @@ class Option:
 
 CellName = Annotated[
     str,
-    Field(description="Bundled cell (ir361, kr15) or a cell file."),
+    Field(description="Bundled cell, such as ir361 or kr15, or a cell file."),
     Option(positional=True, metavar="CELL", owned=True),
 ]
 

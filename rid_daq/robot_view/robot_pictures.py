@@ -21,8 +21,8 @@ Centre = tuple[float, float, float]
 _SHAPES: Final[Mapping[ShapeKind, str]] = {
     "meshes": "MESHES: the robot has the shape of the meshes of its URDF.",
     "bodies": "BODIES: the robot has the shape of `bodies` in its robot file.",
-    "schematic": "SCHEMATIC: the robot file has no `bodies`, so rods connect the joints; the robot"
-    " is larger, and no clearance follows from this shape.",
+    "schematic": "SCHEMATIC: the robot file has no `bodies`, so rods connect the joints; the real"
+    " robot is larger, and no clearance follows from this shape.",
 }
 
 

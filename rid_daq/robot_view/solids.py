@@ -13,7 +13,10 @@ from config.arrays import FloatArray, IntArray
 from config.meshes.mesh import Mesh
 
 DIRECTIONS_AT_ONCE: Final = 256
-"""Limits the memory for the farthest points of a mesh: its points times this number."""
+"""Number of directions for which the farthest points of a mesh are computed at once.
+
+The memory grows with this number times the number of points.
+"""
 
 
 def join_meshes(parts: Iterable[Mesh]) -> Mesh:

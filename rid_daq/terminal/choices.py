@@ -1,7 +1,7 @@
 """Choices and defaults of command-line options.
 
-The help of a command imports only this module, so nothing here imports numerics. The modules that
-use a choice document its meaning.
+The help of a command imports this module, so nothing here imports numerics. The modules that use a
+choice document its meaning.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ from identification.estimation.file import read_estimate, write_estimate
 
 
 def write_elastic_model(model: Path, path: Path, joints: list[int]) -> None:
-    """Write the model of a file with gears of 2e4 N m/rad in these joints of its robot."""
+    """Read a model, give some joints of its robot gears of 2e4 N m/rad, and write it to `path`."""
     estimate = read_estimate(model)
     gears = [
         joint.model_copy(update={"stiffness_nm_rad": 2e4}) if number in joints else joint

@@ -1,8 +1,8 @@
 """Randomly changed EDS files are read, or refused with file and line, within a short time.
 
-The test makes 10,000 changed files (100,000 if run by hand). Bytes are flipped, cut, doubled, or
-replaced by text that has broken parsers before; lines are deleted, doubled or moved. Then files of
-the largest allowed size are read.
+The test makes 10,000 changed files, and 100,000 in a run of the long tests. Bytes are flipped, cut,
+doubled, or replaced by text that has broken parsers before; lines are deleted, doubled or moved.
+Then files of the largest allowed size are read.
 """
 
 from __future__ import annotations

@@ -25,8 +25,8 @@ class AxesRequest(Request):
     SPACE is released. You answer in which direction the axis moved and about how far, and your
     answer is compared with the drive's encoder. A mismatch is reported with the line of the file to
     change (exit code 1). Axes that pass are recorded in the state folder of this user account. On a
-    real cell all other motions except `jog` require this record; it expires if the cell file or the
-    robot file changes.
+    real cell all other motions except `jog` require this record, unless --without-axis-test waives
+    it. The record becomes invalid if the cell file or the robot file changes.
     """
 
     cell: CellName

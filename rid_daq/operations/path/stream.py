@@ -36,8 +36,8 @@ class StreamOptions(Request):
     compensated: Annotated[
         bool,
         Field(
-            description="Compensate the path with the model. `--plain`: use the velocity of the"
-            " path as feedforward, without the model."
+            description="False (`--plain`): the feedforward is only the velocity of the path,"
+            " without compensation by the model."
         ),
         Option(flag="plain", value=False),
     ] = True

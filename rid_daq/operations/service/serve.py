@@ -63,7 +63,8 @@ class ServeRequest(Request):
     install: Annotated[
         bool,
         Field(
-            description="Write a systemd unit that starts this service with the computer, and end."
+            description="Write a systemd unit that starts this service, and end. A unit of root"
+            " starts with the computer, that of another user when this user logs in."
         ),
     ] = False
 

@@ -7,7 +7,7 @@ import { CELL, now, on } from "./service.js";
 const PATIENCE_MS = 30000;
 const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;
 const SHAPES = {
-  meshes: "MESHES: shape of the links from the robot's CAD files",
+  meshes: "MESHES: shape of the links from the meshes of the URDF",
   bodies: "BODIES: shape of the collision bodies in the robot file",
   schematic: "SCHEMATIC: only the axes and lengths are to scale",
 };

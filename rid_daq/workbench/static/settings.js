@@ -58,7 +58,7 @@ find("token").addEventListener("submit", async (event) => {
   await load("token-secret", async () => {
     const wanted = { name: find("token-name").value.trim(), role: find("token-role").value };
     const made = await ask("POST", "/tokens", wanted);
-    render(html`<p>Token of ${made.name}. Copy it now: it is shown only once. The command reads it from RID_DAQ_TOKEN.</p>
+    render(html`<p>Token of ${made.name}. Copy it now: it is shown only once. rid-daq reads it from the environment variable RID_DAQ_TOKEN.</p>
       <p class="secret">${made.secret}</p>`, find("token-secret"));
     event.target.reset();
     await Promise.all([showTokens(), showAudit()]);

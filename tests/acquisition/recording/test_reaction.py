@@ -213,7 +213,7 @@ def test_a_period_of_drift_is_excluded_and_named() -> None:
 @pytest.mark.parametrize("at", [0, 5, 10, 11])
 @pytest.mark.parametrize("into", [0.1, 0.5, 0.9])
 def test_a_jump_rejects_only_its_own_period(at: int, into: float) -> None:
-    """Row 29 of docs/faults.md, the drift can be in any period of the run, also in the last one."""
+    """Row 29 of docs/faults.md: a jump can be in any period of the run, also in the last one."""
     first = at * K + int(into * K)
     average = average_periods(recording_with_drift((first, first + 1, 2.0 / CYCLE_S)))
     assert [p.index for p in average.rejected] == [at]

@@ -109,8 +109,8 @@ def test_joints_are_in_the_robots_order_for_any_order_in_the_messages(tmp_path: 
 
 
 def test_each_joint_uses_its_own_sign_zero_gear_and_constant(tmp_path: Path) -> None:
-    """The conversion is that of a CSV file: position = sign (raw - zero) / gear, torque = sign raw
-    constant gear.
+    """The conversion is that of a CSV file: position = sign * (raw - zero) / gear, torque = sign *
+    raw * constant * gear.
     """
     elbow = {"joint": "elbow", "position_sign": -1, "torque_sign": -1, "zero_offset": 0.25}
     elbow |= {"gear_ratio": 2.0, "torque_constant_nm_per_a": 3.0}

@@ -29,7 +29,7 @@ def weighed(weigh: Callable[..., Recording]) -> Recording:
 
 @pytest.fixture(scope="module")
 def timing(weighed: Recording, arm: KnownArm) -> Estimate:
-    """Return the timing of the plate, if its stamps or readings are changed."""
+    """Return a function that estimates the plate's timing after a change of stamps or readings."""
 
     def estimate(
         *, offset_s: float = 0.0, rate: float = 0.0, own: bool = False, mixed: bool = False

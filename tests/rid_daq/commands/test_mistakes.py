@@ -1,4 +1,4 @@
-"""`identify` reports mistakes in a map, and does not write a model for them."""
+"""`identify` names mistakes in a map with the lines to change, and ends with exit code 6."""
 
 from __future__ import annotations
 

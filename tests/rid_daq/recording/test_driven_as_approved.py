@@ -255,8 +255,8 @@ def test_a_feedforward_that_alone_exceeds_a_speed_limit_is_refused(folder: Path)
 def test_the_planned_motion_is_checked_against_torque_limits(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Not only the torques of the motion that the position loop commands are checked; here that
-    motion is at rest.
+    """The motion that the position loop commands is at rest here: only the planned motion exceeds
+    the limit.
     """
     robot = (folder / "robot.yaml").read_text()
     (folder / "robot.yaml").write_text(robot.replace("torque: 450.0}", "torque: 1.0}"))

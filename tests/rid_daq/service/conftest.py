@@ -135,7 +135,7 @@ class ServedProcess:
 
     Attributes:
         process: The process.
-            url: Address of its pages, with the secret shown in its terminal.
+        url: Address of its pages, with the secret shown in its terminal.
     """
 
     folder: Path

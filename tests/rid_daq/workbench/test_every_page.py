@@ -1,4 +1,7 @@
-"""Every page in light and dark at three widths: no errors of the browser or of axe."""
+"""Every page in light and dark at three widths: no errors of the browser or of axe.
+
+axe is a program that checks the accessibility of pages.
+"""
 
 from __future__ import annotations
 

@@ -51,7 +51,7 @@ REPEATED = """() => {
 
 
 def pictured(page: Page, screenshots: Path, name: str) -> None:
-    """Store pictures of a page, and check it with axe in both themes."""
+    """Store pictures of a page, and check its accessibility (axe) in both themes."""
     for colours in ("light", "dark"):
         page.emulate_media(color_scheme="dark" if colours == "dark" else "light")
         expect(page.locator("[data-figure-state=loading]")).to_have_count(0)
