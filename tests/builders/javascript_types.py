@@ -124,7 +124,7 @@ def _page_schemas() -> dict[str, Any]:
 
 
 def _request_schemas(document: Mapping[str, Any], schemas: Mapping[str, Any]) -> set[str]:
-    """Return the names of the schemas of requests, in which a field with a default may be absent."""
+    """Return the names of the schemas of requests; a field with a default may be absent there."""
     waiting = [name for name in schemas if name.startswith("Request-")]
     for verbs in document["paths"].values():
         for operation in verbs.values():

@@ -10,16 +10,16 @@ SCRIPT = """\
 // A module.
 /** @type {(a: string) => string} */
 const word = (a) => /** @type {string} */ (a); // at the end of a line
-  /**
-   * More.
-   */
+/**
+ * More.
+ */
 const link = "https://example.org"; const power = 2 ** 3;
 """
 SENT = """\
 
 
 const word = (a) => (a); // at the end of a line
-  
+
 
 
 const link = "https://example.org"; const power = 2 ** 3;
