@@ -108,7 +108,6 @@ def type_errors(project: Path = ROOT) -> str:
 
 def _page_schemas() -> dict[str, Any]:
     """Return the schemas of documents that only pages receive; the API does not list them."""
-    from rid_daq.preflight.bus_check import CheckLine
     from rid_daq.robot_view.scene_encoding import SceneDocument
     from rid_daq.workbench.data_check import DataCheck
     from rid_daq.workbench.files.pose_list import PoseList
@@ -116,7 +115,7 @@ def _page_schemas() -> dict[str, Any]:
     from rid_daq.workbench.payload_sessions import CellSessions
     from rid_daq.workbench.view.resting_pose import RestingPose
 
-    types = (CheckLine, SceneDocument, RestingPose, PoseList, MotionText, DataCheck, CellSessions)
+    types = (SceneDocument, RestingPose, PoseList, MotionText, DataCheck, CellSessions)
     adapters = [(each.__name__, "serialization", TypeAdapter(each)) for each in types]
     _, found = TypeAdapter.json_schemas(adapters, ref_template=_REFERENCE + "{model}")  # type: ignore[arg-type]
     definitions: dict[str, Any] = found["$defs"]

@@ -21,7 +21,7 @@ export async function loadPreflight(section, words) {
     words.textContent = "This cell has had no preflight yet. Next: Check.";
     return;
   }
-  const lines = /** @type {Api.CheckLine[]} */ (/** @type {unknown} */ (found.lines));
+  const { lines } = found;
   const red = lines.filter((line) => line.verdict === "red");
   const voided = found.void_because ? ` It is void: ${found.void_because}` : "";
   words.textContent = `${found.passed ? "Green" : "Red"}: ${lines.length} lines, ${red.length} red, made ${timeOf(found.at_s)}.${voided} ${found.problem ?? ""}`;
