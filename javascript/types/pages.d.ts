@@ -44,11 +44,15 @@ interface LivePicture {
   moving: boolean;
   notes: string[];
   over: boolean;
+  phase: string;
   problem: string | null;
   recorder: string;
+  robot: string;
   share: number | null;
+  state: string;
   stop: string | null;
   stop_asked: boolean;
+  stop_joint: string | null;
   title: string;
   words: string;
 }
@@ -141,8 +145,10 @@ interface ShownPose {
 
 /** Head of a message with live signals (rid_daq/service/signals/signal_view.py). */
 interface SignalsHead {
+  type: "signals";
   age_s: number;
   bin_s: number;
+  cell: string;
   cell_lanes: string[];
   count: number;
   first: number;

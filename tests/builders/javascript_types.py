@@ -106,6 +106,18 @@ def type_errors(project: Path = ROOT) -> str:
     return subprocess.run(words, capture_output=True, text=True, check=False, cwd=project).stdout
 
 
+def assert_declared(document: Mapping[str, object], interface: str) -> None:
+    """Assert that a document has the keys of an interface that is written by hand."""
+    text = "".join(path.read_text(encoding="utf-8") for path in GENERATED.parent.glob("*.d.ts"))
+    (body,) = re.findall(
+        rf"^interface {interface} \{{\n(.*?)\n\}}$", text, re.DOTALL | re.MULTILINE
+    )
+    keys = re.findall(r"^  (\w+)(\??):", body, re.MULTILINE)
+    assert (
+        {key for key, optional in keys if not optional} <= {*document} <= {key for key, _ in keys}
+    )
+
+
 def _page_schemas() -> dict[str, Any]:
     """Return the schemas of documents that only pages receive; the API does not list them."""
     from rid_daq.robot_view.scene_encoding import SceneDocument
