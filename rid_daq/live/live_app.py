@@ -16,6 +16,7 @@ from starlette.types import ASGIApp
 from rid_daq.web.access import STOP_HEADER, Access, is_loopback
 from rid_daq.web.feed import Feed
 from rid_daq.web.guard import Guard
+from rid_daq.web.script_comments import without_comments
 
 _FILES = {
     "/": ("page.html", "text/html"),
@@ -44,6 +45,9 @@ def live_app(access: Access, feed: Feed, stop: Callable[[], None]) -> ASGIApp:
     """
     folder = files("rid_daq.live")
     contents = {path: folder.joinpath(name).read_bytes() for path, (name, _) in _FILES.items()}
+    for path in contents:
+        if path.endswith(".js"):
+            contents[path] = without_comments(contents[path].decode()).encode()
     page = Template(contents.pop("/").decode()).substitute(session=access.session).encode()
 
     async def main_page(request: Request) -> Response:

@@ -1,42 +1,54 @@
 // Show data of the server as plain text only, never as HTML.
 "use strict";
 const OLD_MS = 500, HISTORY_MS = 60000;
-const byId = (id) => document.getElementById(id);
-const eventsAddress = document.currentScript.dataset.events;
+/** @type {(id: string) => HTMLElement} */
+const byId = (id) => /** @type {HTMLElement} */ (document.getElementById(id));
+const eventsAddress = /** @type {HTMLElement} */ (document.currentScript).dataset.events ?? "";
+/** @type {JointCard[]} */
 const cards = [];
-let shown = null, heardAt = 0, unknown = false;
+/** @type {LivePicture | null} */
+let shown = null;
+let heardAt = 0, unknown = false;
 
+/** @type {(element: Element, text: string) => void} */
 function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
+/** @type {(value: number | null, digits: number) => string} */
 function number(value, digits) {
   return value === null ? "–" : value.toFixed(digits).replace("-", "\u2212");
 }
+/** @type {(share: number | null) => string} */
 function percent(share) {
   return share === null ? "–" : `${Math.round(100 * share)} %`;
 }
+/** @type {(seconds: number) => string} */
 function duration(seconds) {
   const whole = Math.max(0, Math.ceil(seconds)), rest = whole % 60;
   if (whole < 60) return `${whole} s`;
   if (whole < 3600) return `${Math.floor(whole / 60)} min ${String(rest).padStart(2, "0")} s`;
   return `${Math.floor(whole / 3600)} h ${String(Math.floor(whole / 60) % 60).padStart(2, "0")} min`;
 }
+/** @type {(element: Element, share: number | null) => void} */
 function heat(element, share) {
   element.classList.toggle("warm", share !== null && share >= 0.7 && share < 0.9);
   element.classList.toggle("hot", share !== null && share >= 0.9);
 }
 
+/** @type {(joints: LiveJoint[]) => void} */
 function makeCards(joints) {
   byId("joints").replaceChildren();
   cards.length = 0;
   document.body.classList.toggle("many", joints.length > 4);
   for (const joint of joints) {
-    const article = byId("joint").content.cloneNode(true).firstElementChild;
-    const part = (name) => article.querySelector(`[data-${name}]`);
-    const card = { article, points: [] };
-    for (const name of ["name", "temperature", "torque", "torque-bar", "torque-soft", "error", "error-bar",
+    const made = /** @type {DocumentFragment} */ (/** @type {HTMLTemplateElement} */ (byId("joint")).content.cloneNode(true));
+    const article = /** @type {HTMLElement} */ (made.firstElementChild);
+    /** @type {(name: string) => HTMLElement} */
+    const part = (name) => /** @type {HTMLElement} */ (article.querySelector(`[data-${name}]`));
+    const card = /** @type {JointCard} */ (/** @type {object} */ ({ article, points: [] }));
+    for (const name of /** @type {const} */ (["name", "temperature", "torque", "torque-bar", "torque-soft", "error", "error-bar",
       "error-soft", "position", "position-mark", "low", "high", "velocity", "velocity-mark", "slow", "fast",
-      "canvas"]) card[name] = part(name);
+      "canvas"])) card[name] = part(name);
     setText(card.name, joint.name);
     setText(card.low, number(joint.position_min, 2));
     setText(card.high, number(joint.position_max, 2));
@@ -47,16 +59,19 @@ function makeCards(joints) {
   }
 }
 
+/** @type {(element: HTMLElement, share: number | null) => void} */
 function bar(element, share) {
   element.style.width = `${100 * Math.min(1, share || 0)}%`;
   heat(element, share);
 }
+/** @type {(element: HTMLElement, share: number | null) => void} */
 function mark(element, share) {
   element.hidden = share === null;
   if (share !== null) element.style.left = `calc(${Math.min(1, Math.max(0, share))} * (100% - .7rem))`;
 }
 
-function showJoint(card, joint) {
+/** @type {(card: JointCard, joint: LiveJoint, moving: boolean) => void} */
+function showJoint(card, joint, moving) {
   setText(card.temperature, joint.temperature_c === null ? "" : `${number(joint.temperature_c, 1)} °C`);
   setText(card.torque, percent(joint.torque_share));
   heat(card.torque, joint.torque_share);
@@ -76,31 +91,33 @@ function showJoint(card, joint) {
   mark(card["velocity-mark"], speed === null ? null : 0.5 + 0.5 * speed);
   heat(card["velocity-mark"], speed === null ? null : Math.abs(speed));
   heat(card.velocity, speed === null ? null : Math.abs(speed));
-  card.article.classList.toggle("silent", joint.answers === false && shown.moving);
-  if (joint.torque_share !== null && shown.moving) {
+  card.article.classList.toggle("silent", joint.answers === false && moving);
+  if (joint.torque_share !== null && moving) {
     card.points.push([performance.now(), joint.torque_share, joint.following_error_share]);
   }
 }
 
+/** @type {(card: JointCard, canvas: HTMLCanvasElement) => void} */
 function draw(card, canvas) {
   const ratio = window.devicePixelRatio || 1;
   const width = Math.round(canvas.clientWidth * ratio), height = Math.round(canvas.clientHeight * ratio);
   if (canvas.width !== width || canvas.height !== height) { canvas.width = width; canvas.height = height; }
-  const pen = canvas.getContext("2d"), style = getComputedStyle(document.documentElement);
+  const pen = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d")), style = getComputedStyle(document.documentElement);
   const now = performance.now();
   pen.clearRect(0, 0, width, height);
   pen.lineWidth = 1.5 * ratio;
-  for (const [index, colour] of [[2, "--second-line"], [1, "--calm-line"]]) {
+  for (const [index, colour] of /** @type {[2 | 1, string][]} */ ([[2, "--second-line"], [1, "--calm-line"]])) {
     pen.strokeStyle = style.getPropertyValue(colour);
     pen.beginPath();
     for (const point of card.points) {
       const x = width * (1 - (now - point[0]) / HISTORY_MS);
-      pen.lineTo(x, height * (1 - 0.94 * Math.min(1, point[index])) - ratio);
+      pen.lineTo(x, height * (1 - 0.94 * Math.min(1, point[index] ?? 0)) - ratio);
     }
     pen.stroke();
   }
 }
 
+/** @type {(picture: LivePicture) => void} */
 function show(picture) {
   const first = shown === null || shown.joints.map((j) => j.name).join() !== picture.joints.map((j) => j.name).join();
   shown = picture;
@@ -112,7 +129,7 @@ function show(picture) {
   byId("way").setAttribute("aria-valuenow", String(Math.round(100 * (share || 0))));
   setText(byId("count"), `${share === null ? "" : `${Math.floor(100 * share)} %, `}${picture.count}`);
   setText(byId("left"), picture.left_s === null || picture.over || picture.stop !== null ? "" : `${duration(picture.left_s)} left`);
-  picture.joints.forEach((joint, i) => showJoint(cards[i], joint));
+  picture.joints.forEach((joint, i) => showJoint(cards[i], joint, picture.moving));
   const lines = [...picture.notes];
   if (picture.recorder.startsWith("failed")) lines.unshift(`Recorder ${picture.recorder}`);
   const messages = byId("messages");
@@ -127,10 +144,12 @@ function show(picture) {
   document.title = `${share === null ? "" : `${Math.floor(100 * share)} % `}${picture.words} – ${picture.cell}`;
 }
 
+/** @type {(text: string) => string} */
 function stopWords(text) {
   return /^stopped /.test(text) ? `S${text.slice(1)}` : `Stopped: ${text}`;
 }
 
+/** @type {(kind: string, text: string) => void} */
 function banner(kind, text) {
   const element = byId("banner");
   element.hidden = text === "";
@@ -143,7 +162,7 @@ function look() {
   const silent = shown === null || age > OLD_MS || (shown.moving && shown.age_s !== null && 1000 * shown.age_s > OLD_MS);
   const ended = shown !== null && shown.over;
   document.body.classList.toggle("old", silent && !ended);
-  byId("stop").disabled = ended && silent;
+  /** @type {HTMLButtonElement} */ (byId("stop")).disabled = ended && silent;
   const rest = shown && shown.at_rest_s !== null ? ` All axes at rest ${shown.at_rest_s.toFixed(2)} s later.` : "";
   if (unknown) banner("bad", "Access refused: open the complete address that the terminal shows.");
   else if (shown && shown.stop !== null) banner("bad", `${stopWords(shown.stop)}.${rest}`);
@@ -158,7 +177,7 @@ function paint() {
   const oldest = performance.now() - HISTORY_MS;
   for (const card of cards) {
     while (card.points.length && card.points[0][0] < oldest) card.points.shift();
-    if (card.points.length) draw(card, card.canvas);
+    if (card.points.length) draw(card, /** @type {HTMLCanvasElement} */ (card.canvas));
   }
 }
 
@@ -166,10 +185,12 @@ const events = new EventSource(eventsAddress);
 events.onmessage = (event) => {
   heardAt = performance.now();
   unknown = false;
-  show(JSON.parse(event.data));
+  /** @type {LivePicture} */
+  const picture = JSON.parse(event.data);
+  show(picture);
   look();
   // stop.js repeats a stop request until the server answers; this event may arrive before the answer
-  if (shown.stop_asked) document.dispatchEvent(new CustomEvent("stop-answered", { detail: { sentence: "Stop requested." } }));
+  if (picture.stop_asked) document.dispatchEvent(new CustomEvent("stop-answered", { detail: { sentence: "Stop requested." } }));
 };
 events.onerror = () => { unknown = events.readyState === EventSource.CLOSED && shown === null; look(); };
 setInterval(look, 200);

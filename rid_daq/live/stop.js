@@ -16,15 +16,20 @@
   const REQUEST_MS = 5000;
   const KEPT_MS = 60000;
   const KEY = "rid-daq stop";
-  const here = document.currentScript.dataset;
+  const here = /** @type {HTMLElement} */ (document.currentScript).dataset;
 
+  /** @type {(StopPress & { from: number, refusal: string, refusedAt: number }) | null} */
   let asked = null; // the last press of STOP, until the service has acknowledged it
   let number = Math.floor(Math.random() * 1e9);
+  /** @type {[string, string] | null} */
   let answer = null; // class and text of the acknowledgement; null if none is displayed
+  /** @type {Set<StopLine>} */
   const lines = new Set();
+  /** @type {Set<AbortController>} */
   const requests = new Set();
 
   // ---- status text
+  /** @type {(id: string) => HTMLElement | null} */
   const find = (id) => document.getElementById(id);
 
   function show() {
@@ -42,9 +47,10 @@
 
   // ---- repeat the stop request of a press until the service acknowledges the request
   function stop() {
-    begin({ number: ++number, cell: here.cell, request: here.request, at: Date.now() });
+    begin({ number: ++number, cell: here.cell ?? "", request: here.request ?? "", at: Date.now() });
   }
 
+  /** @type {(press: StopPress) => void} */
   function begin(press) {
     asked = { ...press, from: performance.now(), refusal: "", refusedAt: -Infinity };
     answer = null;
@@ -64,11 +70,13 @@
     document.dispatchEvent(new CustomEvent("stop-asked", { detail: message }));
   }
 
+  /** @type {(reply: StopAcknowledgement) => void} */
   function acknowledge({ number: of, sent = true, sentence = "Stop requested: check that the axes come to rest." }) {
     if (!asked || (of !== undefined && of !== asked.number)) return;
     asked = null;
     delete document.documentElement.dataset.stop;
     keep(null);
+    /** @type {[string, string]} */
     const shown = [sent ? "good" : "wait", sentence];
     answer = shown;
     show();
@@ -81,6 +89,7 @@
   }
 
   // Store a press of STOP in this tab: if the user leaves the page, the next page repeats the request.
+  /** @type {(press: StopPress | null) => void} */
   function keep(press) {
     try {
       if (press) sessionStorage.setItem(KEY, JSON.stringify(press));
@@ -90,9 +99,10 @@
     }
   }
 
+  /** @type {() => StopPress | null} */
   function kept() {
     try {
-      const press = JSON.parse(sessionStorage.getItem(KEY));
+      const press = JSON.parse(sessionStorage.getItem(KEY) ?? "null");
       return press && Math.abs(Date.now() - press.at) < KEPT_MS ? press : null;
     } catch {
       return null;
@@ -100,6 +110,7 @@
   }
 
   // ---- send the stop request by HTTP, each attempt on a new connection
+  /** @type {(press: NonNullable<typeof asked>) => Promise<void>} */
   async function request(press) {
     if (requests.size >= MOST_REQUESTS) return;
     const ending = new AbortController();
@@ -107,6 +118,7 @@
     const patience = setTimeout(() => ending.abort(), REQUEST_MS);
     try {
       const headers = { "x-rid-daq": "stop", "content-type": "application/json" };
+      /** @type {RequestInit} */
       const options = { method: "POST", headers, body: "{}", keepalive: true, priority: "high", signal: ending.signal };
       const got = await fetch(press.request, options);
       const reply = await got.json().catch(() => ({}));
@@ -125,16 +137,17 @@
   }
 
   // ---- send the stop request by a separate WebSocket, which is opened in advance
+  /** @type {StopLine | null} */
   let newest = null;
   let failures = 0;
-  let openAgain = null;
+  /** @type {ReturnType<typeof setTimeout> | undefined} */
+  let openAgain;
   let watchedAt = performance.now();
 
   function connect() {
     clearTimeout(openAgain);
-    openAgain = null;
-    const line = new WebSocket(`${location.protocol === "https:" ? "wss:" : "ws:"}//${location.host}${here.line}`);
-    line.heardAt = performance.now();
+    const socket = new WebSocket(`${location.protocol === "https:" ? "wss:" : "ws:"}//${location.host}${here.line}`);
+    const line = Object.assign(socket, { heardAt: performance.now() });
     newest = line;
     lines.add(line);
     while (lines.size > MOST_LINES) drop([...lines][0]);
@@ -160,6 +173,7 @@
     failures += 1;
   }
 
+  /** @type {(line: StopLine) => void} */
   function drop(line) {
     lines.delete(line);
     line.close();
@@ -183,8 +197,9 @@
   let pressedAt = -Infinity;
   let escapedAt = -Infinity;
 
+  /** @type {(event: Event) => void} */
   function press(event) {
-    if (!event.target.closest?.("#stop") || event.timeStamp - pressedAt < TWICE_MS) return;
+    if (!(/** @type {Element} */ (event.target).closest?.("#stop")) || event.timeStamp - pressedAt < TWICE_MS) return;
     pressedAt = event.timeStamp;
     stop();
   }
@@ -207,7 +222,8 @@
   // ---- show the button as soon as the browser has read it; show a warning if a script or style sheet fails to load
   let broken = false;
   function appear() {
-    if (broken && find("page-broken")) find("page-broken").hidden = false;
+    const warning = find("page-broken");
+    if (broken && warning) warning.hidden = false;
     const button = find("stop");
     if (!button) return;
     button.hidden = false;
@@ -221,7 +237,8 @@
     appear();
   });
   addEventListener("error", (event) => {
-    const place = event.filename ?? event.target.src ?? event.target.href ?? "";
+    const source = /** @type {HTMLScriptElement & HTMLLinkElement} */ (event.target);
+    const place = event.filename ?? source.src ?? source.href ?? "";
     if (!place.startsWith(`${location.origin}/static/`)) return;
     broken = true;
     appear();

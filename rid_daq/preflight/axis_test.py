@@ -25,7 +25,7 @@ from config.formats.whole_file import write_whole
 from config.load import LoadedCell
 from config.model import ConfigModel
 from config.process.own_state import own_secret, own_state_folder
-from rid_daq.preflight.bus_check import CheckLine, Verdict
+from rid_daq.preflight.check_line import CheckLine, Verdict
 
 LARGEST_FILE_BYTES: Final = 1 << 20
 AXIS_TEST: Final = "axis test (direction, encoder, gear) since cell and robot file changed"

@@ -1,13 +1,8 @@
-"""`CheckLine`: a line of the preflight.
-
-This module also makes the lines on the bus: load, queue, senders, watchdogs.
-"""
+"""Lines of the preflight on the bus: load, queue, senders, watchdogs."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Literal
 
 from config.cell.cell import CellConfig
 from drivers.canopen.bus_load import LOAD_LIMIT
@@ -21,6 +16,7 @@ from drivers.servo.watchdog_test import (
     run_watchdog_test,
     switches_power,
 )
+from rid_daq.preflight.check_line import CheckLine
 
 LONGEST_QUEUE = 128
 SPARE_FRAMES = 2
@@ -34,31 +30,6 @@ _COMPUTER = (
     "this computer did not detect that the drive's heartbeat was missing: check 1017h in"
     " the drive, or 100Ch"
 )
-
-Verdict = Literal["ok", "red", "allowed", "shown"]
-
-
-@dataclass(frozen=True)
-class CheckLine:
-    """One line of the preflight: the finding, the requirement, and the remedy if it is red.
-
-    `code` is the stable error code of a red line; empty for lines without their own code. A line
-    with a `headline` is shown under this name even if it is not red. `position` is the measured
-    position in the line of a joint's position [rad or m], `temperature_c` the temperature in the
-    line of a motor's temperature [°C].
-    """
-
-    where: str
-    what: str
-    required: str
-    found: str
-    verdict: Verdict
-    next_action: str = ""
-    of_drive: bool = False
-    code: str = ""
-    headline: str = ""
-    position: float | None = None
-    temperature_c: float | None = None
 
 
 def bus_lines(cell: CellConfig) -> list[CheckLine]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from rid_daq.blocks.block import AnyBlock, Cells, Heading, Text, table
-from rid_daq.preflight.bus_check import CheckLine
+from rid_daq.preflight.check_line import CheckLine
 from rid_daq.terminal.context import Context
 
 _WORDS = {"red": "RED", "allowed": "allowed", "ok": "ok", "shown": "-"}

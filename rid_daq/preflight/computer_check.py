@@ -12,7 +12,7 @@ from pathlib import Path
 from acquisition.journal.disk_reserve import FREE_BYTES
 from acquisition.task.realtime import PROCESSOR_LATENCY, SCHEDULER_PRIORITY
 from config.errors import RecordingError, system_errors
-from rid_daq.preflight.bus_check import CheckLine
+from rid_daq.preflight.check_line import CheckLine
 from rid_daq.preflight.lateness import measure_lateness
 
 WRITE_BYTES = 4 << 20

@@ -12,7 +12,8 @@ from drivers.cell import Cell, open_cell
 from drivers.interfaces.servo_axes import DriveSetting
 from drivers.servo.position_counter import REFERENCED
 from drivers.settings.write_log import WriteLog
-from rid_daq.preflight.bus_check import CheckLine, sender_lines, watchdog_lines
+from rid_daq.preflight.bus_check import sender_lines, watchdog_lines
+from rid_daq.preflight.check_line import CheckLine
 from rid_daq.preflight.drive_advice import next_action
 
 

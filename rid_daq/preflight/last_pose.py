@@ -22,7 +22,7 @@ from config.formats.whole_file import write_whole
 from config.load import LoadedCell
 from config.model import ConfigModel
 from config.process.own_state import own_state_folder
-from rid_daq.preflight.bus_check import CheckLine
+from rid_daq.preflight.check_line import CheckLine
 
 LARGEST_FILE_BYTES: Final = 1 << 16
 LAST_POSE: Final = "pose compared with the last pose"

@@ -13,7 +13,7 @@ from config.plausible import ZERO_CELSIUS_K
 from config.robot.robot import RobotDescription
 from drivers.interfaces.drive_monitor import MonitorReading, MotorData
 from drivers.modbus.drive_monitor import open_drive_monitor
-from rid_daq.preflight.bus_check import CheckLine
+from rid_daq.preflight.check_line import CheckLine
 
 CONSTANT_TOLERANCE = 0.01
 

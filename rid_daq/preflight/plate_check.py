@@ -15,7 +15,7 @@ from acquisition.session.plate_preparation import (
 from config.cell.amplifier_profile import LINE_LOAD_LIMIT, AmplifierProfile, line_load
 from config.cell.cell import CellConfig
 from config.cell.plate import CHANNEL_NAMES, PlateConfig, PlateZero
-from rid_daq.preflight.bus_check import CheckLine
+from rid_daq.preflight.check_line import CheckLine
 
 POSE_RAD = 0.02
 PLATE = "force plate"

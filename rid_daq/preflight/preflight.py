@@ -13,7 +13,8 @@ from config.errors import DriverError, RidDaqError
 from config.load import LoadedCell
 from drivers.settings.write_log import WriteLog
 from rid_daq.preflight.axis_test import AxisTestRule, axis_test_line
-from rid_daq.preflight.bus_check import CheckLine, bus_lines, load_line
+from rid_daq.preflight.bus_check import bus_lines, load_line
+from rid_daq.preflight.check_line import CheckLine
 from rid_daq.preflight.computer_check import disk_lines, time_lines
 from rid_daq.preflight.drives_check import DriveTrouble, check_drives
 from rid_daq.preflight.eds_check import eds_lines

@@ -21,6 +21,7 @@ from markupsafe import Markup
 from rid_daq.blocks.plot import Plot
 from rid_daq.figures.figure_item import figure_item, figure_script
 from rid_daq.web.bundled_modules import bundled_modules
+from rid_daq.web.script_comments import without_comments
 
 STILL_POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
 
@@ -75,7 +76,7 @@ def library_style() -> Markup:
 def script() -> Markup:
     """Return the page's JavaScript module, which shows each figure when it becomes visible."""
     own = Path(__file__).with_name("report.js").read_text(encoding="utf-8")
-    return Markup(figure_script().read_text(encoding="utf-8") + own)
+    return Markup(without_comments(figure_script().read_text(encoding="utf-8") + own))
 
 
 def compress_text(text: str) -> Markup:

@@ -154,7 +154,7 @@ class Readiness:
 
 def _is_sufficient_for(preflight: Preflight, kind: JobKind | None) -> bool:
     """Return True if a failed preflight lacks only items that a kind of motion does not need."""
-    red = [line.get("code") for line in preflight.lines if line.get("verdict") == "red"]
+    red = [line.code for line in preflight.lines if line.verdict == "red"]
     waits_for_axes_only = preflight.problem is None and {*red} <= {UNTESTED, MOVED}
     is_held = kind is not None and not kind.operation.needs_axis_test
     return is_held and bool(red) and waits_for_axes_only

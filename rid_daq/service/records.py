@@ -7,6 +7,7 @@ from typing import Annotated, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
+from rid_daq.preflight.check_line import CheckLine
 from rid_daq.service.job_kinds import JobKind
 
 MOST_CHARACTERS: Final = 200
@@ -167,7 +168,7 @@ class Preflight(Record):
     age_s: float | None = None
     passed: bool
     problem: str | None
-    lines: tuple[dict[str, object], ...]
+    lines: tuple[CheckLine, ...]
     void_because: str = ""
 
 

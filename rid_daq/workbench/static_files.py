@@ -12,6 +12,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 from importlib.resources import files
+from importlib.resources.abc import Traversable
 from types import MappingProxyType
 from typing import Final
 
@@ -21,6 +22,7 @@ from starlette.responses import Response
 from rid_daq.service.refusals import UnknownError
 from rid_daq.session.versions import program_version
 from rid_daq.web.bundled_modules import bundled_modules
+from rid_daq.web.script_comments import without_comments
 from rid_daq.workbench.compressed import LARGEST_LEVEL, CompressedBody
 from rid_daq.workbench.menu import command_links
 
@@ -49,12 +51,18 @@ def static_files() -> Mapping[str, bytes]:
         files("rid_daq.figures").joinpath("figure.css"),
     )
     ours = {
-        file.name: file.read_bytes()
+        file.name: _content_of(file)
         for file in (*own, *shared)
         if file.name[file.name.rfind(".") :] in _KINDS
     }
     links = f"export const LINKS = {json.dumps(command_links())};\n".encode()
     return {**ours, **bundled_modules(), "command_links.js": links}
+
+
+def _content_of(file: Traversable) -> bytes:
+    content = file.read_bytes()
+    is_script = file.name.endswith(".js")
+    return without_comments(content.decode()).encode() if is_script else content
 
 
 @functools.cache

@@ -11,7 +11,8 @@ from config.errors import RidDaqError
 from config.load import load_cell
 from rid_daq.operations.cell.check import CheckRequest
 from rid_daq.operations.operation import Context
-from rid_daq.preflight.bus_check import NOT_TESTED, CheckLine
+from rid_daq.preflight.bus_check import NOT_TESTED
+from rid_daq.preflight.check_line import CheckLine
 from rid_daq.preflight.check_words import show_devices
 from rid_daq.preflight.last_pose import PoseRule
 from rid_daq.preflight.preflight import lines_before_bus, preflight

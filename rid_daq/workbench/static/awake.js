@@ -1,6 +1,7 @@
 // Keeps the screen on while this page holds the cell and the cell moves: a sleeping device cannot renew the lease.
 import { lease, now, on } from "./service.js";
 
+/** @type {WakeLockSentinel | null} */
 let lock = null;
 let asking = false;
 

@@ -12,11 +12,13 @@ import { CELL, OLD_MS, ask, on, page, preflightAge, reach } from "./service.js";
 const view = new RobotView(find("view"), { preview: true });
 followPose(view);
 const panel = new JobPanel(find("job"), { next, ended, heard });
+/** @type {Api.CellStatus | null} */
 let status = null;
 
 const STARTS = [["experiment", "Record a motion", "main"], ["payload", "Identify a payload", ""]].map(([path, words, kind]) =>
   html`<a class="button ${kind}" href="${CELL}/${path}">${words}</a>`);
 
+/** @type {Record<string, () => unknown>} */
 const actions = {
   check: () => panel.begin("check"),
   accept: () => panel.begin("check", { accept_pose: true }),
@@ -27,37 +29,42 @@ const actions = {
   jog: () => panel.begin("jog", {}, { moves: true }),
   home: () => panel.begin("jog", { home: true }, { moves: true }),
 };
-for (const [id, action] of Object.entries(actions)) find(id)?.addEventListener("click", action);
+for (const [id, action] of Object.entries(actions)) document.getElementById(id)?.addEventListener("click", action);
 
 // Return the place of the button that writes a measured zero of the force plate; its module is loaded only now.
+/** @type {(run: string) => Node} */
 function zeroPart(run) {
   const place = element("div", {});
   import("./plate_zero.js").then(({ zeroButton }) => place.append(zeroButton(run, actions.check)));
   return place;
 }
 
+/** @type {(job: Api.Job, document: ResultDocument | undefined) => Part[]} */
 function next(job, document) {
+  /** @type {(text: string, action: () => unknown) => Part} */
   const again = (text, action) => html`<button type="button" class="main" @click=${action}>${text}</button>`;
   const moved = document?.lines?.some((line) => line.code === "RID-POSE-MOVED");
   if (job.kind === "check" && moved)
     return [again("Check again", actions.check), again("The positions are correct: accept them", actions.accept)];
   if (job.kind === "check") return document?.passed ? STARTS : [again("Check again", actions.check)];
-  if (job.kind === "plate_zero" && document?.verdict?.passed) return [zeroPart(job.run)];
+  if (job.kind === "plate_zero" && document?.verdict?.passed && job.run) return [zeroPart(job.run)];
   if (job.kind === "reset" && job.state === "done") return [again("Check", actions.check)];
   if (job.state !== "done" && status?.fault) return [again("Reset after the cause was found", actions.reset)];
-  if (job.state !== "done" && job.kind !== "check") return [again("Check", actions.check)];
+  if (job.state !== "done") return [again("Check", actions.check)];
   return [];
 }
 
 // During an axis test, the 3-D view shows the positive direction of the joint that is tested.
+/** @type {(event: JobEvent, job: Api.Job) => void} */
 function heard(event, job) {
   if (job.kind !== "axes" || event.kind !== "motion") return;
-  const joint = (status?.joints ?? []).indexOf(event.tested_joint);
+  const joint = (status?.joints ?? []).indexOf(event.tested_joint ?? "");
   view.choose(joint < 0 ? null : joint, { withGhost: false });
 }
 
 document.addEventListener("joint-chosen", ({ detail }) => view.choose(detail));
 
+/** @type {(job: Api.Job) => void} */
 function ended(job) {
   if (job.kind === "axes") view.choose(null);
   if (job.run) showEnd(find("joints-words"));
@@ -68,7 +75,7 @@ async function refresh() {
   loadRuns();
   const lines = await loadPreflight(find("preflight"), find("preflight-words"));
   // "checking" is not in the list, because the status may still name a check that has ended
-  const moves = ["moving", "stopping"].includes(status?.state);
+  const moves = status?.state === "moving" || status?.state === "stopping";
   if (lines && !moves) showTemperatures(find("joints"), lines);
 }
 
@@ -86,12 +93,13 @@ function showState() {
   const words = find("now");
   const age = preflightAge();
   const job = status.job;
-  let text, kind = "";
+  const what = job && kindWords(job.kind);
+  let text = "", kind = "";
   if (!reach.values && !reach.requests) [text, kind] = ["Unknown: the service does not answer.", "bad"];
   else if (status.state === "fault") [text, kind] = [`Fault: ${status.fault} Find its cause, then reset.`, "bad"];
-  else if (status.state === "moving") text = `The robot moves: ${kindWords(job.kind)}, by ${job.owner}.`;
+  else if (status.state === "moving") text = `The robot moves: ${what}, by ${job?.owner}.`;
   else if (status.state === "stopping") text = "The robot is being stopped.";
-  else if (status.state === "checking") text = `Nothing moves: ${kindWords(job.kind)} is running.`;
+  else if (status.state === "checking") text = `Nothing moves: ${what} is running.`;
   else if (status.state === "ready") {
     const left = Math.max(0, status.preflight_limit_s - (age ?? 0));
     text = `Ready to move. Preflight ${duration(age ?? 0)} ago, valid for another ${duration(left)}.`;
@@ -100,7 +108,7 @@ function showState() {
   if (words.textContent !== text) words.textContent = text;
   words.className = `verdict ${kind}`;
   const main = status.state === "fault" ? "reset" : status.state === "closed" ? "check" : null;
-  for (const id of ["check", "reset"]) find(id).classList.toggle("main", id === main);
+  for (const id of /** @type {const} */ (["check", "reset"])) find(id).classList.toggle("main", id === main);
 }
 
 on("cell", (now) => {
@@ -108,6 +116,7 @@ on("cell", (now) => {
   showState();
 });
 // ---- live values
+/** @type {LivePicture | null} */
 let picture = null;
 let pictureAt = 0;
 

@@ -8,6 +8,7 @@ const CODE = /`([^`]+)`/g;
 const COMMAND = /^rid-daq (([a-z]+)(?: [a-z-]+)?)/;
 
 // Return a text as parts for a template: commands that a page can do are links, other code has its own font.
+/** @type {(text: any) => any} */
 export function linked(text) {
   if (typeof text !== "string" || !text.includes("`")) return text;
   const parts = [];

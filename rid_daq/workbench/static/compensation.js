@@ -8,7 +8,9 @@ import { completeRuns, modelOf, nameOf, numberOf, offer, options, press, runWord
 
 const panel = new JobPanel(find("job"), { next, begun, ended, isBelow: ({ kind }) => ["loop", "tracking"].includes(kind) });
 
+/** @type {(place: string, words: string) => Part} */
 const step = (place, words) => html`<a class="button main" href="#${place}">${words}</a>`;
+/** @type {Record<string, Part>} */
 const STEPS = {
   loop: step("make-title", "Create a feedforward"),
   compensate: step("feedforward", "Record with the feedforward"),
@@ -16,6 +18,7 @@ const STEPS = {
   tracking: step("path-title", "Show the result"),
 };
 
+/** @type {(job: Api.Job, document: ResultDocument | undefined) => Part[]} */
 function next(job, document) {
   if (job.state === "done" && job.kind in STEPS) return [STEPS[job.kind]];
   if (job.kind !== "refine" || !document) return [];
@@ -24,27 +27,31 @@ function next(job, document) {
 }
 
 // ---- runs to choose from
+const selectAfter = /** @type {HTMLSelectElement} */ (find("after"));
+
+/** @type {(newest?: string | null) => Promise<void>} */
 async function showRuns(newest = null) {
   const runs = await completeRuns();
+  /** @type {(chosen: Api.RunEntry[]) => { value: string, words: string }[]} */
   const list = (chosen) => chosen.map((run) => ({ value: run.id, words: runWords(run) }));
-  for (const select of document.querySelectorAll("select.runs")) options(select, list(runs));
+  for (const select of /** @type {NodeListOf<HTMLSelectElement>} */ (document.querySelectorAll("select.runs"))) options(select, list(runs));
   options(find("loop-run"), list(runs.filter(({ motion }) => motion === "multisine")));
-  if (newest) for (const id of ["after", "refine-run"]) find(id).value = newest;
-  const [before, after] = ["before", "after"].map((id) => runs.find((run) => run.id === find(id).value));
-  if (!after || (before.id !== after.id && before.motion === after.motion)) return; // the chosen runs can be compared
+  if (newest) for (const select of [find("refine-run"), selectAfter]) select.value = newest;
+  const [before, after] = [find("before"), selectAfter].map((select) => runs.find((run) => run.id === select.value));
+  if (!after || (before?.id !== after.id && before?.motion === after.motion)) return; // the chosen runs can be compared
   const other = runs.find((run) => run.id !== after.id && run.motion && run.motion === after.motion);
   if (other) find("before").value = other.id;
 }
 
+/** @type {(id: SelectId, words: string) => string} */
 const value = (id, words) => {
-  const chosen = find(id).value;
+  const chosen = /** @type {HTMLSelectElement} */ (find(id)).value;
   if (!chosen) throw new Error(`${words} is missing: choose one.`);
   return chosen;
 };
 
 const model = () => {
-  value("model", "A model (identify the robot first)");
-  const asks = modelOf();
+  const asks = { ...modelOf(), model: value("model", "A model (identify the robot first)") };
   const temperature = find("temperature").value.trim();
   return temperature ? { ...asks, temperature } : asks;
 };
@@ -96,6 +103,7 @@ press("stream", panel, "stream", () => {
 });
 
 // Show the measured loops of a run, unfolded until another job begins.
+/** @type {(run: string) => Promise<void>} */
 async function showLoops(run) {
   const part = find("loops-part");
   [part.hidden, part.open] = [false, true];
@@ -106,6 +114,7 @@ function begun() {
   find("loops-part").open = false; // it is long, and later steps are below it
 }
 
+/** @type {(job: Api.Job, document: ResultDocument | undefined) => Promise<void>} */
 async function ended(job, document) {
   if (job.kind === "loop" && document) {
     await showLoops(document.run);
@@ -117,7 +126,7 @@ async function ended(job, document) {
     offer(find("feedforward"), document.feedforward);
   }
   if (job.kind === "tracking" && document) {
-    await showRun(find("path-result"), job.request.run[0], "tracking");
+    await showRun(find("path-result"), /** @type {string[]} */ (job.request.run)[0], "tracking");
     find("path-title").scrollIntoView({ block: "start" });
   }
   if (job.kind === "record" || job.kind === "stream") await showRuns(job.run);

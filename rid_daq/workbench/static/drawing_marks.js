@@ -11,19 +11,24 @@ const ON_TOP = ["axis", "chosen", "load", "x", "y", "z", "needle", "needle-end",
 const Y = new Vector3(0, 1, 0);
 const Z = new Vector3(0, 0, 1);
 const FULL_TURN = 2 * Math.PI;
+/** @typedef {Group & { aim(direction: Vector3, length: number): Arrow }} Arrow */
 const SLIDE_WIDTH = 0.12;
 
 // Materials by the name of their colour: the colour NAME is the property `--view-NAME` of the style sheet.
 export class Paints {
+  /** @param {HTMLElement} section */
   constructor(section) {
     this.section = section;
+    /** @type {Map<string, MeshLambertMaterial | import("three").LineBasicMaterial>} */
     this.known = new Map();
   }
 
+  /** @type {(name: string) => string} */
   colour(name) {
     return getComputedStyle(this.section).getPropertyValue(`--view-${name}`).trim();
   }
 
+  /** @type {(name: string, opacity?: number) => MeshLambertMaterial} */
   of(name, opacity = 1) {
     const key = `${name} ${opacity}`;
     if (!this.known.has(key)) {
@@ -42,7 +47,7 @@ export class Paints {
       });
       this.known.set(key, Object.assign(material, { name }));
     }
-    return this.known.get(key);
+    return /** @type {MeshLambertMaterial} */ (this.known.get(key));
   }
 
   // Read all colours again after the user has changed the theme.
@@ -50,10 +55,11 @@ export class Paints {
     for (const material of this.known.values()) {
       const colour = new Color(this.colour(material.name));
       material.color.copy(colour);
-      if (!material.depthTest) material.emissive?.copy(colour); // the material of a line has no emissive colour
+      if (!material.depthTest && "emissive" in material) material.emissive.copy(colour); // the material of a line has no emissive colour
     }
   }
 
+  /** @type {(geometry: import("three").BufferGeometry, name: string, opacity?: number) => Mesh} */
   part(geometry, name, opacity = 1) {
     const made = new Mesh(geometry, this.of(name, opacity));
     if (ON_TOP.includes(name)) made.renderOrder = 1;
@@ -62,10 +68,12 @@ export class Paints {
 }
 
 // An arrow from the origin of its group. `aim(direction, length)` sets its direction and length.
+/** @type {(paints: Paints, name: string, radius: number) => Arrow} */
 export function arrow(paints, name, radius) {
   const shaft = paints.part(new CylinderGeometry(radius, radius, 1, 10), name);
   const head = paints.part(new ConeGeometry(2.6 * radius, 7 * radius, 14), name);
-  const group = new Group().add(shaft, head);
+  const group = /** @type {Arrow} */ (new Group().add(shaft, head));
+  /** @type {(direction: Vector3, length: number) => Arrow} */
   group.aim = (direction, length) => {
     group.quaternion.setFromUnitVectors(Y, direction.clone().normalize());
     shaft.scale.y = Math.max(length - 7 * radius, 1e-4);
@@ -77,6 +85,7 @@ export function arrow(paints, name, radius) {
 }
 
 // A curved arrow around the z axis in the positive direction of rotation.
+/** @type {(paints: Paints, name: string, radius: number) => Group} */
 export function turnArrow(paints, name, radius) {
   const end = 0.75 * FULL_TURN;
   const head = paints.part(new ConeGeometry(0.22 * radius, 0.5 * radius, 14), name);
@@ -86,6 +95,7 @@ export function turnArrow(paints, name, radius) {
 }
 
 // An arrow for a moment: along its axis, with a curved arrow in its direction of rotation.
+/** @type {(paints: Paints, name: string, radius: number) => Arrow} */
 export function momentArrow(paints, name, radius) {
   const group = arrow(paints, name, radius);
   const ring = turnArrow(paints, name, 9 * radius);
@@ -95,6 +105,7 @@ export function momentArrow(paints, name, radius) {
 }
 
 // Draw a frame as three arrows along x, y and z.
+/** @type {(paints: Paints, length: number, radius: number) => Group} */
 export function frameArrows(paints, length, radius) {
   const axes = ["x", "y", "z"].map((name, i) => arrow(paints, name, radius).aim(new Vector3().setComponent(i, 1), length));
   return new Group().add(...axes);
@@ -102,6 +113,7 @@ export function frameArrows(paints, length, radius) {
 
 // Draw the limits of a joint: a sector (a bar for a prismatic joint) in the fixed frame, and a needle in the frame of
 // the moving link. `outward` is a direction in the frame of the joint; the needle points in this direction.
+/** @type {(paints: Paints, joint: Api.JointDocument, outward: Vector3, size: number) => { dial: Group, pointer: Group, needle: Mesh }} */
 export function limitMarks(paints, joint, outward, size) {
   const axis = vectorOf(joint.axis);
   const [low, high] = joint.limits;
@@ -125,6 +137,7 @@ export function limitMarks(paints, joint, outward, size) {
 }
 
 // Turn a group so that its z axis points in the direction `axis`.
+/** @type {(group: Group, axis: Vector3) => Group} */
 export const alongAxis = (group, axis) => {
   group.quaternion.setFromUnitVectors(Z, axis.clone().normalize());
   return group;
@@ -132,7 +145,9 @@ export const alongAxis = (group, axis) => {
 
 // Return the unit vector along the part of `vector` that is perpendicular to `axis`. If this part is small, return any
 // unit vector perpendicular to `axis`.
+/** @type {(vector: Vector3, axis: Vector3, size: number) => Vector3} */
 function perpendicular(vector, axis, size) {
+  /** @type {(of: Vector3) => Vector3} */
   const across = (of) => of.clone().addScaledVector(axis, -of.dot(axis));
   let found = across(vector);
   if (found.length() < 0.05 * size) found = across(new Vector3(axis.y, axis.z, axis.x));
@@ -143,9 +158,11 @@ function perpendicular(vector, axis, size) {
 // ---- wrench of the base on the robot, as a force plate measures it
 const FULL_LENGTH = 4; // length of an arrow with the full value, as a multiple of `size`
 const LEAST_SHARE = 0.02; // fraction of FULL_LENGTH; shorter arrows are not drawn
+/** @type {[string, "force_n" | "moment_nm", string, typeof arrow][]} */
 const KINDS = [["force", "force_n", "N", arrow], ["moment", "moment_nm", "N m", momentArrow]];
 
 export class WrenchArrows {
+  /** @param {{ paints: Paints, labels: import("./drawing_labels.js").DrawingLabels, size: number }} drawing */
   constructor({ paints, labels, size }) {
     this.labels = labels;
     this.length = FULL_LENGTH * size;
@@ -162,6 +179,7 @@ export class WrenchArrows {
 
   // Show force [N] and moment [N m] in the base frame. An arrow at full length shows the largest value so far, rounded
   // up to 1, 2 or 5 times a power of ten.
+  /** @type {(wrench: LiveWrench | null | undefined) => void} */
   show(wrench) {
     for (const part of this.parts) {
       const vector = wrench ? vectorOf(wrench[part.key]) : new Vector3();
@@ -178,7 +196,8 @@ export class WrenchArrows {
   }
 }
 
+/** @type {(value: number) => number} */
 function roundUp(value) {
   const power = 10 ** Math.floor(Math.log10(value));
-  return [1, 2, 5, 10].map((factor) => factor * power).find((each) => each >= value);
+  return [1, 2, 5, 10].map((factor) => factor * power).find((each) => each >= value) ?? value;
 }

@@ -10,19 +10,24 @@ import { ask, CELL, lease, on, page } from "./service.js";
 
 const text = find("text");
 const base = find("base"); // version of the file on which the text is based
-const FILE = text.dataset.file;
-const PATH = `/files/${addressOf(FILE)}`;
+const FILE = text.dataset.file ?? "";
+const PATH = /** @type {const} */ (`/files/${addressOf(FILE)}`);
 const TAB = Math.random().toString(36).slice(2); // distinguishes this page from others that have the file open
 const CHECK_MS = 500; // the text is checked after a pause of this length
 const PRESENT_MS = 5000; // time between two messages to the service that the file is open here
 const PATIENCE_MS = 30000;
 
 let saved = text.defaultValue; // content of the file in the version `base`
+/** @type {Api.ContentCheck | null} */
 let checked = null; // newest result of a check of the present text
+/** @type {string | null} */
 let seenVersion = null; // version on disk at the newest check
+/** @type {Api.Editor[]} */
 let others = [];
+/** @type {string | null} */
 let planned = null; // text of the shown motion
-let timer = null;
+/** @type {ReturnType<typeof setTimeout> | undefined} */
+let timer;
 const replacing = newest();
 const plan = find("view") && showUnsavedPlan(find("view"), FILE, () => text.value);
 const builder = plan && new PoseBuilder(plan, setText);
@@ -33,11 +38,14 @@ const isChanged = () => text.value !== saved;
 function showLines() {
   const wrong = new Set(checked?.problems.map(({ line }) => line));
   const count = text.value.split("\n").length;
+  /** @type {(i: number) => Part} */
   const number = (i) => html`<span class=${wrong.has(i) ? "wrong" : ""}>${wrong.has(i) ? "✗ " : ""}${i}</span>`;
   render(Array.from({ length: count }, (_, i) => number(i + 1)), find("lines"));
 }
 
+/** @type {(place: Api.FileProblem) => void} */
 function goTo({ line, column }) {
+  if (line === null || column === null) return;
   const before = text.value.split("\n").slice(0, line - 1).reduce((sum, each) => sum + each.length + 1, 0);
   text.focus();
   text.setSelectionRange(before + column - 1, before + column - 1);
@@ -47,13 +55,14 @@ function goTo({ line, column }) {
 // Return line and column of the cursor, from 1.
 function cursor() {
   const before = text.value.slice(0, text.selectionStart).split("\n");
-  return { line: before.length, column: before.at(-1).length + 1 };
+  return { line: before.length, column: before[before.length - 1].length + 1 };
 }
 
 // ---- check
 async function check() {
   const signal = replacing();
-  const query = new URLSearchParams({ tab: TAB, base: base.value, has_changes: isChanged(), cell: page.cell, ...cursor() });
+  const { line, column } = cursor();
+  const query = new URLSearchParams({ tab: TAB, base: base.value, has_changes: String(isChanged()), cell: page.cell, line: String(line), column: String(column) });
   const sent = text.value;
   try {
     const found = await ask("POST", `${PATH}?${query}`, sent || "\n", PATIENCE_MS, lease.key, { signal });
@@ -61,7 +70,7 @@ async function check() {
     others = found.others;
     seenVersion = found.version;
     showProblems();
-    showPlace(checked.place);
+    showPlace(found.check?.place ?? null);
     showConflict(found);
     if (text.value === sent) showPlan(); // a changed text is checked again
   } catch (error) {
@@ -73,7 +82,7 @@ async function check() {
 
 // Tell the service that the file is open here; check the text again if the file has changed.
 async function stayPresent() {
-  const query = new URLSearchParams({ tab: TAB, base: base.value, has_changes: isChanged() });
+  const query = new URLSearchParams({ tab: TAB, base: base.value, has_changes: String(isChanged()) });
   try {
     const found = await ask("POST", `${PATH}?${query}`, "");
     others = found.others;
@@ -87,7 +96,7 @@ async function stayPresent() {
 
 // Show the motion of the present text, if it has no errors.
 function showPlan() {
-  if (plan === null || planned === text.value) return null;
+  if (!plan || !builder || !checked || planned === text.value) return null;
   const isSame = planned !== null;
   planned = text.value;
   if (checked.problems.length > 0) return plan.refuse(text.value.trim() ? "The text has errors: correct them to see the motion." : "");
@@ -102,9 +111,11 @@ function checkLater() {
 
 function showProblems() {
   const isNew = base.value === "" && text.value.trim() === "";
-  const { problems, cell_problems: unfit } = isNew ? { problems: [], cell_problems: [] } : checked;
+  const { problems, cell_problems: unfit } = isNew || !checked ? { problems: [], cell_problems: [] } : checked;
+  /** @type {(each: Api.FileProblem) => Part} */
   const place = (each) => (each.file === "" && each.line !== null
     ? html`<button type="button" @click=${() => goTo(each)}>Line ${each.line}</button> ` : html`<b>${each.file} ${each.line ?? ""}</b> `);
+  /** @type {(each: Api.FileProblem) => Part} */
   const item = (each) => html`<li class="bad">${place(each)}${each.text}</li>`;
   render([...problems.map(item), ...unfit.map(item)], find("problems"));
   find("problem").textContent = "";
@@ -113,8 +124,10 @@ function showProblems() {
   showLines();
 }
 
+/** @type {(place: Api.PlaceText | null) => void} */
 function showPlace(place) {
   if (place === null) return;
+  /** @type {(key: Api.KeyText) => Part} */
   const line = ({ name, kind, default: value, meaning }) => html`<dt><code>${name}</code></dt><dd>${meaning} <span class="soft">${kind}; default: ${value}</span></dd>`;
   const { key, path, allowed } = place;
   render(html`
@@ -123,6 +136,7 @@ function showPlace(place) {
 }
 
 // ---- versions and other editors
+/** @type {(found: Api.FileCheck) => void} */
 function showConflict({ version, differences }) {
   const section = find("conflict");
   section.hidden = version === base.value;
@@ -133,18 +147,20 @@ function showConflict({ version, differences }) {
     base.dispatchEvent(new Event("input", { bubbles: true }));
     save();
   };
-  const kind = (line) => ({ "+": "good", "-": "bad" })[line[0]] ?? "soft";
+  /** @type {(line: string) => string} */
+  const kind = (line) => (line.startsWith("+") ? "good" : line.startsWith("-") ? "bad" : "soft");
   render(html`
     <p class="verdict bad">${words} Nothing is overwritten until you decide.</p>
     <p>Lines with - are only in the file, lines with + only in your text.</p>
     <pre tabindex="0" aria-label="differences">${differences.map((line) => html`<span class=${kind(line)}>${line}\n</span>`)}</pre>
     <div class="actions">
       <button type="button" class="main" @click=${discard}>Use the file, discard my text</button>
-      <button type="button" ?disabled=${checked.problems.length > 0} @click=${keep}>Save my text in its place</button>
+      <button type="button" ?disabled=${!checked || checked.problems.length > 0} @click=${keep}>Save my text in its place</button>
     </div>`, find("versions"));
 }
 
 function showState() {
+  /** @type {(editor: Api.Editor) => string} */
   const words = ({ who, since_s: since, has_changes: changes }) =>
     `${who === page.who ? "Another page that is open on this device" : who} has had this file open since ${timeOf(since)}${changes ? ", with changes that are not saved" : ""}.`;
   find("others").textContent = others.map(words).join(" ");
@@ -184,6 +200,7 @@ async function save() {
 }
 
 // Replace the text as if it were typed.
+/** @type {(content: string) => void} */
 function setText(content) {
   text.value = content;
   text.dispatchEvent(new Event("input", { bubbles: true }));
@@ -201,7 +218,7 @@ for (const type of ["keyup", "click"]) text.addEventListener(type, checkLater);
 find("save").addEventListener("click", save);
 find("discard").addEventListener("click", discard);
 window.addEventListener("pagehide", () => {
-  const query = new URLSearchParams({ tab: TAB, is_leaving: true });
+  const query = new URLSearchParams({ tab: TAB, is_leaving: "true" });
   // if this request fails, the service removes the entry of this page after some seconds
   ask("POST", `${PATH}?${query}`, "", PATIENCE_MS, lease.key, { keepalive: true }).catch(() => null);
 });

@@ -12,13 +12,16 @@ const motion = find("motion");
 const kind = find("kind");
 
 // The page to which the link after a run leads, by the kind of the run's motion (default: Identify).
+/** @type {Record<string, [string, string]>} */
 const NEXT = {
   multisine: ["compensation", "Measure the velocity loops"],
   constant_velocity: ["friction", "Measure the friction"],
   reversed: ["friction", "Measure the friction"],
 };
 
+/** @type {Api.RunEntry | null} */
 let modelled = null; // the newest run with a model, at the start of a recording
+/** @type {(address: string, words: string, kind: string | false) => Part} */
 const step = (address, words, kind) => html`<a class="button ${kind || ""}" href="${CELL}/${address}">${words}</a>`;
 
 const panel = new JobPanel(find("job"), {
@@ -27,10 +30,10 @@ const panel = new JobPanel(find("job"), {
     if (job.state !== "done" || !job.run) return [];
     const run = encodeURIComponent(job.run);
     if (job.kind !== "record") return [];
-    const kind = motion.selectedOptions[0]?.dataset.kind.replaceAll("-", "_");
-    const [path, words] = NEXT[kind] ?? ["identify", "Identify this run"];
+    const kind = motion.selectedOptions[0]?.dataset.kind?.replaceAll("-", "_");
+    const [path, words] = NEXT[kind ?? ""] ?? ["identify", "Identify this run"];
     const own = `${path}?run=${run}`;
-    if (kind in NEXT || !modelled) return [step(own, words, "main")];
+    if ((kind ?? "") in NEXT || !modelled) return [step(own, words, "main")];
     const check = `identify?run=${encodeURIComponent(modelled.id)}&other=${run}`;
     const isCheck = kind === "validation";
     const steps = [step(check, "Validate the model on this run", isCheck && "main"), step(own, words, !isCheck && "main")];
@@ -53,6 +56,7 @@ const panel = new JobPanel(find("job"), {
 // ---- the motion and its plots
 const replacing = newest();
 
+/** @type {() => Promise<void>} */
 async function showMotion() {
   const signal = replacing();
   const [place, problem] = [find("picture"), find("motion-problem")];
@@ -78,25 +82,26 @@ find("payload").addEventListener("change", showMotion);
 
 // ---- design
 function showFields() {
-  for (const part of document.querySelectorAll("[data-of]")) part.hidden = !part.dataset.of.split(" ").includes(kind.value);
+  for (const part of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("[data-of]"))) part.hidden = !part.dataset.of?.split(" ").includes(kind.value);
 }
 
 kind.addEventListener("change", () => {
   const period = find("period");
-  period.value = kind.value === "multisine" ? period.dataset.multisine : period.defaultValue;
+  period.value = (kind.value === "multisine" && period.dataset.multisine) || period.defaultValue;
   find("periods").value = kind.value === "multisine" || kind.value === "validation" ? "4" : "16";
   find("name").value = kind.value;
   showFields();
 });
 
+/** @type {() => Api.Requests["design"]} */
 function designRequest() {
   const isValidation = kind.value === "validation";
-  const request = { output: nameOf("name", ".yaml"), kind: isValidation ? "excitation" : kind.value };
+  const request = { output: nameOf("name", ".yaml"), kind: /** @type {Api.Requests["design"]["kind"]} */ (isValidation ? "excitation" : kind.value) };
   if (kind.value === "constant-velocity") return request;
   const periods = { period_s: numberOf("period", { least: 0.1 }), periods: numberOf("periods", { least: 2, whole: true }) };
   if (kind.value === "multisine") return { ...request, multisine: periods };
   const quick = find("method").value === "quick";
-  const how = quick ? { method: "two-harmonic" } : { budget_s: 300 };
+  const how = quick ? { method: /** @type {const} */ ("two-harmonic") } : { budget_s: 300 };
   const search = isValidation ? { ...how, seed: OTHER_SEED } : how; // the default seed gives the motion of the identification again
   return { ...request, excitation: { ...periods, ...search } };
 }
@@ -120,8 +125,10 @@ find("click-form").addEventListener("submit", (event) => {
 });
 
 // ---- record
+/** @type {(rehearse: boolean) => Api.Requests["record"]} */
 function recordRequest(rehearse) {
   if (!motion.value) throw new Error("Choose a motion file, or design one.");
+  /** @type {Api.Requests["record"]} */
   const request = { motion: motion.value, rehearse, until: find("until").value.split(",").map((each) => each.trim()).filter(Boolean) };
   const label = find("label").value.trim();
   if (label) request.label = label;
@@ -134,12 +141,14 @@ press("rehearse", panel, "record", () => panel.begin("record", recordRequest(tru
 press("record", panel, "record", () => panel.begin("record", recordRequest(false), { moves: true }));
 press("check", panel, "check", () => panel.begin("check"));
 
-if (wanted.get("kind")) {
-  kind.value = wanted.get("kind");
+const wantedKind = wanted.get("kind");
+if (wantedKind) {
+  kind.value = wantedKind;
   find("design").open = true;
   kind.dispatchEvent(new Event("change"));
 }
-if (wanted.get("motion")) offer(motion, wanted.get("motion"));
+const wantedMotion = wanted.get("motion");
+if (wantedMotion) offer(motion, wantedMotion);
 else showMotion();
 showFields();
 on("again", showMotion);

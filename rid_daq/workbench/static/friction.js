@@ -10,8 +10,10 @@ const MEASURE = new Set(["constant_velocity", "reversed"]);
 const panel = new JobPanel(find("job"), { ended, isBelow: ({ kind }) => kind === "friction" });
 
 // ---- runs to choose from
-const chosenRuns = () => [...document.querySelectorAll("#runs input:checked")].map((box) => box.value);
+/** @type {() => string[]} */
+const chosenRuns = () => [.../** @type {NodeListOf<HTMLInputElement>} */ (document.querySelectorAll("#runs input:checked"))].map((box) => box.value);
 
+/** @type {Api.RunEntry[]} */
 let runs = [];
 async function showRuns() {
   runs = (await completeRuns()).filter((run) => MEASURE.has(run.motion));
@@ -31,12 +33,14 @@ press("measure", panel, "friction", () => {
 });
 
 // ---- the result
+/** @type {(run: string) => Promise<void>} */
 async function showResult(run) {
   find("result-card").hidden = false;
   await showRun(find("result"), run, "friction");
   find("result-title").scrollIntoView({ block: "start" });
 }
 
+/** @type {(job: Api.Job, document: ResultDocument | undefined) => Promise<void>} */
 async function ended(job, document) {
   if (job.kind === "friction" && document) await showResult(document.run);
 }

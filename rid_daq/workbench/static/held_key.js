@@ -7,15 +7,19 @@ const WATCH_MS = 50;
 export class HeldKey {
   // `send(message)` adds the operator's lease to a message and sends it; it returns false without a connection or a
   // lease. `tell(job, text)` shows the reason why a held key does not count.
+  /** @param {(message: KeyMessage) => boolean} send @param {(job: string, text: string) => void} tell */
   constructor(send, tell) {
     this.send = send;
     this.tell = tell;
     this.sequence = 0;
+    /** @type {Map<string, { value: string, at: number }>} */
     this.newest = new Map(); // for each job: the newest challenge and the time at which it arrived
+    /** @type {{ job: string, key: string, counts: boolean, from: number } | null} */
     this.press = null; // { job, key, counts, from }: `counts` becomes false after a gap in the challenges
-    this.timer = null;
+    this.timer = undefined;
   }
 
+  /** @type {(job: string, key: string) => void} */
   hold(job, key) {
     this.letGo();
     this.press = { job, key, counts: true, from: performance.now() };
@@ -31,10 +35,12 @@ export class HeldKey {
     this.press = null;
   }
 
+  /** @type {(job: string, key: string) => void} */
   tap(job, key) {
     this.say(job, { tapped: key });
   }
 
+  /** @type {(challenge: { job: string, value: string }) => void} */
   challenge({ job, value }) {
     this.watch(); // detects a gap between the previous challenge and this one
     this.newest.set(job, { value, at: performance.now() });
@@ -47,6 +53,7 @@ export class HeldKey {
     this.end("the connection has ended");
   }
 
+  /** @type {(job: string) => number} */
   age(job) {
     const newest = this.newest.get(job);
     return newest ? performance.now() - newest.at : Infinity;
@@ -58,6 +65,7 @@ export class HeldKey {
     if (silent >= LIMIT_MS) this.end(`link too slow: no message for ${Math.round(silent)} ms`);
   }
 
+  /** @type {(why: string) => void} */
   end(why) {
     if (!this.press?.counts) return;
     this.press.counts = false;
@@ -65,9 +73,10 @@ export class HeldKey {
   }
 
   answer() {
-    if (this.press.counts) this.say(this.press.job, { held: this.press.key });
+    if (this.press?.counts) this.say(this.press.job, { held: this.press.key });
   }
 
+  /** @type {(job: string, message: { held?: string, tapped?: string }) => boolean} */
   say(job, message) {
     this.sequence += 1;
     return this.send({ job, ...message, sequence: this.sequence, challenge: this.newest.get(job)?.value });

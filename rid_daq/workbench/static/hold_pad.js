@@ -6,20 +6,25 @@ import { hold, letGo, on, tap } from "./service.js";
 const JOG_KEYS = [["−", "-"], ["+", "+"]];
 
 // Tell other parts of the page the index of the joint that the buttons move; null if the buttons were removed.
+/** @type {(joint: number | null) => void} */
 const tellJoint = (joint) => document.dispatchEvent(new CustomEvent("joint-chosen", { detail: joint }));
 
+/** @type {{ job: string, problem: HTMLElement } | null} */
 let shown = null; // { job, problem }: id of the job to which the buttons belong, and the element for their error messages
 on("key", (job, text) => {
   if (shown?.job === job) shown.problem.textContent = text;
 });
 
 // Return the element with the buttons for a job that requires a held key, and a function that removes its listeners.
+/** @type {(job: Api.Job, joints: string[]) => HoldPad} */
 export function holdPad(job, joints) {
   const abort = new AbortController();
   const { signal } = abort;
+  /** @type {(target: EventTarget, types: string[], listener: (event: any) => void) => void} */
   const listen = (target, types, listener) => {
     for (const type of types) target.addEventListener(type, listener, { signal });
   };
+  /** @type {HTMLElement[]} */
   const buttons = [];
   const problem = element("p", { class: "problem", role: "alert" });
   shown = { job: job.id, problem };
@@ -30,6 +35,7 @@ export function holdPad(job, joints) {
   };
 
   // `key()` returns the key that the button sends at present.
+  /** @type {(text: string, key: () => string, label?: string | null) => HTMLElement} */
   function holder(text, key, label = null) {
     const button = element("button", { type: "button", class: "hold", "aria-label": label }, text);
     const press = () => {
@@ -75,6 +81,7 @@ export function holdPad(job, joints) {
     });
     tellJoint(0);
     rows.push(element("div", { class: "joints", role: "group", "aria-label": "joint" }, ...choices));
+    /** @type {Record<string, string>} */
     const hints = { "-": "hold to move in negative direction", "+": "hold to move in positive direction" };
     rows.push(element("div", { class: "holds" }, ...JOG_KEYS.map(([text, key]) => holder(text, () => chosen + key, hints[key]))));
     if (document.querySelector("[data-home=yes]"))

@@ -8,12 +8,17 @@ import { CELL, mayMove, on } from "./service.js";
 import { completeRuns, fileLink, findings, look, nameOf, numberOf, options, press, runWords, showRun, wanted } from "./work.js";
 
 const solve = find("solve");
+/** @type {Api.RunEntry[]} */
 let runs = [];
+/** @type {Api.DataCheck | null} */
 let checked = null; // result of the check of the chosen runs; null until the check has ended
+/** @type {string | null} */
 let solvedWith = null;
+/** @type {{ run: string, path: string } | null} */
 let model = null;
 let solving = false;
 
+/** @type {Record<string, Part[]>} */
 const NEXT = {
   identify: [html`<a class="button main" href="#after">Validate this model</a>`],
   validate: [
@@ -21,20 +26,27 @@ const NEXT = {
     html`<a class="button" href="${CELL}/payload">Identify a payload</a>`,
   ],
 };
+/** @type {(job: Api.Job) => Part[]} */
 const next = ({ kind, state }) => (state === "done" && NEXT[kind]) || [];
 const panel = new JobPanel(find("job"), { next, begun, ended, isBelow: ({ kind }) => ["identify", "validate", "export"].includes(kind) });
 
 // ---- stages
+/** @type {Record<string, string>} */
 const WORDS = { done: "complete", bad: "problem", now: "running", wait: "not yet" };
+/** @type {(name: string, state: string) => void} */
 function stage(name, state) {
-  const line = document.querySelector(`[data-stage="${name}"]`);
+  const line = /** @type {HTMLElement} */ (document.querySelector(`[data-stage="${name}"]`));
   line.dataset.state = state;
-  line.querySelector("span").textContent = WORDS[state];
+  /** @type {HTMLElement} */ (line.querySelector("span")).textContent = WORDS[state];
 }
 
-const chosenRuns = () => [...document.querySelectorAll("#runs input:checked")].map((box) => box.value);
-const friction = () => document.querySelector("input[name=friction]:checked").value;
-const terms = () => [...document.querySelectorAll("#terms input:checked")].map((box) => box.value);
+/** @type {(box: string) => string[]} */
+const ticked = (box) => [.../** @type {NodeListOf<HTMLInputElement>} */ (document.querySelectorAll(`${box}:checked`))].map((each) => each.value);
+
+const chosenRuns = () => ticked("#runs input");
+const friction = () => ticked("input[name=friction]")[0];
+/** @type {() => NonNullable<Api.Request_identify_ModelOptions["friction_terms"]>} */
+const terms = () => /** @type {any} */ (ticked("#terms input"));
 
 function modelProblem() {
   if (friction() === "terms" && !terms().length) return "Choose at least one friction term.";
@@ -48,6 +60,7 @@ function modelProblem() {
   return "";
 }
 
+/** @type {() => Api.Requests["identify"]} */
 function request() {
   const friction_terms = friction() === "terms" ? terms() : null;
   return {
@@ -57,9 +70,9 @@ function request() {
     diagnose: find("diagnose").checked,
     how: {
       options: {
-        weighting: find("weighting").value,
+        weighting: /** @type {Api.Request_identify_EstimationOptions["weighting"]} */ (find("weighting").value),
         band_hz: Number(find("band").value.replace(",", ".")),
-        model: { kind: find("measured").value, ...(friction_terms ? { friction_terms } : {}) },
+        model: { kind: /** @type {Api.Request_identify_ModelOptions["kind"]} */ (find("measured").value), ...(friction_terms ? { friction_terms } : {}) },
       },
     },
   };
@@ -69,7 +82,7 @@ function show() {
   const names = chosenRuns();
   const dataGood = names.length > 0 && checked !== null && checked.data.every((each) => each.passed !== false);
   const problem = modelProblem();
-  const checkGood = dataGood && !problem && checked.model.every((each) => each.passed !== false);
+  const checkGood = dataGood && !problem && checked?.model.every((each) => each.passed !== false);
   stage("data", dataGood ? "done" : names.length && checked ? "bad" : "wait");
   stage("model", problem ? "bad" : "done");
   stage("check", checkGood ? "done" : dataGood ? "bad" : "wait");
@@ -78,7 +91,7 @@ function show() {
   find("terms").hidden = friction() !== "terms";
   render(names.length && checked ? findings(checked.data) : [], find("data-findings"));
   render(findings([problem ? { passed: false, text: problem } : { passed: true, text: modelWords() }]), find("model-findings"));
-  render(dataGood ? findings(checked.model) : [], find("check-findings"));
+  render(dataGood && checked ? findings(checked.model) : [], find("check-findings"));
   find("check-words").textContent = dataGood ? "Check of data and model together:" : !names.length ? "Choose runs first." : checked === null ? "The data are being checked." : "The data cannot be used: see Data.";
   let why = "";
   if (!mayMove) why = "This device has read-only access. An administrator can give it the role operator.";
@@ -140,12 +153,14 @@ press("solve", panel, "identify", async () => {
 });
 
 // ---- start and end of jobs
+/** @type {(job: Api.Job) => void} */
 function begun(job) {
   if (job.kind !== "identify" || job.ended_s) return;
   solving = true;
   show();
 }
 
+/** @type {(job: Api.Job, document: ResultDocument | undefined) => Promise<void>} */
 async function ended(job, document) {
   if (job.kind === "identify") {
     solving = false;
@@ -156,15 +171,17 @@ async function ended(job, document) {
     } else await showResult(run);
     show();
   }
-  if (job.kind === "validate" && document) await showValidation(job.request.run);
+  if (job.kind === "validate" && document) await showValidation(String(job.request.run));
   if (job.kind === "export" && document) {
-    const name = document.file.split("/").at(-1);
+    const name = document.file.split("/").at(-1) ?? "";
     render(html`<p>${document.sentence ?? ""}</p>${fileLink(name, `Save ${name}`)}`, find("exported"));
   }
 }
 
-const runOf = (path) => path.split("/").at(-2);
+/** @type {(path: string) => string} */
+const runOf = (path) => path.split("/").at(-2) ?? "";
 
+/** @type {(run: string) => Promise<void>} */
 async function showResult(run) {
   const place = find("result");
   const blocks = await showRun(place, run, "estimate", "comparison", "curves");
@@ -182,18 +199,19 @@ async function showResult(run) {
 
 press("validate", panel, "validate", async () => {
   if (!find("other").value) throw new Error("There is no other run: record a run for the validation.");
-  await panel.begin("validate", { model: model.path, run: find("other").value });
+  await panel.begin("validate", { model: model?.path ?? "", run: find("other").value });
 });
 
+/** @type {(run: string) => Promise<void>} */
 async function showValidation(run) {
   await showRun(find("validation"), run, "verdict", "validation", "curves");
   find("validation").scrollIntoView({ block: "start" });
 }
 
 press("export", panel, "export", async () => {
-  const { value: to, dataset: { ending } } = find("format").selectedOptions[0];
+  const { value: to, dataset: { ending = "" } } = find("format").selectedOptions[0];
   render([], find("exported"));
-  await panel.begin("export", { what: model.path, to, output: nameOf("export-name", ending), overwrite: true });
+  await panel.begin("export", { what: model?.path ?? "", to: /** @type {Api.Request_export_Format} */ (to), output: nameOf("export-name", ending), overwrite: true });
 });
 
 on("again", showRuns);

@@ -8,10 +8,13 @@ const NEAR_PX = 40; // if the user has scrolled to within this distance of the e
 export class JobLog {
   constructor() {
     this.place = element("div", { class: "said", role: "log", tabindex: "0", "aria-label": "messages of the job" });
+    /** @type {HTMLElement[]} */
     this.waiting = [];
+    /** @type {HTMLElement | null} */
     this.part = null;
   }
 
+  /** @type {(tag: "p" | "h3", text: string, kind?: string | null) => void} */
   say(tag, text, kind) {
     this.waiting.push(element(tag, { class: kind }, text));
   }

@@ -9,14 +9,17 @@ import { html, keyed, nothing, render } from "./lit.js";
 import { JobLog } from "./job_log.js";
 import { CELL, ask, lease, now, on } from "./service.js";
 
+/** @type {Record<string, [string, string]>} */
 const ENDS = {
   done: ["good", "done"], failed: ["bad", "failed"], stopped: ["bad", "stopped"], interrupted: ["bad", "interrupted"],
 };
 const BEGIN_MS = 30000; // timeout for starting a job: the service answers only after it has saved the job and the job's worker runs
 const URGENT = { urgent: true }; // a request for a job's events must not wait until lists and figures are loaded
+/** @type {(job: Api.Job) => boolean} */
 const over = (job) => job.state in ENDS;
 
 // State of the panel for one job; a new state is created when another job is shown.
+/** @type {() => JobView} */
 const emptyView = () => ({
   known: 0, ahead: new Map(), last: "", over: false, loading: null,
   log: new JobLog(), share: 0, count: "", words: "", estimate: "", verdicts: [], isFailureShown: false, question: null, pad: null, problem: "", links: [], results: [],
@@ -27,8 +30,22 @@ const emptyView = () => ({
 // contains, by kind of job, the element that shows the result's blocks instead of the panel. `isBelow(job, document)`
 // returns true if the page itself shows the result below the panel; the panel then does not repeat it.
 export class JobPanel {
+  /** @param {HTMLElement} section @param {JobPanelOptions} [options] */
   constructor(section, { next = () => [], begun = () => {}, ended = () => {}, heard = () => {}, places = {}, isBelow = () => false } = {}) {
-    Object.assign(this, { section, next, begun, ended, heard, places, isBelow, job: null, refusal: null, view: emptyView() });
+    this.section = section;
+    this.next = next;
+    this.begun = begun;
+    this.ended = ended;
+    this.heard = heard;
+    this.places = places;
+    this.isBelow = isBelow;
+    /** @type {Api.Job | null} */
+    this.job = null;
+    /** @type {{ kind: string, text: string } | null} */
+    this.refusal = null;
+    this.view = emptyView();
+    /** @type {Promise<void> | null} */
+    this.drawing = null;
     on("event", (job, event, number) => job === this.job?.id && this.receive(event, number));
     on("job", (job) => job.id === this.job?.id && this.change(job));
     on("again", () => this.job && this.refresh());
@@ -40,11 +57,12 @@ export class JobPanel {
 
   // Start a job and show it. Before a motion, ask the user whether the cell is clear. The promise resolves with the
   // job, or with null if the user cancels or the service refuses; the panel shows the refusal.
-  async begin(kind, request = {}, { moves = false } = {}) {
+  /** @template {Api.JobKind} Kind @param {Kind} kind @param {Api.Requests[Kind]} [request] @param {{ moves?: boolean }} [options] @returns {Promise<Api.Job | null>} */
+  async begin(kind, request = /** @type {Api.Requests[Kind]} */ ({}), { moves = false } = {}) {
     const lost = moves ? await confirmClear(kindWords(kind), { held: kind === "jog" }) : "stop";
     if (lost === null) return null;
     try {
-      const job = await ask("POST", `${CELL}/jobs`, { kind, request, cleared: moves, on_lost_client: lost }, BEGIN_MS);
+      const job = await ask("POST", `${CELL}/jobs`, { kind, request: { ...request }, cleared: moves, on_lost_client: lost }, BEGIN_MS);
       this.show(job);
       return job;
     } catch (error) {
@@ -53,6 +71,7 @@ export class JobPanel {
     }
   }
 
+  /** @type {(kind: string, error: Error & { isShown?: boolean }) => void} */
   refuse(kind, error) {
     if (error.isShown) return; // at its field
     this.job = null;
@@ -74,11 +93,13 @@ export class JobPanel {
   }
 
   // Show the running job of the cell if this panel shows no running job.
+  /** @type {(status: Api.CellStatus) => void} */
   adopt(status) {
     if (status.job && status.job.id !== this.job?.id && (!this.job || over(this.job))) this.show(status.job);
     else if (this.view.question) this.update(); // another client may hold the cell now
   }
 
+  /** @type {(job: Api.Job) => void} */
   show(job) {
     this.view.pad?.leave();
     this.view = emptyView();
@@ -93,6 +114,7 @@ export class JobPanel {
   }
 
   async refresh() {
+    if (!this.job) return;
     try {
       this.change(await ask("GET", `/jobs/${this.job.id}`, undefined, undefined, undefined, URGENT));
     } catch {
@@ -102,6 +124,7 @@ export class JobPanel {
   }
 
   async cancel() {
+    if (!this.job) return;
     try {
       await ask("POST", `/jobs/${this.job.id}/cancel`, {});
     } catch (error) {
@@ -109,6 +132,7 @@ export class JobPanel {
     }
   }
 
+  /** @type {(job: Api.Job) => Promise<void>} */
   async change(job) {
     const { view } = this;
     this.job = job;
@@ -132,6 +156,7 @@ export class JobPanel {
   }
 
   // ---- events
+  /** @type {(event: JobEvent, number: number) => void} */
   receive(event, number) {
     const { view } = this;
     if (number >= view.known) view.ahead.set(number, event);
@@ -140,6 +165,7 @@ export class JobPanel {
   }
 
   // Process the received events that directly follow the last processed event.
+  /** @type {(view: JobView) => void} */
   takeNext(view) {
     for (let event; (event = view.ahead.get(view.known)); ) {
       view.ahead.delete(view.known);
@@ -148,8 +174,10 @@ export class JobPanel {
   }
 
   // Request the events that did not arrive. Only one such request runs at a time.
+  /** @type {() => Promise<void>} */
   load() {
     const { view, job } = this;
+    if (!job) return Promise.resolve();
     view.loading ??= (async () => {
       try {
         const after = view.known;
@@ -167,6 +195,7 @@ export class JobPanel {
     return view.loading;
   }
 
+  /** @type {(event: JobEvent) => void} */
   take(event) {
     const { view } = this;
     view.known += 1;
@@ -184,35 +213,43 @@ export class JobPanel {
       case "ended": if (event.message && event.error !== "Failure") this.addVerdict({ passed: false, text: event.message });
     }
     this.update();
-    this.heard(event, this.job);
+    if (this.job) this.heard(event, this.job);
   }
 
+  /** @type {(event: Api.ResultEvent) => void} */
   takeResult({ document, blocks }) {
-    Object.assign(this.view, { document, blocks });
-    if (this.isBelow(this.job, document)) return;
+    const { job } = this;
+    if (!job) return;
+    const found = /** @type {ResultDocument} */ (/** @type {unknown} */ (document));
+    Object.assign(this.view, { document: found, blocks });
+    if (this.isBelow(job, found)) return;
     for (const block of blocks) if (block.kind === "verdict") this.addVerdict(block);
     const shown = blocks.filter(({ kind }) => kind !== "verdict");
-    const place = this.places[this.job.kind];
+    const place = this.places[job.kind];
     if (place) render(blockParts(shown, null, Infinity), place);
     else this.view.results = blockParts(shown);
   }
 
+  /** @type {(verdict: { passed: boolean | null, text: string }) => void} */
   addVerdict(verdict) {
     this.view.isFailureShown ||= verdict.passed === false;
     this.view.verdicts.push(verdictOf(verdict));
   }
 
+  /** @type {(tag: "p" | "h3", text: string, kind?: string | null) => void} */
   say(tag, text, kind = null) {
     this.view.log.say(tag, text, kind);
     this.update();
   }
 
+  /** @type {(event: Api.ProgressEvent) => void} */
   takeProgress({ title, done, total, unit, line }) {
     const of = total ? `${Math.round(done)} of ${Math.round(total)} ${unit}` : `${Math.round(done)} ${unit}`;
     const count = [title, of].filter(Boolean).join(" · ");
     Object.assign(this.view, { share: total ? done / total : null, count, estimate: line ?? "" });
   }
 
+  /** @type {(picture: LivePicture) => void} */
   showPicture({ title, words, share, count, left_s: left, stop, problem }) {
     if (!title) return; // a job that reads the drives at rest has no title: its events show the progress
     const rest = left === null || left === undefined ? "" : `${duration(left)} left`;
@@ -226,16 +263,20 @@ export class JobPanel {
     Object.assign(this.view, { pad: null, question: null, problem: "" });
   }
 
+  /** @type {(event: Api.QuestionEvent) => void} */
   askPerson(event) {
     this.drop();
+    if (!this.job) return;
     this.view.question = event;
     if (event.form === "hold") this.view.pad = holdPad(this.job, now.status?.joints ?? []);
     this.draw();
-    this.section.querySelector(".questions").scrollIntoView({ block: "nearest" });
+    this.section.querySelector(".questions")?.scrollIntoView({ block: "nearest" });
   }
 
+  /** @type {(text: string) => Promise<void>} */
   async answer(text) {
     const { view, job } = this;
+    if (!job || !view.question) return;
     view.problem = "";
     try {
       await ask("POST", `/jobs/${job.id}/answer`, { question: view.question.question, text });
@@ -245,17 +286,19 @@ export class JobPanel {
     this.update();
   }
 
+  /** @type {(event: Api.QuestionEvent) => Part[]} */
   questionParts({ form, text, choices, question }) {
+    /** @type {(event: SubmitEvent) => void} */
     const send = (submitted) => {
       submitted.preventDefault();
-      this.answer(submitted.target.elements.answer.value.trim());
+      this.answer(String(new FormData(/** @type {HTMLFormElement} */ (submitted.target)).get("answer")).trim());
     };
     const buttons = form === "yes_no" ? [{ text: "yes", label: "Yes" }, { text: "no", label: "No" }] : choices ?? [];
     const answers = buttons.map((each) => html`<button type="button" class="answer" @click=${() => this.answer(each.text)}>${each.label}</button>`);
     return [
       text ? html`<p class="question">${text}</p>` : nothing,
       lease.key ? nothing : html`<p class="problem">Only the holder of the cell can answer: take the cell first.</p>`,
-      form === "hold" ? this.view.pad.pad : nothing,
+      form === "hold" ? this.view.pad?.pad : nothing,
       form !== "hold" && answers.length ? html`<div class="answers">${answers}</div>` : nothing,
       form === "hold" || form === "yes_no" ? nothing : keyed(question, html`<form class="free" @submit=${send}>
         <label for="answer">Answer</label><input id="answer" name="answer" type="text" autocomplete="off">
@@ -272,16 +315,18 @@ export class JobPanel {
   draw() {
     this.drawing = null;
     this.section.hidden = this.job === null && this.refusal === null;
-    render(this.job ? this.jobParts() : this.refusal ? this.refusalParts() : nothing, this.section);
+    render(this.job ? this.jobParts(this.job) : this.refusal ? this.refusalParts(this.refusal) : nothing, this.section);
     this.view.log.flush();
   }
 
-  refusalParts() {
-    return html`<h2>${kindWords(this.refusal.kind)}</h2><p class="verdict bad" role="alert">Refused: ${linked(this.refusal.text)}</p>`;
+  /** @type {(refusal: { kind: string, text: string }) => Part} */
+  refusalParts({ kind, text }) {
+    return html`<h2>${kindWords(kind)}</h2><p class="verdict bad" role="alert">Refused: ${linked(text)}</p>`;
   }
 
-  jobParts() {
-    const { job, view } = this;
+  /** @type {(job: Api.Job) => Part} */
+  jobParts(job) {
+    const { view } = this;
     const count = job.state === "accepted" && !view.count ? "Waiting for the end of another job." : view.count;
     const estimate = view.words ? view.estimate.replace(`${view.words}; `, "") : view.estimate; // `count` shows the state
     return html`

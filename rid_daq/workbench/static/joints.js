@@ -3,8 +3,10 @@
 const DEGREES = 180 / Math.PI;
 const OLD_S = 0.5;
 
+/** @type {(value: number, unit: string) => string} */
 const digits = (value, unit) => `${value.toPrecision(3)} ${unit}`;
 
+/** @type {(section: HTMLElement, words: HTMLElement, picture: LivePicture) => void} */
 export function showJoints(section, words, picture) {
   const { joints, age_s: age, moving } = picture;
   const old = age === null || age > OLD_S;
@@ -16,31 +18,43 @@ export function showJoints(section, words, picture) {
   }
 }
 
+/** @type {(words: HTMLElement) => void} */
 export const showSilence = (words) => say(words, "NOT LIVE: no values arrive from the service.", true);
+/** @type {(words: HTMLElement) => unknown} */
 export const showReturn = (words) => words.classList.contains("problem") && say(words, "Values from before the connection was lost.", false);
+/** @type {(words: HTMLElement) => void} */
 export const showEnd = (words) => say(words, "Values at the end of the last motion.", false);
 
+/** @type {(words: HTMLElement, sentence: string, problem: boolean) => void} */
 function say(words, sentence, problem) {
   if (words.textContent !== sentence) words.textContent = sentence;
   words.classList.toggle("problem", problem);
 }
 
 // Show the drive temperatures of the preflight until a motion delivers new temperatures.
+/** @type {(section: HTMLElement, lines: Api.CheckLine[]) => void} */
 export function showTemperatures(section, lines) {
-  for (const { where, temperature_c: warm } of lines.filter((each) => Number.isFinite(each.temperature_c))) {
+  for (const { where, temperature_c: warm } of lines) {
+    if (warm === null || warm === undefined) continue;
     const card = section.querySelector(`[data-joint="${CSS.escape(where.split(",")[0])}"]`);
     const place = card?.querySelector('[data-show="temperature"]');
     if (place) place.textContent = `${warm.toFixed(0)} °C at the preflight`;
   }
 }
 
+/** @type {(card: Element, name: string) => HTMLElement} */
+const part = (card, name) => /** @type {HTMLElement} */ (card.querySelector(`[data-show="${name}"]`));
+
+/** @type {(card: Element, joint: LiveJoint) => void} */
 function showJoint(card, joint) {
   const turns = joint.unit === "rad";
   const [unit, factor] = turns ? ["°", DEGREES] : ["mm", 1000];
+  /** @type {(name: string, text: string, share: number) => void} */
   const set = (name, text, share) => {
-    card.querySelector(`[data-show="${name}"]`).textContent = text;
-    card.querySelector(`[data-show="${name}-bar"]`).value = share;
+    part(card, name).textContent = text;
+    /** @type {HTMLProgressElement} */ (part(card, `${name}-bar`)).value = share;
   };
+  /** @template Value @param {Value | null | undefined} value @returns {value is Value} */
   const known = (value) => value !== null && value !== undefined;
   card.classList.toggle("silent", joint.answers === false);
   if (known(joint.position)) {
@@ -58,6 +72,5 @@ function showJoint(card, joint) {
   }
   if (known(joint.following_error))
     set("error", digits(factor * joint.following_error, unit), joint.following_error_share ?? 0);
-  const warm = card.querySelector('[data-show="temperature"]');
-  warm.textContent = known(joint.temperature_c) ? `${joint.temperature_c.toFixed(0)} °C` : "";
+  part(card, "temperature").textContent = known(joint.temperature_c) ? `${joint.temperature_c.toFixed(0)} °C` : "";
 }

@@ -8,12 +8,15 @@ const WATCH_MS = 500;
 const PATIENCE_MS = 10000;
 
 // Return the base wrench of a live sample; null without a force plate, or if its values are old.
+/** @type {(picture: LivePicture) => LiveWrench | null} */
 function freshWrench({ base_wrench: wrench }) {
   return wrench && wrench.age_s !== null && wrench.age_s <= OLD_S ? wrench : null;
 }
 
 // Show the pose of the cell's robot in a view, now and after every change.
+/** @type {(view: { show(pose: ShownPose): void }) => void} */
 export function followPose(view) {
+  /** @type {number[] | null} */
   let position = null;
   let words = "";
   let receivedAt = -Infinity;
@@ -43,8 +46,8 @@ export function followPose(view) {
   }
 
   on("samples", (picture) => {
-    const values = picture.joints.map((joint) => joint.position);
-    if (values.length === 0 || values.some((value) => value === null || value === undefined)) return;
+    const values = picture.joints.map((joint) => joint.position).filter((value) => value !== null);
+    if (values.length === 0 || values.length < picture.joints.length) return;
     const silent = picture.joints.filter((joint) => joint.answers === false).map((joint) => joint.name);
     isLive = picture.age_s !== null && picture.age_s <= OLD_S && !picture.over && silent.length === 0;
     position = values;

@@ -3,7 +3,7 @@
 "use strict";
 (() => {
   const KEY = "rid-daq session";
-  const given = document.currentScript.dataset.key;
+  const given = /** @type {HTMLElement} */ (document.currentScript).dataset.key;
   if (given) localStorage.setItem(KEY, given);
   const secret = localStorage.getItem(KEY) ?? "none";
   const bearer = `Bearer ${secret}`;
@@ -12,7 +12,7 @@
   // saves
   const plainFetch = window.fetch;
   window.fetch = (target, options = {}) => {
-    if (new URL(target, location).origin !== location.origin) return plainFetch(target, options);
+    if (new URL(target instanceof Request ? target.url : target, location.href).origin !== location.origin) return plainFetch(target, options);
     const headers = new Headers(options.headers);
     headers.set("authorization", bearer);
     return plainFetch(target, { ...options, headers });
@@ -20,20 +20,23 @@
 
   const PlainSocket = window.WebSocket;
   window.WebSocket = class extends PlainSocket {
-    constructor(target, ...more) {
-      const address = new URL(target, location);
+    /** @param {string | URL} target @param {string | string[]} [protocols] */
+    constructor(target, protocols) {
+      const address = new URL(target, location.href);
       const ours = address.host === location.host && /^\/api\/v1\/(ws|stop-line)$/.test(address.pathname);
-      super(target, ...(ours ? [["rid-daq", `rid-daq.${secret}`]] : more));
+      super(target, ours ? ["rid-daq", `rid-daq.${secret}`] : protocols);
     }
   };
 
   const NOT_PAGES = /^\/(api|figures|metrics)(\/|$)/;
+  /** @type {Element | null} */
   let passed = null;
+  /** @type {(event: MouseEvent) => Promise<void>} */
   async function showTicket(event) {
-    const link = event.target.closest?.("a[href]");
+    const link = /** @type {HTMLAnchorElement | null | undefined} */ (/** @type {Element} */ (event.target).closest?.("a[href]"));
     if (!link || link === passed || link.origin !== location.origin || !NOT_PAGES.test(link.pathname)) return;
     event.preventDefault();
-    const copy = link.cloneNode(false);
+    const copy = /** @type {HTMLAnchorElement} */ (link.cloneNode(false));
     try {
       const headers = { "x-rid-daq": "page", "content-type": "application/json" };
       const body = JSON.stringify({ path: decodeURIComponent(link.pathname) });
@@ -42,7 +45,7 @@
       if (!answer.ok) throw new Error(answer.statusText);
       const address = new URL(link.href);
       address.searchParams.set("ticket", (await answer.json()).ticket);
-      copy.href = address;
+      copy.href = address.href;
     } catch {
       // no ticket was received: the link is opened without one, and the service answers why it refuses
     }
@@ -60,7 +63,7 @@
   const pending = document.createElement("iframe");
   pending.hidden = true;
   document.body.append(pending);
-  pending.contentDocument.open();
+  pending.contentDocument?.open();
 
   async function load() {
     let text;
@@ -69,7 +72,7 @@
       text = await answer.text();
       if (new URL(answer.url).pathname !== location.pathname || given) history.replaceState(null, "", answer.url);
     } catch {
-      document.getElementById("login-words").textContent = "The service does not answer: use the emergency stop. This page tries again…";
+      /** @type {HTMLElement} */ (document.getElementById("login-words")).textContent = "The service does not answer: use the emergency stop. This page tries again…";
       setTimeout(load, AGAIN_MS);
       return;
     }

@@ -9,8 +9,10 @@ const DEGREES = 180 / Math.PI;
 
 export class MotionPlayer {
   // Add the controls of the playback below the picture of a view.
+  /** @param {import("./robot_view.js").RobotView} view */
   constructor(view) {
     this.view = view;
+    /** @type {MotionPlayback | null} */
     this.motion = null;
     this.time = 0;
     this.isPlaying = false;
@@ -31,6 +33,7 @@ export class MotionPlayer {
   }
 
   // Show a motion that the service has sent (null: no motion).
+  /** @type {(motion: MotionPlayback | null) => void} */
   open(motion) {
     this.pause();
     this.motion = motion;
@@ -48,6 +51,7 @@ export class MotionPlayer {
   }
 
   // Show the reason why there is no motion.
+  /** @type {(text: string) => void} */
   refuse(text) {
     this.nearest.textContent = text;
     this.nearest.classList.add("problem");
@@ -55,11 +59,12 @@ export class MotionPlayer {
 
   play() {
     if (!this.motion) return;
-    const end = this.motion.times_s.at(-1);
+    const { times_s: times } = this.motion;
+    const end = lastOf(times);
     let before = performance.now();
     this.isPlaying = true;
     this.button.textContent = "Pause";
-    if (this.time >= end) this.time = this.motion.times_s[0];
+    if (this.time >= end) this.time = times[0];
     const step = () => {
       if (!this.isPlaying) return;
       const at = performance.now();
@@ -78,9 +83,11 @@ export class MotionPlayer {
   }
 
   // Show the pose at a time of the motion [s].
+  /** @type {(time: number) => void} */
   seek(time) {
+    if (!this.motion) return;
     const { times_s: times, position, phases, periods } = this.motion;
-    const end = times.at(-1);
+    const end = lastOf(times);
     this.time = time;
     const before = intervalOf(times, time);
     const share = Math.min(1, Math.max(0, (time - times[before]) / (times[before + 1] - times[before])));
@@ -95,13 +102,14 @@ export class MotionPlayer {
 
   // Show the clearance at the selected time, and the smallest clearance of the motion.
   describe() {
-    const { clearance } = this.motion;
-    if (clearance === null) {
+    const clearance = this.motion?.clearance;
+    if (!clearance) {
       this.nearest.textContent = "Clearance: not computed, because the robot file has no bodies, or no distance is required between them.";
       return;
     }
     const { times_s: times, distance_m: distances, pairs, least_at_s: at, margin_m: margin } = clearance;
     const least = smallest(distances);
+    /** @type {(i: number) => string} */
     const of = (i) => `${(1000 * distances[i]).toFixed(0)} mm between ${pairs[i]}`;
     const verdict = distances[least] < margin ? ` The smallest clearance is less than the allowed ${(1000 * margin).toFixed(0)} mm.` : "";
     this.nearest.textContent = `Clearance now: ${of(intervalOf(times, this.time))}. Smallest of the motion: ${of(least)}, at ${at.toFixed(1)} s.${verdict}`;
@@ -115,11 +123,14 @@ export class MotionPlayer {
     if (!clearance || pen === null) return;
     const { times_s: times, distance_m: distances, margin_m: margin } = clearance;
     const style = getComputedStyle(this.strip);
+    /** @type {(value: number) => string} */
     const colour = (value) => style.getPropertyValue(value < margin ? "--bad" : value < WIDE * margin ? "--wait" : "--good");
     const most = 2 * WIDE * Math.max(margin, LEAST_MARGIN); // larger clearances are drawn with the full height
+    /** @type {(value: number) => number} */
     const height = (value) => (STRIP_PX * Math.min(most, Math.max(0.02 * most, value))) / most;
     this.strip.width = FINENESS * distances.length;
-    const place = (time) => Math.round((this.strip.width * (time - times[0])) / (times.at(-1) - times[0]));
+    /** @type {(time: number) => number} */
+    const place = (time) => Math.round((this.strip.width * (time - times[0])) / (lastOf(times) - times[0]));
     distances.forEach((value, i) => {
       pen.fillStyle = colour(value);
       pen.fillRect(place(times[i]), STRIP_PX - height(value), place(times[i + 1]) - place(times[i]), height(value));
@@ -130,17 +141,24 @@ export class MotionPlayer {
   }
 }
 
+/** @type {(times: number[]) => number} */
+const lastOf = (times) => times[times.length - 1];
+
+/** @type {(values: number[]) => number} */
 const smallest = (values) => values.reduce((best, value, i) => (value < values[best] ? i : best), 0);
 
 // Return the index of the interval in `times` that contains `time`.
+/** @type {(times: number[], time: number) => number} */
 function intervalOf(times, time) {
   const next = times.findIndex((each) => each > time);
   return next < 0 ? times.length - 2 : Math.max(0, next - 1);
 }
 
+/** @type {(approach: MotionPlayback["approach"]) => string} */
 const startOf = ({ source, at_s: at, problem }) =>
-  problem ? `The approach is not shown: ${problem}.` : `Times below 0 are the approach, from the pose of ${source}, ${timeOf(at)}.`;
+  problem ? `The approach is not shown: ${problem}.` : `Times below 0 are the approach, from the pose of ${source}, ${timeOf(at ?? NaN)}.`;
 
+/** @type {(motion: MotionPlayback) => string} */
 function accuracyOf({ deviation_rad: angle, deviation_m: length }) {
   const parts = [angle > 0 && `${(DEGREES * angle).toFixed(1)}°`, length > 0 && `${(1000 * length).toFixed(1)} mm`];
   return `The motion is too long to be drawn exactly: joints are up to ${parts.filter(Boolean).join(" or ")} away from the shown poses.`;

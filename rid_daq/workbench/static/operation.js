@@ -9,24 +9,27 @@ const form = find("operation");
 if (form) show();
 
 function show() {
-  const kind = form.dataset.kind;
+  const kind = /** @type {Api.JobKind} */ (form.dataset.kind);
   const moves = "moves" in form.dataset;
   const figures = element("div", {});
+  /** @type {(block: PageBlock) => boolean} */
   const keep = ({ kind }) => kind === "plot"; // the job's panel shows all other blocks
   const panel = new JobPanel(find("job"), { ended: (job) => job.run && showBlocks(figures, ofRun(job.run), { keep }) });
   find("job").after(figures);
-  for (const input of form.elements) {
+  for (const input of /** @type {Iterable<Control>} */ (form.elements)) {
     if (input.name && wanted.has(input.name)) input.value = wanted.getAll(input.name).join("\n");
   }
   completeRuns().then((runs) => render(runs.map((run) => html`<option value=${run.id} label=${runWords(run)}></option>`), find("runs")));
   form.addEventListener("submit", (event) => event.preventDefault());
-  press("begin", panel, kind, () => panel.begin(kind, request(), { moves }));
+  press("begin", panel, kind, () => panel.begin(kind, /** @type {any} */ (request()), { moves }));
 }
 
 // Return a request with the fields that the user has changed; the service uses the defaults of all others.
+/** @type {() => Record<string, any>} */
 function request() {
+  /** @type {Record<string, any>} */
   const asks = {};
-  for (const input of form.elements) {
+  for (const input of /** @type {Iterable<Control>} */ (form.elements)) {
     if (!input.name) continue;
     const value = checkedValue(input);
     if (value === null) continue;
@@ -38,6 +41,7 @@ function request() {
 }
 
 // Return the value of a field; if it is invalid, show the error at the field and throw it.
+/** @type {(input: Control) => unknown} */
 function checkedValue(input) {
   try {
     return valueOf(input);
@@ -47,11 +51,13 @@ function checkedValue(input) {
 }
 
 // Return the value of a field, or null if the user has not changed the field.
+/** @type {(input: Control) => unknown} */
 function valueOf(input) {
-  const { kind, many, parts = "" } = input.dataset;
-  if (kind === "flag") return input.checked === input.defaultChecked ? null : input.checked;
+  const { kind = "", many, parts = "" } = input.dataset;
+  if (kind === "flag" && input instanceof HTMLInputElement) return input.checked === input.defaultChecked ? null : input.checked;
   const text = input.value.trim();
-  if (!text || (kind === "choice" && [...(input.options ?? [])].some((each) => each.defaultSelected && each.value === text))) return null;
+  if (!text || (kind === "choice" && input instanceof HTMLSelectElement && [...input.options].some((each) => each.defaultSelected && each.value === text))) return null;
+  /** @type {(part: string) => unknown} */
   const one = (part) => (parts ? whole(part.trim(), parts, input.name) : read(part.trim(), kind, input.name));
   if (many === "list") return text.split("\n").filter((line) => line.trim()).map(one);
   if (many === "numbers") return text.split(/[\s;]+/).map(one);
@@ -60,6 +66,7 @@ function valueOf(input) {
 }
 
 // Parse a value with several parts in one line: "m 2.805 0.005".
+/** @type {(line: string, parts: string, name: string) => Record<string, unknown>} */
 function whole(line, parts, name) {
   const names = parts.trim().split(" ").map((each) => each.split(":"));
   const words = line.split(/\s+/);
@@ -67,12 +74,14 @@ function whole(line, parts, name) {
   return Object.fromEntries(names.map(([part, kind], i) => [part, read(words[i], kind, `${name}, ${part}`)]));
 }
 
+/** @type {(line: string, kind: string, name: string) => [string, unknown]} */
 function pair(line, kind, name) {
   const at = line.indexOf("=");
   if (at < 1) throw new Error(`${name}: "${line}" is not of the form NAME=VALUE.`);
   return [line.slice(0, at).trim(), read(line.slice(at + 1).trim(), kind, name)];
 }
 
+/** @type {(text: string, kind: string, name: string) => string | number} */
 function read(text, kind, name) {
   if (kind !== "number" && kind !== "whole") return text;
   const value = parseNumber(text);

@@ -2,11 +2,12 @@
 // the code.
 const POLL_MS = 1000;
 const HEADERS = { "x-rid-daq": "page", "content-type": "application/json" };
-const [code, words, again] = ["code", "words", "again"].map((id) => document.getElementById(id));
+const [code, words, again] = ["code", "words", "again"].map((id) => /** @type {HTMLElement} */ (document.getElementById(id)));
 
+/** @template {"" | "/confirm" | "/state"} Path @param {Path} path @param {object} body @returns {Promise<Api.AnswerTo<"POST", Api.Parts<`/pairing${Path}`>>>} */
 async function post(path, body) {
   const signal = AbortSignal.timeout(5000);
-  const answer = await fetch(path, { method: "POST", headers: HEADERS, body: JSON.stringify(body), signal });
+  const answer = await fetch(`/api/v1/pairing${path}`, { method: "POST", headers: HEADERS, body: JSON.stringify(body), signal });
   const told = await answer.json();
   if (!answer.ok) throw new Error(told.message);
   return told;
@@ -15,7 +16,7 @@ async function post(path, body) {
 async function begin() {
   again.hidden = true;
   try {
-    const begun = await post("/api/v1/pairing", {});
+    const begun = await post("", {});
     code.textContent = `${begun.code.slice(0, 3)} ${begun.code.slice(3)}`;
     words.textContent = "Waiting until an administrator types the code. It is valid for 5 minutes.";
     setTimeout(look, POLL_MS, begun.secret);
@@ -24,9 +25,10 @@ async function begin() {
   }
 }
 
+/** @type {(secret: string) => Promise<void>} */
 async function look(secret) {
   try {
-    const state = await post("/api/v1/pairing/state", { secret });
+    const state = await post("/state", { secret });
     if (state.confirmed) {
       words.textContent = "Confirmed.";
       if (state.key) localStorage.setItem("rid-daq session", state.key);
@@ -44,6 +46,7 @@ async function look(secret) {
   }
 }
 
+/** @type {(error: Error) => void} */
 function giveUp(error) {
   code.textContent = "– – –";
   words.textContent = `No code: ${error.message}`;

@@ -10,34 +10,43 @@ import { RobotView } from "./robot_view.js";
 import { CELL, ask, on, page } from "./service.js";
 import { blocksUrl, figureIn, fileLink, look, numberOf, offer, press, problemOf, showRun, wanted } from "./work.js";
 
+/** @type {Record<string, string>} */
 const WORDS = { done: "done", now: "now", bad: "problem", wait: "not yet" };
 const DRAWN_MS = 3000;
+/** @type {{ run: string, payload: string } | null} */
 let session = null; // the session whose result is shown
 let showings = 0; // counter that increases when a result is requested or closed; an answer to an earlier request is ignored
+/** @type {string | null} */
 let jobAtOpening = null; // id of the job that was running when the page was opened; empty if no job was running
-const STAGES = [...document.querySelectorAll("[data-stage]")];
+/** @type {HTMLElement[]} */
+const STAGES = [.../** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("[data-stage]"))];
 
 on("cell", ({ job }) => {
   jobAtOpening ??= job?.id ?? "";
 });
+/** @type {(job: Api.Job) => Part[]} */
 const next = ({ kind, state }) =>
   kind === "payload_session" && state === "done" ? [html`<a class="button main" href="#papers">Create the certificate</a>`] : [];
 const panel = new JobPanel(find("job"), { next, heard, begun, ended, isBelow });
 
 // ---- stages of the page: each stage shows one or two states of the session
 
+/** @type {(stage: HTMLElement, word: string) => void} */
 function show(stage, word) {
   stage.dataset.state = word;
-  stage.querySelector("span span").textContent = WORDS[word];
+  /** @type {HTMLElement} */ (stage.querySelector("span span")).textContent = WORDS[word];
 }
 
-const stageOf = (state) => STAGES.find((stage) => stage.dataset.stage.split(" ").includes(state));
+/** @type {(state: Api.SessionState) => HTMLElement | undefined} */
+const stageOf = (state) => STAGES.find((stage) => stage.dataset.stage?.split(" ").includes(state));
 
+/** @type {(state: Api.SessionState, word?: string) => void} */
 function reach(state, word = "now") {
-  const here = STAGES.indexOf(stageOf(state));
+  const here = STAGES.findIndex((stage) => stage === stageOf(state));
   STAGES.forEach((stage, i) => show(stage, i < here ? "done" : i > here ? "wait" : word));
 }
 
+/** @type {(job: Api.Job) => void} */
 function begun(job) {
   if (job.kind !== "payload_session") return;
   find("prepare").hidden = !job.ended_s;
@@ -56,18 +65,25 @@ function leaveLast() {
   forgetEntries();
 }
 
+// The buttons that need a session are shown only with its result.
+const chosenSession = () => /** @type {{ run: string, payload: string }} */ (session);
+const make = /** @type {HTMLSelectElement} */ (find("make"));
+
 const isSessionRunning = () => panel.job?.kind === "payload_session" && !panel.job.ended_s;
 
 // ---- events of the session
 let drawnAt = -Infinity;
-let later = null;
+/** @type {ReturnType<typeof setTimeout> | undefined} */
+let later;
 
+/** @type {(event: JobEvent, job: Api.Job) => void} */
 function heard(event, job) {
   if (job.kind !== "payload_session") return;
   if (event.kind === "state") reach(event.state);
   if (event.kind === "warmed_up") drawWarmUp(job.id);
 }
 
+/** @type {(job: string) => void} */
 function drawWarmUp(job) {
   clearTimeout(later);
   const wait = drawnAt + DRAWN_MS - performance.now();
@@ -81,10 +97,12 @@ function drawWarmUp(job) {
 }
 
 // Return true if the page shows a job's result below the job: a finished session, or a document of the shown session.
+/** @type {(job: Api.Job, document: ResultDocument) => boolean} */
 function isBelow(job, document) {
   return job.kind === "payload_session" ? Boolean(document.session) : job.kind in PAPERS && isOf(session, job);
 }
 
+/** @type {(job: Api.Job, document: ResultDocument | undefined) => Promise<void>} */
 async function ended(job, document) {
   if (job.kind === "payload_session") {
     find("prepare").hidden = false;
@@ -96,18 +114,22 @@ async function ended(job, document) {
       if (now) show(now, "bad");
     }
   }
-  if (document && isOf(session, job)) PAPERS[job.kind]?.(document, panel.view.blocks, job);
+  if (document && isOf(session, job)) PAPERS[job.kind]?.(document, panel.view.blocks ?? [], job);
 }
 
 // Return the number in a field that can be empty; null if the field is empty.
+/** @type {(id: InputId) => number | null} */
 const optionalNumber = (id) => (find(id).value.trim() ? numberOf(id, { least: 0 }) : null);
 
 // ---- the session
+/** @type {{ run: string, choices: SessionChoices, shown?: Record<string, unknown> } | null} */
 let resumed = null; // the resumed session: its run, its settings, and the request that the form contained at first
 
+/** @type {() => Api.Requests["payload_session"]} */
 function request() {
   const mass = find("mass").value.trim();
   const weighed = mass ? [{ name: "m", value: numberOf("mass", { least: 0.0001 }), sigma: numberOf("mass-sigma", { least: 0 }) }] : [];
+  /** @type {Api.Requests["payload_session"]} */
   const asks = {
     known: [...(resumed?.choices.known ?? []).filter((each) => each.name !== "m"), ...weighed],
     label: find("label").value.trim() || "payload",
@@ -149,17 +171,18 @@ find("anew").addEventListener("click", forgetEntries);
 press("check", panel, "check", () => panel.begin("check"));
 
 // ---- sessions that can be resumed, and sessions with a result
+/** @type {() => Promise<void>} */
 async function showSessions() {
-  let interrupted = [], finished = [];
+  let interrupted, finished;
   try {
-    ({ interrupted, finished } = await look(`${CELL}/payload/sessions`));
+    ({ interrupted, finished } = /** @type {Api.CellSessions} */ (await look(`${CELL}/payload/sessions`)));
   } catch (error) {
     render(problemOf(error), find("interrupted"));
     return;
   }
   find("resume-card").hidden = !interrupted.length || isSessionRunning();
   render(interrupted.map((each) => html`<div class="tools">
-    <p><b>${each.label}</b>, started ${timeOf(each.created_utc)}. Next step: ${stageOf(each.state)?.querySelector("b").textContent}.</p>
+    <p><b>${each.label}</b>, started ${timeOf(each.created_utc)}. Next step: ${stageOf(each.state)?.querySelector("b")?.textContent}.</p>
     <button type="button" class="resume" data-run=${each.run} data-needs="role" disabled @click=${() => goOn(each)}>Resume</button></div>`),
   find("interrupted"));
   find("finished-card").hidden = !finished.length;
@@ -169,9 +192,12 @@ async function showSessions() {
 
 // Fill the form with the settings of an interrupted session, so that the user can change them before the session is
 // resumed.
-function goOn({ run, label, state, choices }) {
+/** @type {(session: Api.InterruptedSession) => void} */
+function goOn({ run, label, state, choices: settings }) {
+  const choices = /** @type {SessionChoices} */ (settings);
   const { known, limits } = choices;
   const mass = known.find((each) => each.name === "m");
+  /** @type {Record<string, string | number>} */
   const fields = {
     mass: mass?.value ?? "", "mass-sigma": mass?.sigma ?? find("mass-sigma").defaultValue, label: choices.label,
     "mass-limit": limits.mass_percent, "centre-limit": limits.centre_mm,
@@ -180,20 +206,21 @@ function goOn({ run, label, state, choices }) {
     repeats: choices.repeats, rehearsal: choices.rehearsal_percent,
     warm: choices.warm_up_percent, "warm-periods": choices.warm_up_periods,
   };
-  for (const [id, value] of Object.entries(fields)) find(id).value = value;
-  for (const id of ["payload", "model"]) {
-    if (choices[id] && find(id)) offer(find(id), choices[id]);
+  for (const [id, value] of Object.entries(fields)) find(/** @type {InputId} */ (id)).value = String(value);
+  for (const id of /** @type {const} */ (["payload", "model"])) {
+    const chosen = choices[id];
+    if (chosen && find(id)) offer(find(id), chosen);
     else if (find(id)) find(id).value = "";
   }
   if (find("practise")) find("practise").checked = choices.practise;
-  for (const id of ["motion", "periods"]) find(id).disabled = true; // these two values cannot change: the session's run folder was made with them
+  for (const id of /** @type {const} */ (["motion", "periods"])) find(id).disabled = true; // these two values cannot change: the session's run folder was made with them
   find("prepare").dataset.keep = "no"; // do not store these entries in the browser tab, because they belong to the resumed session
   resumed = { run, choices };
-  resumed.shown = request();
+  resumed.shown = { ...request() };
   const more = known.filter((each) => each !== mass).map((each) => `${each.name} is known: ${each.value} ± ${each.sigma}.`);
   if (choices.until_mass_kg !== null) more.push(`A run with the payload ends as soon as 2σ of the mass is at most ${choices.until_mass_kg} kg.`);
   find("going-on").textContent = [`Session ${label} will be resumed with these values, with which it was started. Correct them if necessary.`, ...more].join(" ");
-  for (const id of ["going-on", "anew"]) find(id).hidden = false;
+  for (const id of /** @type {const} */ (["going-on", "anew"])) find(id).hidden = false;
   find("begin").textContent = `Resume ${label}`;
   find("lengths").open = true;
   reach(state, "bad");
@@ -201,12 +228,14 @@ function goOn({ run, label, state, choices }) {
 }
 
 // Return the values that the user has changed since the start of the session, even if they equal the defaults.
+/** @type {() => Api.Requests["payload_session"]} */
 function saidAnew() {
-  const changed = Object.entries(request()).filter(([name, value]) => JSON.stringify(value) !== JSON.stringify(resumed.shown[name]));
-  return { ...Object.fromEntries(changed), resume: resumed.run };
+  const changed = Object.entries(request()).filter(([name, value]) => JSON.stringify(value) !== JSON.stringify(resumed?.shown?.[name]));
+  return { ...Object.fromEntries(changed), resume: resumed?.run };
 }
 
 // ---- the result; the page's address contains the session, so that a reload shows the same result
+/** @type {(run: string) => Promise<void>} */
 async function showResult(run) {
   const showing = ++showings;
   find("result-card").hidden = false;
@@ -218,7 +247,7 @@ async function showResult(run) {
   find("papers").hidden = false;
   find("report").href = `/api/v1/runs/${encodeURIComponent(run)}/report`;
   find("after").hidden = !passed;
-  for (const id of ["certificate", "load-data", "compared"]) render([], find(id));
+  for (const id of /** @type {const} */ (["certificate", "load-data", "compared"])) render([], find(id));
   if (!isSessionRunning()) {
     reach("done", passed ? "done" : "bad");
     find("result-card").scrollIntoView({ block: "start" });
@@ -233,17 +262,21 @@ async function showPapers() {
   const jobs = await ask("GET", `/jobs?cell=${encodeURIComponent(page.cell)}&limit=1000`);
   for (const [kind, showPaper] of Object.entries(PAPERS)) {
     const job = jobs.find((each) => each.kind === kind && isOf(shown, each));
-    const events = job ? await ask("GET", `/jobs/${job.id}/events`) : [];
+    if (!job) continue;
+    const events = await ask("GET", `/jobs/${job.id}/events`);
     const result = events.findLast((event) => event.kind === "result");
-    if (result && session?.run === shown.run) showPaper(result.document, result.blocks, job);
+    if (result && session?.run === shown?.run) showPaper(/** @type {ResultDocument} */ (/** @type {unknown} */ (result.document)), result.blocks, job);
   }
 }
 
 // Return true if a job has computed its result from a session.
+/** @type {(of: { run: string, payload: string } | null, job: Api.Job) => boolean} */
 const isOf = (of, { request: { session: run, payload } }) => of !== null && (run === of.run || payload === of.payload);
 
 // Show the payload's centre of gravity on the robot.
+/** @type {RobotView | null} */
 let view = null;
+/** @type {(payload: string) => void} */
 function showCentre(payload) {
   find("view").hidden = false;
   if (view !== null) {
@@ -254,28 +287,31 @@ function showCentre(payload) {
   followPose(view);
 }
 
-const madeAt = (job) => html`<p class="soft">Made ${timeOf(job.ended_s)}</p>`;
+/** @type {(job: Api.Job) => Part} */
+const madeAt = (job) => html`<p class="soft">Made ${timeOf(job.ended_s ?? NaN)}</p>`;
 
+/** @type {Record<string, (document: ResultDocument, blocks: ResultBlock[], job: Api.Job) => void>} */
 const PAPERS = {
   payload_certificate: ({ file }, _, job) => render([fileLink(file, "Save the certificate"), madeAt(job)], find("certificate")),
   payload_export: showLoadData,
-  payload_read_back: (document, blocks, job) => render([blockParts(blocks), madeAt(job)], find("compared")),
+  payload_read_back: (_, blocks, job) => render([blockParts(blocks), madeAt(job)], find("compared")),
 };
 
 press("certify", panel, "payload_certificate", () => {
   const by = find("by").value.trim();
-  const asks = { session: session.run, output: `certificate-${session.run}.html`, overwrite: true };
+  const asks = { session: chosenSession().run, output: `certificate-${chosenSession().run}.html`, overwrite: true };
   return panel.begin("payload_certificate", by ? { ...asks, by } : asks);
 });
 
 // ---- the controller
 press("export", panel, "payload_export", async () => {
-  const { value: to, dataset: { ending } } = find("make").selectedOptions[0];
+  const { value: to, dataset: { ending } } = make.selectedOptions[0];
   await panel.begin("payload_export", {
-    payload: session.payload, to, output: `load-data-${session.run}-${to}${ending}`, overwrite: true,
+    payload: chosenSession().payload, to: /** @type {Api.Requests["payload_export"]["to"]} */ (to), output: `load-data-${chosenSession().run}-${to}${ending}`, overwrite: true,
   });
 });
 
+/** @type {(document: ResultDocument, _: ResultBlock[], job: Api.Job) => void} */
 function showLoadData({ robot, text, file }, _, job) {
   render(html`<p>For robot ${robot}. Enter these data in the controller, then compare the controller's data below.</p>
     <pre tabindex="0" aria-label="load data">${text}</pre>
@@ -285,10 +321,11 @@ function showLoadData({ robot, text, file }, _, job) {
 press("read-back", panel, "payload_read_back", async () => {
   const text = find("typed").value;
   if (!text.trim()) throw new Error("Type or paste the controller's load data.");
-  await panel.begin("payload_read_back", { payload: session.payload, form: find("make").value, text });
+  await panel.begin("payload_read_back", { payload: chosenSession().payload, form: /** @type {Api.Requests["payload_read_back"]["form"]} */ (make.value), text });
 });
 
 reach("prepare");
 on("again", showSessions);
 showSessions();
-if (wanted.get("run")) await showResult(wanted.get("run"));
+const wantedRun = wanted.get("run");
+if (wantedRun) await showResult(wantedRun);

@@ -10,6 +10,7 @@ const PATIENCE_MS = 60000; // timeout: the service needs time to plan a long mot
 const MOTION = `/view${CELL}/motion`;
 
 // Show the motion that is chosen in `select` in a section, now and whenever another motion is chosen.
+/** @type {(section: HTMLElement, select: HTMLSelectElement) => void} */
 export function showChosenPlan(section, select) {
   const { reload } = showPlan(section, (signal) =>
     select.value ? request(`${MOTION}?${new URLSearchParams({ file: select.value })}`, {}, { patienceMs: PATIENCE_MS, signal }) : null);
@@ -18,22 +19,27 @@ export function showChosenPlan(section, select) {
 
 // Show the motion of a text that is not saved yet. Returns `reload`, which shows the present text, `refuse`, which shows
 // a sentence instead, `showPose`, which shows a single pose, and `knownPose`, which returns the robot's newest known pose.
+/** @type {(section: HTMLElement, file: string, text: () => string) => PlannedView} */
 export function showUnsavedPlan(section, file, text) {
   return showPlan(section, (signal) => (text().trim() ? post(MOTION, { file, text: text() }, { patienceMs: PATIENCE_MS, signal }) : null));
 }
 
 // Show the motion that `getMotion(signal)` requests; it returns null if there is none.
+/** @type {(section: HTMLElement, getMotion: (signal: AbortSignal) => Promise<MotionPlayback> | null) => PlannedView} */
 function showPlan(section, getMotion) {
   const view = new RobotView(section, { hidden: ["axes", "limits"] });
   const player = new MotionPlayer(view);
   const replacing = newest();
 
+  /** @type {ShownPose | null} */
   let last = null; // the newest live pose, or the newest pose at rest
+  /** @type {ShownPose | null} */
   let chosen = null; // the pose chosen by the user, shown until there is a motion or a live pose
   let filesHash = ""; // hash of the cell's files for which the motion was requested
 
   // a live pose replaces the planned one; without live data, the planned motion remains
   followPose({
+    /** @type {(pose: ShownPose) => void} */
     show(pose) {
       last = pose;
       if (pose.kind === "live") {
@@ -49,10 +55,12 @@ function showPlan(section, getMotion) {
 
   function close() {
     player.open(null);
-    if (chosen ?? last) view.show(chosen ?? last);
+    const pose = chosen ?? last;
+    if (pose) view.show(pose);
   }
 
   // Load and show the motion. The present picture is removed at once, or, if the motion is the same, when the answer arrives.
+  /** @type {(how?: { isSame?: boolean }) => Promise<void>} */
   async function load({ isSame = false } = {}) {
     const signal = replacing();
     if (!isSame) close();
@@ -68,11 +76,13 @@ function showPlan(section, getMotion) {
     }
   }
 
+  /** @type {(words: string) => void} */
   function refuse(words) {
     close();
     player.refuse(words);
   }
 
+  /** @type {(how?: { isSame?: boolean }) => Promise<void>} */
   const reload = (how) => view.seen.then(() => load(how));
 
   view.seen.then(() => {
@@ -85,6 +95,7 @@ function showPlan(section, getMotion) {
     });
     load();
   });
+  /** @type {(position: number[]) => void} */
   const showPose = (position) => {
     player.pause();
     chosen = { position, words: "CHOSEN POSE, NO LIVE DATA", kind: "planned" };

@@ -8,8 +8,10 @@ import { CELL, ask, lease, mayMove, page } from "./service.js";
 const WRITE_MS = 30000;
 
 // Return the button for the zero of a run, with the outcome below it. `check` starts the check that is needed afterwards.
+/** @type {(run: string, check?: () => unknown) => HTMLElement} */
 export function zeroButton(run, check = () => location.assign(CELL)) {
   const outcome = element("div", { class: "part", role: "status" });
+  /** @type {(parts: Part) => void} */
   const say = (parts) => render(parts, outcome);
   const button = element("button", { type: "button", class: "main", disabled: !mayMove }, "Write the zero into the cell file");
   button.addEventListener("click", async () => {
@@ -26,8 +28,10 @@ export function zeroButton(run, check = () => location.assign(CELL)) {
 }
 
 // Resolves with true if the zero is in the cell file at the end.
+/** @type {(run: string, check: () => unknown, say: (parts: Part) => void) => Promise<boolean>} */
 async function write(run, check, say) {
   const planned = await ask("GET", `${CELL}/plate-zero?run=${encodeURIComponent(run)}`);
+  /** @type {(next: Part) => void} */
   const state = (next) => say(html`<p class="verdict good">✓ The zero is in ${planned.file}.</p>${next}`);
   if (isSame(planned.before, planned.after)) {
     state([]);
@@ -43,11 +47,16 @@ async function write(run, check, say) {
   return true;
 }
 
+/** @type {(before: object | null, after: object) => boolean} */
 const isSame = (before, after) => JSON.stringify(before) === JSON.stringify(after);
 
+/** @type {(planned: Api.PlannedZero) => Part} */
 function comparison({ channels, before, after }) {
+  /** @type {(value: number, digits: number) => string} */
   const number = (value, digits) => value.toFixed(digits).replace("-", "−");
+  /** @type {(zero: Api.PlateZero | null, i: number) => string} */
   const offset = (zero, i) => (zero === null ? "none" : number(zero.offset_n[i], 3));
+  /** @type {(zero: Api.PlateZero | null, i: number) => string} */
   const drift = (zero, i) => (zero === null ? "none" : number(1e3 * zero.drift_n_s[i], 1));
   const rows = channels.map((name, i) => [name, offset(before, i), offset(after, i), drift(before, i), drift(after, i)]);
   const columns = ["channel", "old offset [N]", "new offset [N]", "old drift [mN/s]", "new drift [mN/s]"];
@@ -55,4 +64,4 @@ function comparison({ channels, before, after }) {
 }
 
 const place = find("zero-of-run"); // on the page of a run
-if (place) place.append(zeroButton(place.dataset.run));
+if (place) place.append(zeroButton(place.dataset.run ?? ""));

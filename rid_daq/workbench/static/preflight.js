@@ -6,6 +6,7 @@ import { request } from "./requests.js";
 import { CELL, ask } from "./service.js";
 
 // Show the newest preflight. The promise resolves with its lines, if there has been a preflight.
+/** @type {(section: HTMLElement, words: HTMLElement) => Promise<Api.CheckLine[] | undefined>} */
 export async function loadPreflight(section, words) {
   let found, blocks;
   try {
@@ -20,9 +21,10 @@ export async function loadPreflight(section, words) {
     words.textContent = "This cell has had no preflight yet. Next: Check.";
     return;
   }
-  const red = found.lines.filter((line) => line.verdict === "red");
+  const { lines } = found;
+  const red = lines.filter((line) => line.verdict === "red");
   const voided = found.void_because ? ` It is void: ${found.void_because}` : "";
-  words.textContent = `${found.passed ? "Green" : "Red"}: ${found.lines.length} lines, ${red.length} red, made ${timeOf(found.at_s)}.${voided} ${found.problem ?? ""}`;
+  words.textContent = `${found.passed ? "Green" : "Red"}: ${lines.length} lines, ${red.length} red, made ${timeOf(found.at_s)}.${voided} ${found.problem ?? ""}`;
   words.className = `verdict ${found.passed && !found.void_because ? "good" : "bad"}`;
-  return found.lines;
+  return lines;
 }

@@ -4,6 +4,7 @@ const AT_ONCE = 3; // a browser opens at most six connections; STOP and the hear
 
 // A request that was refused or not answered; `message` is a sentence for the user.
 export class Refusal extends Error {
+  /** @param {string} kind @param {string} message @param {number} status */
   constructor(kind, message, status) {
     super(message);
     this.kind = kind;
@@ -12,13 +13,15 @@ export class Refusal extends Error {
 }
 
 // True if a request was cancelled because a newer one replaces it: there is nothing to show.
-export const isReplaced = (error) => error.kind === "Replaced";
+/** @type {(error: Error) => boolean} */
+export const isReplaced = (error) => error instanceof Refusal && error.kind === "Replaced";
 
 let underWay = 0;
+/** @type {(() => void)[]} */
 const waiting = [];
 
 async function turn() {
-  if (underWay >= AT_ONCE) await new Promise((resolve) => waiting.push(resolve));
+  if (underWay >= AT_ONCE) await new Promise((/** @type {(nothing: void) => void} */ resolve) => waiting.push(resolve));
   underWay += 1;
 }
 
@@ -28,6 +31,7 @@ function leave() {
 }
 
 // Send a request and return its JSON. An `urgent` request does not wait for other requests; `signal` cancels it.
+/** @type {(url: string, options?: RequestInit, more?: RequestLimits) => Promise<any>} */
 export async function request(url, options = {}, { patienceMs, urgent = false, signal = null } = {}) {
   if (!urgent) await turn();
   const ending = new AbortController();
@@ -52,11 +56,13 @@ export async function request(url, options = {}, { patienceMs, urgent = false, s
 }
 
 // Send a document to an address of the pages, which is not part of the API, and return the answer.
+/** @type {(url: string, document: object, options: RequestLimits) => Promise<any>} */
 export function post(url, document, options) {
   const headers = { "x-rid-daq": "page", "content-type": "application/json" };
   return request(url, { method: "POST", headers, body: JSON.stringify(document) }, options);
 }
 
+/** @type {(answer: Response, text: string) => Refusal} */
 function refusalOf(answer, text) {
   try {
     const told = JSON.parse(text);
@@ -70,6 +76,7 @@ function refusalOf(answer, text) {
 
 // Return a function that returns a signal for each request of a series, and cancels the previous request.
 export function newest() {
+  /** @type {AbortController | null} */
   let ending = null;
   return () => {
     ending?.abort();

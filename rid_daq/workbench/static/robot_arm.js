@@ -1,10 +1,13 @@
 // The robot arm in the 3-D view: for each joint a fixed and a moving three.js group, and the meshes of the links.
 import { BufferAttribute, BufferGeometry, Group, Matrix4, Mesh, Vector3 } from "./three.js";
 
-export const matrixOf = (rows) => new Matrix4().set(...rows.flat());
+/** @type {(rows: number[][]) => Matrix4} */
+export const matrixOf = (rows) => new Matrix4().set(.../** @type {Sixteen} */ (rows.flat()));
+/** @type {(values: readonly number[]) => Vector3} */
 export const vectorOf = (values) => new Vector3(...values);
 
 // Return one geometry for each link. `binary` contains first positions (float32), then indices (uint32), little-endian.
+/** @type {(document: Api.SceneDocument, binary: ArrayBuffer) => BufferGeometry[]} */
 export function linkGeometries({ links, vertices, triangles }, binary) {
   if (binary.byteLength !== 12 * (vertices + triangles))
     throw new Error(`The robot's shape has ${binary.byteLength} bytes instead of ${12 * (vertices + triangles)}: reload the page.`);
@@ -24,21 +27,24 @@ export function linkGeometries({ links, vertices, triangles }, binary) {
 
 export class RobotArm {
   // `material(link)` returns the material of a link; link 0 is the robot's base.
+  /** @param {Api.SceneDocument} document @param {BufferGeometry[]} geometries @param {(link: number) => import("three").Material} material */
   constructor(document, geometries, material) {
     this.joints = document.joints;
     this.base = new Group();
+    /** @type {Group[]} */
     this.fixed = []; // frame of each joint at position 0
+    /** @type {import("three").Object3D[]} */
     this.links = [this.base]; // frame of each link
     for (const { origin } of this.joints) {
       const fixed = new Group().add(new Group());
       fixed.applyMatrix4(matrixOf(origin));
-      this.links.at(-1).add(fixed);
+      this.links[this.fixed.length].add(fixed);
       this.fixed.push(fixed);
       this.links.push(fixed.children[0]);
     }
     this.tool = new Group();
     if (document.tool) this.tool.applyMatrix4(matrixOf(document.tool));
-    this.links.at(-1).add(this.tool);
+    this.links[this.joints.length].add(this.tool);
     this.meshes = geometries.map((geometry, link) => {
       const mesh = new Mesh(geometry, material(link));
       mesh.visible = geometry.index !== null;
@@ -48,6 +54,7 @@ export class RobotArm {
   }
 
   // Move the joints to the positions [rad or m].
+  /** @type {(position: number[]) => void} */
   set(position) {
     this.joints.forEach(({ axis, kind }, i) => {
       const link = this.links[i + 1];

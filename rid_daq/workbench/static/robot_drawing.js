@@ -1,6 +1,6 @@
 // Drawing of the robot with three.js: links, joint axes, limits, tool, gravity, plate. The picture is drawn only after
 // a change.
-import { Box3, BoxGeometry, BufferGeometry, Color, DirectionalLight, Group, HemisphereLight, Line, LineBasicMaterial, Scene, SphereGeometry, Vector3, WebGLRenderer } from "./three.js";
+import { Box3, BoxGeometry, BufferGeometry, Color, DirectionalLight, Group, HemisphereLight, Line, LineBasicMaterial, Mesh, Scene, SphereGeometry, Vector3, WebGLRenderer } from "./three.js";
 import { DrawingCamera } from "./drawing_camera.js";
 import { DrawingLabels } from "./drawing_labels.js";
 import { Paints, WrenchArrows, alongAxis, arrow, frameArrows, limitMarks, turnArrow } from "./drawing_marks.js";
@@ -13,7 +13,36 @@ const FRAME_SHARE = 1.3; // length of a frame's arrows, as a multiple of the siz
 const LAYERS = ["axes", "limits", "frames", "gravity", "plate", "wrench", "payload", "path"];
 
 export class RobotDrawing {
+  /** @type {Api.SceneDocument} */
+  document;
+  /** @type {Group} */
+  world;
+  /** @type {RobotArm} */
+  arm;
+  /** @type {RobotArm} */
+  ghost;
+  /** @type {Record<string, import("three").Object3D[]>} */
+  layers;
+  size = 1; // of the marks [m]
+  /** @type {import("./drawing_marks.js").Arrow | null} */
+  gravity = null;
+  /** @type {WrenchArrows | null} */
+  wrench = null;
+  /** @type {Vector3[]} */
+  corners;
+  /** @type {Vector3[]} */
+  seen;
+  /** @type {Box3} */
+  box;
+  /** @type {number[]} */
+  position;
+  /** @type {number[] | null} */
+  target = null;
+  /** @type {Group[]} */
+  turns = [];
+
   // `lost(true)` is called if the browser ends the drawing (WebGL context lost), `lost(false)` when it can draw again.
+  /** @param {{ section: HTMLElement, canvas: HTMLCanvasElement, labels: HTMLElement, hidden: Iterable<string>, isSoftware: boolean, lost: (isLost: boolean) => void }} options */
   constructor({ section, canvas, labels, hidden, isSoftware, lost }) {
     this.canvas = canvas;
     this.paints = new Paints(section);
@@ -41,9 +70,10 @@ export class RobotDrawing {
   }
 
   // Draw a robot from the description of its scene and from the binary with the triangles of its meshes.
+  /** @type {(document: Api.SceneDocument, binary: ArrayBuffer, position: number[]) => void} */
   open(document, binary, position) {
     this.world?.removeFromParent();
-    for (const old of [this.world, this.gravity]) old?.traverse((each) => each.geometry?.dispose());
+    for (const old of [this.world, this.gravity]) old?.traverse((each) => each instanceof Mesh && each.geometry.dispose());
     this.labels.clear();
     this.document = document;
     this.world = new Group(); // the base frame, turned so that gravity points down on the screen
@@ -75,7 +105,9 @@ export class RobotDrawing {
 
   addJoints() {
     const { arm, paints } = this;
+    /** @type {import("three").Mesh[]} */
     this.needles = [];
+    /** @type {Group[]} */
     this.turns = [];
     arm.joints.forEach((joint, i) => {
       const size = this.size * (1 - (0.5 * i) / arm.joints.length); // marks become smaller towards the wrist, whose joints are close together
@@ -105,7 +137,7 @@ export class RobotDrawing {
   addFrames() {
     const { arm, size, paints, labels } = this;
     if (this.document.plate) this.addWrench(); // first, because its labels precede those of the base frame
-    for (const [name, group] of [["base", arm.base], ["tool", arm.tool]]) {
+    for (const [name, group] of /** @type {[string, Group][]} */ ([["base", arm.base], ["tool", arm.tool]])) {
       const frame = frameArrows(paints, FRAME_SHARE * size, 0.045 * size);
       group.add(frame);
       this.layers.frames.push(frame);
@@ -135,7 +167,7 @@ export class RobotDrawing {
   addGravity() {
     const { size } = this;
     const { gravity } = this.document;
-    this.stage.remove(this.stage.getObjectByName("gravity"));
+    this.stage.getObjectByName("gravity")?.removeFromParent();
     if (Math.hypot(...gravity) === 0) return;
     this.gravity = arrow(this.paints, "gravity", 0.07 * size).aim(DOWN, 2.4 * size);
     this.gravity.position.set(-2.4 * size, -2.4 * size, this.measure(this.arm.base).min.z + 3.4 * size);
@@ -145,16 +177,18 @@ export class RobotDrawing {
   }
 
   // Show the centre of gravity of a payload at a position in the frame of the last link [m].
+  /** @type {(place: Vector3) => void} */
   addPayload(place) {
     const { size } = this;
     const ball = this.paints.part(new SphereGeometry(0.25 * size, 20, 14), "load");
     ball.position.copy(place);
-    this.arm.links.at(-1).add(ball);
+    this.arm.links[this.arm.joints.length].add(ball);
     this.layers.payload.push(ball);
     this.labels.add("centre of gravity", ball, new Vector3(0, 0, 0.6 * size), "payload");
   }
 
   // Show the path of the tool as points in the base frame [m].
+  /** @type {(places: number[][]) => void} */
   showPath(places) {
     if (this.removePath()) this.frame(this.corners);
     if (places.length === 0) {
@@ -175,7 +209,7 @@ export class RobotDrawing {
 
   // Remove the path of the tool; return true if a path was shown.
   removePath() {
-    const [line] = this.layers?.path ?? [];
+    const [line] = /** @type {Line<BufferGeometry, LineBasicMaterial>[]} */ (this.layers?.path ?? []);
     if (line === undefined) return false;
     line.removeFromParent();
     line.geometry.dispose();
@@ -185,6 +219,7 @@ export class RobotDrawing {
   }
 
   // Show a pose, and a second pose as a translucent robot (null: no second pose).
+  /** @type {(position: number[], target: number[] | null) => void} */
   show(position, target) {
     const { arm, ghost } = this;
     [this.position, this.target] = [position, target];
@@ -203,12 +238,14 @@ export class RobotDrawing {
   }
 
   // Show the measured wrench of the base on the robot; hide its arrows if it is null.
+  /** @type {(wrench: LiveWrench | null | undefined) => void} */
   showWrench(wrench) {
     this.wrench?.show(wrench);
     this.draw();
   }
 
   // Show the positive direction of a joint (null: no joint).
+  /** @type {(joint: number | null) => void} */
   choose(joint) {
     this.turns.forEach((sense, i) => {
       sense.visible = i === joint;
@@ -216,10 +253,12 @@ export class RobotDrawing {
     this.draw();
   }
 
+  /** @type {(name: string) => boolean} */
   isLayerUsed(name) {
     return this.layers[name].length > 0;
   }
 
+  /** @type {(name: string, isOn: boolean) => void} */
   setLayer(name, isOn) {
     if (isOn) this.hidden.delete(name);
     else this.hidden.add(name);
@@ -228,12 +267,14 @@ export class RobotDrawing {
   }
 
   // Return the bounding box of a group and all its children, in the upright frame.
+  /** @type {(group: import("three").Object3D) => Box3} */
   measure(group) {
     group.updateWorldMatrix(true, true);
     return new Box3().setFromObject(group);
   }
 
   // Return the positions of an arm's joints and of its tool, and the tips of the tool's arrows, in the upright frame.
+  /** @type {(arm: RobotArm) => Vector3[]} */
   placesOf(arm) {
     const far = FRAME_SHARE * this.size;
     const tips = [[far, 0, 0], [0, far, 0], [0, 0, far]].map((tip) => new Vector3(...tip).applyMatrix4(arm.tool.matrixWorld));
@@ -241,12 +282,14 @@ export class RobotDrawing {
   }
 
   // Keep these points inside the picture too, in addition to earlier points.
+  /** @type {(places: Vector3[]) => void} */
   include(places) {
     if (this.box.containsBox(new Box3().setFromPoints(places))) return;
     this.frame([...this.seen, ...places]);
   }
 
   // Move the camera so that these points are inside the picture.
+  /** @type {(places: Vector3[]) => void} */
   frame(places) {
     this.seen = places;
     this.box = new Box3().setFromPoints(places);
@@ -257,10 +300,11 @@ export class RobotDrawing {
   cornersOfAll() {
     const corners = [];
     const all = [...this.arm.meshes, ...(this.gravity?.children ?? [])];
-    for (const mesh of all.filter((each) => each.isMesh && each.visible)) {
+    for (const mesh of all) {
+      if (!(mesh instanceof Mesh) || !mesh.visible) continue;
       mesh.updateWorldMatrix(true, false);
       mesh.geometry.computeBoundingBox();
-      const { min, max } = mesh.geometry.boundingBox;
+      const { min, max } = /** @type {Box3} */ (mesh.geometry.boundingBox);
       for (const x of [min.x, max.x]) for (const y of [min.y, max.y]) for (const z of [min.z, max.z])
         corners.push(new Vector3(x, y, z).applyMatrix4(mesh.matrixWorld));
     }
@@ -298,6 +342,7 @@ export class RobotDrawing {
 }
 
 // Return true if the two transforms move any point of a link to places further apart than `limit`.
+/** @type {(one: import("three").Matrix4, other: import("three").Matrix4, limit: number) => boolean} */
 function differ(one, other, limit) {
   return one.elements.some((value, i) => Math.abs(value - other.elements[i]) > limit);
 }

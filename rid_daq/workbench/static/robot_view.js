@@ -11,6 +11,7 @@ const SHAPES = {
   bodies: "BODIES: shape of the collision bodies in the robot file",
   schematic: "SCHEMATIC: only the axes and lengths are to scale",
 };
+/** @type {Record<string, string>} */
 const LAYERS = {
   axes: "Joint axes", limits: "Limits", frames: "Base and tool frame", gravity: "Gravity", plate: "Force plate", wrench: "Base wrench",
   payload: "Centre of gravity", path: "Tool path",
@@ -18,25 +19,40 @@ const LAYERS = {
 const HELP = "3-D picture of the robot. Drag or use the arrow keys to turn it, + and - to zoom, Home to reset. The table shows the same pose.";
 
 export class RobotView {
+  /** @type {import("./robot_drawing.js").RobotDrawing | null} */
+  drawing = null;
+  /** @type {JointRows | null} */
+  rows = null;
+  /** @type {Api.SceneDocument | null} */
+  document = null;
+  renewedFor = ""; // hash of the cell's files for which the scene was requested again
+
   // Show the robot of this page's cell in a section of the page, once the section is visible.
   // `preview`: the rows of the table can show the positive directions. `hidden`: layers that are hidden at first.
   // `query`: parameters of the scene's address, such as the payload whose centre of gravity is shown.
+  /** @param {HTMLElement} section @param {{ preview?: boolean, hidden?: string[], query?: Record<string, string> }} [options] */
   constructor(section, { preview = false, hidden = [], query = {} } = {}) {
     this.section = section;
     this.canPreview = preview;
     this.hidden = hidden;
     this.query = query;
+    /** @type {{ position: number[] | null, target: number[] | null }} */
     this.pose = { position: null, target: null };
+    /** @type {ShownPose | null} */
     this.last = null; // the pose that the page has requested, also while the scene must be loaded again
     this.hasFailed = false;
     this.replacing = newest();
+    /** @type {number | null} */
     this.preview = null; // number of the joint whose positive direction is shown
     this.withGhost = true;
+    /** @type {number[] | null} */
     this.ghost = null; // pose in which the joint is moved in its positive direction
+    /** @type {number[][]} */
     this.path = [];
     this.state = element("p", { class: "view-state", role: "status" });
     this.shape = element("p", { class: "view-shape" });
     this.wrenchWords = element("p", { class: "view-wrench", hidden: true }); // changes too often to be read aloud
+    /** @type {LiveWrench | null} */
     this.wrench = null; // newest wrench of the base on the robot; null without live data
     this.canvas = element("canvas", { tabindex: "0", role: "img", "aria-label": HELP });
     this.labels = element("div", { class: "view-labels", "aria-hidden": "true" });
@@ -60,18 +76,20 @@ export class RobotView {
   // True if the cell's files have changed since the scene was loaded, so that the picture shows an outdated robot.
   isOutdated() {
     const { files_hash: ours } = this.document ?? {};
-    return Boolean(ours && now.status) && ours !== now.status.files_hash;
+    return Boolean(ours && now.status) && ours !== now.status?.files_hash;
   }
 
   // Load the scene again if the cell's files have changed; until then, no pose counts as live.
   renew() {
-    if (!this.isOutdated() || this.renewedFor === now.status.files_hash) return;
-    this.renewedFor = now.status.files_hash;
+    const present = now.status?.files_hash;
+    if (!this.isOutdated() || !present || this.renewedFor === present) return;
+    this.renewedFor = present;
     if (this.last) this.show(this.last);
     this.load();
   }
 
   // Load and show the scene with other query parameters, such as another payload.
+  /** @type {(query: Record<string, string>) => Promise<void>} */
   reload(query) {
     this.query = query;
     return this.seen.then(() => this.load());
@@ -87,7 +105,7 @@ export class RobotView {
       const binary = software === null ? null : await getBinary(document.geometry, signal);
       this.hasFailed = false;
       this.refuse(software === null ? "This browser cannot draw 3-D pictures (it has no WebGL 2). The table shows the pose." : "");
-      await this.open(document, binary, software);
+      await this.open(document, binary, software ?? true);
       if (this.last) this.show(this.last);
     } catch (error) {
       if (signal.aborted) return;
@@ -97,6 +115,7 @@ export class RobotView {
   }
 
   // Show the robot of a scene. `binary` contains the triangles of the meshes; it is null if the browser cannot draw.
+  /** @type {(document: Api.SceneDocument, binary: ArrayBuffer | null, isSoftware?: boolean) => Promise<void>} */
   async open(document, binary, isSoftware = true) {
     this.document = document;
     if (this.pose.position?.length !== document.joints.length) this.pose = { position: null, target: null };
@@ -115,16 +134,19 @@ export class RobotView {
     this.drawing.showPath(this.path);
     this.drawing.showWrench(this.wrench);
     this.choose(this.preview, { withGhost: this.withGhost });
-    await this.addTools();
+    await this.addTools(this.drawing);
   }
 
-  async addTools() {
+  /** @type {(drawing: import("./robot_drawing.js").RobotDrawing) => Promise<void>} */
+  async addTools(drawing) {
     const { VIEWS } = await import("./drawing_camera.js");
-    const look = (name) => element("button", { type: "button", onclick: () => this.drawing.camera.look(name) }, name);
-    const zoom = (text, words, factor) => element("button", { type: "button", "aria-label": words, onclick: () => this.drawing.camera.zoom(factor) }, text);
-    const shown = Object.keys(LAYERS).filter((name) => this.drawing.isLayerUsed(name)).map((name) => {
-      const box = element("input", { type: "checkbox", checked: !this.drawing.hidden.has(name) });
-      box.addEventListener("change", () => this.drawing.setLayer(name, box.checked));
+    /** @type {(name: string) => HTMLElement} */
+    const look = (name) => element("button", { type: "button", onclick: () => drawing.camera.look(name) }, name);
+    /** @type {(text: string, words: string, factor: number) => HTMLElement} */
+    const zoom = (text, words, factor) => element("button", { type: "button", "aria-label": words, onclick: () => drawing.camera.zoom(factor) }, text);
+    const shown = Object.keys(LAYERS).filter((name) => drawing.isLayerUsed(name)).map((name) => {
+      const box = element("input", { type: "checkbox", checked: !drawing.hidden.has(name) });
+      box.addEventListener("change", () => drawing.setLayer(name, box.checked));
       return element("label", { class: "tick" }, box, LAYERS[name]);
     });
     const layers = element("details", {}, element("summary", {}, "Shown parts"), element("div", { class: "view-layers" }, ...shown));
@@ -133,6 +155,7 @@ export class RobotView {
 
   // Show a pose [rad or m] (null: unknown), a second pose as a translucent robot, and a text about them. `kind` decides
   // how the pose is marked: "live", "old" (no live data) or "planned".
+  /** @type {(last: ShownPose) => void} */
   show(last) {
     this.last = last;
     this.hideWrenchWords();
@@ -157,9 +180,11 @@ export class RobotView {
   }
 
   // Show the wrench of the base on the robot, as the force plate measures it; null: no live data.
+  /** @type {(wrench: LiveWrench | null) => void} */
   showWrench(wrench) {
     this.wrench = wrench;
     this.drawing?.showWrench(wrench);
+    /** @type {(values: Vector, unit: string) => string} */
     const size = (values, unit) => `${threeDigits(Math.hypot(...values))} ${unit} (${values.map((each, i) => `${"xyz"[i]} ${threeDigits(each)}`).join(", ")})`;
     const text = wrench
       ? `Base wrench, LIVE, relative to the plate's zero: force ${size(wrench.force_n, "N")}, moment ${size(wrench.moment_nm, "N m")}.${wrench.overloaded ? " OVERLOAD: a channel of the plate was overloaded." : ""}`
@@ -169,20 +194,24 @@ export class RobotView {
   }
 
   // Show the path of the tool: points in the base frame [m] (empty list: no path).
+  /** @type {(places: number[][]) => void} */
   showPath(places) {
     this.path = places;
     this.drawing?.showPath(places);
-    if (this.drawing) this.addTools();
+    if (this.drawing) this.addTools(this.drawing);
   }
 
   // Show the positive direction of a joint (null: no joint). A translucent robot shows the present pose after a small
   // move of the joint. It stays at that pose while the robot moves, so that the user can compare the two moves.
+  /** @type {(joint: number | null, options?: { withGhost?: boolean }) => void} */
   choose(joint, { withGhost = true } = {}) {
+    const { document } = this;
     [this.preview, this.withGhost] = [joint, withGhost];
     this.rows?.mark(withGhost ? joint : null);
     this.drawing?.choose(joint);
-    const moved = (value, i) => value + (i === joint ? GHOST[this.document.joints[i].kind][0] : 0);
-    this.ghost = joint !== null && withGhost && this.document ? this.position().map(moved) : null;
+    /** @type {(value: number, i: number) => number} */
+    const moved = (value, i) => value + (i === joint && document ? GHOST[document.joints[i].kind][0] : 0);
+    this.ghost = joint !== null && withGhost && document ? this.position().map(moved) : null;
     this.refresh();
   }
 
@@ -191,16 +220,20 @@ export class RobotView {
   }
 
   // Return the pose to draw: the known pose, or else the zero pose moved inside the joint limits.
+  /** @type {() => number[]} */
   position() {
+    /** @type {(joint: Api.JointDocument) => number} */
     const zero = ({ limits: [low, high] }) => Math.min(high, Math.max(low, 0));
-    return this.pose.position ?? this.document?.joints.map(zero) ?? null;
+    return this.pose.position ?? this.document?.joints.map(zero) ?? [];
   }
 
+  /** @type {(words: string, kind: string) => void} */
   say(words, kind) {
     if (this.state.textContent !== words) this.state.textContent = words;
     this.state.dataset.kind = kind;
   }
 
+  /** @type {(text: string) => void} */
   refuse(text) {
     this.problem.textContent = text;
     this.problem.hidden = text === "";
@@ -208,6 +241,7 @@ export class RobotView {
     this.labels.hidden = text !== "";
   }
 
+  /** @type {(isLost: boolean) => void} */
   showLoss(isLost) {
     this.problem.textContent = isLost ? "The browser has stopped the 3-D picture. The robot is not affected. The table shows the pose." : "";
     this.problem.hidden = !isLost;
@@ -215,6 +249,7 @@ export class RobotView {
   }
 }
 
+/** @type {(address: string, signal: AbortSignal) => Promise<ArrayBuffer>} */
 async function getBinary(address, signal) {
   const answer = await fetch(address, { signal: AbortSignal.any([signal, AbortSignal.timeout(PATIENCE_MS)]) });
   if (!answer.ok) throw new Error(`the service refused the robot's shape (status ${answer.status}).`);

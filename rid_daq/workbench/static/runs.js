@@ -10,28 +10,35 @@ import { ask, lease, mayMove, now, on, page } from "./service.js";
 const compared = find("compared");
 const panel = new JobPanel(find("job"), { begun: () => render(nothing, compared), ended, places: { compare: compared } });
 const search = find("search");
-const choices = ["cell", "kind", "status", "verdict"].map(find);
+const choices = [find("cell"), find("kind"), find("status"), find("verdict")];
 const kind = find("kind");
 const WAIT_MS = 250;
 const LIST_MS = 30000;
 const PAGE = 100;
-let waiting = null;
+/** @type {ReturnType<typeof setTimeout> | undefined} */
+let waiting;
 const replacing = newest();
+/** @type {{ groups: Api.RunGroup[] | null, total: number, problem: string }} */
 let shown = { groups: null, total: 0, problem: "" };
-let kinds = [keptChoice(kind)].filter(Boolean);
+let kinds = [keptChoice(kind) ?? ""].filter(Boolean);
+/** @type {string[]} */
 let picked = [];
+/** @type {Set<string>} */
 const opened = new Set();
 
+/** @type {(job: Api.Job) => void} */
 function ended({ kind, state }) {
   if (kind === "recover") load();
   if (kind === "compare" && state !== "stopped") find("job").scrollIntoView({ block: "start" });
 }
 
-const runsOf = (groups) => groups.flatMap(({ head, parts }) => [head, ...parts]);
+/** @type {(groups: Api.RunGroup[] | null) => Api.RunEntry[]} */
+const runsOf = (groups) => (groups ?? []).flatMap(({ head, parts }) => [head, ...parts]);
 
 // Load the first page of the list, or the page that follows the loaded `groups`.
+/** @type {(groups?: Api.RunGroup[]) => Promise<void>} */
 async function load(groups = []) {
-  const wanted = new URLSearchParams({ search: search.value.trim(), offset: groups.length, limit: PAGE });
+  const wanted = new URLSearchParams({ search: search.value.trim(), offset: String(groups.length), limit: String(PAGE) });
   for (const choice of choices) if (choice.value) wanted.set(choice.id, choice.value);
   try {
     const page = await ask("GET", `/run-groups?${wanted}`, undefined, LIST_MS, lease.key, { signal: replacing() });
@@ -49,17 +56,19 @@ const drawKinds = () => render(kinds.map((name) => html`<option>${name}</option>
 
 function draw() {
   drawKinds();
-  render(shown.problem ? html`<p class="problem">${shown.problem}</p>` : listOf(shown.groups), find("runs"));
+  render(shown.problem ? html`<p class="problem">${shown.problem}</p>` : listOf(shown.groups ?? []), find("runs"));
   find("compare").disabled = picked.length !== 2 || !mayMove;
   find("compare").classList.toggle("main", picked.length === 2);
   find("picked").textContent = picked.length === 2 ? `${labelOf(picked[0])} with ${labelOf(picked[1])}` : "Pick two runs of the same robot.";
 }
 
+/** @type {(id: string) => string} */
 function labelOf(id) {
   const run = runsOf(shown.groups).find((each) => each.id === id);
   return run?.label ? `${run.label} (${id})` : id;
 }
 
+/** @type {(groups: Api.RunGroup[]) => Part[]} */
 const listOf = (groups) => [
   groups.length
     ? runTable(groups, { pick, picked, opened, fold, cells: !find("cell").value })
@@ -71,22 +80,27 @@ const listOf = (groups) => [
 ];
 
 // Return true if a job of this cell records the run now.
+/** @type {(run: Api.RunEntry) => boolean} */
 function isRecorded(run) {
   const job = now.status?.job;
-  return Boolean(job) && ["", page.cell].includes(run.cell) && Date.parse(run.created_utc) / 1000 >= Math.floor(job.created_s);
+  return job != null && ["", page.cell].includes(run.cell) && Date.parse(run.created_utc) / 1000 >= Math.floor(job.created_s);
 }
 
 // Recover a run that was not closed: write the parts with valid checksums into a new run.
+/** @type {(run: Api.RunEntry) => Part} */
 const recovery = (run) => html`
   ${run.problem ? html`<p class="verdict bad">${run.problem}</p>` : nothing}
   <p><button type="button" data-needs="role" ?disabled=${!mayMove} @click=${() => panel.begin("recover", { what: run.id })}>
     Recover ${run.label || run.id}</button></p>`;
 
-function pick({ target: { checked, value } }) {
+/** @type {(event: Event) => void} */
+function pick({ target }) {
+  const { checked, value } = /** @type {HTMLInputElement} */ (target);
   picked = checked ? [...picked, value] : picked.filter((id) => id !== value);
   draw();
 }
 
+/** @type {(id: string) => void} */
 function fold(id) {
   if (!opened.delete(id)) opened.add(id);
   draw();
@@ -102,6 +116,7 @@ find("filter").addEventListener("submit", (event) => {
   load();
 });
 find("compare").addEventListener("click", () => panel.begin("compare", { first: picked[0], second: picked[1] }));
+/** @type {string | null | undefined} */
 let job = null;
 on("cell", (status) => {
   if (status.job?.id !== job && shown.groups) draw();

@@ -5,10 +5,11 @@ import { lockForThisTab, unlock } from "./tab_lock.js";
 
 export { Refusal };
 
+/** @type {{ cell: string, role: string, who: string, simulated: boolean }} */
 export const page = {
-  cell: document.body.dataset.cell,
-  role: document.body.dataset.role,
-  who: document.body.dataset.who,
+  cell: document.body.dataset.cell ?? "",
+  role: document.body.dataset.role ?? "",
+  who: document.body.dataset.who ?? "",
   simulated: document.body.dataset.simulated === "yes",
 };
 export const mayMove = page.role !== "viewer";
@@ -29,12 +30,14 @@ const MOST_PROBES = 2;
 const FIRST_MS = 4000; // maximum wait for the first message of the WebSocket, while the page loads
 const FRESH_MS = 1000; // before the user leaves a page, the service is not probed if it has answered within this time
 const KEY = `rid-daq lease ${page.cell}`;
-export const CELL = `/cells/${encodeURIComponent(page.cell)}`;
+export const CELL = /** @type {const} */ (`/cells/${encodeURIComponent(page.cell)}`);
 
 // Send a request to the API: ask("POST", "/cells/ir361/lease", {note}), with the lease key if we hold the cell.
 // At most AT_ONCE GETs run at the same time; further ones wait. Other methods, and a GET with `urgent`, never wait and
 // are not counted. `signal` cancels the request. A text as body is sent as it is: the content of a file.
+/** @template {string} Method @template {string} Path @param {Method} method @param {Path} path @param {Api.BodyOf<Method, Api.Parts<Path>> | string} [body] @param {number} [patienceMs] @param {string | null} [key] @param {{ version?: string, keepalive?: boolean, urgent?: boolean, signal?: AbortSignal | null }} [more] @returns {Promise<Api.AnswerTo<Method, Api.Parts<Path>>>} */
 export function ask(method, path, body = undefined, patienceMs = PATIENCE_MS, key = lease.key, { version, keepalive = false, ...more } = {}) {
+  /** @type {Record<string, string>} */
   const headers = { "x-rid-daq": "page", "content-type": "application/json" };
   if (key) headers["x-rid-daq-lease"] = key;
   if (version !== undefined) headers["if-match"] = `"${version}"`;
@@ -47,36 +50,44 @@ export function ask(method, path, body = undefined, patienceMs = PATIENCE_MS, ke
 // "signals" (binary message with live signals, after requestSignals),
 // "reach" ({ values, requests }, true if the channel works),
 // "again" (no arguments; after a gap, request everything that may have been missed).
+/** @type {Map<keyof ServiceEvents, ((...values: any[]) => unknown)[]>} */
 const listeners = new Map();
 
+/** @template {keyof ServiceEvents} Type @param {Type} type @param {(...values: ServiceEvents[Type]) => unknown} listener */
 export function on(type, listener) {
-  listeners.set(type, [...(listeners.get(type) ?? []), listener]);
-  if (type === "cell" && now.status) listener(now.status);
+  listeners.set(type, [...(listeners.get(type) ?? []), /** @type {(...values: any[]) => unknown} */ (listener)]);
+  if (type === "cell" && now.status) /** @type {(status: Api.CellStatus) => unknown} */ (listener)(now.status);
 }
 
+/** @template {keyof ServiceEvents} Type @param {Type} type @param {ServiceEvents[Type]} values */
 function tell(type, ...values) {
   for (const listener of listeners.get(type) ?? []) listener(...values);
 }
 
 // `status`: newest status of the cell, null until known. `ageFrom`: time at which its preflight age was correct [ms].
+/** @type {{ status: Api.CellStatus | null, ageFrom: number }} */
 export const now = { status: null, ageFrom: 0 };
 let statusFrom = 0;
 
 // Store the status that was valid at the time `from`, unless a newer status is known: messages may arrive late.
+/** @type {(status: SentStatus, from?: number) => void} */
 function setStatus(status, from = performance.now()) {
   if (from < statusFrom) return;
   statusFrom = from;
   const fresh = "preflight_age_s" in status;
   const age = now.status?.preflight_age_s ?? null;
+  /** @type {(of: SentStatus | null) => string} */
   const holder = (of) => `${of?.lease?.owner} ${of?.lease?.note}`;
   const another = holder(status) !== holder(now.status);
-  now.status = fresh ? status : { ...status, preflight_age_s: status.not_ready_because ? null : age };
+  const found = "preflight_age_s" in status ? status : { ...status, preflight_age_s: status.not_ready_because ? null : age };
+  now.status = found;
   if (fresh) now.ageFrom = performance.now();
   if (lease.key && another) lease.renew(); // the service refuses this request if another client has the lease meanwhile
-  tell("cell", now.status);
+  tell("cell", found);
   if (!fresh) look();
 }
 
+/** @type {() => number | null} */
 export function preflightAge() {
   const age = now.status?.preflight_age_s ?? null;
   return age === null ? null : age + (performance.now() - now.ageFrom) / 1000;
@@ -85,6 +96,7 @@ export function preflightAge() {
 // ---- connection: the WebSocket has a heartbeat; for requests, the page sends probe requests.
 // A channel without messages for STALE_MS counts as lost until a message arrives.
 // A background page is checked when it is visible again.
+/** @type {WebSocket | null} */
 let socket = null;
 let openedAt = 0;
 let valuesAt = 0;
@@ -158,7 +170,9 @@ function connect(first = false) {
 
 // Request the live signals of this page's cell on this and every later connection. `known` returns what the page
 // already has: { key, known }, from the last message.
+/** @type {(() => object) | null} */
 let knownSignals = null;
+/** @type {(known: () => object) => void} */
 export function requestSignals(known) {
   knownSignals = known;
   sendSignalsRequest();
@@ -174,7 +188,7 @@ function reconnect() {
   const old = socket;
   keys.cut();
   socket = null;
-  old.close();
+  old?.close();
   setTimeout(connect, AGAIN_MS, false);
 }
 
@@ -187,6 +201,7 @@ async function answers() {
 }
 
 // Open another page of the service, but only if the service answers: an error page of the browser would have no STOP.
+/** @type {(address: string) => Promise<void>} */
 export async function go(address) {
   if (await answers()) location.assign(address);
   else stay();
@@ -195,6 +210,7 @@ export async function go(address) {
 // Say that this page stays open, because the service does not answer.
 export const stay = () => tell("stay");
 
+/** @type {(told: ServiceMessage) => void} */
 function dispatch(told) {
   if (told.type === "cell" && told.cell.cell === page.cell) setStatus(told.cell);
   if (told.type === "job" && told.job.cell === page.cell) tell("job", told.job);
@@ -228,6 +244,7 @@ document.addEventListener("stop-asked", ({ detail }) => {
 // ---- the lease: its key is stored in this tab.
 // An open page of this tab renews the lease, even in the background (beat.js).
 // A sleeping device or a copy of the tab does not renew the lease.
+/** @type {{ key: string | null, lost: boolean, known: boolean, recall(): Promise<void>, take(note: string, confirmed?: string): Promise<void>, giveBack(): Promise<void>, renew(): Promise<void>, drop(): void, forget(): void }} */
 export const lease = {
   key: null,
   lost: false,
@@ -289,6 +306,8 @@ const keys = new HeldKey((message) => {
   return true;
 }, (job, text) => tell("key", job, text));
 
+/** @type {(job: string, key: string) => void} */
 export const hold = (job, key) => keys.hold(job, key);
 export const letGo = () => keys.letGo();
+/** @type {(job: string, key: string) => void} */
 export const tap = (job, key) => keys.tap(job, key);

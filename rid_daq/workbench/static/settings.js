@@ -14,13 +14,13 @@ find("pairing").addEventListener("submit", async (event) => {
   const confirmed = {
     code: code.value.replace(/\s/g, ""),
     name: find("pairing-name").value.trim(),
-    role: find("pairing-role").value,
+    role: /** @type {Api.Role} */ (find("pairing-role").value),
   };
   try {
     const token = await ask("POST", "/pairing/confirm", confirmed);
     words.className = "verdict good";
     words.textContent = `${token.name} has access as ${token.role}.`;
-    event.target.reset();
+    find("pairing").reset();
     await Promise.all([showTokens(), showAudit()]);
   } catch (error) {
     words.className = "verdict bad";
@@ -30,6 +30,7 @@ find("pairing").addEventListener("submit", async (event) => {
 
 async function showTokens() {
   const tokens = await ask("GET", "/tokens");
+  /** @type {(token: Api.Token) => Part} */
   const revoke = (token) => html`<button type="button" @click=${() => revokeToken(token)}>Revoke</button>`;
   const rows = tokens.map((token) => [
     token.name,
@@ -43,6 +44,7 @@ async function showTokens() {
   render(table(["name", "role", "type", "created", "last used", "expires", "revoke"], rows, null, "tokens"), find("tokens"));
 }
 
+/** @type {(token: Api.Token) => Promise<void>} */
 async function revokeToken(token) {
   const text = `${token.name} will have no access from now on.`;
   if (!(await dialog(`Revoke ${token.name}?`, [element("p", {}, text)], "Revoke", { danger: true }))) return;
@@ -56,11 +58,11 @@ async function revokeToken(token) {
 find("token").addEventListener("submit", async (event) => {
   event.preventDefault();
   await load("token-secret", async () => {
-    const wanted = { name: find("token-name").value.trim(), role: find("token-role").value };
+    const wanted = { name: find("token-name").value.trim(), role: /** @type {Api.Role} */ (find("token-role").value) };
     const made = await ask("POST", "/tokens", wanted);
     render(html`<p>Token of ${made.name}. Copy it now: it is shown only once. rid-daq reads it from the environment variable RID_DAQ_TOKEN.</p>
       <p class="secret">${made.secret}</p>`, find("token-secret"));
-    event.target.reset();
+    find("token").reset();
     await Promise.all([showTokens(), showAudit()]);
   });
 });
@@ -71,6 +73,7 @@ async function showAudit() {
   render(table(["when", "who", "what", "cell", "details"], rows, null, "audit log"), find("audit"));
 }
 
+/** @type {(part: keyof PageElements, show: () => Promise<void>) => Promise<void>} */
 async function load(part, show) {
   try {
     await show();

@@ -6,10 +6,11 @@ import { dialog } from "./dialog.js";
 import { element, find, kindWords } from "./dom.js";
 import { begin, go, lease, mayMove, now, on, page, reach, stay } from "./service.js";
 
-const [words, take, over, back] = ["lease-words", "lease-take", "lease-over", "lease-back"].map(find);
+const [words, take, over, back] = [find("lease-words"), find("lease-take"), find("lease-over"), find("lease-back")];
 const banner = find("reach");
 let stays = false;
 let problem = "";
+/** @type {Record<string, string>} */
 const LOST = {
   stop: "The motion stops if this page closes, the device sleeps or the connection is lost.",
   finish: "The motion continues if this page closes, the device sleeps or the connection is lost.",
@@ -21,6 +22,7 @@ const LOST = {
 // "held": in addition to "lease", the cell may move while a key is held.
 // "role": the user has more than read-only access.
 // An element with data-why="lease" or "ready" shows which requirement is not met.
+/** @type {(need: string | undefined) => string} */
 export function missing(need) {
   const status = now.status;
   if (!status) return "The service does not answer yet.";
@@ -34,16 +36,17 @@ export function missing(need) {
 }
 
 function showNeeds() {
-  for (const part of document.querySelectorAll("[data-needs]")) {
+  for (const part of /** @type {NodeListOf<HTMLButtonElement>} */ (document.querySelectorAll("[data-needs]"))) {
     part.disabled = missing(part.dataset.needs) !== "";
   }
-  for (const part of document.querySelectorAll("[data-why]")) {
+  for (const part of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("[data-why]"))) {
     const why = missing(part.dataset.why);
     // do not set an equal text again: every change of a text calls this function
     if (part.textContent !== why) part.textContent = why;
   }
 }
 
+/** @type {(status: Api.CellStatus) => void} */
 function showCell(status) {
   const state = find("state");
   const known = reach.values || reach.requests;
@@ -67,6 +70,7 @@ function showCell(status) {
   showNeeds();
 }
 
+/** @type {(action: () => Promise<void>) => Promise<void>} */
 async function attempt(action) {
   problem = "";
   try {
@@ -77,6 +81,7 @@ async function attempt(action) {
   if (now.status) showCell(now.status);
 }
 
+/** @type {(label: string, id: string, attributes?: Attributes) => [HTMLLabelElement, HTMLInputElement]} */
 const field = (label, id, attributes = {}) => {
   const input = element("input", { id, type: "text", autocomplete: "off", ...attributes });
   return [element("label", { for: id }, label), input];
@@ -99,16 +104,16 @@ over.addEventListener("click", async () => {
     return { note: note.value.trim() };
   };
   const text = element("p", {}, `${owner} holds the cell. Talk to ${owner} first: if you take it over, ${owner} can no longer move the cell.`);
-  const content = [text, moving, label, input, noteLabel, note].filter(Boolean);
+  const content = [text, moving, label, input, noteLabel, note].filter((each) => each !== null);
   const wanted = await dialog(`Take cell ${page.cell} over`, content, "Take over", { danger: true, read });
   if (wanted) await attempt(() => lease.take(wanted.note, page.cell));
 });
 
 back.addEventListener("click", () => attempt(() => lease.giveBack()));
 
-find("cell-choice")?.addEventListener("change", (event) => {
+find("cell-choice")?.addEventListener("change", () => {
   const [, , , ...rest] = location.pathname.split("/");
-  go(["/cells", encodeURIComponent(event.target.value), ...rest.slice(0, 1)].join("/"));
+  go(["/cells", encodeURIComponent(find("cell-choice").value), ...rest.slice(0, 1)].join("/"));
 });
 
 document.querySelector("nav [aria-current]")?.scrollIntoView({ block: "nearest", inline: "center" });
@@ -116,7 +121,7 @@ document.querySelector("nav [aria-current]")?.scrollIntoView({ block: "nearest",
 // Follow a link to our own pages only if the service answers; otherwise this page with its STOP remains. A link that opens
 // another tab or saves a file is not followed later either: it would replace this page.
 document.addEventListener("click", (event) => {
-  const link = event.target.closest?.("a[href]");
+  const link = /** @type {HTMLAnchorElement | null | undefined} */ (/** @type {Element} */ (event.target).closest?.("a[href]"));
   if (!link || event.defaultPrevented || event.button !== 0 || event.ctrlKey || event.metaKey || event.shiftKey || event.altKey) return;
   const within = link.pathname === location.pathname && link.search === location.search && link.hash;
   const isApart = Boolean(link.target) || link.hasAttribute("download");

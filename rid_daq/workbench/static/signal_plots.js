@@ -13,6 +13,7 @@ const DEGREES = 180 / Math.PI;
 
 // Signals of the joints: their columns in the data (rid_daq/service/signals/signal_bins.py), and unit and factor for
 // each kind of joint.
+/** @type {{ title: string, lane: string, units: Record<JointKind, [string, number]>, titles?: Partial<Record<JointKind, string>> }[]} */
 const SIGNALS = [
   { title: "Position", lane: "position", units: { revolute: ["°", DEGREES], prismatic: ["mm", 1000] } },
   { title: "Speed", lane: "velocity", units: { revolute: ["°/s", DEGREES], prismatic: ["mm/s", 1000] } },
@@ -24,11 +25,14 @@ const BUS = { title: "Bus: time from SYNC to the last answer", low: "exchange_lo
 
 // Return the charts for joints ({ name, kind }). A chart has a title, a unit, the columns of its data, a factor, and
 // the indices of its joints (null: a signal of the cell).
+/** @type {(joints: SignalJoint[], hasMonitor: boolean) => SignalChart[]} */
 export function chartsOf(joints, hasMonitor) {
+  /** @type {(kind: JointKind | null) => number[]} */
   const of = (kind) => joints.map((_, i) => i).filter((i) => kind === null || joints[i].kind === kind);
+  /** @type {SignalChart[]} */
   const found = [];
   for (const { title, lane, units, titles } of SIGNALS)
-    for (const [kind, [unit, factor]] of Object.entries(units))
+    for (const [kind, [unit, factor]] of /** @type {[JointKind, [string, number]][]} */ (Object.entries(units)))
       if (of(kind).length)
         found.push({ title: titles?.[kind] ?? title, low: `${lane}_low`, high: `${lane}_high`, unit, factor, joints: of(kind) });
   if (hasMonitor) found.push({ ...TEMPERATURE, joints: of(null) });
@@ -36,27 +40,36 @@ export function chartsOf(joints, hasMonitor) {
 }
 
 // Return the custom property with the colour of a joint's line, and its dashes.
+/** @type {(joint: number) => { colour: string, dash: number[] }} */
 export const lineOf = (joint) => ({ colour: `--line-${1 + (joint % COLOURS)}`, dash: joint < COLOURS ? [] : DASH });
 
 export class SignalPlots {
   // `zoomed(from, to)` is called when the user has selected a part of the time axis, `pointed(time)` when the cursor
   // has moved (null: it has left the chart).
+  /** @param {HTMLElement} place @param {SignalChart[]} charts @param {SignalJoint[]} joints @param {{ zoomed: (from: number, to: number) => void, pointed: (time: number | null) => void }} listeners */
   constructor(place, charts, joints, { zoomed, pointed }) {
     this.place = place;
     this.joints = joints;
     this.zoomed = zoomed;
     this.pointed = pointed;
+    /** @type {Set<number | null>} */
     this.hidden = new Set(); // indices of the joints whose lines are hidden
+    /** @type {[number, number]} */
     this.range = [0, 1];
+    /** @type {number | null} */
+    this.pointedAt = null;
+    this.isSetting = false;
     this.plots = charts.map((chart) => this.make(chart));
     new ResizeObserver(() => this.fit()).observe(place);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.plots.forEach(({ plot }) => plot.redraw(false)));
   }
 
+  /** @type {(chart: SignalChart) => { plot: uPlot, chart: SignalChart }} */
   make(chart) {
     const title = `${chart.title} [${chart.unit}]`;
     const body = element("div", { role: "img", "aria-label": `${title} over time. The table shows the values at the cursor.` });
     this.place.append(element("figure", { class: "signal-chart" }, element("h2", {}, title), body));
+    /** @type {(name: string) => () => string} */
     const colour = (name) => () => getComputedStyle(this.place).getPropertyValue(name);
     const axis = { stroke: colour("--ink"), grid: { stroke: colour("--grid"), width: 1 }, ticks: { stroke: colour("--grid"), width: 1 }, font: "14px sans-serif" };
     const lines = (chart.joints ?? [null]).map((joint) => {
@@ -70,7 +83,7 @@ export class SignalPlots {
       axes: [{ ...axis, space: 90, values: (_, times) => times.map(clockOf) }, { ...axis, size: 64 }],
       series: [{}, ...lines],
       hooks: {
-        setCursor: [(self) => this.isPointing(self) && this.pointed(self.cursor.left < 0 ? null : self.posToVal(self.cursor.left, "x"))],
+        setCursor: [(self) => this.isPointing(self) && this.pointed((self.cursor.left ?? -1) < 0 ? null : self.posToVal(self.cursor.left ?? 0, "x"))],
         setSelect: [(self) => this.select(self)],
       },
     }, [[], ...lines.map(() => [])], body);
@@ -82,10 +95,12 @@ export class SignalPlots {
   }
 
   // All charts show the cursor, but only the chart under the mouse reports its movements.
+  /** @type {(plot: uPlot) => boolean} */
   isPointing(plot) {
     return !this.isSetting && plot.cursor.event !== null && plot.cursor.event !== undefined;
   }
 
+  /** @type {(plot: uPlot) => void} */
   select(plot) {
     const { left, width } = plot.select;
     if (width < LEAST_DRAG_PX || plot.cursor.event === null) return;
@@ -95,23 +110,26 @@ export class SignalPlots {
   }
 
   // Draw the values between two times [s].
+  /** @type {(store: import("./signal_store.js").SignalStore, from: number, to: number) => void} */
   draw(store, from, to) {
     this.range = [from, to];
     const columns = store.columns(from, to, Math.max(100, this.width()));
     const times = timesOf(store, columns);
     const empty = times.map(() => null);
     for (const { plot, chart } of this.plots) {
-      const row = (lane, joint) => store.values[store.rows.get(lane) + (joint ?? 0)];
+      /** @type {(lane: string, joint: number | null) => Float32Array} */
+      const row = (lane, joint) => store.values[(store.rows.get(lane) ?? 0) + (joint ?? 0)];
       const lines = (chart.joints ?? [null]).map((joint) => {
         if (this.hidden.has(joint) || !store.rows.has(chart.low)) return empty;
-        return valuesOf(store, columns, row(chart.low, joint), row(chart.high, joint), chart.factor);
+        return valuesOf(columns, row(chart.low, joint), row(chart.high, joint), chart.factor);
       });
       plot.setData([times, ...lines]);
     }
-    if (this.pointedAt !== null && this.pointedAt !== undefined) this.point(this.pointedAt, false);
+    if (this.pointedAt !== null) this.point(this.pointedAt, false);
   }
 
   // Show the cursor at a time [s] in all charts (null: hide it).
+  /** @type {(time: number | null, isNew?: boolean) => void} */
   point(time, isNew = true) {
     this.pointedAt = time;
     this.isSetting = true;
@@ -134,10 +152,12 @@ export class SignalPlots {
 
 // Return the range of the vertical axis: it contains all values with a margin, and is wide enough that rounding errors
 // do not fill the chart.
+/** @type {(_: uPlot, least: number, most: number) => [number, number]} */
 function rangeOfValues(_, least, most) {
   if (!Number.isFinite(least ?? NaN)) return [0, 1];
   const margin = Math.max(0.05 * (most - least), 1e-4 * Math.max(Math.abs(least), Math.abs(most)), 1e-6);
   return [least - margin, most + margin];
 }
 
-const rangeFromZero = (_, least, most) => [0, Number.isFinite(most ?? NaN) ? 1.2 * most : 1];
+/** @type {(_: uPlot, least: number, most: number) => [number, number]} */
+const rangeFromZero = (_, __, most) => [0, Number.isFinite(most ?? NaN) ? 1.2 * most : 1];

@@ -16,16 +16,20 @@ const WATCH_MS = 250;
 const NEAR_S = 0.2; // maximum distance between the cursor and the bin whose values are shown
 
 const section = find("signals");
-const joints = JSON.parse(section.dataset.joints);
+/** @type {SignalJoint[]} */
+const joints = JSON.parse(section.dataset.joints ?? "[]");
 const charts = chartsOf(joints, section.dataset.monitor === "yes");
 const panel = new JobPanel(find("job"));
 const store = new SignalStore();
 const plots = new SignalPlots(find("charts"), charts, joints, { zoomed: freezeAt, pointed });
 
 let span = FIRST_SPAN_S; // duration of the visible time [s]
+/** @type {number | null} */
 let end = null; // end of the visible time [s] if the plots are paused; null: the plots follow the newest values
+/** @type {number | null} */
 let cursor = null; // time at the cursor [s]; null: the newest values
 let liveAt = -Infinity; // time at which the newest live values arrived
+/** @type {{ seconds: number, at: number | null } | null} */
 let lost = null; // { seconds, at }: duration of the values that did not arrive on this page, and the time of the loss
 let isDue = true; // true if the picture must be drawn again
 
@@ -34,12 +38,14 @@ find("watch").addEventListener("click", () => panel.begin("watch"));
 // ---- visible time
 const rightEnd = () => end ?? store.newestTime ?? Date.now() / 1000;
 
+/** @type {(from: number, to: number) => void} */
 function freezeAt(from, to) {
   span = Math.min(MOST_SPAN_S, Math.max(LEAST_SPAN_S, to - from));
   end = (from + to + span) / 2;
   showSoon();
 }
 
+/** @type {(factor: number) => void} */
 function zoom(factor) {
   const centre = rightEnd() - span / 2;
   span = Math.min(MOST_SPAN_S, Math.max(LEAST_SPAN_S, span * factor));
@@ -47,11 +53,13 @@ function zoom(factor) {
   showSoon();
 }
 
+/** @type {(share: number) => void} */
 function move(share) {
   end = rightEnd() + share * span;
   showSoon();
 }
 
+/** @type {Record<string, () => unknown>} */
 const actions = {
   pause: () => (end = end === null ? rightEnd() : null),
   "zoom-in": () => zoom(0.5),
@@ -61,21 +69,22 @@ const actions = {
   reset: () => ([span, cursor] = [FIRST_SPAN_S, null]),
 };
 for (const [id, action] of Object.entries(actions))
-  find(id).addEventListener("click", () => {
+  document.getElementById(id)?.addEventListener("click", () => {
     action();
     if (id === "reset") plots.point(null);
     showSoon();
   });
 
 // ---- cursor
+/** @type {(time: number | null) => void} */
 function pointed(time) {
   cursor = time;
   showSoon();
 }
 
-find("cursor").addEventListener("input", ({ target }) => {
+find("cursor").addEventListener("input", () => {
   if (end === null) end = rightEnd(); // the plots must not move while the user points at them
-  plots.point(end - span + span * Number(target.value));
+  plots.point(end - span + span * Number(find("cursor").value));
 });
 
 // ---- joints
@@ -118,25 +127,28 @@ function draw() {
 }
 
 function showValues() {
-  const place = cursor === null ? (store.newest < 0 ? null : store.placeAt(store.newestTime, 0)) : store.placeAt(cursor, NEAR_S);
-  const time = place === null ? cursor : store.times[place];
+  const shownAt = cursor ?? store.newestTime;
+  const place = shownAt === null ? null : store.placeAt(shownAt, cursor === null ? 0 : NEAR_S);
+  const time = place === null ? NaN : store.times[place];
   const words = place === null ? (cursor === null ? "no values yet" : `no values at ${clockOf(cursor)}`) : clockOf(time);
   find("cursor").setAttribute("aria-valuetext", words);
   find("values-time").textContent = cursor === null && place !== null ? `Newest values, ${words}` : `Values at the cursor: ${words}`;
+  /** @type {(chart: SignalChart, joint: number | null) => string} */
   const cell = (chart, joint) => {
-    if (chart.joints !== null && !chart.joints.includes(joint)) return "";
+    if (chart.joints !== null && !chart.joints.includes(joint ?? -1)) return "";
     if (place === null) return "–";
     const [low, high] = [chart.low, chart.high].map((lane) => chart.factor * store.value(lane, place, joint ?? 0));
     return Number.isNaN(low) ? "–" : between(low, high);
   };
   const ofJoints = charts.filter((chart) => chart.joints !== null);
-  const bus = charts.find((chart) => chart.joints === null);
+  const bus = charts[charts.length - 1]; // chartsOf ends with it
   render(html`<table><thead><tr><th scope="col">Joint</th>${ofJoints.map((chart) => html`<th scope="col">${chart.title} [${chart.unit}]</th>`)}</tr></thead>
     <tbody>${joints.map(({ name }, i) => html`<tr><th scope="row">${name}</th>${ofJoints.map((chart) => html`<td>${cell(chart, i)}</td>`)}</tr>`)}</tbody></table>`, find("values"));
   find("bus").textContent = `${bus.title}: ${cell(bus, null)} ${bus.unit}.`;
 }
 
 // Return minimum and maximum as text, or a single number if both have the same digits.
+/** @type {(low: number, high: number) => string} */
 function between(low, high) {
   const digits = Math.max(0, Math.min(3, 3 - Math.floor(Math.log10(Math.max(Math.abs(low), Math.abs(high), 1e-3)))));
   const [from, to] = [low, high].map((value) => value.toFixed(digits).replace(/^-(0\.?0*)$/, "$1"));
@@ -152,14 +164,14 @@ function showState() {
   let text = `No values are measured now.${known || " They appear during a motion, or while you watch the drives at rest."}`;
   if (isLive) text = job?.kind === "watch" ? "LIVE: values of the drives at rest." : "LIVE: values of the present motion.";
   else if (!reach.values) text = `NOT LIVE: no values arrive from the service.${known}`;
-  else if (job && ["moving", "stopping"].includes(now.status.state)) text = `NOT LIVE: ${kindWords(job.kind)} is running, but there are no new values.${known}`;
+  else if (job && ["moving", "stopping"].includes(now.status?.state ?? "")) text = `NOT LIVE: ${kindWords(job.kind)} is running, but there are no new values.${known}`;
   if (end !== null) text += ` PAUSED at ${clockOf(end)}: the plots are frozen; new values are kept.`;
   const oldest = store.oldestTime;
   if (end !== null && oldest !== null && end - span < oldest && store.newest >= 12000) text += ` Values before ${clockOf(oldest)} are no longer kept.`;
   const state = find("signal-state");
   if (state.textContent !== text) state.textContent = text;
   state.dataset.kind = section.dataset.kind = isLive ? "live" : "old";
-  const problem = lost === null ? "" : `Values of ${lost.seconds.toFixed(1)} s did not reach this page by ${clockOf(lost.at)}: the connection or the device is too slow.`;
+  const problem = lost === null ? "" : `Values of ${lost.seconds.toFixed(1)} s did not reach this page by ${clockOf(lost.at ?? NaN)}: the connection or the device is too slow.`;
   if (find("lost").textContent !== problem) find("lost").textContent = problem;
 }
 

@@ -3,9 +3,11 @@
 
 const PATIENCE_MS = 1000; // maximum wait until the previous page in the same tab has released the lock
 
+/** @type {((nothing: void) => void) | null} */
 let release = null;
 
 // The promise resolves with true once this tab holds the lock `name`, and with false if another tab holds it.
+/** @type {(name: string) => Promise<boolean>} */
 export function lockForThisTab(name) {
   unlock();
   const ending = new AbortController();
@@ -14,7 +16,7 @@ export function lockForThisTab(name) {
     const hold = () => {
       clearTimeout(patience);
       resolve(true);
-      return new Promise((end) => (release = end));
+      return new Promise((/** @type {(nothing: void) => void} */ end) => (release = end));
     };
     navigator.locks.request(name, { signal: ending.signal }, hold).catch(() => resolve(false));
   });

@@ -7,20 +7,24 @@ import { refuseField } from "./fields.js";
 import { showFigure } from "./figure.js";
 import { html, render } from "./lit.js";
 import { request } from "./requests.js";
-import { ask } from "./service.js";
+import { ask, page } from "./service.js";
 
 export const wanted = new URLSearchParams(location.search);
 
 // Request a document that is made for the pages; its address is not part of the API.
+/** @type {(path: string, limits?: RequestLimits) => Promise<any>} */
 export const look = (path, { signal = null, patienceMs = 30000 } = {}) => request(path, {}, { patienceMs, signal });
 
 // Return the address of the blocks at `path`, with `values` as its query.
+/** @type {(path: string, values?: Record<string, any> | string[][]) => string} */
 export const blocksUrl = (path, values = []) => `/blocks${path}?${new URLSearchParams(values)}`;
+/** @type {(run: string, ...sections: string[]) => string} */
 export const ofRun = (run, ...sections) => blocksUrl(`/runs/${encodeURIComponent(run)}`, sections.map((name) => ["section", name]));
 
 const FIGURE_MS = 120000; // timeout of a figure: a long run over a slow connection takes long
 
 // Cancel the loading of a figure.
+/** @type {(place: HTMLElement) => void} */
 function endFigure(place) {
   place.loading?.abort();
   place.loading = null;
@@ -30,6 +34,7 @@ function endFigure(place) {
 // Show a figure once its element is visible; the previous figure remains until the new one is drawn.
 // If another figure is still being loaded there, this loading is cancelled; if it is the same figure, it is loaded again
 // afterwards.
+/** @type {(place: HTMLElement, url: string) => Promise<void>} */
 export async function figureIn(place, url) {
   if (place.loading && place.dataset.url === url) {
     place.dataset.again = "yes";
@@ -58,6 +63,7 @@ export async function figureIn(place, url) {
     return;
   }
   if (signal.aborted) return;
+  /** @type {(values: Record<string, string>) => string} */
   const of = (values) => `${url}&${new URLSearchParams(values)}`;
   const takeOut = showFigure(drawn, {
     csv: of({ as: "csv" }),
@@ -86,14 +92,16 @@ export async function figureIn(place, url) {
 }
 
 // Show the blocks of an address; each plot is loaded when it becomes visible. The promise resolves with the blocks.
+/** @type {(place: HTMLElement, url: string, options?: { keep?: (block: PageBlock) => boolean, signal?: AbortSignal | null }) => Promise<PageBlock[]>} */
 export async function showBlocks(place, url, { keep = () => true, signal = null } = {}) {
   const blocks = (await look(url, { signal, patienceMs: FIGURE_MS })).filter(keep);
+  /** @type {(plot: PlotBlock) => HTMLElement} */
   const figure = ({ name, number }) => {
     const made = element("div", { class: "figure", "data-figure": name });
     figureIn(made, `${url}&plot=${number}`);
     return made;
   };
-  for (const old of place.querySelectorAll(".figure")) {
+  for (const old of /** @type {NodeListOf<HTMLElement>} */ (place.querySelectorAll(".figure"))) {
     endFigure(old);
     old.lastElementChild?.takeOut?.();
   }
@@ -102,6 +110,7 @@ export async function showBlocks(place, url, { keep = () => true, signal = null 
 }
 
 // Show sections of a run's result, or the error. The promise resolves with the blocks, or with null after an error.
+/** @type {(place: HTMLElement, run: string, ...sections: string[]) => Promise<PageBlock[] | null>} */
 export async function showRun(place, run, ...sections) {
   try {
     const blocks = await showBlocks(place, ofRun(run, ...sections));
@@ -113,18 +122,22 @@ export async function showRun(place, run, ...sections) {
   }
 }
 
+/** @type {(error: Error) => Part} */
 export const problemOf = (error) => html`<p class="problem">${linked(error.message)}</p>`;
 
 // ---- words
+/** @type {Record<string, [string, string]>} */
 const FINDINGS = { true: ["good", "Good: "], false: ["bad", "Problem: "], null: ["", ""] };
+/** @type {(list: Api.Finding[]) => Part[]} */
 export const findings = (list) => list.map(({ passed, text }) => {
-  const [kind, word] = FINDINGS[passed];
+  const [kind, word] = FINDINGS[String(passed)];
   return html`<li class=${kind}><b>${word}</b>${linked(text)}</li>`;
 });
 
 // ---- choices
+/** @type {(select: HTMLSelectElement, list: { value: string, words: string }[], chosen?: string | null) => void} */
 export function options(select, list, chosen = null) {
-  const before = chosen || select.value || keptChoice(select);
+  const before = chosen || select.value || (keptChoice(select) ?? "");
   const empty = select.dataset.none ?? (list.length ? null : "none yet");
   const none = empty === null ? [] : [element("option", { value: "" }, empty)];
   select.replaceChildren(...none, ...list.map(({ value, words }) => element("option", { value }, words)));
@@ -132,6 +145,7 @@ export function options(select, list, chosen = null) {
 }
 
 // Add a file that a job has written to the options of a selection field, and select this file.
+/** @type {(select: HTMLSelectElement, path: string, words?: string, kind?: string) => void} */
 export function offer(select, path, words = path, kind = "") {
   const there = [...select.options].find((option) => option.value === path);
   if (!there) select.prepend(element("option", { value: path, "data-kind": kind }, words));
@@ -139,30 +153,35 @@ export function offer(select, path, words = path, kind = "") {
   select.dispatchEvent(new Event("change"));
 }
 
+/** @type {(run: Api.RunEntry) => string} */
 export const runWords = (run) => `${run.label || run.id}, ${timeOf(run.created_utc)}`;
 
+/** @type {() => Promise<Api.RunEntry[]>} */
 export async function completeRuns() {
-  const runs = await ask("GET", `/runs?limit=200&cell=${encodeURIComponent(document.body.dataset.cell)}`);
+  const runs = await ask("GET", `/runs?limit=200&cell=${encodeURIComponent(page.cell)}`);
   return runs.filter((run) => run.kind !== "payload session" && (run.status === "complete" || run.status === "recovered"));
 }
 
 // Return the number that the user has entered in a field; throw an error with a message if it is not valid.
+/** @type {(id: InputId, limits?: { least?: number, whole?: boolean }) => number} */
 export function numberOf(id, { least = -Infinity, whole = false } = {}) {
   const input = find(id);
   const value = parseNumber(input.value);
-  const label = input.labels[0].firstChild.textContent.trim();
+  const label = input.labels?.[0].firstChild?.textContent?.trim();
   if (Number.isNaN(value) || value < least || (whole && !Number.isInteger(value)))
     throw refuseField(input, `${label}: ${input.value.trim() ? `"${input.value.trim()}" is not valid; ` : ""}give a ${whole ? "whole " : ""}number${least > -Infinity ? ` of at least ${least}` : ""}, such as ${whole ? "10" : "9.6"}.`);
   return value;
 }
 
 // Return the selected model and payload as fields of a request.
+/** @type {() => { model?: string, payload?: string }} */
 export function modelOf() {
   const [model, payload] = [find("model").value, find("payload").value];
   return model ? { model, ...(payload ? { payload } : {}) } : {};
 }
 
 // Return the name that the user has entered for an output file, with the file name ending `ending`.
+/** @type {(id: InputId, ending: string) => string} */
 export function nameOf(id, ending) {
   const name = find(id).value.trim();
   if (!/^[A-Za-z0-9][\w.-]{0,80}$/.test(name)) throw new Error("Name of the file: begin with a letter or a digit, and use only letters, digits, -, _ and . .");
@@ -170,6 +189,7 @@ export function nameOf(id, ending) {
 }
 
 // When the user clicks a button, run its action; show an error in the panel.
+/** @type {(id: keyof PageElements, panel: import("./job_panel.js").JobPanel, kind: string, action: () => unknown) => void} */
 export function press(id, panel, kind, action) {
   find(id).addEventListener("click", async () => {
     try {
@@ -180,5 +200,6 @@ export function press(id, panel, kind, action) {
   });
 }
 
+/** @type {(path: string, text: string) => Part} */
 export const fileLink = (path, text) =>
   html`<a class="button" download href="/api/v1/files/${addressOf(path)}">${text}</a>`;

@@ -48,9 +48,9 @@ def _at_preflight(loaded: LoadedCell, preflight: Preflight | None) -> RestingPos
     if preflight is None:
         return None
     measured = {
-        str(line.get("where")).partition(",")[0]: value
+        line.where.partition(",")[0]: line.position
         for line in preflight.lines
-        if isinstance(value := line.get("position"), float)
+        if line.position is not None
     }
     if set(measured) != set(loaded.robot.joint_names):
         return None

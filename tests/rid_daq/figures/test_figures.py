@@ -31,6 +31,7 @@ from tests.builders.drawn_figures import (
     tables,
     written,
 )
+from tests.builders.javascript_types import assert_declared
 
 
 @pytest.fixture(scope="module")
@@ -66,6 +67,12 @@ def test_there_is_a_figure_of_every_kind(figures: dict[str, Plot]) -> None:
 def test_a_figure_is_json_without_nan(figures: dict[str, Plot], name: str) -> None:
     item = shown_item(figures[name])
     assert len(item["panels"]) == len(figures[name].panels)
+    assert_declared(item, "FigureItem")
+    for panel in item["panels"]:
+        assert_declared(panel, "FigurePanel")
+        assert_declared(panel["x"], "FigureAxis")
+        for line in panel["lines"]:
+            assert_declared(line, "FigureLine")
 
 
 @pytest.mark.parametrize("name", NAMES)

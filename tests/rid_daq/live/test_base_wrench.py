@@ -13,6 +13,7 @@ from acquisition.session.plate_block import PlateBlock, PlateState
 from config.cell.plate import CHANNELS, PlateZero
 from config.load import load_cell
 from rid_daq.live.base_wrench import LiveWrench
+from tests.builders.javascript_types import assert_declared
 
 OFFSET_N = (5.0, -3.0, 2.0, 1.0, -40.0, 30.0, 20.0, -10.0)
 WRENCH = np.array([10.0, -20.0, 300.0, 15.0, -25.0, 5.0])
@@ -50,6 +51,7 @@ def test_the_wrench_of_the_base_on_the_robot_is_relative_to_the_zero(
     assert found["force_n"] == pytest.approx(WRENCH[:3], abs=2e-3)
     assert found["moment_nm"] == pytest.approx(WRENCH[3:], abs=2e-3)
     assert found["overloaded"] is False
+    assert_declared(found, "LiveWrench")
 
 
 def test_the_age_is_that_of_the_newest_row(block: PlateBlock, live: LiveWrench) -> None:

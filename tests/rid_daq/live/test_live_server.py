@@ -30,6 +30,7 @@ from config.load import load_cell
 from rid_daq.live.live_process import LIMITS, MOST_DESCRIPTORS, run_live_page
 from rid_daq.live.picture import MotionPicture, ShownMotion
 from rid_daq.web.access import Access
+from tests.builders.javascript_types import assert_declared
 
 TOKEN = "t" * 40
 PATIENCE_S = 120.0
@@ -337,7 +338,9 @@ def test_the_picture_shows_every_joint_relative_to_its_limits(served: Served) ->
     served.control.program.announce_monitor(3)
     served.control.monitor.show_temperatures([300.15, float("nan"), 310.15], [])
     shown = json.loads(picture.document())
+    assert_declared(shown, "LivePicture")
     one, two, three = shown["joints"]
+    assert_declared(one, "LiveJoint")
     limits = served.motion.robot.joints[0].limits
     assert one["torque_share"] == pytest.approx(45.0 / limits.torque, rel=1e-4)
     assert (one["temperature_c"], two["temperature_c"]) == (27.0, None)

@@ -13,7 +13,8 @@ from config.errors import PreflightError
 from config.load import LoadedCell, load_cell
 from rid_daq.operations.cell import check, checked_cell
 from rid_daq.operations.perform import perform
-from rid_daq.preflight.bus_check import NOT_TESTED, CheckLine
+from rid_daq.preflight.bus_check import NOT_TESTED
+from rid_daq.preflight.check_line import CheckLine
 from rid_daq.terminal.console import Console
 from tests.builders.raised_codes import raises_code
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from rid_daq.preflight.bus_check import CheckLine, Verdict
+from rid_daq.preflight.check_line import CheckLine, Verdict
 from rid_daq.preflight.check_words import all_blocks, show_devices
 from rid_daq.terminal.block_printer import print_blocks
 from rid_daq.terminal.console import Console

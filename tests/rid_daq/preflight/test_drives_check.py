@@ -15,7 +15,7 @@ from config.errors import DriverError
 from config.load import load_cell
 from drivers.interfaces.servo_axes import DriveEvent, DriveSetting, EventKind
 from rid_daq.preflight import drives_check
-from rid_daq.preflight.bus_check import CheckLine
+from rid_daq.preflight.check_line import CheckLine
 from rid_daq.preflight.drives_check import DriveTrouble, check_drives
 
 LOADED = load_cell("ir361")

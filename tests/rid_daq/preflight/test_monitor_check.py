@@ -15,7 +15,7 @@ from config.load import LoadedCell, load_cell
 from drivers.modbus.codec import encode
 from mock_hw.registers.registers import SimulatedRegisters
 from mock_hw.registers.server import RegisterService, RegisterSettings
-from rid_daq.preflight.bus_check import CheckLine
+from rid_daq.preflight.check_line import CheckLine
 from rid_daq.preflight.monitor_check import monitor_lines
 
 Serve = Callable[..., CellConfig]

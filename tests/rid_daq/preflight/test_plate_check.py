@@ -16,7 +16,7 @@ from config.load import load_cell
 from config.simulation.plant import SimulatedPlate
 from drivers.amplifier.amplifier import open_amplifier
 from rid_daq.app import run
-from rid_daq.preflight.bus_check import CheckLine
+from rid_daq.preflight.check_line import CheckLine
 from rid_daq.preflight.plate_check import PlateCheck
 from tests.builders.raised_codes import raises_code
 

@@ -21,7 +21,7 @@ from rid_daq.operations.payload.payload_estimate import PayloadRequest
 from rid_daq.operations.payload.payload_session import PayloadSessionRequest
 from rid_daq.operations.payload.session_states import SessionFile
 from rid_daq.operations.payload.session_steps import PayloadGuide
-from rid_daq.preflight.bus_check import CheckLine
+from rid_daq.preflight.check_line import CheckLine
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.report.sections.payload import EmptyFlange, payload_verdict
 from rid_daq.terminal.console import Console

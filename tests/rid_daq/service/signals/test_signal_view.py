@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rid_daq.service.signals.signal_bins import SignalBins, lanes_of
 from rid_daq.service.signals.signal_history import SignalHistory
 from rid_daq.service.signals.signal_view import MOST_LATE, MOST_SENT, SignalView
+from tests.builders.javascript_types import assert_declared
 
 JOINTS = ("axis1", "axis2")
 
@@ -43,6 +44,7 @@ def test_a_message_contains_times_gaps_and_all_lanes() -> None:
     add_bins(history, 8)
     head, times, rows = parse(view.next_new())
     assert (head["cell"], head["joints"], head["first"]) == ("ir361", list(JOINTS), 0)
+    assert_declared(head, "SignalsHead")
     assert times.tolist() == list(range(8))
     assert rows[0].tolist() == [1, 0, 0, 0, 0, 0, 0, 1]
     assert len(rows) == 1 + len(head["cell_lanes"]) + len(JOINTS) * len(head["lanes"])

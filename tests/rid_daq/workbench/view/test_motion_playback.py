@@ -22,6 +22,7 @@ from rid_daq.workbench.view.motion_playback import (
 )
 from rid_daq.workbench.view.resting_pose import RestingPose
 from tests.builders.browser_drawing import changed_share, picture_of, wait_for_picture
+from tests.builders.javascript_types import assert_declared
 from tests.rid_daq.robot_view.test_scene import pinocchio_of
 from tests.rid_daq.service.conftest import ServedProcess, serving
 from tests.rid_daq.workbench.conftest import OpenPage
@@ -160,6 +161,8 @@ def test_a_closest_approach_of_a_moment_is_found_and_shown(near_miss: Path) -> N
     found, samples = motion_playback(KR15, load_motion(near_miss), RestingPose()), plan(near_miss)
     clearance = found.clearance
     assert clearance is not None
+    assert_declared(clearance.document(), "MotionClearance")
+    assert_declared({**found.document(), "files_hash": ""}, "MotionPlayback")
     clearances = Clearances.of(KR15.robot, KR15.config.workspace)
     least = clearances.nearest(samples.position)
     assert clearance.distance_m.min() == pytest.approx(least.min())

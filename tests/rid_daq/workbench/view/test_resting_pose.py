@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from config.load import LoadedCell, load_cell
+from rid_daq.preflight.check_line import CheckLine
 from rid_daq.preflight.last_pose import last_pose, store_pose
 from rid_daq.service.records import Preflight
 from rid_daq.workbench.view.resting_pose import RestingPose, resting_pose
@@ -22,13 +23,17 @@ def cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> LoadedCell:
     return load_cell("ir361")
 
 
+def line(where: str, what: str, position: float | None) -> CheckLine:
+    return CheckLine(where, what, "", "", "shown", position=position)
+
+
 def preflight(cell: LoadedCell, at_s: float, joints: int = 3) -> Preflight:
     names = cell.robot.joint_names[:joints]
     lines = tuple(
-        {"where": f"{name}, node {i}", "what": "position (6064h)", "position": MEASURED[i - 1]}
+        line(f"{name}, node {i}", "position (6064h)", MEASURED[i - 1])
         for i, name in enumerate(names, start=1)
     )
-    other = {"where": "axis1, node 1", "what": "answers", "position": None}
+    other = line("axis1, node 1", "answers", None)
     return Preflight(at_s=at_s, passed=True, problem=None, lines=(other, *lines))
 
 

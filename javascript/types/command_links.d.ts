@@ -1,0 +1,1 @@
+export const LINKS: Record<string, [string, string]>;
