@@ -76,15 +76,15 @@ class _PlannedMotion:
     """A motion before it is checked with a model.
 
     Attributes:
-        motion, samples: The motion, and its set-points with feedforward.
-        changes: Changes of the payload during the motion; None if there are none.
+        motion, samples: The motion, and its set-points.
         files: Files of the run in addition to the cell's files, by name; each is read only once.
+        changes: Changes of the payload during the motion; None if there are none.
     """
 
     motion: AnyMotion
     samples: MotionSamples
-    changes: LoadChanges | None
     files: dict[str, bytes]
+    changes: LoadChanges | None = None
 
 
 def record_motion_file(request: RecordRequest, context: Context) -> RecordedMotion:
@@ -97,9 +97,15 @@ def record_motion_file(request: RecordRequest, context: Context) -> RecordedMoti
     loaded = load_cell(request.cell)
     simulation = _simulation(request)
     refuse_output(request.tracker, overwrite=False, made=TRACKED)
-    planned = _plan(request, loaded)
-    motion, samples, files = planned.motion, planned.samples, planned.files
-    changes = planned.changes
+    motion, text = read_motion_and_bytes(request.motion, loaded)
+    planned = _PlannedMotion(
+        motion, motion.plan(loaded.robot, loaded.config.cycle_time_s), {MOTION: text}
+    )
+    planned = _add_loads_and_feedforward(planned, request, loaded)
+    samples, files, changes = planned.samples, planned.files, planned.changes
+    if request.feedforward is not None:
+        verify_limits(samples, loaded.robot)
+        verify_command(samples, loaded.config, loaded.robot)
     if request.model is not None:
         _refuse_excessive_torque(request.model, request, planned, loaded, context)
     script = _load_fault_script(request, loaded.config, files)
@@ -146,27 +152,24 @@ def record_motion_file(request: RecordRequest, context: Context) -> RecordedMoti
         return RecordedMotion(session.record(asked), motion, accuracy)
 
 
-def _plan(request: RecordRequest, loaded: LoadedCell) -> _PlannedMotion:
-    """Plan the motion of a request, with its feedforward and the changes of its payload."""
-    motion, text = read_motion_and_bytes(request.motion, loaded)
-    files = {MOTION: text}
-    samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
+def _add_loads_and_feedforward(
+    planned: _PlannedMotion, request: RecordRequest, loaded: LoadedCell
+) -> _PlannedMotion:
+    """Return a motion with the feedforward and the changes of its payload that a request states."""
+    samples, files, changes = planned.samples, dict(planned.files), planned.changes
     stated = None if request.load_changes is None else read_stated_changes(request.load_changes)
-    changes = None
     if stated is not None:
         samples, changes = stated.planned(samples), stated.changes
         files |= stated.files
     if request.feedforward is not None:
-        made = add_feedforward(request.feedforward, motion, samples)
+        made = add_feedforward(request.feedforward, planned.motion, samples)
         samples, files[FEEDFORWARD], changes = made
         if stated is not None or request.model is not None:
             named = None if stated is None else stated.changes
             require_same_changes(named, changes, str(request.feedforward))
         if changes is not None:
             files[LOAD_CHANGES] = load_changes_bytes(changes)
-        verify_limits(samples, loaded.robot)
-        verify_command(samples, loaded.config, loaded.robot)
-    return _PlannedMotion(motion, samples, changes, files)
+    return _PlannedMotion(planned.motion, samples, files, changes)
 
 
 def _refuse_excessive_torque(
