@@ -292,10 +292,12 @@ def backwards(
         rows: Shape (points, rows, 3). A, B and C.
         bounds: Shape (points, rows, 3). Lower and upper bound of a row, and factor of its joint's
             friction.
-        friction: Tuple of five: joint of each row's friction, or -1, shape (rows,); table of
-            friction terms, as in `SampleTorque`; smoothing of their sign. Then the actuators'
-            speeds at x = 1, shape (points, n); true if an actuator reverses or rests in an
-            interval, shape (points - 1, n).
+        friction: A tuple of five elements:
+            1. joint of each row's friction, shape (rows,); -1 for a row without friction;
+            2. table of friction terms, as in `SampleTorque`;
+            3. smoothing of the sign of these terms;
+            4. speeds of the actuators at x = 1, shape (points, n);
+            5. true if an actuator reverses or rests in an interval, shape (points - 1, n).
         length: Shape (points,). Grid of the path length.
         most: Shape (points,). Largest x that the speed limits allow.
         end: x at the end.
