@@ -19,7 +19,10 @@ EQUATIONS: Final = "Equations"
 
 Band = Annotated[
     BandHz,
-    Field(description="Highest frequency of the data that is used."),
+    Field(
+        description="Highest frequency of the data that is used. The default value is lowered if"
+        " recorded positions have few digits."
+    ),
     Option(group=EQUATIONS, flag="band", unit="Hz"),
 ]
 Standstill = Annotated[
