@@ -75,7 +75,7 @@ def import_files(request: ImportRequest) -> tuple[ImportedRun, ...]:
                     f"{files[1]}: a bag is imported alone: leave this file out",
                     code="RID-IMPORT-FILES",
                 )
-            files = (Path(place) / f"{named.stem}.csv",)
+            files = (Path(place) / named.name,)
             layout = convert_bag_to_table(named, import_map, robot.joint_names, files[0])
             import_map = layout
         elif is_bag(named) and any(isinstance(each, int) for each in import_map.column_roles):
