@@ -150,6 +150,7 @@ def load_cell(reference: str, unsaved: Mapping[Path, bytes] | None = None) -> Lo
         for axis in cell.axes
     )
     cell = cell.model_copy(update={"servo": general, "axes": axes})
+    _check_servos(cell_tree, cell)
     _check_cycle_time(cell_tree, cell)
     check_robot_fit(cell_tree, cell, robot)
     eds_files, eds_bytes, eds_paths = read_eds_files(cell_tree, cell, folder, kept)
@@ -343,6 +344,21 @@ def _check_plant(tree: YamlTree, plant: PlantConfig, robot: RobotDescription) ->
             " in both or in neither",
             code="RID-PLANT-UNFIT",
         )
+
+
+def _check_servos(tree: YamlTree, cell: CellConfig) -> None:
+    """Refuse drives whose profile contradicts the keys that cell or axis add to it."""
+    for number, axis in enumerate(cell.axes):
+        try:
+            cell.servo_of(axis).check_complete()
+        except ValueError as error:
+            where = tree.where(("axes", number) if axis.servo is not None else ("servo",))
+            raise ConfigError(
+                f"{where}: the drive of {axis.joint}: {error}", code="RID-CELL-VALUE"
+            ) from None
+        except ConfigError as error:
+            where = tree.where(("axes", number))
+            raise ConfigError(f"{where}: {error}", code=error.refusal) from None
 
 
 def _check_cycle_time(tree: YamlTree, cell: CellConfig) -> None:

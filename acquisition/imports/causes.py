@@ -53,6 +53,21 @@ _BY_REASON = {
     ),
 }
 
+_OF_MESSAGES = {
+    "with a repeated time stamp": (
+        "the time stamps in the headers of the messages are too coarse: record the bag again with"
+        " complete time stamps"
+    ),
+    "with a time stamp out of order": (
+        "the time stamps in the headers of the messages are not in order: record the arm's own"
+        " topic, from one publisher"
+    ),
+}
+_MESSAGES_LACK_VALUES = (
+    "some messages lack positions or efforts of some joints: use only the messages that have them"
+    " all, with --rows, or record the bag again"
+)
+
 
 def respects_position_limits(position: FloatArray, limits: Sequence[JointLimits]) -> bool:
     """Return True if positions, (rows, joints), exceed no limit by more than `BEYOND_LIMIT`.
@@ -130,6 +145,11 @@ def likely_cause_of_damage(
     if not damaged:
         return "record more"
     ((reason, _),) = Counter(row.reason for row in damaged).most_common(1)
+    if import_map.joint_states is not None:
+        is_missing = reason == NO_NEIGHBOUR or _is_value_missing(damaged[-1].detail)
+        cause = _MESSAGES_LACK_VALUES if is_missing else _OF_MESSAGES.get(reason)
+        if cause is not None and not _starts_again(rows):
+            return cause
     if reason == "without a number" and _GROUPED.search(damaged[-1].detail):
         return "the numbers have thousands separators: export the file without them"
     if reason == "without a number" and _has_decimal_commas(damaged, import_map):

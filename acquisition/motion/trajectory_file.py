@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final
 
-from pydantic import AliasChoices, BaseModel, Field, ValidationError
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field, ValidationError
 
 from config.errors import ConfigError
 from config.formats.bounded_file import decode_text, read_file
@@ -30,7 +30,8 @@ ENVELOPES: Final = (
 )
 """Keys of other messages of ROS and MoveIt that contain a `trajectory_msgs/JointTrajectory`."""
 Rows = tuple[tuple[float, ...], ...]
-Finite = Annotated[float, Field(allow_inf_nan=False)]
+Finite = Annotated[float, Field(allow_inf_nan=False, strict=True)]
+Nanoseconds = Annotated[Finite, Field(ge=0.0, lt=1e9)]
 
 
 @dataclass(frozen=True)
@@ -80,14 +81,22 @@ def read_trajectory(path: Path) -> TrajectoryRows:
     return _rows_of_csv(path, text)
 
 
-class _Duration(BaseModel):
+class _Message(BaseModel):
+    """A part of a message; an unknown key is an error, because it can be a typing error."""
+
+    model_config = ConfigDict(extra="forbid")
+
+
+class _Duration(_Message):
     seconds: Finite = Field(validation_alias=AliasChoices("sec", "secs"))
-    nanoseconds: Finite = Field(default=0.0, validation_alias=AliasChoices("nanosec", "nsecs"))
+    nanoseconds: Nanoseconds = Field(default=0.0, validation_alias=AliasChoices("nanosec", "nsecs"))
 
 
-class _Point(BaseModel):
+class _Point(_Message):
     positions: tuple[Finite, ...]
     velocities: tuple[Finite, ...] = ()
+    accelerations: Any = None
+    effort: Any = None
     time_from_start: _Duration | Finite
 
     @property
@@ -96,7 +105,8 @@ class _Point(BaseModel):
         return at.seconds + 1e-9 * at.nanoseconds if isinstance(at, _Duration) else at
 
 
-class _JointTrajectory(BaseModel):
+class _JointTrajectory(_Message):
+    header: Any = None
     joint_names: tuple[str, ...] = Field(min_length=1)
     points: tuple[_Point, ...] = Field(min_length=1, max_length=1_000_000)
 

@@ -12,7 +12,7 @@ from acquisition.imports.report import ImportReport
 from acquisition.maps.import_map import ImportMap
 from acquisition.proposals.proposal import Proposal, map_name
 from acquisition.recording.recording import Recording
-from acquisition.sources.bags import convert_bag_to_table
+from acquisition.sources.bags import convert_bag_to_table, with_message_names
 from config.errors import DataQualityError
 from config.refusals import PLACEHOLDER
 from config.robot.robot import RobotDescription
@@ -64,6 +64,6 @@ def _import_as_torques(
     states = keys["joint_states"] | {"effort": "torque"}
     import_map = ImportMap.model_validate({**keys, "joint_states": states}, strict=False)
     with TemporaryDirectory(prefix="rid-daq-") as folder:
-        table = Path(folder) / f"{path.stem}.csv"
+        table = Path(folder) / path.name
         layout = convert_bag_to_table(path, import_map, robot.joint_names, table)
-        return import_csv(table, layout, robot)
+        return import_csv(table, with_message_names(layout, import_map), robot, layout=layout)

@@ -79,7 +79,8 @@ def write_array_tables(
         arrays = read_named_arrays(path, [str(name) for name in names])
         found += [f"{name} {array.shape}" for name, array in arrays.items()]
         columns = _columns(path, arrays, import_map, number)
-        table = folder / f"{path.stem}.csv" if number == 0 else folder / f"{number} {path.stem}.csv"
+        table = folder / str(number) / path.name  # errors in its rows then name the user's file
+        table.parent.mkdir(exist_ok=True)
         _write_csv(table, columns)
         tables.append(table)
         headers.append(list(columns))

@@ -105,6 +105,7 @@ def convert_bag_to_table(
         raise ConfigError(f"cannot read {path}: the file does not exist", code="RID-FILE-UNKNOWN")
     n, names = len(joint_names), states.names or joint_names
     stamps, received, numbers = array("q"), array("q"), array("d")
+    odd = ""
     try:
         for received_ns, message in _read_messages(path, states.topic):
             row = _joint_values(message, names)
@@ -112,6 +113,7 @@ def convert_bag_to_table(
                 received.append(received_ns)
                 stamps.append(message.header.stamp.sec * 10**9 + message.header.stamp.nanosec)
                 numbers.extend(row)
+                odd = odd or _odd_lengths(message)
     except ConfigError as error:
         place = "" if str(error).startswith(str(path)) else f"{path}: "
         raise ConfigError(f"{place}{error}", code=error.refusal) from None
@@ -129,16 +131,16 @@ def convert_bag_to_table(
     is_recorded = np.array([bool(np.isfinite(values[:, i]).any()) for i in range(len(_QUANTITIES))])
     if not is_recorded[2]:
         raise DataQualityError(
-            f"{path}: the messages contain no efforts: record a topic whose efforts are torques or"
-            " currents",
+            f"{path}: the messages contain no efforts{odd}: record a topic whose efforts are"
+            " torques or currents",
             code="RID-BAG-TOPIC",
         )
     for number, name in enumerate(names):
         for quantity in (0, 2):
             if not np.isfinite(values[:, quantity, number]).any():
                 raise DataQualityError(
-                    f"{path}: no message has the {_QUANTITIES[quantity]} of joint {name}: correct"
-                    " joint_states.names, or record a topic that contains it",
+                    f"{path}: no message has the {_QUANTITIES[quantity]} of joint {name}{odd}:"
+                    " correct joint_states.names, or record a topic that contains it",
                     code="RID-BAG-TOPIC",
                 )
     complete = np.isfinite(values[:, (0, 2)]).all(axis=(1, 2))
@@ -172,6 +174,35 @@ def convert_bag_to_table(
         time=TimeColumn(column=0),
         joints=joints,
     )
+
+
+def with_message_names(table_map: ImportMap, bag_map: ImportMap) -> ImportMap:
+    """Return the map of a bag's table with names of the messages' fields instead of columns.
+
+    Messages of the import show these names; the user has no table.
+
+    Args:
+        table_map: Map of the table.
+        bag_map: Map of the bag.
+    """
+    fields = {
+        "position": "position",
+        "velocity": "velocity",
+        "torque": "effort",
+        "current": "effort",
+    }
+    joints = tuple(
+        joint.model_copy(
+            update={
+                key: f"{field}[{joint.joint}]"
+                for key, field in fields.items()
+                if getattr(joint, key) is not None
+            }
+        )
+        for joint in table_map.joints
+    )
+    named = {"joints": joints, "joint_states": bag_map.joint_states}
+    return table_map.model_copy(update=named)
 
 
 def _not_a_bag(path: Path, error: Exception) -> ConfigError:
@@ -236,6 +267,14 @@ def _joint_values(message: Any, names: Sequence[str]) -> list[float] | None:
             float(values[place]) if complete and place is not None else np.nan for place in places
         ]
     return row
+
+
+def _odd_lengths(message: Any) -> str:
+    """Return which values of a message cannot be assigned to its names; empty if all can be."""
+    names = len(message.name)
+    found = [(name, len(getattr(message, name))) for name in _QUANTITIES]
+    odd = [f"{size} of {name}" for name, size in found if size not in (0, names)]
+    return f" (a message has {names} joint names, but {', '.join(odd)})" if odd else ""
 
 
 def _write_csv(path: Path, time_s: FloatArray, values: FloatArray) -> None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Final, Literal
+from typing import Final, Literal, Self
 
 import numpy as np
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from acquisition.motion.load_changes import LoadChanges
 from acquisition.motion.motion_file import AnyMotion
@@ -113,6 +113,17 @@ class FeedforwardFile(ConfigModel):
     origin: FeedforwardOrigin = FeedforwardOrigin()
     feedforward: tuple[tuple[float, ...], ...] = Field(min_length=2)
     deflection: tuple[tuple[float, ...], ...] | None = None
+
+    @model_validator(mode="after")
+    def _check_rows(self) -> Self:
+        for key, rows in (("feedforward", self.feedforward), ("deflection", self.deflection or ())):
+            for number, row in enumerate(rows):
+                if len(row) != len(self.joints):
+                    raise ValueError(
+                        f"row {number} of {key} has {len(row)} numbers for {len(self.joints)}"
+                        " joints; compensate the motion again"
+                    )
+        return self
 
     def onto(self, samples: MotionSamples) -> MotionSamples:
         """Return the planned motion with this feedforward, and with the deflection of the gears.

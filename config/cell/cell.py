@@ -363,6 +363,12 @@ class CellConfig(PhysicalFile):
             )
         if axis.velocity_unit is None:
             return chosen
+        if chosen.by_position:
+            raise ConfigError(
+                f"cell {self.name}: velocity_unit does not apply to the drive of {axis.joint},"
+                f" whose mode is {chosen.mode}; remove the key from its axis",
+                code="RID-CELL-VALUE",
+            )
         return chosen.model_copy(update={"velocity_unit": axis.velocity_unit})
 
     def check_cycle_time(self) -> None:

@@ -11,6 +11,7 @@ from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
+from config.cell.extra_setting import ExtraSetting, check_settings
 from config.cell.fixed_pdo import (
     ANSWERS,
     COMMANDS,
@@ -48,6 +49,14 @@ the rated current.
 _TENTHS: Final = {"0.1rpm": 10.0}
 
 
+TARGETS: Final[dict[Mode, tuple[int, int]]] = {
+    "cyclic_velocity": (0x60FF, 0),
+    "profile_velocity": (0x60FF, 0),
+    "cyclic_position": (0x607A, 0),
+    "interpolated_position": (0x60C1, 1),
+}
+"""Object of the set-point in each mode; in a manufacturer-specific mode, the fixed PDOs define
+it."""
 BY_RAMP: Final[tuple[Mode, ...]] = ("profile_velocity", "makers")
 """Modes in which the drive ramps to each velocity, by its 6083h and 6084h."""
 
@@ -69,22 +78,6 @@ class TorqueObject(ConfigModel):
     units: Units = 1000.0
     bits: Literal[16, 32] = 16
     asked: bool = False
-
-
-class ExtraSetting(ConfigModel):
-    """An object of the manufacturer, or of an older profile, that must hold a value.
-
-    Attributes:
-        object: Index and subindex, such as `2100h:01`.
-        bits: Size of the object.
-        value: The value that the object must hold.
-        written: True if the value is written; false if it is only compared.
-    """
-
-    object: ObjectName
-    bits: Literal[8, 16, 32]
-    value: Annotated[int, Field(ge=-(2**31), lt=2**32)]
-    written: bool = True
 
 
 class ReferencedBits(ConfigModel):
@@ -213,23 +206,52 @@ class ServoProfile(ConfigModel):
 
     @model_validator(mode="after")
     def _check_keys(self) -> Self:
-        if self.torque.bits != 16 and not (self.torque.asked or self.pdos):
-            raise ValueError(
-                f"torque.bits is {self.torque.bits}; an answer of 8 bytes needs 16 bits"
-            )
+        check_settings(self.settings)
         if self.by_position and (self.velocity_unit, self.velocity_units) != _INCREMENTS:
             raise ValueError("velocity_unit does not apply to position-mode drives; remove it")
         if self.mode == "makers" and not (self.pdos or self.base):
             raise ValueError("mode makers needs pdos; name the PDO that receives the velocity")
+        if self.pdos and self.digital_inputs:
+            raise ValueError(
+                "digital_inputs does not apply to a drive with fixed pdos; remove it, and name"
+                " the signal inputs in pdos"
+            )
+        if self.pdos:
+            _check_pdos(self.pdos, self.torque, complete=self.base is None)
+        if self.base is None:
+            self.check_complete()
+        return self
+
+    def check_complete(self) -> None:
+        """Refuse keys that contradict each other; the keys of a base profile must be included.
+
+        Raises:
+            ValueError: The torque fits no answer or is not the object in the fixed PDOs, the
+                position mode of a drive has a fixed PDO for velocities, a limit of torque has two
+                values, or the motor's ratings contradict each other.
+        """
+        if self.torque.bits != 16 and not (self.torque.asked or self.pdos):
+            raise ValueError(
+                f"torque.bits is {self.torque.bits}; an answer of 8 bytes needs 16 bits"
+            )
         _check_ratings(self.rated_torque_nm, self.rated_current_a, self.torque_constant_nm_per_a)
         if self.pdos:
-            if self.digital_inputs:
-                raise ValueError(
-                    "digital_inputs does not apply to a drive with fixed pdos; remove it, and name"
-                    " the signal inputs in pdos"
-                )
-            _check_pdos(self.pdos, self.torque, complete=self.base is None)
-        return self
+            _check_pdos(self.pdos, self.torque, complete=True)
+        target = object_of(self.pdos, "target")
+        if target is not None and self.mode != "makers" and target != TARGETS[self.mode]:
+            index, subindex = target
+            raise ValueError(
+                f"mode {self.mode} does not use {index:04X}h:{subindex:02X}, which the fixed pdos"
+                " carry as signal target; correct mode, or name the drive's pdos for this mode"
+            )
+        limit = self.torque_limit
+        if limit is not None and self.torque_limit_written:
+            for extra in self.settings:
+                if extra.object == limit.object and extra.written:
+                    raise ValueError(
+                        f"{extra.object} is set by torque_limit; remove it from settings, or add"
+                        " torque_limit_written: false"
+                    )
 
     def on(self, base: ServoProfile) -> ServoProfile:
         """Return this profile; the keys that it does not set are those of `base`."""

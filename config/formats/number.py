@@ -73,5 +73,7 @@ def number_hint(text: str) -> str:
     if _WITH_UNIT.fullmatch(text):
         return ": write the number without a unit, in SI units"
     if _NUMBER.fullmatch(text):
+        if math.isfinite(float(text)):
+            return ": it is text; remove the quotes"
         return ": it is too large; give a smaller number"
     return ""

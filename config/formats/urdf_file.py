@@ -39,7 +39,7 @@ from config.formats.urdf_joint import (
     joint_mimic,
 )
 from config.formats.urdf_transmission import Transmissions, transmissions_of
-from config.formats.urdf_unread import unread_parts
+from config.formats.urdf_unread import refused_parts, unread_parts
 from config.formats.xml_tree import XmlElement, parse_xml
 
 MOST_JOINTS: Final = 2000
@@ -80,7 +80,7 @@ def read_urdf(data: bytes, file: str, *, literal_angles: bool = False) -> UrdfTr
     whole = tuple(joint for joint in joints if joint is not None)
     named = {link.name: link for link in links if link is not None}
     structure = _structure_errors(file, list(filter(None, links)), whole)
-    errors = [*reader.errors, *gears.errors]
+    errors = [*refused_parts(root), *reader.errors, *gears.errors]
     if errors or structure:
         code = errors[0].refusal if errors else "RID-URDF-STRUCTURE"
         raise ConfigError("\n".join((*map(str, errors), *structure)), code=code)

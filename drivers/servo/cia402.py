@@ -203,6 +203,15 @@ class MotorRatings:
             return self.current_a * self.nm_per_a
         return self.torque_nm
 
+    def rated_nm_by(self, of: TorqueObject) -> float | None:
+        """Return the rated torque by the ratings that convert a torque object; None if unknown.
+
+        If the object holds a current, this is the product of rated current and torque constant.
+        """
+        if of.of == "rated_torque" or self.current_a is None or self.nm_per_a is None:
+            return self.rated_nm
+        return self.current_a * self.nm_per_a
+
     def nm_per_unit(self, of: TorqueObject) -> float:
         """Return the motor torque that one unit of a torque object represents [N m].
 

@@ -15,7 +15,7 @@ from typing import Final, Literal
 from config.cell.cell import CellConfig
 from config.cell.cycle_time import interpolation_period
 from config.cell.fixed_pdo import FixedPdo, Signal, object_address, object_of
-from config.cell.servo_profile import Mode, ServoProfile
+from config.cell.servo_profile import TARGETS, Mode, ServoProfile
 from config.errors import ConfigError
 from drivers.canopen.frames import rpdo_cob_id, tpdo_cob_id
 from drivers.canopen.heartbeat import consumer_entry
@@ -46,14 +46,6 @@ MODES: Final[dict[Mode, int]] = {
     "interpolated_position": INTERPOLATED_POSITION,
     "makers": MAKERS_OWN,
 }
-TARGETS: Final[dict[Mode, tuple[int, int]]] = {
-    "cyclic_velocity": (0x60FF, 0),
-    "profile_velocity": (0x60FF, 0),
-    "cyclic_position": (0x607A, 0),
-    "interpolated_position": (0x60C1, 1),
-}
-"""Object of the set-point in each mode; in a manufacturer-specific mode, the fixed PDOs define
-it."""
 INCREMENTS, REVOLUTIONS = (0x608F, 1), (0x608F, 2)
 GUARD_TIME, LIFE_TIME_FACTOR = (0x100C, 0), (0x100D, 0)
 RATED_TORQUE, RATED_CURRENT = (0x6076, 0), (0x6075, 0)

@@ -204,9 +204,10 @@ class DriveSetup:
             torque = object_address(self._profile.torque.object)
             self._note(*torque, "torque of the motor", "in N m", str(error), "red")
             return None, None
-        if motor.rated_nm is not None:
-            at_joint = motor.rated_nm * abs(gear)
-            self._settings.append(torque_setting(self._axis, self._joint, motor.rated_nm, at_joint))
+        rated_nm = motor.rated_nm_by(self._profile.torque)
+        if rated_nm is not None:
+            at_joint = rated_nm * abs(gear)
+            self._settings.append(torque_setting(self._axis, self._joint, rated_nm, at_joint))
         return motor, self._with_counter(units)
 
     def _with_counter(self, units: AxisUnits) -> AxisUnits:

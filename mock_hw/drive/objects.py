@@ -9,7 +9,7 @@ from typing import Literal
 
 from config.cell.cell import CellConfig, DriveAxis
 from config.cell.fixed_pdo import FixedPdo, object_address
-from config.cell.servo_profile import BY_POSITION, ServoProfile
+from config.cell.servo_profile import BY_POSITION, TARGETS, ServoProfile
 from config.errors import ConfigError
 from config.robot.robot import Joint
 from config.simulation.plant import SimulatedAxis
@@ -25,7 +25,7 @@ from drivers.canopen.pdo import (
 )
 from drivers.canopen.sdo import object_name
 from drivers.servo.cia402 import DRIVE_PROFILE, AxisUnits, MotorRatings
-from drivers.servo.requirements import MODES, TARGETS
+from drivers.servo.requirements import MODES
 from mock_hw.drive.object_dictionary import Mirror, ObjectEntry
 
 ERROR_REGISTER = (0x1001, 0)

@@ -97,6 +97,7 @@ class AxesResult:
                 for each in tested.verdicts
             ],
             "stopped": None if stopped is None else stopped.document(),
+            "suspected": tested.suspected,
             **({} if stopped is None else stop_document(stopped.outcome)),
             "signed": None if tested.signed is None else str(tested.signed),
         }
@@ -106,7 +107,8 @@ class AxesResult:
         tested = self.tested
         if tested.stopped is not None:
             words = tested.stopped.stop_sentence or "The test was ended by the user."
-            yield Verdict(passed=False, text=f"{words} The axis test is not complete.")
+            suspected = f" {tested.suspected}" if tested.suspected else ""
+            yield Verdict(passed=False, text=f"{words}{suspected} The axis test is not complete.")
         elif not tested.passed:
             text = "At least one axis does not match the files: change the lines named above."
             yield Verdict(passed=False, text=text)

@@ -18,6 +18,7 @@ from config.errors import ConfigError, PreflightError
 from config.load import load_cell
 from config.robot.robot import RobotDescription
 from rid_daq.commissioning.axis_motion import AxisMotion, travelled_fraction
+from rid_daq.commissioning.axis_stop import suspected_units
 from rid_daq.commissioning.axis_verdict import (
     AxisVerdict,
     ObservedMotion,
@@ -50,12 +51,14 @@ class AxisTestOutcome:
         verdicts: One for each axis that was tested.
         stopped: Run that was stopped; the test ended with it. None if no run was stopped.
         signed: File with the axes that have passed; None for a bundled cell.
+        suspected: Sentence on the keys that the stop makes doubtful; empty if none is.
     """
 
     cell: str
     verdicts: Sequence[AxisVerdict]
     stopped: RecordedRun | None
     signed: Path | None
+    suspected: str = ""
 
     @property
     def passed(self) -> bool:
@@ -106,9 +109,10 @@ def check_axes(request: AxesRequest, context: Context) -> AxisTestOutcome:
         for name in request.joints or names:
             tested = bench.test(names.index(name))
             if tested is None:
-                return AxisTestOutcome(
-                    loaded.config.name, verdicts, bench.last, axis_test_file(loaded)
-                )
+                stopped = bench.last
+                suspected = suspected_units(stopped.outcome.stop, name, loaded.config)
+                signed = axis_test_file(loaded)
+                return AxisTestOutcome(loaded.config.name, verdicts, stopped, signed, suspected)
             verdicts.append(tested)
             context.verdict(tested.passed, tested.sentence)
             if tested.passed:

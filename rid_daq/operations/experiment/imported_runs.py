@@ -17,7 +17,7 @@ from acquisition.recording.recording import Recording
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING, RunStatus, require_label
 from acquisition.sources.array_tables import has_named_arrays, write_array_tables
-from acquisition.sources.bags import convert_bag_to_table, is_bag
+from acquisition.sources.bags import convert_bag_to_table, is_bag, with_message_names
 from config.errors import ConfigError
 from config.formats.bounded_file import read_file
 from config.load import to_yaml
@@ -75,9 +75,9 @@ def import_files(request: ImportRequest) -> tuple[ImportedRun, ...]:
                     f"{files[1]}: a bag is imported alone: leave this file out",
                     code="RID-IMPORT-FILES",
                 )
-            files = (Path(place) / f"{named.stem}.csv",)
+            files = (Path(place) / named.name,)
             layout = convert_bag_to_table(named, import_map, robot.joint_names, files[0])
-            import_map = layout
+            import_map = with_message_names(layout, import_map)
         elif is_bag(named) and any(isinstance(each, int) for each in import_map.column_roles):
             raise ConfigError(
                 f"{named}: is a bag, but map {import_map.name!r} is for CSV files: give a map with"

@@ -294,6 +294,19 @@ def test_a_file_without_one_trajectory_is_refused(tmp_path: Path) -> None:
         (text.replace('"joint_names"', '"names"'), ("file.json", "joint_names")),
         (text.replace('"time_from_start": 0.7', '"time_from_start": "late"'), ("points.2",)),
         (text.replace('"velocities": [0.0, 0.0, -0.0]', '"velocities": []'), ("velocities",)),
+        (text.replace('"velocities"', '"velocity"'), ("points.0.velocity",)),
+        (
+            text.replace(
+                '"time_from_start": 0.7', '"time_from_start": {"sec": 0, "nanosecs": 700000000}'
+            ),
+            ("points.2", "nanosecs"),
+        ),
+        (
+            text.replace('"time_from_start": 0.7', '"time_from_start": {"sec": 0, "nanosec": 7e9}'),
+            ("points.2", "nanosec"),
+        ),
+        (text.replace('"time_from_start": 0.7', '"time_from_start": true'), ("points.2",)),
+        (text.replace('"points"', '"units": "deg", "points"'), ("units",)),
     ):
         assert wrong != text
         (tmp_path / "file.json").write_text(wrong)

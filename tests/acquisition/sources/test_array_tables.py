@@ -22,7 +22,7 @@ from acquisition.maps.import_map import ImportMap
 from acquisition.recording.recording import Recording
 from acquisition.sources.array_files import read_arrays
 from acquisition.sources.array_tables import write_array_tables
-from config.errors import ConfigError
+from config.errors import ConfigError, DataQualityError
 from tests.builders.foreign_tables import ROWS, sound_table, two_joint_map
 from tests.builders.raised_codes import raises_code
 
@@ -167,6 +167,13 @@ def test_rows_are_samples_counted_from_1(tmp_path: Path) -> None:
     rows = named_map(rows={"first": 101, "last": 300})
     part = read(path, rows)
     np.testing.assert_array_equal(part.position, recording.position[100:300])
+
+
+def test_an_error_in_the_samples_names_the_file_of_the_user(tmp_path: Path) -> None:
+    path = tmp_path / "r.npz"
+    np.savez(path, allow_pickle=True, **contents(t=np.zeros_like(T)))
+    with raises_code(DataQualityError, "RID-IMPORT-ROWS", "r.npz"):
+        read(path, named_map())
 
 
 @pytest.mark.parametrize(

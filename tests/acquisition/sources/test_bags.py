@@ -14,8 +14,9 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
 from acquisition.imports.read import import_csv
+from acquisition.imports.report import ImportReport
 from acquisition.maps.import_map import ImportMap
-from acquisition.sources.bags import convert_bag_to_table
+from acquisition.sources.bags import convert_bag_to_table, with_message_names
 from config.errors import ConfigError, DataQualityError
 from tests.builders.raised_codes import raises_code, raises_invalid
 
@@ -236,3 +237,35 @@ def test_joints_in_separate_messages_are_merged(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.position[1:, 1], elbow[1:], atol=5e-5)
     assert (report.rows_read, report.rows_damaged) == (300, 0)
     assert [re.findall(r"\d+", found) for found in report.findings] == [["300", "300", "300"]]
+
+
+def import_named(bag: Path, table: Path) -> ImportReport:
+    """Import a bag as the command does: messages of the import name the fields of the bag."""
+    layout = convert_bag_to_table(bag, bag_map(), NAMES, table)
+    return import_csv(table, with_message_names(layout, bag_map()), layout=layout)[1]
+
+
+def test_findings_name_the_fields_of_the_messages_and_no_column(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(globals(), "EFFORT", np.zeros_like(EFFORT))
+    report = import_named(write_bag(tmp_path / "bag"), tmp_path / "bag.table")
+    assert [re.findall(r"effort\[\w+\]", found) for found in report.findings] == [
+        [f"effort[{name}]"] for name in NAMES
+    ]
+
+
+def test_coarse_stamps_of_messages_are_not_explained_by_keys_of_a_map(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(globals(), "T", np.floor(10.0 * T))
+    bag = write_bag(tmp_path / "bag")
+    with raises_code(DataQualityError, "RID-IMPORT-ROWS", "headers") as refused:
+        import_named(bag, tmp_path / "bag.table")
+    assert "column" not in str(refused.value)
+
+
+def test_values_that_do_not_fit_the_names_are_counted(tmp_path: Path) -> None:
+    bag = write_bag(tmp_path / "bag", names=(*NAMES, "tool"))
+    with raises_code(DataQualityError, "RID-BAG-TOPIC", "3 joint names", "2 of effort"):
+        convert_bag_to_table(bag, bag_map(), NAMES, tmp_path / "table.csv")

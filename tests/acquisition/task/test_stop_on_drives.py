@@ -9,7 +9,8 @@ import pytest
 
 from acquisition.supervision.stop_reason import StopCode
 from config.cell.cell import CellConfig, DriveAxis
-from config.cell.servo_profile import ExtraSetting, ServoProfile
+from config.cell.extra_setting import ExtraSetting
+from config.cell.servo_profile import ServoProfile
 from config.robot.robot import RobotDescription
 from drivers.cell import Cell
 from drivers.ports.can_link import CanLink

@@ -9,7 +9,7 @@ import pytest
 from config.cell.servo_profile import ServoProfile, TorqueObject
 from config.errors import ConfigError
 from config.load import load_cell, read_named
-from tests.builders.raised_codes import raises_code
+from tests.builders.raised_codes import line_of, raises_code
 
 FAMILY = """\
 velocity_unit: rpm
@@ -62,6 +62,29 @@ def test_keys_in_the_cell_file_extend_a_named_profile(tmp_path: Path) -> None:
         ("{torque: {object: 6077, of: ampere}}", "RID-FILE-VALUE", ("torque.object:", "6077")),
         ("{rated_torque_nm: 5000000.0}", "RID-FILE-VALUE", ("servo.rated_torque_nm:", "5e+06 N m")),
         ("{torque: {object: '6077h:00', bits: 32}}", "RID-FILE-VALUE", ("servo:", "bits", "16")),
+        ("{settings: [{object: '6007h:00', bits: 16, value: 0}]}", "RID-FILE-VALUE", ("6007h:00",)),
+        ("{settings: [{object: '2100h:00', bits: 8, value: 300}]}", "RID-FILE-VALUE", ("300", "8")),
+        (
+            "{settings: [{object: '2100h:00', bits: 8, value: 1}, {object: '2100h:00', bits: 8,"
+            " value: 2}]}",
+            "RID-FILE-VALUE",
+            ("2100h:00",),
+        ),
+        (
+            "{base: faulhaber_mc3000, torque: {object: '6077h:00'}}",
+            "RID-CELL-VALUE",
+            ("cell.yaml:", "axis1", "6077h:00"),
+        ),
+        (
+            "{base: faulhaber_mc3000, mode: cyclic_position}",
+            "RID-CELL-VALUE",
+            ("cell.yaml:", "cyclic_position", "2301h:02"),
+        ),
+        (
+            "{settings: [{object: '6072h:00', bits: 16, value: 9}]}",
+            "RID-FILE-VALUE",
+            ("6072h:00", "torque_limit"),
+        ),
     ],
 )
 def test_a_contradictory_profile_is_refused(
@@ -69,3 +92,35 @@ def test_a_contradictory_profile_is_refused(
 ) -> None:
     with raises_code(ConfigError, code, *details):
         load_cell(cell_file(tmp_path, servo))
+
+
+@pytest.mark.parametrize(
+    ("servo", "axis", "details"),
+    [
+        ("{mode: cyclic_position}", "velocity_unit: rpm", ("velocity_unit", "cyclic_position")),
+        (
+            "{rated_torque_nm: 1.0, rated_current_a: 10.0}",
+            "servo: {torque_constant_nm_per_a: 2.0}",
+            ("axis1", "0.1 N m/A", "2 N m/A"),
+        ),
+    ],
+)
+def test_keys_of_an_axis_that_contradict_the_drives_of_the_cell_are_refused(
+    tmp_path: Path, servo: str, axis: str, details: tuple[str, ...]
+) -> None:
+    file = cell_file(tmp_path, servo, f"{{joint: axis1, node_id: 1, {axis}}}")
+    line = line_of(Path(file), "axes") + 1
+    with raises_code(ConfigError, "RID-CELL-VALUE", f"cell.yaml:{line}:", *details):
+        load_cell(file)
+
+
+def test_a_drive_with_fixed_pdos_can_have_a_torque_of_32_bits(tmp_path: Path) -> None:
+    servo = "{base: faulhaber_mc3000, torque: {object: '2304h:02', of: rated_current, bits: 32}}"
+    cell = load_cell(cell_file(tmp_path, servo)).config
+    assert cell.servo_of(cell.axes[0]).torque.bits == 32
+
+
+def test_a_setting_of_the_program_can_be_compared(tmp_path: Path) -> None:
+    servo = "{settings: [{object: '6085h:00', bits: 32, value: 9, written: false}]}"
+    cell = load_cell(cell_file(tmp_path, servo)).config
+    assert cell.servo_of(cell.axes[0]).settings[0].value == 9

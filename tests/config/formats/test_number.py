@@ -51,6 +51,8 @@ def test_the_value_is_that_of_the_digits(text: str) -> None:
         ("2.0 rad/s", "unit"),
         ("1_5", "digits"),
         ("nan", "finite"),
+        ("165205", "quotes"),
+        ("1e999", "too large"),
     ],
 )
 def test_a_hint_names_the_likely_cause(text: str, hint: str) -> None:

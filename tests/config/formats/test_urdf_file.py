@@ -136,6 +136,29 @@ def test_unread_elements_are_listed(old: str, new: str, named: str) -> None:
     assert not any(named in note for note in robot_with().notes)
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "named"),
+    [
+        ('<limit lower="-1.5"', '<Limit lower="-1.5"', "<limit>"),
+        ('lower="-1.5"', 'Lower="-1.5"', "'lower'"),
+        ('<axis xyz="0 0 1"', '<axis XYZ="0 0 1"', "'xyz'"),
+        ('damping="1.5"', 'Damping="1.5"', "'damping'"),
+        ('rpy="1.5708 0 0"', 'quat_xyzw="0.7 0 0 0.7"', "rpy"),
+    ],
+)
+def test_a_name_in_another_case_and_a_quaternion_are_refused(
+    old: str, new: str, named: str
+) -> None:
+    with raises_code(ConfigError, "RID-URDF-STRUCTURE", position(old), named):
+        robot_with((old, new))
+
+
+def test_the_offset_of_a_transmission_is_listed() -> None:
+    offset = '<joint name="j2"><offset>1</offset></joint><act'
+    robot = robot_with(('<joint name="j2"/><act', offset))
+    assert [note for note in robot.notes if "<offset>" in note and "r.urdf:" in note]
+
+
 def test_a_motor_opposite_to_its_joint_has_direction_minus_1_and_a_positive_ratio() -> None:
     robot = robot_with(("<mechanicalReduction>50", "<mechanicalReduction>-50"))
     assert robot.robot.joints[1].gear_ratio == 50.0

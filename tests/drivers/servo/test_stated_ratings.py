@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
 import pytest
@@ -97,3 +98,15 @@ def test_a_value_that_is_known_to_be_wrong_is_shown_and_not_compared(
     bench.axes.bring_up()
     (line,) = ratings(bench, "6076h:00")
     assert (line.verdict, line.found) == ("shown", "2000")
+
+
+@pytest.mark.parametrize(("nm_per_a", "verdict"), [(0.4, "ok"), (400.0, "red")])
+def test_torques_from_a_current_are_judged_by_their_torque_constant(
+    make_stating: Callable[[ServoProfile], Bench], nm_per_a: float, verdict: str
+) -> None:
+    stated = {"rated_current_a": 5.0, "torque_constant_nm_per_a": nm_per_a}
+    bench = make_stating(BY_CURRENT.model_copy(update=stated))
+    with nullcontext() if verdict == "ok" else pytest.raises(PreflightError):
+        bench.axes.bring_up()
+    found = [line for line in bench.axes.settings() if line.name == "rated torque at the joint"]
+    assert found[0].verdict == verdict
