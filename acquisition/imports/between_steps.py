@@ -89,13 +89,15 @@ def refine_between_steps(rows: ImportRows, steps: tuple[float | None, ...]) -> F
     position = rows.position.copy()
     spans = np.diff(rows.time_s)
     cuts = np.flatnonzero(spans > GAP_STEPS * np.median(spans)) + 1
-    for stretch in np.split(np.arange(len(rows.time_s)), cuts):
-        for j, step in enumerate(steps):
-            velocity = rows.velocity[stretch, j]
-            if step is not None and len(stretch) > 1 and not np.isnan(rows.velocity[:, j]).any():
-                recorded = rows.position[stretch, j]
-                position[stretch, j] = _refine_stretch(
-                    rows.time_s[stretch], recorded, velocity, step
+    edges = [0, *cuts.tolist(), len(rows.time_s)]
+    for j, step in enumerate(steps):
+        velocity = rows.velocity[:, j]
+        if step is None or np.isnan(velocity).any():
+            continue
+        for own in map(slice, edges, edges[1:]):
+            if own.stop - own.start > 1:
+                position[own, j] = _refine_stretch(
+                    rows.time_s[own], rows.position[own, j], velocity[own], step
                 )
     return position
 
