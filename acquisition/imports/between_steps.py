@@ -17,7 +17,6 @@ import numpy as np
 from acquisition.imports.columns import ImportRows
 from acquisition.processing.smoothing import GAP_STEPS
 from config.arrays import FloatArray
-from dynamics.kernels.taut_string import pull_taut
 
 MOST_STEPS: Final = 100
 """Largest change of a position from which the step size is computed [steps]; rounding errors add up
@@ -106,6 +105,8 @@ def _refine_stretch(
     time_s: FloatArray, recorded: FloatArray, velocity: FloatArray, step: float
 ) -> FloatArray:
     """Return the positions of one joint in a stretch without gaps."""
+    from dynamics.kernels.taut_string import pull_taut  # loads the compiler
+
     means = (velocity[1:] + velocity[:-1]) / 2.0
     moved = np.concatenate([[0.0], np.cumsum(means * np.diff(time_s))])
     drift = recorded - moved
