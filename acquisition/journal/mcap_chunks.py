@@ -30,6 +30,8 @@ _BUILDER: Final = "_Writer__chunk_builder"
 _CHUNK_SIZE: Final = "_Writer__chunk_size"
 _STATISTICS: Final = "_Writer__statistics"
 _STREAM: Final = "_Writer__stream"
+_INDEX_HEAD_BYTES: Final = 6
+"""Size of channel and length in the index of a chunk's messages."""
 
 
 class ChunkIndices:
@@ -121,14 +123,15 @@ def _write_chunks(writer: Writer, channel: int, records: NDArray[Any]) -> None:
     writer.flush()  # type: ignore[no-untyped-call]
     chunks = np.zeros(len(records), _chunk_dtype(records.dtype, records.shape[1]))
     stored_bytes = records.shape[1] * records.itemsize
-    head_bytes = chunks.dtype.fields["opcode_of_index"][1]
+    index_bytes = RECORD.size + _INDEX_HEAD_BYTES + 16 * records.shape[1]
+    head_bytes = chunks.itemsize - index_bytes
     chunks["opcode"], chunks["length"] = Opcode.CHUNK, head_bytes - RECORD.size
     chunks["start"], chunks["end"] = records["log"].min(axis=1), records["log"].max(axis=1)
     chunks["plain"] = chunks["stored"] = stored_bytes
     chunks["crc"] = [zlib.crc32(chunk) for chunk in np.ascontiguousarray(records)]
     chunks["records"] = records
     chunks["opcode_of_index"] = Opcode.MESSAGE_INDEX
-    chunks["length_of_index"] = chunks.itemsize - head_bytes - RECORD.size
+    chunks["length_of_index"] = index_bytes - RECORD.size
     chunks["channel"], chunks["pair_bytes"] = channel, 16 * records.shape[1]
     chunks["pairs"][:, :, 0] = records["log"]
     chunks["pairs"][:, :, 1] = np.arange(records.shape[1]) * records.itemsize
@@ -139,7 +142,7 @@ def _write_chunks(writer: Writer, channel: int, records: NDArray[Any]) -> None:
     index["start"], index["end"] = chunks["start"], chunks["end"]
     index["begin"], index["chunk_bytes"] = begins, head_bytes
     index["offset_bytes"], index["channel"], index["offset"] = 10, channel, begins + head_bytes
-    index["index_bytes"] = chunks.itemsize - head_bytes
+    index["index_bytes"] = index_bytes
     index["stored"] = index["plain"] = stored_bytes
     vars(writer)[ATTRIBUTE].extend(index.tobytes())
     vars(writer)[_STATISTICS].chunk_count += len(chunks)

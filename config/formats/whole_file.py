@@ -66,8 +66,8 @@ def _write(path: Path, pieces: Iterable[bytes], *, replace: bool) -> tuple[str, 
                     written.update(piece)
                 file.flush()
                 os.fsync(file.fileno())
-            with temporary.open("rb") as file:
-                read_back = hashlib.file_digest(file, "sha256")
+            with temporary.open("rb") as stored:
+                read_back = hashlib.file_digest(stored, "sha256")
             if read_back.digest() != written.digest():
                 raise OSError(errno.EIO, "the file reads back differently; check the disk")
             if replace:
