@@ -93,8 +93,8 @@ def estimate_times(
     given, usual = np.diff(stamps), samples.period_s
     gap = given > GAP_STEPS * usual * (1 + repeats)
     chosen = list(joints)
-    position = samples.position[:, chosen]
-    motion = _Motion(np.diff(position, axis=0), samples.velocity[:, chosen], position)
+    position = samples.position.T[chosen].T
+    motion = _Motion(np.diff(position, axis=0), samples.velocity.T[chosen].T, position)
     least = noise = _smallest_noise(motion, usual)
     delay_s = _common_delay(motion, stamps)
     now, seen = stamps, ~gap
@@ -114,6 +114,7 @@ def estimate_times(
         length = _shrink_to_usual_length(length, sigma, seen, repeats, usual)
         length = np.where(gap, given, np.maximum(length, SHORTEST * usual))
         now = _times_from_intervals(stamps[0], length)
+        del mean, moved  # their memory is needed in the next round
     length, sigma = _interval_lengths(*_calibrate_velocities(motion, now, delay_s), noise)
     tick_s = _common_tick(length[~gap], sigma[~gap], usual)
     rate, kept = _duration_ratio(given, np.diff(now), repeats, seen)

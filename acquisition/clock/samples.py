@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -39,7 +40,7 @@ class Samples:
             return self
         return Samples(*(getattr(self, field.name)[rows] for field in fields(self)))
 
-    @property
+    @cached_property
     def period_s(self) -> float:
         """Median step of the stamps [s]."""
         return float(np.median(np.diff(self.time_s)))

@@ -17,7 +17,6 @@ import numpy as np
 from acquisition.imports.columns import ImportRows
 from acquisition.processing.smoothing import GAP_STEPS
 from config.arrays import FloatArray
-from dynamics.kernels.taut_string import pull_taut
 
 MOST_STEPS: Final = 100
 """Largest change of a position from which the step size is computed [steps]; rounding errors add up
@@ -89,13 +88,15 @@ def refine_between_steps(rows: ImportRows, steps: tuple[float | None, ...]) -> F
     position = rows.position.copy()
     spans = np.diff(rows.time_s)
     cuts = np.flatnonzero(spans > GAP_STEPS * np.median(spans)) + 1
-    for stretch in np.split(np.arange(len(rows.time_s)), cuts):
-        for j, step in enumerate(steps):
-            velocity = rows.velocity[stretch, j]
-            if step is not None and len(stretch) > 1 and not np.isnan(rows.velocity[:, j]).any():
-                recorded = rows.position[stretch, j]
-                position[stretch, j] = _refine_stretch(
-                    rows.time_s[stretch], recorded, velocity, step
+    edges = [0, *cuts.tolist(), len(rows.time_s)]
+    for j, step in enumerate(steps):
+        velocity = rows.velocity[:, j]
+        if step is None or np.isnan(velocity).any():
+            continue
+        for own in map(slice, edges, edges[1:]):
+            if own.stop - own.start > 1:
+                position[own, j] = _refine_stretch(
+                    rows.time_s[own], rows.position[own, j], velocity[own], step
                 )
     return position
 
@@ -104,6 +105,8 @@ def _refine_stretch(
     time_s: FloatArray, recorded: FloatArray, velocity: FloatArray, step: float
 ) -> FloatArray:
     """Return the positions of one joint in a stretch without gaps."""
+    from dynamics.kernels.taut_string import pull_taut  # loads the compiler
+
     means = (velocity[1:] + velocity[:-1]) / 2.0
     moved = np.concatenate([[0.0], np.cumsum(means * np.diff(time_s))])
     drift = recorded - moved

@@ -150,13 +150,18 @@ class ImportColumns:
         )
 
     def rows(self, table: ImportTable, joints: int) -> ImportRows:
-        """Return the rows of a table, converted to SI units."""
-        with np.errstate(over="ignore", invalid="ignore"):
-            values = table.values * self.factors
-            values += self.offsets
-        cuts = [*(joints * np.arange(1, 4)).tolist(), 3 * joints + self.temperatures]
-        position, torque, velocity, warmth, command = np.split(values, cuts, axis=1)
-        return ImportRows(table.row, table.time_s, position, velocity, torque, warmth, command)
+        """Return the rows of a table, converted to SI units; a column is contiguous in memory."""
+        warmth = 3 * joints + self.temperatures
+        edges = (0, joints, 2 * joints, 3 * joints, warmth, len(self.columns))
+        parts = []
+        for own in map(slice, edges, edges[1:]):
+            values = np.empty((len(self.factors[own]), len(table.values)))
+            with np.errstate(over="ignore", invalid="ignore"):
+                np.multiply(table.values[:, own].T, self.factors[own, np.newaxis], out=values)
+                values += self.offsets[own, np.newaxis]
+            parts.append(values.T)
+        position, torque, velocity, temperature, command = parts
+        return ImportRows(table.row, table.time_s, position, velocity, torque, temperature, command)
 
     def joint_positions(self, read: FloatArray) -> FloatArray:
         """Return joint positions for positions of the file, (samples, n): q = C alpha (5.18)."""

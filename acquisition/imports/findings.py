@@ -7,7 +7,7 @@ limits of the robot file. A channel that is constant while its joint moves is re
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -93,26 +93,22 @@ def check_rows(
     return Findings(tuple(sentences), tuple(ratios), static)
 
 
-def changes_over_window(rows: ImportRows) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return the changes over 0.1 s, without intervals that contain a gap.
+def change_over_window(time_s: FloatArray) -> Callable[[FloatArray], FloatArray]:
+    """Return a function that computes changes over 0.1 s, without intervals that contain a gap.
 
-    Returns:
-        `time_s`, shape (pairs,): durations [s]. `position, path, velocity`, shape (pairs, joints):
-        changes of the positions, of the integral of the velocity columns, and of the velocity
-        columns.
+    Args:
+        time_s: Shape (rows,). Times of the rows whose values the function takes.
     """
-    steps = np.diff(rows.time_s)
+    steps = np.diff(time_s)
     step_s = float(np.median(steps))
     stride = min(max(1, round(COMPARED_OVER_S / step_s)), len(steps))
-    means = (rows.velocity[1:] + rows.velocity[:-1]) / 2.0
-    path = np.vstack([np.zeros(rows.velocity.shape[1]), np.cumsum(means * steps[:, None], axis=0)])
     gaps = np.concatenate([[0], np.cumsum(steps > GAP_STEPS * step_s)])
     near = gaps[stride:] == gaps[:-stride]
 
     def change(values: FloatArray) -> FloatArray:
         return np.asarray((values[stride:] - values[:-stride])[near])
 
-    return change(rows.time_s), change(rows.position), change(path), change(rows.velocity)
+    return change
 
 
 def _velocity_ratios(
@@ -126,14 +122,17 @@ def _velocity_ratios(
     Raises:
         DataQualityError: Position and velocity of a joint contradict each other.
     """
-    time_s, position, path, velocity = changes_over_window(rows)
+    change = change_over_window(rows.time_s)
+    time_s, steps = change(rows.time_s), np.diff(rows.time_s)
     overlapping = len(time_s) * float(np.median(time_s)) / max(float(np.ptp(rows.time_s)), 1e-9)
     ratios: list[float | None] = [None] * len(import_map.joints)
     sigmas = [0.0] * len(ratios)
     for number, joint in enumerate(import_map.joints):
         if joint.velocity is None or len(time_s) < 10:
             continue
-        a, b = position[:, number], path[:, number]
+        speed = rows.velocity[:, number]
+        path = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2.0 * steps)])
+        a, b = change(rows.position[:, number]), change(path)
         moved, recorded = (float(np.sqrt(np.square(x / time_s).mean())) for x in (a, b))
         if max(moved, recorded) < STANDSTILL_SPEED:
             continue
@@ -146,7 +145,7 @@ def _velocity_ratios(
                 " in the map",
                 code="RID-IMPORT-UNITS",
             )
-        equations = np.column_stack([b, velocity[:, number], time_s])
+        equations = np.column_stack([b, change(speed), time_s])
         solution = np.linalg.lstsq(equations, a, rcond=None)[0]
         ratios[number] = float(solution[0])
         left = float(np.square(a - equations @ solution).mean()) * max(overlapping, 1.0)
@@ -224,7 +223,7 @@ def _stuck_torque_findings(rows: ImportRows, import_map: ImportMap) -> Iterator[
         if travel < STANDSTILL:
             continue
         edges = np.flatnonzero(np.diff(torque) != 0.0) + 1
-        starts, stops = np.array([0, *edges]), np.array([*edges, len(torque)])
+        starts, stops = np.concatenate([[0], edges]), np.concatenate([edges, [len(torque)]])
         longest = int(np.argmax(stops - starts))
         first, last = int(starts[longest]), int(stops[longest]) - 1
         if last - first + 1 < STUCK_ROWS:
@@ -244,15 +243,14 @@ def _limit_findings(
     rows: ImportRows, robot: RobotDescription, import_map: ImportMap
 ) -> Iterator[str]:
     """Yield findings for positions and speeds beyond the robot's limits."""
-    time_s, moved, _, _ = changes_over_window(rows)
-    speeds = np.percentile(np.abs(moved) / time_s[:, None], 99.0, axis=0)
-    position = rows.position
+    change = change_over_window(rows.time_s)
+    time_s, position = change(rows.time_s), rows.position
     for number, joint in enumerate(robot.joints):
         limits, q = joint.limits, position[:, number]
         low, high = float(q.min()), float(q.max())
         span = limits.position_max - limits.position_min
         beyond = max(limits.position_min - low, high - limits.position_max)
-        speed = float(speeds[number])
+        speed = float(np.percentile(np.abs(change(q)) / time_s, 99.0))
         range_text = f"{joint.name} moves from {low:.4g} to {high:.4g} {joint.unit}"
         limit_text = (
             f"the robot file's limits are {limits.position_min:g} to {limits.position_max:g}"

@@ -55,8 +55,9 @@ class RecordingTally:
         self.cutter.add(part)
         self.rows += len(part)
         self._last_s = float(part.time_s[-1]) if len(part) else self._last_s
-        self._add_valid(part)
-        self._add_motion(part)
+        for piece in part.pieces():
+            self._add_valid(piece)
+            self._add_motion(piece)
 
     @property
     def duration_s(self) -> float:

@@ -67,9 +67,10 @@ def find_repeated_torques(position: FloatArray, torque_nm: FloatArray) -> Repeat
 
 def repeated_torque_sentence(recording: Recording) -> str:
     """Return a sentence on held torques, their rates and the consequence, or an empty text."""
-    found = find_repeated_torques(
-        recording.position[recording.valid], recording.torque_nm[recording.valid]
-    )
+    position, torque_nm = recording.position, recording.torque_nm
+    if not recording.valid.all():
+        position, torque_nm = position[recording.valid], torque_nm[recording.valid]
+    found = find_repeated_torques(position, torque_nm)
     if found is None:
         return ""
     step_s = float(np.median(np.diff(recording.time_s[recording.valid])))

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Final, Literal
 
 import numpy as np
 
@@ -12,6 +12,8 @@ from acquisition.recording.reaction import Reaction
 from config.arrays import BoolArray, FloatArray, IntArray, PhaseArray, freeze
 from config.cell.torque_filter import ButterworthFilter
 from config.errors import RecordingError
+
+PIECE_ROWS: Final = 10_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +114,11 @@ class Recording:
             name: values[rows] for name, values in columns.items() if values is not None
         }
         return replace(self, reaction=None, **cut)
+
+    def pieces(self) -> Iterator[Recording]:
+        """Yield the recording in parts of at most `PIECE_ROWS` rows, without the force plate."""
+        for first in range(0, max(len(self), 1), PIECE_ROWS):
+            yield self.part(slice(first, first + PIECE_ROWS))
 
     @property
     def joint_valid(self) -> BoolArray:

@@ -219,12 +219,17 @@ class RunFolder:
                 found[name] = f"is not the file of run {manifest.run_id} (its SHA-256 differs)"
         return found
 
-    def write(self, name: str, data: bytes, facts: Mapping[str, JsonValue] | None = None) -> Path:
+    def write(
+        self,
+        name: str,
+        data: bytes | Iterable[bytes],
+        facts: Mapping[str, JsonValue] | None = None,
+    ) -> Path:
         """Write or replace a file, completely or not at all, and enter it in the manifest.
 
         Args:
             name: Name of the file.
-            data: Its contents.
+            data: Its contents, or pieces of them.
             facts: Facts for lists of runs that follow from the file; they are added to the
                 existing ones, or replace them.
 
@@ -238,8 +243,8 @@ class RunFolder:
                 f"{MANIFEST} is written by the run folder only", code="RID-INTERNAL-ERROR"
             )
         manifest = self._read_own_manifest()
-        self._write(path, data)
-        entry = FileEntry(sha256=hashlib.sha256(data).hexdigest(), size_bytes=len(data))
+        sha256, size_bytes = self._write(path, data)
+        entry = FileEntry(sha256=sha256, size_bytes=size_bytes)
         new = {
             "files": {**manifest.files, name: entry},
             "facts": {**manifest.facts, **(facts or {})},
@@ -355,12 +360,12 @@ class RunFolder:
     def _save(self, manifest: Manifest) -> None:
         self._write(self.path / MANIFEST, manifest.model_dump_json(indent=2).encode() + b"\n")
 
-    def _write(self, path: Path, data: bytes) -> None:
+    def _write(self, path: Path, data: bytes | Iterable[bytes]) -> tuple[str, int]:
         with system_errors(
             RecordingError, f"{path.parent}: cannot be created", code="RID-FILE-WRITE"
         ):
             path.parent.mkdir(parents=True, exist_ok=True)
-        write_whole(path, data)
+        return write_whole(path, data)
 
 
 def _format_utc(time_ns: int) -> str:

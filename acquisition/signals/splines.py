@@ -24,6 +24,13 @@ _CURVATURE: Final = (1.0 / 6.0, 2.0 / 6.0, -1.0, 2.0 / 6.0, 1.0 / 6.0)
 _REACH: Final = 6
 """Columns on each side of the diagonal."""
 
+_PIECE_ROWS: Final = 8192
+"""Rows whose derivatives are computed at a time, to limit the memory."""
+
+_MARGIN_ROWS: Final = 64
+"""Rows before and after a piece that are computed too. The effect of a value on the derivatives
+decreases with the distance in rows n as 0.431^n, so that it is below the rounding error there."""
+
 
 class NotAKnotSpline:
     """Cubic spline through points; a parabola through three points, a line through two.
@@ -109,8 +116,21 @@ def quintic_derivatives(values: FloatArray, step: float) -> tuple[FloatArray, Fl
     rows = len(values)
     if rows < _REACH:
         raise ValueError("a quintic spline needs at least six knots")
+    slope, curvature = np.empty((2, *values.shape))
+    for first in range(0, rows, _PIECE_ROWS):
+        own = slice(first, min(first + _PIECE_ROWS, rows))
+        start = max(first - _MARGIN_ROWS, 0)
+        piece = values[start : own.stop + _MARGIN_ROWS]
+        inner = slice(own.start - start, own.stop - start)
+        of_piece = _quintic_derivatives_of_piece(piece, step)
+        slope[own], curvature[own] = (derivative[inner] for derivative in of_piece)
+    return slope, curvature
+
+
+def _quintic_derivatives_of_piece(values: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
     from scipy.linalg import solve_banded
 
+    rows = len(values)
     # unknown: coefficients of the B-splines around the knots -2 to m + 1
     bands = np.zeros((2 * _REACH + 1, rows + 4))
     for offset, part in zip(range(-2, 3), _VALUE, strict=True):

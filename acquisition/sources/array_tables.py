@@ -17,6 +17,7 @@ from acquisition.sources.bags import BAG_ENDINGS, is_bag
 from acquisition.sources.message_files import read_message_arrays
 from config.errors import ConfigError, system_errors
 
+ROWS_AT_ONCE: Final = 10_000
 _MOST_SHOWN: Final = 20
 
 
@@ -141,12 +142,14 @@ def _column(name: str, array: Array, samples: int) -> Array | None:
 
 
 def _write_csv(path: Path, columns: Mapping[str, Array]) -> None:
-    cells: list[list[Any]] = [_cells(column) for column in columns.values()]
     with (
         system_errors(ConfigError, f"{path}: cannot be written", code="RID-FILE-WRITE"),
         path.open("w", encoding="utf-8", newline="") as file,
     ):
-        csv.writer(file).writerows(zip(*cells, strict=True))
+        for first in range(0, max(map(len, columns.values()), default=0), ROWS_AT_ONCE):
+            rows = slice(first, first + ROWS_AT_ONCE)
+            cells = [_cells(column[rows]) for column in columns.values()]
+            csv.writer(file).writerows(zip(*cells, strict=True))
 
 
 def _cells(column: Array) -> list[Any]:

@@ -37,11 +37,14 @@ def require_approved(path: Path, content: bytes) -> None:
     Raises:
         ConfigError: The bytes differ.
     """
-    approved = _approved.get(os.path.abspath(path)) if _approved else None
-    if approved is None:
-        return
-    found = sha256_of(content)
-    if found != approved:
+    if os.path.abspath(path) in _approved:
+        require_approved_hash(path, sha256_of(content))
+
+
+def require_approved_hash(path: Path, found: str) -> None:
+    """Refuse an approved file whose SHA-256 differs from the approved one; errors as above."""
+    approved = _approved.get(os.path.abspath(path))
+    if approved is not None and found != approved:
         raise ConfigError(
             f"{path}: has changed since the job was accepted (SHA-256 {approved[:SHORT]} then,"
             f" {found[:SHORT]} now); nothing was moved. Check the cell if this is one of its"

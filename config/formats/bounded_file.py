@@ -1,17 +1,20 @@
-"""`open_file`, `read_file`, `decode_text`: a file's bytes, its size checked, and their text."""
+"""`open_file`, `read_file`, `read_pieces`, `decode_text`: a file of limited size, bytes or text."""
 
 from __future__ import annotations
 
 import contextlib
 import errno
+import hashlib
 import os
 import stat
 from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO, Final
 
-from config.formats.approved_files import require_approved
+from config.errors import ConfigError, system_errors
+from config.formats.approved_files import require_approved, require_approved_hash
 
+PIECE_BYTES: Final = 1 << 20
 BEGINNING_BYTES: Final = 4096
 """Number of bytes from which `encoding_of` recognises the encoding of a text."""
 
@@ -61,6 +64,25 @@ def read_file(path: Path, most_bytes: int, *, follow_link: bool = True) -> bytes
         content = file.read(size + 1)[:size]
     require_approved(path, content)
     return content
+
+
+def read_pieces(path: Path, most_bytes: int) -> Iterator[bytes]:
+    """Yield a file's bytes up to its size at opening, `PIECE_BYTES` at a time.
+
+    Raises:
+        ConfigError: The file cannot be read, or differs from the approved one.
+    """
+    digest = hashlib.sha256()
+    with (
+        system_errors(ConfigError, f"cannot read {path}", code="RID-FILE-READ"),
+        open_file(path, most_bytes) as file,
+    ):
+        left = os.fstat(file.fileno()).st_size
+        while piece := file.read(min(PIECE_BYTES, left)):
+            digest.update(piece)
+            left -= len(piece)
+            yield piece
+    require_approved_hash(path, digest.hexdigest())
 
 
 def decode_text(data: bytes) -> str:

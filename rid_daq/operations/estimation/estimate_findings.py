@@ -31,7 +31,7 @@ def estimate_findings(
         *unseen_findings(estimate),
         *(each.sentence for each in weak),
     ]
-    for item in data:
+    for item in filter(lambda each: each.is_periodic, data):
         drifts = (drift for drift in friction_drift(item.parts()) if drift.significant)
         findings += [f"Run {item.folder.run_id}: {drift.sentence}." for drift in drifts]
     return findings

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 from acquisition.imports.header import number_columns
 from acquisition.imports.plate_report import NORMAL_95, PlateReport
@@ -16,7 +16,9 @@ from acquisition.recording.recording import Recording
 from config.arrays import FloatArray
 from config.errors import DataQualityError
 from config.robot.robot import RobotDescription
-from identification.calibration.plate_timing import PlateTiming, estimate_plate_timing
+
+if TYPE_CHECKING:
+    from identification.calibration.plate_timing import PlateTiming
 
 DELAY_STEPS: Final = 0.5
 """A delay that exceeds its interval by more than this is a finding [row periods of the plate]."""
@@ -45,6 +47,9 @@ def align_plate(
     """
     if layout.plate is None:
         return recording, report
+    # a large import that recordings without a plate do not need
+    from identification.calibration.plate_timing import estimate_plate_timing
+
     table = read_plate(files, number_columns(layout, files), report.time_origin_ns)
     plate, findings = table.plate, list(table.findings)
     timing: PlateTiming | None = None

@@ -19,7 +19,7 @@ from acquisition.runs.manifest import RECORDING, RunStatus, require_label
 from acquisition.sources.array_tables import has_named_arrays, write_array_tables
 from acquisition.sources.bags import convert_bag_to_table, is_bag, with_message_names
 from config.errors import ConfigError
-from config.formats.bounded_file import read_file
+from config.formats.bounded_file import read_pieces
 from config.load import to_yaml
 from config.robot.robot import RobotDescription
 from rid_daq.operations.experiment.import_ import ImportRequest, first_and_last
@@ -138,7 +138,7 @@ def _write_run(
     with mark_unfinished(folder):
         names = SOURCES[: len(files)]
         for name, file in zip(names, files, strict=True):
-            folder.write(name, read_file(file, LARGEST_FILE_BYTES))
+            folder.write(name, read_pieces(file, LARGEST_FILE_BYTES))
         comment = f"Import map with which {' and '.join(names)} was read."
         folder.write(MAP, to_yaml(import_map, comment).encode())
         robot = robot.model_copy(update={"meshes": None})  # their file stays next to the robot file

@@ -293,8 +293,8 @@ def _steps(parts: Iterable[Recording], count: int) -> Iterator[tuple[FloatArray,
     """Yield times and extreme values, (points, quantities, joints), of steps of `count` rows."""
     left_s, left = np.empty(0), None
     before: Recording | None = None
-    for part in parts:
-        valid = part.part(part.valid)
+    for piece in (piece for part in parts for piece in part.pieces()):
+        valid = piece.part(piece.valid)
         if not len(valid):
             continue
         if before is not None:

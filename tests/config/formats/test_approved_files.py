@@ -11,7 +11,7 @@ import pytest
 from acquisition.motion.motion_file import load_motion
 from config.errors import ConfigError
 from config.formats.approved_files import approve_files
-from config.formats.bounded_file import read_file
+from config.formats.bounded_file import read_file, read_pieces
 from config.load import load_cell
 from identification.estimation.file import read_estimate
 
@@ -50,6 +50,9 @@ def test_changed_bytes_are_refused_under_any_path_of_the_file(
     path.write_bytes(b"a: 2\n")
     with pytest.raises(ConfigError) as caught:
         read_file(Path("x/../a.yaml") if relative else path, 100)
+    assert caught.value.refusal == "RID-JOB-FILES"
+    with pytest.raises(ConfigError) as caught:
+        b"".join(read_pieces(Path("x/../a.yaml") if relative else path, 100))
     assert caught.value.refusal == "RID-JOB-FILES"
 
 
