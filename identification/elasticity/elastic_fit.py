@@ -16,9 +16,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acquisition.processing.periods import PeriodAverage
 from acquisition.signals.bins import Bins, filter_response, from_bins, to_bins
@@ -118,7 +119,7 @@ def with_rigid_gears(
         return transmitted_torque(estimate, robot, *motion, payload=payload)
 
     of_motors = torque = links_torque(theta)
-    bent = np.zeros_like(theta)
+    bent: NDArray[Any] = np.zeros_like(theta)
     for _ in range(STEPS):
         step = to_bins(torque, harmonics) / gear - bent
         bent = bent + step

@@ -128,7 +128,7 @@ def test_a_model_of_the_links_predicts_the_torques_of_the_motors(
     reference = motor_reference(planned, links, robot)
     recording = Recording(
         joint_names=robot.joint_names,
-        time_s=STEP_S * np.arange(len(planned)),
+        time_s=STEP_S * np.arange(len(planned), dtype=np.float64),
         position=reference.samples.position,
         torque_nm=reference.torque_nm,
         valid=np.full(len(planned), True),
