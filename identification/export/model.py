@@ -301,8 +301,8 @@ def _origin(estimate: Estimate, sentence: str) -> tuple[str, ...]:
         return f"Identified from {runs}{where}.", sentence
     words = describe_gear_torque(estimate.robot, estimate.gear_torque_nm)
     gears = (
-        "The gears are elastic: this is a model of the links. Torques for the motion of the motors"
-        f" differ; in these runs {words}."
+        "The gears are elastic, and this is a model of the links. Torques for the motion of the"
+        f" motors differ; in these runs by {words}."
     )
     return f"Identified from {runs}{where}.", sentence, gears
 
