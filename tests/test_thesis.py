@@ -105,6 +105,16 @@ def test_a_tracking_error_without_a_bend_is_noticed(
     assert not holds(smooth.tolist())
 
 
+def test_a_series_in_the_wrong_order_is_noticed(
+    facts: dict[str, Any], results: dict[str, Any]
+) -> None:
+    series = results["warming"]
+    cold = {key: [row[::-1] for row in rows] for key, rows in series["cold"].items()}
+    changed = results | {"warming": series | {"cold": cold}}
+    found = [each for each in relations(facts, changed) if each.section == "warming"]
+    assert [each.holds for each in found] == [False, False]
+
+
 def test_every_picture_of_the_page_exists_and_is_small() -> None:
     linked = re.findall(r"\]\((pictures/thesis/[a-z]+\.svg)\)", PAGE.read_text(encoding="utf-8"))
     assert {DOCS / each for each in linked} == set(PICTURES.glob("*"))
@@ -149,6 +159,9 @@ def test_a_quick_run_reproduces_the_results(
             assert quick["path"][name][key] == pytest.approx(results["path"][name][key], rel=0.3)
         # short experiments choose less exact friction terms, so only the order is the same
         assert quick["path"]["circle_chosen"][key] < quick["path"]["circle_classical"][key]
+    for kind in ("cold", "corrected"):
+        own, stored = (each["warming"][kind]["values"][0] for each in (quick, results))
+        assert np.allclose(own, stored[: len(own)], rtol=0.01)
     assert quick["sensitivity"] == results["sensitivity"]
     for name, axes in results["friction"].items():
         for axis, curve in axes.items():

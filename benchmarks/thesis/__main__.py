@@ -2,8 +2,9 @@
 
 Run it with ``python -m benchmarks.thesis [--quick] [--only PART,...] [--page] [--results FILE]``.
 
-- The experiments have five parts: robot (chapters 3, 4 and 6), reversal (figure 6.6), friction,
-  payload and sensitivity. With `--only`, the stored results of the other parts are kept.
+- The experiments have six parts: robot (chapters 3, 4 and 6), reversal (figure 6.6), friction,
+  payload, warming (section 5.6.3) and sensitivity. With `--only`, the stored results of the other
+  parts are kept.
 - The results are stored in `docs/thesis.json`, part by part. Then the page and its pictures are
   written.
 - `--quick` runs short experiments. Page and results say which parts were short.
@@ -35,6 +36,7 @@ from benchmarks.thesis.pictures import write_pictures
 from benchmarks.thesis.records import Tree, load_facts, load_results, write_results
 from benchmarks.thesis.relations import relations
 from benchmarks.thesis.robot_experiment import path_results, reversal_results, robot_results
+from benchmarks.thesis.warming_experiment import warming_results
 
 DOCS: Final = Path(__file__).resolve().parents[2] / "docs"
 RESULTS: Final = DOCS / "thesis.json"
@@ -44,19 +46,23 @@ PICTURES: Final = DOCS / "pictures" / "thesis"
 
 def robot_part(folder: Path, quick: bool) -> Tree:
     """Return the results of chapters 3, 4 and 6, which use the same excitation run."""
-    return {"robot": robot_results(folder, quick), "path": path_results(folder, quick)}
+    return {
+        "robot": robot_results(folder, quick),
+        "path": path_results(folder, quick),
+        "reversal": reversal_results(folder),
+    }
 
 
 PARTS: Final[dict[str, Callable[[Path, bool], Tree]]] = {
     "robot": robot_part,
-    "reversal": lambda folder, _quick: {"reversal": reversal_results(folder)},
     "friction": lambda folder, _quick: {"friction": friction_results(folder)},
     "payload": lambda folder, quick: {"payload": payload_results(folder, quick)},
+    "warming": lambda folder, quick: {"warming": warming_results(folder, quick)},
     "sensitivity": lambda folder, _quick: {"sensitivity": sensitivity_results(folder)},
 }
 """Experiments by the names of their parts."""
 
-ALWAYS_FULL: Final = ("reversal", "friction", "sensitivity")
+ALWAYS_FULL: Final = ("friction", "sensitivity")
 """Parts that `--quick` does not change."""
 
 

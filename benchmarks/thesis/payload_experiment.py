@@ -99,14 +99,24 @@ def friction_curve(joint: Tree) -> Tree:
     }
 
 
-def payload_motion(loaded: LoadedCell, seed: int, periods: int, first_axis: int) -> FourierMotion:
-    """Return a motion of the kind of section 5.6: harmonics 1 and 20 of a period of 30 s.
+def payload_motion(
+    loaded: LoadedCell,
+    seed: int,
+    periods: int,
+    first_axis: int,
+    *,
+    period_s: float = PERIOD_S,
+    high: int = HIGH,
+) -> FourierMotion:
+    """Return a motion of the kind of section 5.6: two harmonics, 1 and 20 of a period of 30 s.
 
     Args:
         loaded: The cell, for the limits.
         seed: Random seed of the phases.
         periods: Number of measured periods.
         first_axis: First axis that moves, from 0.
+        period_s: Period [s].
+        high: Number of the higher harmonic.
     """
     random = np.random.default_rng(seed)
     joints = []
@@ -114,11 +124,11 @@ def payload_motion(loaded: LoadedCell, seed: int, periods: int, first_axis: int)
         limits = joint.limits
         middle = (limits.position_max + limits.position_min) / 2.0
         reach = min((limits.position_max - limits.position_min) / 2.0, np.pi)
-        low, high = 2.0 * np.pi / PERIOD_S, 2.0 * np.pi * HIGH / PERIOD_S
-        sizes = np.zeros(HIGH)
-        sizes[0] = min(0.4 * reach, 0.4 * limits.velocity / low)
-        sizes[-1] = 0.25 * min(reach, limits.velocity / high, limits.acceleration / high**2)
-        phases = random.uniform(0.0, 2.0 * np.pi, HIGH)
+        slow, fast = 2.0 * np.pi / period_s, 2.0 * np.pi * high / period_s
+        sizes = np.zeros(high)
+        sizes[0] = min(0.4 * reach, 0.4 * limits.velocity / slow)
+        sizes[-1] = 0.25 * min(reach, limits.velocity / fast, limits.acceleration / fast**2)
+        phases = random.uniform(0.0, 2.0 * np.pi, high)
         sizes *= 0.0 if j < first_axis else 1.0
         joints.append(
             FourierJoint(
@@ -131,7 +141,7 @@ def payload_motion(loaded: LoadedCell, seed: int, periods: int, first_axis: int)
     return FourierMotion(
         kind="fourier",
         robot=loaded.robot.name,
-        period_s=PERIOD_S,
+        period_s=period_s,
         periods=periods,
         joints=tuple(joints),
     )

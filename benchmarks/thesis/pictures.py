@@ -46,7 +46,10 @@ def write_pictures(results: Tree, folder: Path) -> None:
             "excitation": _excitation(robot["excitation"]),
             "torque": _torque(robot),
             "friction": _friction(friction),
+            "excitedtorque": _excited_torque(robot["combined"]["excited"]),
+            "excitedreaction": _reaction(robot["combined"]["excited"]),
             "reaction": _reaction(robot["combined"]["curves"]),
+            "warming": _warming(results["warming"]),
             "loop": _loop(path["loop"]),
             "tracking": _tracking(path["curves"]),
             "reversal": _reversal(results["reversal"]),
@@ -91,6 +94,18 @@ def _torque(robot: Tree) -> Figure:
     return figure
 
 
+def _excited_torque(found: Tree) -> Figure:
+    figure, grid = _figure(3, 1, 5.0, sharex=True)
+    for j, (axes,) in enumerate(grid):
+        measured, predicted = (np.array(found[key][j]) for key in ("measured", "predicted"))
+        axes.plot(found["time_s"], measured, color=COLOURS[0], label="measured")
+        axes.plot(found["time_s"], measured - predicted, color=COLOURS[1], label="error")
+        axes.set_ylabel(f"axis {j + 1} [N m]")
+    grid[2][0].set_xlabel("time [s]")
+    figure.legend(*grid[0][0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
+    return figure
+
+
 def _friction(found: Tree) -> Figure:
     figure, (row,) = _figure(1, 3, 2.6)
     for axes, joint, runs in zip(
@@ -126,6 +141,41 @@ def _reaction(curves: Tree) -> Figure:
     for axes in grid[2]:
         axes.set_xlabel("time [s]")
     figure.legend(*grid[0][0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
+    return figure
+
+
+def _warming(found: Tree) -> Figure:
+    figure, grid = _figure(2, 3, 4.4, sharex=True)
+    cold, corrected, true = found["cold"], found["corrected"], found["true"]
+    number = np.arange(1, len(cold["values"][0]) + 1)
+    for axes, key, label in zip(
+        grid[0],
+        ("coulomb_nm", "viscous_nm_s"),
+        ("Coulomb friction [% of first]", "viscous friction [% of first]"),
+        strict=False,
+    ):
+        for j, values in enumerate(cold[key]):
+            relative = 100.0 * np.array(values) / values[0]
+            axes.plot(number, relative, color=COLOURS[j], label=f"axis {j + 3}")
+        axes.set_ylabel(label)
+    grid[0][0].legend()
+    mass = grid[0][2]
+    mass.plot(number, cold["values"][0], color=COLOURS[0], label="constants of cold motors")
+    mass.plot(number, corrected["values"][0], color=COLOURS[1], label="corrected")
+    mass.axhline(true[0], color=INK, linestyle="--", label="true")
+    mass.set_ylabel("mass [kg]")
+    mass.legend()
+    for axes, first, scale, names, unit in (
+        (grid[1][0], 1, 1e3, ("cx", "cy", "cz"), "centre of gravity [mm]"),
+        (grid[1][1], 4, 1.0, ("Ixx", "Iyy", "Izz"), "moments of inertia [kg m²]"),
+        (grid[1][2], 7, 1.0, ("Ixy", "Ixz", "Iyz"), "products of inertia [kg m²]"),
+    ):
+        for i, name in enumerate(names):
+            off = scale * (np.array(cold["values"][first + i]) - true[first + i])
+            axes.plot(number, off, color=COLOURS[i], label=name)
+        axes.set_ylabel(f"error, {unit}")
+        axes.set_xlabel("measurement")
+        axes.legend()
     return figure
 
 

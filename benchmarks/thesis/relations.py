@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from benchmarks.thesis.records import Tree
 from config.arrays import FloatArray
@@ -69,6 +70,7 @@ def relations(facts: Tree, results: Tree) -> list[Relation]:
         *_friction(results["friction"]),
         *_sensitivity(results["sensitivity"]),
         *_payload(facts, results["payload"], is_short="payload" in results["short"]),
+        *_warming(results["warming"]),
         *_path(facts, results["path"]),
         *_reversal(results["reversal"]),
     ]
@@ -132,6 +134,23 @@ def _plate(robot: Tree) -> Iterator[Relation]:
         "wrench",
         "External and combined model predict the reaction equally well: no error differs by more"
         f" than {100.0 * SMALL:g} % (largest difference {100.0 * change:.1f} %).",
+        change <= SMALL,
+    )
+    excited = robot["combined"]["excited"]
+    ratios = np.array(excited["reversal_nm"]) / np.array(excited["other_nm"])
+    yield Relation(
+        "excited_torque",
+        "The combined model predicts the torque of the excitation well, except near velocity"
+        f" reversals: near them, the errors of axes 1 to 3 are"
+        f" {', '.join(f'{each:.1f}' for each in ratios)} times as large as at other times.",
+        bool(np.all(ratios > 1.0)),
+    )
+    change = _largest(_changes(excited["wrench"], robot["external"]["excited"]["wrench"]))
+    yield Relation(
+        "excited_wrench",
+        "Also on the excitation run, external and combined model predict the reaction equally well:"
+        f" no error differs by more than {100.0 * SMALL:g} % (largest difference"
+        f" {100.0 * change:.1f} %).",
         change <= SMALL,
     )
 
@@ -228,6 +247,37 @@ def _payload(facts: Tree, payload: Tree, is_short: bool) -> Iterator[Relation]:
     )
 
 
+def _warming(series: Tree) -> Iterator[Relation]:
+    (first, last), (corrected_first, corrected_last) = (
+        _first_and_last(series[name]["values"])[:, 0] for name in ("cold", "corrected")
+    )
+    yield Relation(
+        "warming",
+        f"The estimated mass increases as the robot warms up: from {first:.2f} to {last:.2f} kg"
+        f" (true value {series['true'][0]:.2f} kg). Torque constants that are corrected by the"
+        f" measured temperatures give {corrected_first:.2f} and {corrected_last:.2f} kg.",
+        last > first,
+    )
+    parts = {}
+    for words, key in (("Coulomb", "coulomb_nm"), ("viscous", "viscous_nm_s")):
+        cold, warm = _first_and_last(series["cold"][key])
+        parts[words] = _changes(warm, cold)
+    yield Relation(
+        "warming",
+        "Friction decreases as the robot warms up (axes 3 to 6): "
+        + ", ".join(f"{words} friction {_percent_list(each)}" for words, each in parts.items())
+        + ".",
+        all(np.all(each < 0.0) for each in parts.values()),
+    )
+
+
+def _first_and_last(rows: list[list[float]]) -> FloatArray:
+    """Return the means of the first and of the last quarter of a series, (2, rows)."""
+    values = np.array(rows)
+    count = max(1, values.shape[1] // 4)
+    return np.array([values[:, :count].mean(axis=1), values[:, -count:].mean(axis=1)])
+
+
 def _path(facts: Tree, path: Tree) -> Iterator[Relation]:
     theirs = facts["path"]
     plain, ours = path["circle_plain"], path["circle_classical"]
@@ -277,7 +327,7 @@ def _reversal(found: Tree) -> Iterator[Relation]:
     )
 
 
-def _changes(new: list[float], old: list[float]) -> FloatArray:
+def _changes(new: ArrayLike, old: ArrayLike) -> FloatArray:
     return np.asarray(np.array(new) / np.array(old) - 1.0)
 
 

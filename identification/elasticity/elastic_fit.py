@@ -17,9 +17,10 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acquisition.processing.periods import PeriodAverage
 from acquisition.signals.bins import Bins, filter_response, from_bins, to_bins
@@ -27,27 +28,23 @@ from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from config.robot.wrist_coupling import convert_to_joints
+from identification.elasticity.gear_torque import (
+    SETTLED_RAD,
+    STEPS,
+    damping_nm_s,
+    deflection_band_hz,
+    has_stiffness,
+    stiffness_nm_rad,
+)
 from identification.elasticity.transmitted_torque import transmitted_torque
 from identification.estimation.estimate import Estimate
 from identification.estimation.fitted_periods import FittedPeriods, fit_periodic
 from identification.estimation.options import EstimationOptions
-from identification.model.inertia import inertia_size
 from identification.model.known_loads import Bodies, known_values
 
 MOST_FITS: Final = 12
 SETTLED_SHARE: Final = 1e-3
 """Change of a torque between two fits, relative to the torque of the joint (RMS)."""
-
-STEPS: Final = 20
-SETTLED_RAD: Final = 1e-9
-SHARE_OF_RESONANCE: Final = 0.5
-"""Highest frequency of the deflection over the lowest resonance of a link on a locked motor; near
-the resonance, errors of the stiffness are magnified."""
-
-
-def has_stiffness(robot: RobotDescription) -> bool:
-    """Return True if the stiffness of at least one gear is known."""
-    return any(joint.stiffness_nm_rad is not None for joint in robot.joints)
 
 
 def fit_elastic(
@@ -84,7 +81,11 @@ def fit_elastic(
             for average, loaded, more in zip(averages, fitted.problem.payload, known, strict=True)
         ]
         if all(map(_is_settled, rigid, before)):
-            return fitted
+            changes = [
+                new.torque_nm - own.torque_nm for new, own in zip(rigid, averages, strict=True)
+            ]
+            mean_square = np.mean([np.mean(np.square(each), axis=0) for each in changes], axis=0)
+            return replace(fitted, gear_torque_nm=np.sqrt(mean_square))
         fitted = fit_periodic(robot, rigid, options, payload=payload, bodies=bodies)
         before = rigid
     raise EstimationError(
@@ -107,16 +108,11 @@ def with_rigid_gears(
     robot, rows = estimate.robot, len(average.position)
     if not has_stiffness(robot):
         return average
-    stiffness = np.array([joint.stiffness_nm_rad or math.inf for joint in robot.joints])
-    damping = np.array([joint.damping_nm_s or 0.0 for joint in robot.joints])
-    inertia = np.diagonal(
-        inertia_size(estimate.model, estimate.base, average.position, estimate.values)
-    )
-    lowest_hz = float(np.min(np.sqrt(stiffness / inertia))) / (2.0 * math.pi)
-    band_hz = min(SHARE_OF_RESONANCE * lowest_hz, 0.4 / average.sample_period_s)
+    band_hz = deflection_band_hz(estimate, average.position, average.sample_period_s)
     harmonics = max(1, math.floor(band_hz * average.period_s))
     frequency_hz = np.arange(harmonics + 1) / average.period_s
     s = 2j * math.pi * frequency_hz[:, np.newaxis]
+    gear = stiffness_nm_rad(robot) + s * damping_nm_s(robot)
     theta = to_bins(average.position, harmonics)
 
     def links_torque(position: Bins) -> FloatArray:
@@ -124,9 +120,9 @@ def with_rigid_gears(
         return transmitted_torque(estimate, robot, *motion, payload=payload)
 
     of_motors = torque = links_torque(theta)
-    bent = np.zeros_like(theta)
+    bent: NDArray[Any] = np.zeros_like(theta)
     for _ in range(STEPS):
-        step = to_bins(torque, harmonics) / (stiffness + s * damping) - bent
+        step = to_bins(torque, harmonics) / gear - bent
         bent = bent + step
         torque = links_torque(theta - convert_to_joints(robot, bent))
         if np.abs(step).sum(axis=0).max() < SETTLED_RAD:

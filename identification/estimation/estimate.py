@@ -78,6 +78,9 @@ class Estimate:
         still: Joints that no run moved: the estimate holds only at their positions.
         position_range: Shape (n, 2). Lowest and highest position of each joint in the runs [rad or
             m]; None if the estimate is not from runs.
+        gear_torque_nm: Shape (n,). If the parameters are those of the links behind elastic gears:
+            RMS over the runs of the torque by which the deflection changes the motors' torques [N m
+            or N]. None if the gears were assumed to be rigid.
     """
 
     robot: RobotDescription
@@ -108,11 +111,19 @@ class Estimate:
     run_ids: tuple[str, ...] = ()
     still: tuple[StillJoint, ...] = ()
     position_range: FloatArray | None = None
+    gear_torque_nm: FloatArray | None = None
 
     def __post_init__(self) -> None:
         b, n, s = len(self.base), len(self.robot.joints), len(self.options.nonlinear or ())
         covariances = ("covariance_residual", "covariance_jackknife", "covariance_noise")
-        of_joints = ("residual_nm", "left_out_fraction", "noise_nm", "torque_nm", "held_out_share")
+        of_joints = (
+            "residual_nm",
+            "left_out_fraction",
+            "noise_nm",
+            "torque_nm",
+            "held_out_share",
+            "gear_torque_nm",
+        )
         freeze(self, EstimationError, (b,), "values", what="estimate ")
         freeze(self, EstimationError, (b, b), *covariances, what="estimate ")
         freeze(self, EstimationError, (s, s), "nonlinear_covariance", what="estimate ")

@@ -111,7 +111,7 @@ class EstimateDocument(SealedModel):
     """Content of an estimate file; see `Estimate` for the meaning of the fields."""
 
     kind: Literal["rid-daq estimate"]
-    format: Literal[4]
+    format: Literal[5]
     software: str
     cell: str
     runs: tuple[str, ...]
@@ -142,6 +142,7 @@ class EstimateDocument(SealedModel):
     warming: _Warming | None
     still: tuple[_Still, ...]
     position_range: Matrix | None
+    gear_torque_nm: Sizes | None
     model: _Options
     robot: RobotDescription
     sha256: str
@@ -203,7 +204,7 @@ def estimate_document(estimate: Estimate) -> EstimateDocument:
     return EstimateDocument.from_attributes(
         estimate,
         kind="rid-daq estimate",
-        format=4,
+        format=5,
         software=f"rid-daq {version('rid-daq')}",
         cell=estimate.cell_name,
         runs=estimate.run_ids,

@@ -50,6 +50,7 @@ class FittedPeriods:
         equations: Equations of each run.
         fit: The solution.
         still: The joints that no run moves.
+        gear_torque_nm: See `Estimate`.
     """
 
     robot: RobotDescription
@@ -59,6 +60,7 @@ class FittedPeriods:
     equations: tuple[BinEquations, ...]
     fit: PeriodicFit
     still: tuple[StillJoint, ...] = ()
+    gear_torque_nm: FloatArray | None = None
 
     @property
     def base(self) -> BaseParameters:
@@ -115,6 +117,7 @@ class FittedPeriods:
             run_ids=run_ids,
             still=self.still,
             position_range=position_range([each.position for each in problem.averages]),
+            gear_torque_nm=self.gear_torque_nm,
         )
 
 

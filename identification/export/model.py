@@ -23,6 +23,7 @@ from dynamics.terms.spring import Spring
 from identification.consistency.closest_robot import ConsistentEstimate
 from identification.consistency.consistency_test import ConsistencyTest
 from identification.consistency.rigid_body import LinkBody
+from identification.elasticity.gear_torque import describe_gear_torque
 from identification.equations.warming import Warming
 from identification.estimation.estimate import Estimate
 from identification.friction.curve import friction_columns
@@ -279,10 +280,17 @@ class ExportModel:
         )
 
 
-def _origin(estimate: Estimate, sentence: str) -> tuple[str, str]:
+def _origin(estimate: Estimate, sentence: str) -> tuple[str, ...]:
     where = f", cell {estimate.cell_name}" if estimate.cell_name else ""
     runs = ", ".join(estimate.run_ids) or "unnamed runs"
-    return f"Identified from {runs}{where}.", sentence
+    if estimate.gear_torque_nm is None:
+        return f"Identified from {runs}{where}.", sentence
+    words = describe_gear_torque(estimate.robot, estimate.gear_torque_nm)
+    gears = (
+        "The gears are elastic, and this is a model of the links. Torques for the motion of the"
+        f" motors differ; in these runs by {words}."
+    )
+    return f"Identified from {runs}{where}.", sentence, gears
 
 
 def _turn_onto_z(up: FloatArray) -> FloatArray:

@@ -18,6 +18,7 @@ from dynamics.model.memory import presliding_of_model
 from dynamics.model.standstill import moving_actuators as moves
 from dynamics.terms.conditions import Conditions
 from identification.choices import BAND_HZ, STANDSTILL_RAD_S
+from identification.elasticity.gear_torque import gear_torque
 from identification.equations.deconvolution import smoothed_recording
 from identification.equations.parallel_filter import ParallelFilter
 from identification.estimation.estimate import Estimate, predict
@@ -56,6 +57,8 @@ class Validation:
             own recording.
         remembering: Joints with presliding, whose torque is also predicted at standstill and
             reversal.
+        gears_nm: Shape (samples, n). Torque by which the deflection of elastic gears reduces the
+            predicted torque [N m or N]; None for a model of rigid gears.
     """
 
     joint_names: tuple[str, ...]
@@ -76,6 +79,7 @@ class Validation:
     limits_percent: tuple[float, ...] | None = None
     channel: TorqueChannel | None = None
     remembering: tuple[str, ...] = ()
+    gears_nm: FloatArray | None = None
 
     def __post_init__(self) -> None:
         n = len(self.joint_names)
@@ -113,6 +117,11 @@ class Validation:
         return tuple((100.0 * limit_share(self.torque_nm, self.noise_nm)).tolist())
 
     @property
+    def gear_torque_nm(self) -> FloatArray | None:
+        """RMS of `gears_nm` on the counted samples, shape (n,); None for a model of rigid gears."""
+        return None if self.gears_nm is None else _rms(self.gears_nm, self.counted)
+
+    @property
     def verdicts(self) -> tuple[bool | None, ...]:
         """True for each joint that satisfies its limit; None without a limit or a sample."""
         if self.limits_percent is None:
@@ -142,7 +151,8 @@ def validate_torques(
 
     Args:
         estimate: The identified robot. To validate other parameters, replace its `values` with
-            `dataclasses.replace`.
+            `dataclasses.replace`. A model of the links behind elastic gears predicts the torques
+            for the links' motion, which is computed from that of the motors.
         recording: Any motion; it is low-passed without phase shift, periodic or not. Its torque
             channel is assumed to be that of the estimate's recording (`Estimate.channel`).
         cutoff_hz: Cut-off of the low-pass for measured and predicted torque [Hz].
@@ -173,6 +183,10 @@ def validate_torques(
     warmth = Conditions(temperature_k=signals.temperature_k)
     conditions = filtered.conditions(estimate.model, warmth)
     predicted = _predict_filtered(estimate, filtered, conditions, standstill_rad_s)
+    gears = None
+    if estimate.gear_torque_nm is not None:
+        gears = _filter_torque(filtered, _gear_torques(estimate, filtered.source))
+        predicted -= gears
     moving = _moving_when_torque_acted(
         moves(estimate.model, signals.velocity, standstill_rad_s), signals
     )
@@ -210,6 +224,7 @@ def validate_torques(
         limits_percent=limits_percent,
         channel=estimate.channel,
         remembering=tuple(names[own.joint] for own in presliding_of_model(estimate.model)),
+        gears_nm=gears,
     )
 
 
@@ -261,6 +276,9 @@ def pool_validations(
         all_samples_percent=100.0 * _rms(error, known) / _rms(measured, known),
         noise_nm=noise,
         limits_percent=limits_percent,
+        gears_nm=None
+        if validations[0].gears_nm is None
+        else np.concatenate([each.gears_nm for each in validations if each.gears_nm is not None]),
     )
 
 
@@ -322,6 +340,21 @@ def _predict_filtered(
     fast = moves(estimate.model, source.velocity, standstill_rad_s)
     velocity[fast] = source.velocity[fast]
     torque = predict(estimate, source.position, velocity, source.acceleration, conditions)
+    return _filter_torque(filtered, torque)
+
+
+def _gear_torques(estimate: Estimate, source: SmoothedSignals | UnfilteredSignals) -> FloatArray:
+    """Return the torque that rigid gears would need more, at the source's rows, (samples, n)."""
+    torque = np.empty_like(source.position)
+    for number in np.unique(source.segment):
+        rows = source.segment == number
+        torque[rows] = gear_torque(estimate, source.position[rows], source.sample_period_s)
+    return torque
+
+
+def _filter_torque(filtered: ParallelFilter, torque: FloatArray) -> FloatArray:
+    """Return a torque of the source's rows at the signals' rows, filtered like the measured one."""
+    source, signals = filtered.source, filtered.signals
     for number in np.unique(source.segment):
         rows = source.segment == number
         if signals.channel is not None:

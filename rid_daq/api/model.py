@@ -153,6 +153,9 @@ class Model:
     ) -> FloatArray:
         """Return the torques of a motion, friction included: tau = Y(q, v, a) beta.
 
+        With elastic gears (`identify --gears`), the motion is that of the links, and the torques
+        are those of rigid gears; `print` shows by how much they differed in the identification.
+
         Args:
             position, velocity, acceleration: Shape (samples, joints) or (joints,). The motion [rad
                 or m, and per s, per s²].

@@ -277,7 +277,7 @@ def json_files(tmp_path: Path) -> dict[Any, bytes]:
         ],
     }  # fmt: skip
     texts = {read_loops: loops, read_feedforward: {"format": 1, "cycle_time_ms": 8}}
-    texts |= {read_estimate: {"kind": "rid-daq estimate", "format": 4}}
+    texts |= {read_estimate: {"kind": "rid-daq estimate", "format": 5}}
     texts |= {read_payload: {"kind": "rid-daq payload", "format": 3}}
     return {read: json.dumps(content).encode() for read, content in texts.items()}
 

@@ -9,6 +9,7 @@ from acquisition.runs.catalogue import find_file_or_run, find_run
 from acquisition.runs.folder import RunFolder
 from config.arrays import FloatArray
 from config.errors import ConfigError
+from identification.elasticity.gear_torque import describe_gear_torque
 from identification.estimation.estimate import Estimate
 from identification.validation.estimate_difference import EstimateDifference, compare_estimates
 from identification.validation.torque_prediction import common_relative_errors, validate_torques
@@ -44,7 +45,7 @@ class ComparedModels:
         names: Names of the two models.
         difference: Differences of their parameters.
         predictions: Torque errors, one entry per run.
-        notes: Defects of the runs' data.
+        notes: Defects of the runs' data; a note if one of the models assumes rigid gears.
     """
 
     names: tuple[str, str]
@@ -68,6 +69,7 @@ def compare_models(request: CompareRequest) -> ComparedModels:
         folder = find_run(request.runs, request.on)
         predicted_runs = [RunData.load(folder, unfinished=request.unfinished)]
     notes = all_defects(predicted_runs)
+    notes += _gear_notes([(first, first_estimate), (second, second_estimate)])
     require_torques(predicted_runs)
     if predicted_runs or request.payload is not None:
         first_estimate, second_estimate = (
@@ -104,6 +106,24 @@ def _load_side(request: CompareRequest, what: str) -> tuple[str, Estimate, RunDa
         )
     data = RunData.load(folder, unfinished=request.unfinished)
     return folder.manifest().label, read_model(folder.file(MODEL)), data
+
+
+def _gear_notes(models: list[tuple[str, Estimate]]) -> list[str]:
+    """Return a note if one of two models assumes rigid gears and the other does not."""
+    elastic = [
+        (name, each.robot, each.gear_torque_nm)
+        for name, each in models
+        if each.gear_torque_nm is not None
+    ]
+    if len(elastic) != 1:
+        return []
+    name, robot, torque_nm = elastic[0]
+    words = describe_gear_torque(robot, torque_nm)
+    return [
+        f"{name} is a model of the links behind elastic gears; the other model assumes rigid gears,"
+        " so it contains the deflection as additional inertia. Parameters can therefore differ. The"
+        f" deflection changed the torques of the runs of {name} by {words}"
+    ]
 
 
 def _predict_run(one: Estimate, other: Estimate, data: RunData) -> RunPrediction:

@@ -16,6 +16,7 @@ from config.formats.number import parse_numbers
 from config.robot.robot import RobotDescription
 from identification.accuracy.extrapolation import extrapolation_findings
 from identification.calibration.base_reaction import base_load
+from identification.elasticity.gear_torque import describe_gear_torque
 from identification.estimation.estimate import Estimate
 from identification.regression.fit_grade import BAD_SHARE, Grade
 from identification.validation.base_wrench_validation import (
@@ -249,6 +250,12 @@ def _torque_section(
         sentence += (
             " The external model contains no friction, so the torques get no verdict; the base"
             " wrench of a force plate does."
+        )
+    if (gear_torque := validation.gear_torque_nm) is not None:
+        sentence += (
+            " The model is that of the links behind elastic gears: their motion was computed from"
+            " that of the motors with the stiffness in the model file. With rigid gears, the"
+            f" prediction would differ by {describe_gear_torque(robot, gear_torque)}."
         )
     diagnosis = list(extrapolation_findings(estimate, validation.position))
     if not external:  # without friction in the model, it would find friction only

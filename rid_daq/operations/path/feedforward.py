@@ -30,7 +30,7 @@ from compensation.operating_temperature import at_operating_temperature
 from config.errors import ConfigError, DataQualityError
 from config.formats.approved_files import sha256_of
 from config.load import LoadedCell, load_cell
-from identification.elasticity.elastic_fit import has_stiffness
+from identification.elasticity.gear_torque import has_stiffness
 from identification.estimation.estimate import Estimate
 from rid_daq.operations.cell_files import (
     read_estimate_and_bytes,

@@ -315,7 +315,16 @@ _OUTPUTS = {
 def _sentence(estimate: Estimate) -> str:
     # Imported late, because it loads compiled code, which readers of result files do not need.
     from dynamics.model.memory import presliding_of_model
+    from identification.elasticity.gear_torque import describe_gear_torque
 
+    gears = ""
+    if estimate.gear_torque_nm is not None:
+        words = describe_gear_torque(estimate.robot, estimate.gear_torque_nm)
+        gears = (
+            " The gears are elastic, so the model is that of the links, fitted to their motion. For"
+            " the motion of the motors in these runs, rigid gears would need torques that differ"
+            f" by {words}."
+        )
     left_out = ", ".join(f"{100.0 * x:.0f}" for x in estimate.left_out_fraction)
     pauses = ""
     if presliding_of_model(estimate.model):
@@ -345,5 +354,5 @@ def _sentence(estimate: Estimate) -> str:
         f" samples are not used for friction ({left_out} % of each axis{pauses}). Torque and"
         f" residual are RMS values {of}. Intervals come from leaving out one part of the data at"
         " a time (cluster jackknife), so they include model errors. The standard deviations that"
-        " follow from noise alone and from white residuals are listed next to them."
+        f" follow from noise alone and from white residuals are listed next to them.{gears}"
     )

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
-from acquisition.motion.samples import Phase
+from acquisition.motion.samples import MotionSamples, Phase
 from acquisition.processing.periods import PeriodAverage
+from acquisition.recording.recording import Recording
 from compensation.feedforward.motor_reference import motor_reference
 from config.errors import EstimationError
 from config.load import load_cell
@@ -16,9 +20,11 @@ from identification.elasticity import elastic_fit
 from identification.elasticity.elastic_fit import fit_elastic
 from identification.elasticity.transmitted_torque import transmitted_torque
 from identification.estimation.estimate import Estimate
+from identification.estimation.file import estimate_content, estimate_document
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from identification.payload.carried import carry_own, without_payload
+from identification.validation.torque_prediction import pool_validations, validate_torques
 from tests.builders.known_model import known_estimate, with_payload_columns
 from tests.builders.raised_codes import raises_code
 
@@ -49,16 +55,23 @@ def truth() -> Estimate:
 
 
 @pytest.fixture(scope="module")
-def averages(robot: RobotDescription, truth: Estimate) -> list[PeriodAverage]:
-    """Return what the motors of the arm measure, without and with the payload."""
+def planned() -> MotionSamples:
+    """Return an excitation of two periods."""
     random, joints = np.random.default_rng(2), []
-    for name in robot.joint_names:
+    for name in CELL.robot.joint_names:
         sine, cosine = random.uniform(-1.0, 1.0, (2, 10)) * SIZES
         joints.append(FourierJoint(joint=name, offset=0.1, sine=tuple(sine), cosine=tuple(cosine)))
     motion = FourierMotion(
         kind="fourier", robot="ir361", period_s=5.0, periods=2, joints=tuple(joints)
     )
-    planned = motion.plan(CELL.robot, STEP_S).whole()
+    return motion.plan(CELL.robot, STEP_S).whole()
+
+
+@pytest.fixture(scope="module")
+def averages(
+    planned: MotionSamples, robot: RobotDescription, truth: Estimate
+) -> list[PeriodAverage]:
+    """Return what the motors of the arm measure, without and with the payload."""
     rows = planned.samples_per_period
     assert rows is not None
     found = []
@@ -104,6 +117,46 @@ def test_the_model_is_that_of_the_links(
     elastic = fit_elastic(robot, averages, OPTIONS, payload=payload).estimate()
     assert torque_error(rigid, truth, robot) > 0.03
     assert torque_error(elastic, truth, robot) < 0.01
+
+
+@pytest.mark.parametrize("loaded", [False, True])
+def test_a_model_of_the_links_predicts_the_torques_of_the_motors(
+    planned: MotionSamples, robot: RobotDescription, truth: Estimate, loaded: bool
+) -> None:
+    links = replace(truth, robot=robot, gear_torque_nm=np.ones(3))
+    links = carry_own(links) if loaded else without_payload(links)
+    reference = motor_reference(planned, links, robot)
+    recording = Recording(
+        joint_names=robot.joint_names,
+        time_s=STEP_S * np.arange(len(planned), dtype=np.float64),
+        position=reference.samples.position,
+        torque_nm=reference.torque_nm,
+        valid=np.full(len(planned), True),
+        phase=planned.phase,
+        sample_index=np.arange(len(planned)),
+        source="cell",
+        sample_period_s=STEP_S,
+    )
+    elastic = validate_torques(links, recording)
+    rigid = validate_torques(replace(links, gear_torque_nm=None), recording)
+    assert rigid.gear_torque_nm is None
+    assert elastic.gear_torque_nm == pytest.approx(rigid.rms_nm, rel=0.1)
+    assert (rigid.rms_nm > 0.05).all()
+    assert (elastic.rms_nm < 0.1 * rigid.rms_nm).all()
+    pooled = pool_validations([elastic, elastic], None)
+    assert pooled.gear_torque_nm == pytest.approx(elastic.gear_torque_nm)
+
+
+def test_a_model_file_states_that_the_model_is_that_of_the_links(
+    averages: list[PeriodAverage], robot: RobotDescription
+) -> None:
+    rigid, elastic = (fit_elastic(each, averages[:1]).estimate() for each in (CELL.robot, robot))
+    assert rigid.gear_torque_nm is None
+    assert elastic.gear_torque_nm is not None
+    assert (elastic.gear_torque_nm > 0.05).all()
+    data = estimate_document(elastic).model_dump_json().encode()
+    again = estimate_content(data, Path("model.json"))
+    np.testing.assert_array_equal(again.gear_torque_nm, elastic.gear_torque_nm)
 
 
 def test_one_elastic_gear_is_enough(averages: list[PeriodAverage], robot: RobotDescription) -> None:

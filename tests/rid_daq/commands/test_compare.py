@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from acquisition.runs.folder import RunFolder
@@ -15,6 +16,7 @@ from config.errors import EstimationError
 from config.load import load_robot
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import write_estimate
+from identification.export.model import ExportModel
 from identification.validation.estimate_difference import compare_estimates
 from rid_daq.app import run
 from tests.builders.identified_run import arm_in_motion, identified_run
@@ -128,6 +130,29 @@ def test_models_of_the_same_run_are_noted_as_not_independent(
     words = ["compare", "monday", str(tmp_path / "copy.json"), "--runs", str(root)]
     assert run(words) == 0
     assert "equal parameters prove nothing" in capsys.readouterr().out
+
+
+@pytest.mark.usefixtures("monday")
+def test_a_model_of_links_behind_elastic_gears_is_noted(
+    root: Path, monday: Estimate, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    joints = tuple(
+        joint.model_copy(update={"stiffness_nm_rad": 2e4}) for joint in monday.robot.joints
+    )
+    robot = monday.robot.model_copy(update={"joints": joints})
+    links = replace(monday, robot=robot, gear_torque_nm=np.array([0.5, 1.25, 0.25]))
+    write_estimate(tmp_path / "links.json", links)
+    words = ["compare", "monday", str(tmp_path / "links.json"), "--runs", str(root), "--json"]
+    assert run(words) == 0
+    result = document(capsys)
+    (note,) = result["notes"]
+    assert "links.json" in note
+    assert "axis2 1.2 N m" in note
+    axes = result["predictions"][0]["axes"]
+    # The model of the links is wrong for this arm, whose gears are rigid.
+    assert all(axis["second_percent"] > 1.1 * axis["first_percent"] for axis in axes)
+    origin = ExportModel.from_estimate(links).origin
+    assert len(origin) == len(ExportModel.from_estimate(monday).origin) + 1
 
 
 @pytest.mark.usefixtures("monday")

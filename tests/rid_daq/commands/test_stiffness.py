@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import pytest
 from acquisition.runs.catalogue import find_run
 from config.load import load_cell, load_robot, to_yaml
 from identification.estimation.file import read_estimate
+from identification.validation.torque_prediction import validate_torques
 from rid_daq.app import run
 from rid_daq.runs.run_data import RunData
 from tests.builders.console_blocks import assert_shown
@@ -162,7 +164,9 @@ def test_the_corrected_path_moves_the_tool_as_planned(folder: Path, gears: tuple
     (folder / "circle.yaml").write_text(json.dumps(CIRCLE))
     terms = "--friction-terms coulomb,viscous,presliding"
     perform(f"identify excitation-1 excitation-2 {terms} --gears robot.yaml -o model.json", 0, 6)
-    assert read_estimate(Path("model.json")).robot.joints == joints
+    model = read_estimate(Path("model.json"))
+    assert model.robot.joints == joints
+    assert model.gear_torque_nm is not None
     perform("loop multisine -o loops.json", 0, 6)
     perform(f"{COMPENSATE.replace('feedforward.json', 'rigid.json')} --no-deflection")
     perform("record cell.yaml circle.yaml --feedforward rigid.json --label rigid")
@@ -173,6 +177,11 @@ def test_the_corrected_path_moves_the_tool_as_planned(folder: Path, gears: tuple
     tracked, shown = outputs(TRACK)
     (motion,) = tracked["motions"]
     before, after = motion["against"]["bending"], motion["bending"]
+    recording = RunData.load(find_run(Path("runs"), "corrected")).recording
+    judged = [
+        validate_torques(each, recording) for each in (model, replace(model, gear_torque_nm=None))
+    ]
+    assert (judged[0].rms_nm < judged[1].rms_nm).all()
     # The motors follow equally well; the deflection of some 2 mm is corrected at the tool.
     assert motion["mean_m"] < 1.5 * motion["against"]["mean_m"] < 1e-4
     assert before["tool_mean_m"] > 1e-3
