@@ -33,6 +33,7 @@ from config.simulation.plant import SimulatedPlate
 from mock_hw.amplifier.port import AmplifierPort
 from mock_hw.amplifier.settings import PlateSettings
 from tests.builders.compiled_kernels import forget_stale_kernels
+from tests.builders.forked_processes import fork_processes, new_processes
 from tests.builders.report_drawings import leave_out_drawings, without_drawings
 
 STEP_S = 0.02
@@ -84,6 +85,7 @@ def pytest_configure(config: pytest.Config) -> None:
         50_000, 20, 20
     )  # by default, a worker's million objects are searched too often
     end_by_signals()
+    fork_processes()
     if not hasattr(config, "workerinput"):
         forget_stale_kernels(Path(__file__).parents[1])
     if config.getoption("--fault-page") and not hasattr(config, "workerinput"):
@@ -282,6 +284,13 @@ def serve_amplifier(tmp_path: Path) -> Iterator[Serve]:
     yield serve
     for amplifier in served:
         amplifier.close()
+
+
+@pytest.fixture
+def new_python_processes() -> Iterator[None]:
+    """Let tests start new Python processes, as the program does."""
+    with new_processes():
+        yield
 
 
 @pytest.fixture(scope="module")

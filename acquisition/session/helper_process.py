@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from multiprocessing import get_context
 from typing import Any, Protocol
 
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
+from config.process.own_process import new_process
 from config.process.shortage import named_error
 from config.process.termination import signals_blocked
 
@@ -86,9 +86,7 @@ class HelperProcess:
         self.loss = loss
         self._process: ProcessHandle
         if create is None:
-            self._process = get_context("spawn").Process(
-                target=main, args=arguments, name=f"rid-daq {title}"
-            )
+            self._process = new_process(main, arguments, name=f"rid-daq {title}")
         else:
             self._process = create(main, arguments)
 

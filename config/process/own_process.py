@@ -1,4 +1,4 @@
-"""Properties of rid-daq's processes: start command, name, garbage collection."""
+"""Properties of rid-daq's processes: start, name, garbage collection."""
 
 from __future__ import annotations
 
@@ -6,8 +6,14 @@ import contextlib
 import gc
 import multiprocessing
 import sys
+from collections.abc import Callable
 from enum import StrEnum
+from multiprocessing.process import BaseProcess
 from pathlib import Path
+from typing import Any
+
+NewProcess: type[BaseProcess] = multiprocessing.get_context("spawn").Process
+"""Class of new processes; tests replace it, because a new Python process starts slowly."""
 
 
 class ProcessName(StrEnum):
@@ -23,6 +29,24 @@ def set_process_name(name: ProcessName) -> None:
         return
     with contextlib.suppress(OSError):
         Path("/proc/self/comm").write_text(name, encoding="ascii")
+
+
+def new_process(
+    main: Callable[..., None],
+    arguments: tuple[Any, ...],
+    *,
+    name: str | None = None,
+    daemon: bool = False,
+) -> BaseProcess:
+    """Return a new Python process, not started.
+
+    Args:
+        main: Main function of the process.
+        arguments: Arguments of the main function.
+        name: Name of the process within Python; None for a numbered name.
+        daemon: True if Python terminates the process when this process ends.
+    """
+    return NewProcess(target=main, args=arguments, name=name, daemon=daemon)
 
 
 def own_python(module: str, *arguments: str) -> list[str]:

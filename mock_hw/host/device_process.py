@@ -18,6 +18,7 @@ from multiprocessing.connection import Connection
 from typing import Any
 
 from config.errors import TransportError
+from config.process.own_process import new_process
 from config.process.termination import SUSPENSION, signals_blocked
 
 SCHEDULER_PRIORITY = 10
@@ -41,9 +42,8 @@ class DeviceProcess:
     """
 
     def __init__(self, serve: Callable[..., None], *arguments: Any) -> None:
-        context = multiprocessing.get_context("spawn")
-        self.pipe, theirs = context.Pipe()
-        self._process = context.Process(target=serve, args=(*arguments, theirs), daemon=True)
+        self.pipe, theirs = multiprocessing.Pipe()
+        self._process = new_process(serve, (*arguments, theirs), daemon=True)
         try:
             with signals_blocked(suspension=True):
                 self._process.start()

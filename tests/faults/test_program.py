@@ -22,7 +22,8 @@ from acquisition.journal.cycles import Journal, read_journal
 from acquisition.runs.folder import RunFolder
 from rid_daq.app import run
 
-pytestmark = pytest.mark.slow
+# a fault of the program acts on the program's own child processes
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("new_python_processes")]
 
 AT = 150
 Measured = Callable[[str], None]

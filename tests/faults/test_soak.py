@@ -10,7 +10,8 @@ import pytest
 from benchmarks.soak import soak
 from benchmarks.soak_faults import FAULTS
 
-pytestmark = pytest.mark.slow
+# a fault of the program acts on the program's own child processes
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("new_python_processes")]
 
 EVERY_S = 16.0
 # The first fault leaves a drive in fault, which must be reset before the second.

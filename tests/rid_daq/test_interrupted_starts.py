@@ -68,6 +68,7 @@ def started(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
         yield pids
 
 
+@pytest.mark.usefixtures("new_python_processes")
 @pytest.mark.parametrize(
     "owner",
     [

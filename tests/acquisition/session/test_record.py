@@ -211,7 +211,7 @@ def test_a_killed_recorder_stops_the_motion_and_its_file_stays_readable(
 
 
 @pytest.fixture
-def small_disk() -> Iterator[None]:
+def small_disk(new_python_processes: None) -> Iterator[None]:
     """Limit the size of the child processes' files to 1 MB."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, hard))

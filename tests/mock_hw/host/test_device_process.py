@@ -20,6 +20,8 @@ from config.errors import TransportError
 from mock_hw.host.device_process import DeviceProcess, wait_until_ready
 from tests.builders.raised_codes import raises_code
 
+pytestmark = pytest.mark.usefixtures("new_python_processes")
+
 ENOUGH_S = 120.0
 PROGRAM = """
 import multiprocessing, signal, sys
