@@ -20,7 +20,7 @@ from compensation.feedforward.motor_reference import (
 from config.errors import ConfigError
 from config.load import load_cell
 from config.robot.robot import RobotDescription
-from identification.elasticity.elastic_fit import has_stiffness
+from identification.elasticity.gear_torque import has_stiffness
 from identification.elasticity.transmitted_torque import transmitted_torque
 from identification.estimation.estimate import Estimate
 from tests.builders.known_model import known_estimate
