@@ -25,16 +25,18 @@ export function table(columns, rows, red = null, caption = "table") {
 
 // Return the templates of blocks. `figure` creates the container of a plot; without it, plots are left out.
 // `imageUrl` returns the address of an image by its number; without it, only the caption of a picture is shown.
-// A table with more than `mostRows` rows is collapsed, unless it has a red row.
+// A table with more than `mostRows` rows is collapsed, unless it has a red row; its title replaces the heading above it.
 /** @type {(blocks: PageBlock[], figure?: ((plot: PlotBlock) => Element) | null, mostRows?: number, imageUrl?: ((number: number) => string) | null) => Part[]} */
 export function blockParts(blocks, figure = null, mostRows = 15, imageUrl = null) {
   let title = "table";
-  return blocks.map((block) => {
+  return blocks.map((block, i) => {
     switch (block.kind) {
-      case "heading": return html`<h3>${(title = block.text.trim())}</h3>`;
+      case "heading":
+        title = block.text.trim();
+        return isCollapsible(blocks[i + 1], mostRows) ? "" : html`<h3>${title}</h3>`;
       case "verdict": return verdictOf(block);
       case "text": return block.text && !block.is_for_terminal ? html`<p class=${block.is_note ? "soft" : ""}>${linked(block.text)}</p>` : "";
-      case "table": return tablePart(block, title, mostRows);
+      case "table": return tablePart(block, title, isCollapsible(block, mostRows));
       case "plot": return figure ? html`${figure(block)}<p class="soft">${block.caption}</p>` : "";
       case "picture": return html`${imageUrl ? imagesPart(block, imageUrl) : ""}<p class="soft">${block.caption}</p>`;
       case "next": return ""; // a command; pages have links and buttons instead
@@ -49,13 +51,16 @@ function imagesPart({ images }, url) {
   return html`<div class="images">${shown}</div>`;
 }
 
-/** @type {(block: Api.Table, title: string, mostRows: number) => Part} */
-function tablePart({ columns, rows, failed }, title, mostRows) {
+/** @type {(block: PageBlock | undefined, mostRows: number) => boolean} */
+const isCollapsible = (block, mostRows) => block?.kind === "table" && block.rows.length > mostRows;
+
+/** @type {(block: Api.Table, title: string, isCollapsed: boolean) => Part} */
+function tablePart({ columns, rows, failed }, title, isCollapsed) {
   /** @type {(text: any, column: Api.Column) => Part} */
   const cell = (text, column) => (column.is_run ? html`<a href="${RUNS}${encodeURIComponent(text)}">${text}</a>` : linked(text));
   const heads = columns.map((each) => (each.unit ? `${each.title} [${each.unit}]` : each.title));
   const shown = table(heads, rows.map((row) => row.map((text, i) => cell(text, columns[i]))), failed, title);
-  if (rows.length <= mostRows) return shown;
+  if (!isCollapsed) return shown;
   // each result gets a new element, so that its details are open even if the user closed those of the previous result
   return keyed(rows, html`<details ?open=${failed?.includes(true) ?? false}><summary>${title}: ${rows.length} rows</summary>${shown}</details>`);
 }

@@ -67,9 +67,11 @@ find("token").addEventListener("submit", async (event) => {
   });
 });
 
+const JOB_ID = /^job \w+ ?/; // part of the details that this page does not show
+
 async function showAudit() {
   const entries = await ask("GET", "/audit?limit=100");
-  const rows = entries.map((each) => [timeOf(each.at_s), each.who, each.what.replaceAll("_", " "), each.cell, each.details]);
+  const rows = entries.map((each) => [timeOf(each.at_s), each.who, each.what.replaceAll("_", " "), each.cell, each.details.replace(JOB_ID, "")]);
   render(table(["when", "who", "what", "cell", "details"], rows, null, "audit log"), find("audit"));
 }
 
