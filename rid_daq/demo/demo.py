@@ -158,7 +158,7 @@ def _verdict(
     faster = "" if retiming is None else ", and a path is executed faster within all limits"
     return VerdictSection.of(
         checks,
-        "Passed: the model predicts the validation run as well as the true parameters"
+        "Passed: the model predicts the validation run nearly as well as the true parameters"
         f" do{reduced}{faster}"
         if passed
         else "Failed: see the line marked NO",

@@ -46,7 +46,10 @@ MARGIN: Final = 0.05
 because the robot deviates from its set-points.
 """
 BASE: Final = (350.0, 350.0, np.inf, 500.0, 420.0, 120.0)
-"""Limit of the base reaction without the weight [N, N m]; the fastest timing would exceed it."""
+"""Limits of the base reaction [N, N m]; without them, the fastest timing would exceed them.
+
+The vertical force has no limit, because most of it is the weight.
+"""
 PICK_AND_PLACE: Final = (
     (-0.9, 0.35, 0.2), (-0.85, 0.1, 0.35), (0.0, -0.15, 0.5), (0.75, 0.1, 0.35), (0.8, 0.35, 0.2)
 )  # fmt: skip
@@ -166,8 +169,9 @@ def run_timing_chapter(
             f" {PERIODS} periods of the excitation on the force plate. Before timing, the path"
             " keeps the accelerations of the robot file, which are valid in every pose. After"
             f" timing, it keeps {MECHANICS:g} times these accelerations, all torque limits, and"
-            " the limits of the base reaction without the weight. The reaction is the change of"
-            " the plate's signal since the rest before the motion."
+            " the limits of the base reaction; only the vertical force, mainly the weight, has no"
+            " limit. The reaction is the model's value at rest before the motion, plus the change"
+            " of the plate's signal since then."
         ),
     )
     section = RetimingSection.of(

@@ -34,7 +34,8 @@ def run_stories(
     Args:
         folder: Run folder of the demo.
         motions: Motions of the demo.
-        total_s: Duration of all motions of one robot [s].
+        total_s: Duration of all motions of the robot with unmodelled effects [s]; the other robot
+            executes fewer.
         seed: Random seed of both simulations.
         console: Shows the progress.
 

@@ -23,12 +23,13 @@ if TYPE_CHECKING:
 class DemoRequest(Request):
     """Demonstrate all steps on the bundled simulated cell; no hardware is needed or moved.
 
-    The demo designs an excitation, records it, records a validation motion, averages, identifies,
-    validates and reports. This is done twice side by side: on a robot with effects that no model
-    contains, and on a robot without such effects, whose true parameters must be inside their
-    intervals. The first robot then measures its velocity loops and drives a circle and a path,
-    before and after pre-compensation. It also drives a pick-and-place path, before and after it is
-    retimed to the limits of torques and base.
+    The demo designs an excitation, records it and a validation motion, averages, identifies and
+    validates. This is done on two robots side by side. The first robot has effects that no model
+    contains. The second has no such effects: at least 90 % of its true parameters must be inside
+    their 95 % intervals. The first robot then measures its velocity loops and drives a circle and
+    a path, before and after pre-compensation. It also drives a pick-and-place path, before and
+    after it is retimed to the limits of the torques and of the reaction on the base. One report
+    contains all results.
     """
 
     seed: Annotated[
