@@ -51,6 +51,14 @@ class Request(BaseModel):
             ConfigError: A value is missing, unknown or of the wrong type (RID-REQUEST-INVALID), or
                 out of range (RID-OPTION-RANGE).
         """
+        for each in shown_fields(cls):
+            given: object = values
+            for name in each.path:
+                given = given.get(name) if isinstance(given, Mapping) else None
+            for text in _texts_with_separators(given) if _is_numeric(each.type) else ():
+                name = each.flag if flags else ".".join(each.path)
+                words = f"{text!r} must be a number in plain digits"
+                raise ConfigError(": ".join(filter(None, (shown, name, words))), code=INVALID)
         try:
             return cls.model_validate(values)
         except ValidationError as error:
@@ -160,6 +168,23 @@ def plain_type(annotation: Any) -> Any:
     if origin in (typing.Union, types.UnionType):
         return plain_type(next(each for each in arguments if each is not type(None)))
     return annotation
+
+
+def _is_numeric(type_: Any) -> bool:
+    """Return True for a number, and for a tuple or list of numbers."""
+    if typing.get_origin(type_) in (tuple, list):
+        elements = [each for each in typing.get_args(type_) if each is not Ellipsis]
+        return all(_is_numeric(plain_type(each)) for each in elements)
+    return type_ in (int, float)
+
+
+def _texts_with_separators(given: object) -> Iterator[str]:
+    """Yield the texts with `_`, which pydantic ignores between digits as Python does."""
+    if isinstance(given, str) and "_" in given:
+        yield given
+    elif isinstance(given, (tuple, list)):
+        for each in given:
+            yield from _texts_with_separators(each)
 
 
 def refuse_unused(request: Request, names: Iterable[str], because: str) -> None:

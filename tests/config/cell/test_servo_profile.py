@@ -101,7 +101,7 @@ def test_a_contradictory_profile_is_refused(
         (
             "{rated_torque_nm: 1.0, rated_current_a: 10.0}",
             "servo: {torque_constant_nm_per_a: 2.0}",
-            ("axis1", "0.1 N m/A", "2 N m/A"),
+            ("axis1", "0.1 N", "2 N"),
         ),
     ],
 )

@@ -149,7 +149,8 @@ def test_unread_elements_are_listed(old: str, new: str, named: str) -> None:
 def test_a_name_in_another_case_and_a_quaternion_are_refused(
     old: str, new: str, named: str
 ) -> None:
-    with raises_code(ConfigError, "RID-URDF-STRUCTURE", position(old), named):
+    where = position(old)
+    with raises_code(ConfigError, "RID-URDF-STRUCTURE", where, named):
         robot_with((old, new))
 
 

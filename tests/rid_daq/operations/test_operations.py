@@ -24,6 +24,7 @@ from rid_daq.command_line.operation_command import OperationCommand
 from rid_daq.operations.catalogue import CATALOGUE, GROUPS, SECTIONS, operation
 from rid_daq.requests.request import Request, ShownField, shown_fields
 from rid_daq.service.job_kinds import JobKind
+from tests.builders.raised_codes import raises_code
 
 NAMES = pytest.mark.parametrize("name", CATALOGUE)
 
@@ -180,6 +181,15 @@ def test_a_request_refuses_unknown_fields() -> None:
     with pytest.raises(ConfigError) as caught:
         operation("retime").request.of({**required_values("retime"), "margn": "0.5"})
     assert caught.value.refusal == "RID-REQUEST-INVALID"
+
+
+@pytest.mark.parametrize(("key", "value"), [("margin", "0.1_5"), ("jerk", ("9.0", "1_0"))])
+def test_digits_with_separators_are_no_number(key: str, value: object) -> None:
+    request = operation("retime").request
+    with raises_code(ConfigError, "RID-REQUEST-INVALID", f"--{key}: '"):
+        request.of({**required_values("retime"), key: value}, flags=True)
+    files = {**required_values("retime"), "model": "my_model_1_0.json"}
+    assert str(request.of(files).model_dump()["model"]) == "my_model_1_0.json"
 
 
 class EndedError(Exception):
