@@ -139,14 +139,7 @@ def robot_tables(facts: Tree, robot: Tree) -> dict[str, str]:
         ),
         "wrench_table": table(
             ("model", "Fx [N]", "Fy [N]", "Fz [N]", "Mx [N m]", "My [N m]", "Mz [N m]"),
-            *(
-                (f"{name}, {words}", *_with_percent(found))
-                for name in ("external", "combined")
-                for words, found in (
-                    ("excitation", robot[name]["excited"]),
-                    ("random points", robot[name]),
-                )
-            ),
+            *((name, *_with_percent(robot[name])) for name in ("external", "combined")),
         ),
     }
 

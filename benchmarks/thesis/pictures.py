@@ -46,8 +46,6 @@ def write_pictures(results: Tree, folder: Path) -> None:
             "excitation": _excitation(robot["excitation"]),
             "torque": _torque(robot),
             "friction": _friction(friction),
-            "excitedtorque": _excited_torque(robot["combined"]["excited"]),
-            "excitedreaction": _reaction(robot["combined"]["excited"]),
             "reaction": _reaction(robot["combined"]["curves"]),
             "warming": _warming(results["warming"]),
             "loop": _loop(path["loop"]),
@@ -90,18 +88,6 @@ def _torque(robot: Tree) -> Figure:
             axes.set_ylabel(f"axis {j + 1} [N m]")
         grid[0][column].set_title(title)
         grid[2][column].set_xlabel("time [s]")
-    figure.legend(*grid[0][0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
-    return figure
-
-
-def _excited_torque(found: Tree) -> Figure:
-    figure, grid = _figure(3, 1, 5.0, sharex=True)
-    for j, (axes,) in enumerate(grid):
-        measured, predicted = (np.array(found[key][j]) for key in ("measured", "predicted"))
-        axes.plot(found["time_s"], measured, color=COLOURS[0], label="measured")
-        axes.plot(found["time_s"], measured - predicted, color=COLOURS[1], label="error")
-        axes.set_ylabel(f"axis {j + 1} [N m]")
-    grid[2][0].set_xlabel("time [s]")
     figure.legend(*grid[0][0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
     return figure
 

@@ -136,23 +136,6 @@ def _plate(robot: Tree) -> Iterator[Relation]:
         f" than {100.0 * SMALL:g} % (largest difference {100.0 * change:.1f} %).",
         change <= SMALL,
     )
-    excited = robot["combined"]["excited"]
-    ratios = np.array(excited["reversal_nm"]) / np.array(excited["other_nm"])
-    yield Relation(
-        "excited_torque",
-        "The combined model predicts the torque of the excitation well, except near velocity"
-        f" reversals: near them, the errors of axes 1 to 3 are"
-        f" {', '.join(f'{each:.1f}' for each in ratios)} times as large as at other times.",
-        bool(np.all(ratios > 1.0)),
-    )
-    change = _largest(_changes(excited["wrench"], robot["external"]["excited"]["wrench"]))
-    yield Relation(
-        "excited_wrench",
-        "Also on the excitation run, external and combined model predict the reaction equally well:"
-        f" no error differs by more than {100.0 * SMALL:g} % (largest difference"
-        f" {100.0 * change:.1f} %).",
-        change <= SMALL,
-    )
 
 
 def _friction(friction: Tree) -> Iterator[Relation]:

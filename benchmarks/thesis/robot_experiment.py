@@ -17,20 +17,13 @@ from benchmarks.loaded import Workplace
 from benchmarks.paths import CIRCLES, FIRST, circle_text
 from benchmarks.thesis.records import Tree, curve, numbers, rounded
 from config.load import load_cell, to_yaml
-from identification.estimation.file import read_estimate
-from identification.validation.base_wrench_validation import validate_base_wrench
-from identification.validation.period_comparison import compare_period
 from rid_daq.runs.motion_runs import read_motion_run
-from rid_daq.runs.run_data import RunData
 
 CELL: Final = "ir361_thesis"
 PERIOD_S: Final = 9.6
 """Period of the excitation [s]; the thesis's 10 s are not a whole number of 6 ms cycles."""
 
 CLASSICAL: Final = ("--friction-terms", "coulomb,viscous")
-NEAR_S: Final = 0.1
-"""Time before and after a velocity reversal that counts as near it [s]."""
-
 OTHER_CIRCLE: Final = "vertical circle of 30 cm at 0.5 m/s"
 
 
@@ -75,10 +68,6 @@ def robot_results(folder: Path, quick: bool) -> Tree:
             models["deviations"] = deviations(document["plate"]["improvement"]["parameters"])
         if name in ("internal", "without_rotors", "combined"):
             models[name]["curves"] = curves(folder, judged, with_wrench=name == "combined")
-        if name in ("external", "combined"):
-            models[name]["excited"] = excited_wrench(folder, Path(work.path(f"{name}.json")))
-        if name == "combined":
-            models[name]["excited"] |= excited_torque(folder, Path(work.path(f"{name}.json")))
     return found | models
 
 
@@ -141,55 +130,6 @@ def curves(folder: Path, label: str, with_wrench: bool) -> Tree:
             parts = result["reaction"]["components"]
             found[f"wrench_{key}"] = [curve(part[key]) for part in parts]
     return found
-
-
-def excited_wrench(folder: Path, model: Path) -> Tree:
-    """Return measured and predicted reaction in the mean period of the excitation (figure 4.3)."""
-    recording = RunData.load(find_run(folder / "runs", "excitation")).recording
-    found = validate_base_wrench(read_estimate(model), recording)
-    rows = recording.samples_per_period
-    assert rows is not None
-    main_s = recording.time_s[recording.phase == Phase.MAIN]
-    periods = len(main_s) // rows
-    end = int(np.searchsorted(found.time_s, main_s[-1])) + 1
-    measured, predicted = (
-        each[end - periods * rows : end].reshape(periods, rows, 6).mean(axis=0)
-        for each in (found.measured, found.predicted)
-    )
-    return {
-        "wrench_time_s": curve(found.time_s[:rows] - found.time_s[0]),
-        "wrench_measured": [curve(each) for each in measured.T],
-        "wrench_predicted": [curve(each) for each in predicted.T],
-        "wrench": numbers(np.sqrt(np.mean((measured - predicted) ** 2, axis=0))),
-        "wrench_percent": numbers(
-            100.0 * np.sqrt(np.mean((measured - predicted) ** 2, axis=0)) / np.std(measured, axis=0)
-        ),
-    }
-
-
-def excited_torque(folder: Path, model: Path) -> Tree:
-    """Return measured and predicted torque in the mean period of the excitation (figure 4.2).
-
-    `reversal_nm` and `other_nm` are the RMS errors of each axis near its velocity reversals and at
-    other times.
-    """
-    average = RunData.load(find_run(folder / "runs", "excitation")).average
-    found = compare_period(read_estimate(model), average)
-    error = found.measured_nm - found.predicted_nm
-    velocity = np.gradient(average.position, average.sample_period_s, axis=0)
-    near = np.zeros(error.shape, dtype=bool)
-    reach = round(NEAR_S / average.sample_period_s)
-    turns = np.sign(velocity) != np.sign(np.roll(velocity, 1, axis=0))
-    for shift in range(-reach, reach + 1):
-        near |= np.roll(turns, shift, axis=0)
-    near_nm, other_nm = (np.sqrt(np.mean(error**2, axis=0, where=where)) for where in (near, ~near))
-    return {
-        "time_s": curve(found.time_s),
-        "measured": [curve(each) for each in found.measured_nm.T],
-        "predicted": [curve(each) for each in found.predicted_nm.T],
-        "reversal_nm": numbers(near_nm),
-        "other_nm": numbers(other_nm),
-    }
 
 
 def run_result(folder: Path, label: str) -> Tree:
