@@ -1,8 +1,8 @@
 """Tests with real SocketCAN and a failing disk, in a user-mode-linux guest, on any computer.
 
-The guest uses the host's files; it starts in two seconds and needs no privilege. The tests are
-skipped if a tool is missing (Debian: user-mode-linux can-utils busybox-static iproute2 dmsetup
-e2fsprogs).
+The guest uses the host's files; it starts in two seconds and needs no privilege. Two guests run at
+the same time, because each uses one core. The tests are skipped if a tool is missing (Debian:
+user-mode-linux can-utils busybox-static iproute2 dmsetup e2fsprogs).
 """
 
 from __future__ import annotations
@@ -13,7 +13,8 @@ import shlex
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -24,6 +25,13 @@ NEEDED = ["linux.uml", "busybox", "candump", "cansend", "slcand", "ip", "tc", "d
 MISSING = [name for name in NEEDED if shutil.which(name) is None]
 CANOPEND = os.environ.get("RID_DAQ_CANOPEND") or shutil.which("canopend") or ""
 PATIENCE_S = 860
+GUESTS: dict[str, tuple[str, ...]] = {
+    "interface_output": ("tests/socketcan/test_interface.py", "tests/faults/test_failing_disk.py"),
+    "acceptance_output": ("tests/mock_hw/test_bus_acceptance.py", "-k", "socketcan"),
+}
+"""Tests that run in each guest; the keys are the names of the fixtures that return the output."""
+if CANOPEND:
+    GUESTS["canopennode_output"] = ("tests/socketcan/test_canopennode.py",)
 
 pytestmark = [
     pytest.mark.skipif(bool(MISSING), reason=f"not installed: {', '.join(MISSING)}"),
@@ -74,12 +82,39 @@ def assert_passed(output: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def figures(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """Run tests in a virtual machine (user-mode Linux); return each fault's printed result."""
-    tests = ("tests/socketcan/test_interface.py", "tests/faults/test_failing_disk.py")
-    output = boot(tmp_path_factory.mktemp("guest"), *tests)
-    assert_passed(output)
-    figures = dict(re.findall(r"^MEASURED (.*?): (.*)$", output, re.MULTILINE))
+def outputs(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[dict[str, Future[str]]]:
+    """Run the guests of all selected tests, two at the same time; yield their outputs."""
+    items = [item for item in request.session.items if isinstance(item, pytest.Function)]
+    used = {name for item in items for name in item.fixturenames} & GUESTS.keys()
+    with ThreadPoolExecutor(2) as pool:
+        yield {
+            name: pool.submit(boot, tmp_path_factory.mktemp("guest"), *GUESTS[name])
+            for name in sorted(used)
+        }
+
+
+@pytest.fixture(scope="module")
+def interface_output(outputs: dict[str, Future[str]]) -> str:
+    return outputs["interface_output"].result()
+
+
+@pytest.fixture(scope="module")
+def canopennode_output(outputs: dict[str, Future[str]]) -> str:
+    return outputs["canopennode_output"].result()
+
+
+@pytest.fixture(scope="module")
+def acceptance_output(outputs: dict[str, Future[str]]) -> str:
+    return outputs["acceptance_output"].result()
+
+
+@pytest.fixture(scope="module")
+def figures(interface_output: str) -> dict[str, str]:
+    """Return the result that each test of a fault printed in the guest."""
+    assert_passed(interface_output)
+    figures = dict(re.findall(r"^MEASURED (.*?): (.*)$", interface_output, re.MULTILINE))
     assert len(figures) == 5
     return figures
 
@@ -111,11 +146,11 @@ def test_the_tests_of_a_failing_disk_pass_in_the_guest(
 
 @pytest.mark.alone
 @pytest.mark.skipif(not CANOPEND, reason="canopend (CANopenNode for Linux) is not installed")
-def test_canopennode_works_as_a_device_and_as_a_master(tmp_path: Path) -> None:
-    assert_passed(boot(tmp_path, "tests/socketcan/test_canopennode.py"))
+def test_canopennode_works_as_a_device_and_as_a_master(canopennode_output: str) -> None:
+    assert_passed(canopennode_output)
 
 
 @pytest.mark.alone
 @pytest.mark.long
-def test_the_acceptance_suite_passes_in_the_guest(tmp_path: Path) -> None:
-    assert_passed(boot(tmp_path, "tests/mock_hw/test_bus_acceptance.py", "-k", "socketcan"))
+def test_the_acceptance_suite_passes_in_the_guest(acceptance_output: str) -> None:
+    assert_passed(acceptance_output)
