@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+from dataclasses import asdict
 from typing import Any
 
 import httpx
@@ -11,11 +12,14 @@ import pytest
 
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
+from rid_daq.preflight.check_line import CheckLine
 from rid_daq.service.api.app import make_api
 from rid_daq.service.authenticator import Authenticator
 from rid_daq.service.client import ServiceClient
 from rid_daq.service.records import Preflight, Role
 from rid_daq.service.service import CellService
+
+HEARTBEAT = CheckLine("axis1, node 1", "heartbeat", "", "", "red")
 
 
 class Api:
@@ -173,13 +177,13 @@ def test_a_requested_stop_is_not_a_fault(api: Api, code: str) -> None:
 
 def test_a_red_preflight_is_not_ready(api: Api) -> None:
     cell = api.service.cell("ir361")
-    document = {"passed": False, "problem": None, "lines": [{"what": "heartbeat"}]}
+    document = {"passed": False, "problem": None, "lines": [asdict(HEARTBEAT)]}
     api.service.readiness.note_check(cell, document)
     answer = api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361").json()
     assert answer["state"] == "closed"
     assert "preflight has failed" in answer["not_ready_because"]
     lines = api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361/preflight").json()
-    assert Preflight.model_validate(lines).lines == ({"what": "heartbeat"},)
+    assert Preflight.model_validate(lines).lines == (HEARTBEAT,)
 
 
 def test_a_stop_needs_no_lease_and_no_role(api: Api) -> None:
