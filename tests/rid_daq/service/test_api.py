@@ -19,6 +19,8 @@ from rid_daq.service.client import ServiceClient
 from rid_daq.service.records import Preflight, Role
 from rid_daq.service.service import CellService
 
+HEARTBEAT = CheckLine("axis1, node 1", "heartbeat", "", "", "red")
+
 
 class Api:
     """A client of a service in this process."""
@@ -175,14 +177,13 @@ def test_a_requested_stop_is_not_a_fault(api: Api, code: str) -> None:
 
 def test_a_red_preflight_is_not_ready(api: Api) -> None:
     cell = api.service.cell("ir361")
-    line = CheckLine("drive", "heartbeat", "200 ms", "none", "red")
-    document = {"passed": False, "problem": None, "lines": [asdict(line)]}
+    document = {"passed": False, "problem": None, "lines": [asdict(HEARTBEAT)]}
     api.service.readiness.note_check(cell, document)
     answer = api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361").json()
     assert answer["state"] == "closed"
     assert "preflight has failed" in answer["not_ready_because"]
     lines = api.ask(Role.VIEWER, "GET", "/api/v1/cells/ir361/preflight").json()
-    assert Preflight.model_validate(lines).lines == (line,)
+    assert Preflight.model_validate(lines).lines == (HEARTBEAT,)
 
 
 def test_a_stop_needs_no_lease_and_no_role(api: Api) -> None:

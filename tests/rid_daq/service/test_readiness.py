@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from pathlib import Path
 
 import pytest
 
 from acquisition.motion.known_pose import MOVED
 from rid_daq.preflight.axis_test import UNTESTED
+from rid_daq.preflight.check_line import CheckLine
 from rid_daq.service.job_kinds import JobKind
 from rid_daq.service.readiness import NOT_SINCE_START, PREFLIGHT_LIMIT_S, Readiness
 from rid_daq.service.served_cell import ServedCell
@@ -40,11 +42,12 @@ def readiness(tmp_path: Path, clock: Clock) -> Readiness:
 
 def check_document(cell: ServedCell, *red: str, problem: str | None = None) -> dict[str, object]:
     """Return the document of a check with red lines."""
-    lines = [{"code": code, "verdict": "red"} for code in red]
+    lines = [CheckLine("axis1, node 1", "", "", "", "red", code=code) for code in red]
+    lines.append(CheckLine("axis1, node 1", "", "", "", "ok"))
     return {
         "passed": not red and problem is None,
         "problem": problem,
-        "lines": [*lines, {"code": "", "verdict": "ok"}],
+        "lines": [asdict(line) for line in lines],
         "files_hash": cell.loaded.files_hash,
     }
 
