@@ -175,13 +175,12 @@ class Friction:
     def nonlinear_slopes(self, motion: TermMotion, coefficients: FloatArray) -> FloatArray:
         """Return the slopes of the torque over the nonlinear parameters (`NonlinearTerm`)."""
         slopes = np.zeros((*motion.joint.shape[1:], len(self.nonlinear)))
+        # `changing` refuses columns of an unknown function.
+        changing = zip(self.columns, self.changing, coefficients, strict=True)
+        sizes = {c.joint: float(size) for c, _, size in changing if c.function == "stribeck"}
         for k, stribeck in enumerate(self.stribeck):
             j, speed = stribeck.joint, stribeck.parameter.value
-            size = sum(
-                float(value)
-                for column, value in zip(self.columns, coefficients, strict=True)
-                if column.joint == j and column.function == "stribeck"
-            )
+            size = sizes[j]
             v = motion.actuator[1, :, j]
             shape = self._sign(motion, j, v) * np.exp(-np.abs(v) / speed)
             slopes[:, j, k] = size * shape * np.abs(v) / speed**2
