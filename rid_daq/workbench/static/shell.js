@@ -154,7 +154,9 @@ async function checkVersion() {
 }
 
 function reloadAtRest() {
-  if (isOutdated && now.status && !now.status.job) location.reload();
+  if (!isOutdated || !now.status || now.status.job) return;
+  isOutdated = false; // a second call would abort the reload that the first has begun
+  location.reload();
 }
 
 on("again", checkVersion);
