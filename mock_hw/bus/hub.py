@@ -56,8 +56,7 @@ class CanHub:
         listener: A listening SEQPACKET socket; closed by `close`.
         bitrate: Nominal bit rate [bit/s].
         realtime: True for real time, False for lock-step.
-        pace: In lock-step with a master, largest number of simulated seconds per second; None for
-            no limit.
+        pace: In lock-step with a master, limit of simulated seconds per second; None for none.
         channel: Name of the bus in the log.
         log: File for all frames in candump's format; in real time, times are seconds since 1970.
         faults: Faults of the bus; None for no faults.

@@ -17,7 +17,7 @@ from config.process.termination import signals_blocked
 def send_state(pipe: Connection) -> None:
     """Send the loaded modules, variables, folder and parent of this process; then fail."""
     pipe.send(("pinocchio" in sys.modules, os.environ["RID_STATE"], os.getcwd(), os.getppid()))
-    raise ValueError("as in the test")
+    raise ValueError("x")
 
 
 def test_a_fork_has_modules_and_kernels_and_the_state_of_a_new_process(
@@ -34,5 +34,5 @@ def test_a_fork_has_modules_and_kernels_and_the_state_of_a_new_process(
         assert ours.recv() == (True, "now", str(tmp_path), os.getpid())
     process.join()
     assert process.exitcode == 1
-    assert "ValueError: as in the test" in capfd.readouterr().err
+    assert "ValueError:" in capfd.readouterr().err
     process.close()
