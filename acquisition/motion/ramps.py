@@ -35,10 +35,10 @@ def run_in(trajectory: FourierTrajectory, samples: int) -> JointTrajectory:
 
 
 def run_out(trajectory: FourierTrajectory, samples: int) -> JointTrajectory:
-    """Return the samples from the end of the last period (its time zero) to rest, both included.
+    """Return the samples from the end of the last period to rest, both included.
 
     Args:
-        trajectory: The periodic motion.
+        trajectory: The periodic motion; the run-out begins at its time zero, the end of a period.
         samples: Number of samples of the run-out; one more row, at rest, is returned.
     """
     x = 1.0 - np.arange(samples + 1) / samples

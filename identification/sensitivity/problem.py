@@ -25,7 +25,8 @@ from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.payload.body import PayloadBody, parameters_to_parent, reported
 
 Comparison = Literal["model", "difference"]
-"""Comparison that separates a payload: with a model of the robot, or with an unloaded run."""
+"""Reference from which the payload's part of the torques is found: a model of the robot, or an
+unloaded run."""
 
 MOVING: Final = 1e-9
 RANK: Final = 1e-8

@@ -87,7 +87,7 @@ class CalibratePosesRequest(Request):
     ] = None
     loaded_motion: Annotated[
         Path | None,
-        Field(description="Motion file to write: the poses with load."),
+        Field(description="Motion file to write, which `record` runs: the poses with load."),
         Option(group=MOTION, metavar="MOTION", file="output", endings=(".yaml",), needs="load"),
     ] = None
     dwell: Annotated[

@@ -86,7 +86,8 @@ function isRecorded(run) {
   return job != null && ["", page.cell].includes(run.cell) && Date.parse(run.created_utc) / 1000 >= Math.floor(job.created_s);
 }
 
-// Recover a run that was not closed: write the parts with valid checksums into a new run.
+// Return a button that recovers a run that was not closed or whose manifest cannot be read: a job writes the parts
+// with valid checksums into a new run.
 /** @type {(run: Api.RunEntry) => Part} */
 const recovery = (run) => html`
   ${run.problem ? html`<p class="verdict bad">${run.problem}</p>` : nothing}

@@ -75,7 +75,7 @@ export class SignalStore {
     return null;
   }
 
-  // Group the bins of a time range into at most `most` columns (more if there are gaps). A column is { places,
+  // Group the bins of a time range into about `most` columns: at most `most` + 1, and more if there are gaps. A column is { places,
   // isAfterGap }; no column spans a gap.
   /** @type {(from: number, to: number, most: number) => Columns} */
   columns(from, to, most) {
