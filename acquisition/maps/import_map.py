@@ -180,8 +180,8 @@ class ImportMap(PhysicalFile, Derived):
             given |= self.model_fields_set & {"empty_cells", "plate"}
             if given:
                 raise ValueError(
-                    f"joint_states cannot be combined with {', '.join(sorted(given))}: the messages"
-                    " define these. Remove these keys"
+                    f"joint_states cannot be combined with {', '.join(sorted(given))}: these keys"
+                    " are for CSV files only. Remove them"
                 )
             return self
         if not self.joints:

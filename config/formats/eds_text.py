@@ -160,7 +160,7 @@ def _begin(sections: dict[str, EdsSection], title: str, name: str, number: int) 
         )
     if len(sections) == MAX_SECTIONS:
         refuse_line(
-            name, number, f"more than {MAX_SECTIONS} objects; is it the file of one device?"
+            name, number, f"more than {MAX_SECTIONS} sections; is it the file of one device?"
         )
     return sections.setdefault(key, EdsSection(title, number))
 

@@ -27,8 +27,8 @@ def stream_motion(
 ) -> TrackingError:
     """Move the arm from a pose to a motion's start, stream the motion, and return its errors.
 
-    A commanded speed acts from the next SYNC on. Positions arrive one cycle late. Both are rounded
-    as the drives round them.
+    A commanded speed acts from the next SYNC on. The online feedforward sees positions one cycle
+    late; the position loop does not. Speeds and positions are rounded as the drives round them.
     """
     assert cell.plant is not None
     samples = samples.whole()

@@ -331,10 +331,11 @@ def signals_of(
     channel: TorqueChannel | None = None,
     smoothed: Sequence[SmoothedSignals] = (),
 ) -> list[SmoothedSignals]:
-    """Return runs as low-passed signals in time; of periodic runs the mean period.
+    """Return each run as low-passed signals in time; for a periodic run, those of its mean period.
 
-    If the torque channel is known, the model's torque is filtered by it too. `smoothed` is the
-    result of `smoothed_runs`, if it is known.
+    A known torque channel is applied to the model's torque; for periodic runs, its delays are
+    removed from the measured torque instead. `smoothed` is the result of `smoothed_runs`, if it is
+    known.
     """
     if data[0].is_periodic:
         averages = period_averages(data, channel)

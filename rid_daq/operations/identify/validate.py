@@ -135,7 +135,7 @@ class ValidateResult:
         return ExitCode.VERDICT_FAILED if failed else ExitCode.DONE
 
     def document(self) -> dict[str, object]:
-        """Return errors, reactions and the verdict as numbers."""
+        """Return the result as JSON values: the errors, the base reaction, the verdict, the notes."""
         found = self.validated
         parts = {
             "validation": found.validation,

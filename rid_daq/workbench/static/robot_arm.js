@@ -64,7 +64,8 @@ export class RobotArm {
     this.base.updateWorldMatrix(true, true);
   }
 
-  // Distance from the base to the tool with the arm stretched out [m]; the size of marks is proportional to it.
+  // Upper limit of the distance from the base to the tool: sum of the lengths of the links [m]; the size of marks is
+  // proportional to it.
   reach() {
     const lengths = [...this.fixed, this.tool].map((each) => each.position.length());
     return Math.max(0.05, lengths.reduce((sum, each) => sum + each, 0));

@@ -1,4 +1,4 @@
-"""A cell of a service from Python: its state, a job, a recorded motion."""
+"""A service's cell, used through the Python API: its state, a job, a recorded motion."""
 
 from __future__ import annotations
 

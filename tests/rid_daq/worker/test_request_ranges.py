@@ -73,7 +73,7 @@ def smallest_document(schema: Schema, whole: Schema) -> Any:
 
 
 def document_with(kind: JobKind, place: Place, value: object) -> dict[str, Any]:
-    """Return a document of a job kind with a value at a place."""
+    """Return the smallest request of a job kind with `value` at `place`, a path of keys."""
     whole = SCHEMAS[kind]
 
     def put(schema: Schema, place: Place, document: Any) -> Any:
