@@ -38,7 +38,9 @@ class StuckEncoders:
     def begin(self) -> None:
         """Restart."""
         self._periods = [0] * len(self._names)  # number of cycle times at standstill
-        self._torque_from = [0.0] * len(self._names)  # torque at the beginning of standstill, or later while braking
+        self._torque_from = [0.0] * len(
+            self._names
+        )  # torque at the beginning of standstill, or later while braking
         # number of cycles for which the torque can still decrease after braking
         self._braking = [0] * len(self._names)
 

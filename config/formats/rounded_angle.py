@@ -22,6 +22,9 @@ NAMED_RAD: Final = 1e-6
 """Smallest correction of an angle that a note reports [rad]."""
 FEWEST_DECIMALS: Final = 2
 
+LARGEST_RAD: Final = 1e6
+"""Size beyond which an angle is used as it is written [rad]."""
+
 
 @dataclass(frozen=True)
 class AngleReading:
@@ -53,6 +56,8 @@ class AngleReading:
                 is read as the multiple, even if it has many decimals [rad].
         """
         angle_rad = float(angle_rad)  # numpy's numbers have another shortest text
+        if abs(angle_rad) > LARGEST_RAD:
+            return cls(angle_rad, angle_rad, angle_rad)
         nearest = round(angle_rad / STEP_RAD) * STEP_RAD
         error = abs(angle_rad - nearest)
         quarter = round(angle_rad / STEP_RAD) % 6 == 0

@@ -74,8 +74,9 @@ def covariance_problems(name: str, matrix: FloatArray) -> Iterator[str]:
         yield f"{name}.{number}.{number}: a negative variance, {variances[number]:g}"
     size = np.sqrt(np.maximum(variances, 0.0))
     scale = np.where(size > 0.0, size, 1.0)
-    scaled = matrix / np.outer(scale, scale)
-    uneven = np.argwhere(np.abs(scaled - scaled.T) > SAME)
+    with np.errstate(over="ignore", invalid="ignore"):
+        scaled = matrix / np.outer(scale, scale)
+        uneven = np.argwhere(~(np.abs(scaled - scaled.T) <= SAME))
     if len(uneven):
         row, column = uneven[0]
         yield f"{name}.{row}.{column}: the matrix is not symmetric"
