@@ -147,7 +147,9 @@ def path_errors(folder: Path, quick: bool) -> dict[str, float]:
 
 
 def change_errors(folder: Path) -> dict[str, tuple[float, float]]:
-    """Return peak and later mean of the path error [m] after each change of the payload of ir361.
+    """Return two path errors [m] after each change of ir361's payload.
+
+    They are the largest error within 0.5 s, and the mean error from 0.5 to 1 s after the change.
 
     The folder contains the files of `path_errors`.
     """

@@ -1,4 +1,4 @@
-"""Resources of each test worker: one BLAS thread, separate simulated buses, and an amplifier."""
+"""Settings of each test worker (one BLAS thread, own simulated buses), and common fixtures."""
 
 import os
 import tempfile

@@ -283,9 +283,9 @@ def base_wrench_regressor(
 
     Returns:
         Shape (samples, 6, parameters). Fx, Fy, Fz [N], then Mx, My, Mz [N m], about the origin and
-        in the axes of the base frame, per unit parameter. The columns of friction and spring are
-        zero, because these act between two links. Of a rotor, only its load on a link acts on the
-        base.
+        in the axes of the base frame, per unit parameter. The columns of friction, spring and
+        armature are zero, because these act between two links. A rotor contributes only the moment
+        with which it loads the link that carries it, not the torque on its own joint.
 
     Raises:
         EstimationError: q, v and a do not all have the shape (samples, n).

@@ -37,7 +37,7 @@ class Limits:
             second.
         request_s: Time from the connection to the last byte of the request [s]; the head handler
             may allow more for large bodies.
-        answer_s, stream_s: Time for which a client may receive none of the pending data [s].
+        answer_s, stream_s: Longest time until a full send buffer has emptied [s].
     """
 
     waiting: int = 128

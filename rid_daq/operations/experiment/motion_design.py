@@ -155,8 +155,8 @@ def _design_excitation(
     )
     found = search(problem, config, how, context, request.scheduler)
     origin = (
-        f"start {found.best.seed} was the best of {len(found.trials)} starts of seed {how.seed}"
-        f" for {', '.join(how.wanted) or how.criterion}:"
+        f"the best of {len(found.trials)} random first guesses (--seed {how.seed}; its own seed is"
+        f" {found.best.seed}) for {', '.join(how.wanted) or how.criterion}:"
         f" {problem.criterion.describe(found.best.check.objective)}."
     )
     return found.best.motion, origin, found

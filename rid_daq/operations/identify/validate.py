@@ -135,7 +135,7 @@ class ValidateResult:
         return ExitCode.VERDICT_FAILED if failed else ExitCode.DONE
 
     def document(self) -> dict[str, object]:
-        """Return the result as JSON values: the errors, the base reaction, the verdict, the notes."""
+        """Return the result as JSON values: errors, base reaction, verdict and notes."""
         found = self.validated
         parts = {
             "validation": found.validation,

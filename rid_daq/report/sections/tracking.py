@@ -61,8 +61,8 @@ class ErrorSize(Section):
     """Size of the errors of a run.
 
     Attributes:
-        mean_m: Mean distance of the tool point from its path, by the motor encoders [m].
-        max_m: Largest distance of the tool point from its path, by the motor encoders [m].
+        mean_m: Mean distance of the tool point, as the motor encoders see it, from its path [m].
+        max_m: Largest distance of this point from its path [m].
         joint_peak: Largest error of each joint [rad or m].
         bending: Estimated deflection of the gears, which the other values do not contain; left out
             if no stiffness is known.

@@ -178,7 +178,12 @@ async def put_file(
         service.audit.note(who.name, "changed a file", details=path)
         return SavedFile.of(file.path, service.folder, version=sha256_of(content))
     found = _find_file(service, path)
-    if found.is_relative_to(service.runs.resolve()) or found.name == MANIFEST:
+    if found.name == MANIFEST:
+        raise ConfigError(
+            f"{path}: the name {MANIFEST} is reserved for runs: choose another name",
+            code="RID-OUTPUT-RUN",
+        )
+    if found.is_relative_to(service.runs.resolve()):
         raise ConfigError(
             f"{path}: only recordings write into the runs folder: choose a path outside it",
             code="RID-OUTPUT-RUN",

@@ -182,7 +182,7 @@ async def _receive(
 
 
 def _parse_message(text: str) -> dict[str, object] | None:
-    """Return a viewer's message as a JSON object, None if it has none of the expected keys."""
+    """Return a viewer's message as a JSON object; None if no expected key has a text as value."""
     try:
         document = json.loads(text)
     except (ValueError, RecursionError):

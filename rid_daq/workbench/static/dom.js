@@ -84,7 +84,7 @@ export function seen(place, margin, signal = null) {
   });
 }
 
-// Return a number with three significant digits, without decimals from 100 on.
+// Return a number with three significant digits; from 100 on, the nearest whole number.
 /** @type {(value: number) => string} */
 export const threeDigits = (value) => (Math.abs(value) >= 100 ? value.toFixed(0) : value.toPrecision(3));
 

@@ -95,10 +95,10 @@ def test_a_feedforward_beyond_the_speed_limit_is_refused(
         try_to_record(replace(samples, feedforward=np.full_like(samples.velocity, 1.01 * fastest)))
 
 
-def test_a_sum_of_motion_and_feedforward_beyond_the_limits_is_refused(
+def test_a_feedforward_that_begins_with_a_step_is_refused(
     try_to_record: Try, samples: MotionSamples
 ) -> None:
-    """The sum of velocity and feedforward is within the speed limits, but begins with a step."""
+    """All its speeds are within the limits."""
     ahead = samples.velocity.copy()
     ahead[0] = 0.3 * np.array([joint.limits.velocity for joint in ROBOT.joints])
     with raises_code(PreflightError, "RID-MOTION-COMMAND"):
