@@ -11,7 +11,6 @@ library changes these names.
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Iterator
 from typing import Any, Final
 
@@ -22,16 +21,13 @@ from mcap.records import ChunkIndex, MessageIndex
 from mcap.writer import Writer
 from numpy.typing import NDArray
 
-from acquisition.journal.mcap_records import MESSAGE, MESSAGE_RECORD, RECORD
+from acquisition.journal.mcap_records import MESSAGE, RECORD
 from config.errors import RecordingError
 
 ATTRIBUTE: Final = "_Writer__chunk_indices"
 _BUILDER: Final = "_Writer__chunk_builder"
 _CHUNK_SIZE: Final = "_Writer__chunk_size"
 _STATISTICS: Final = "_Writer__statistics"
-_STREAM: Final = "_Writer__stream"
-_INDEX_HEAD_BYTES: Final = 6
-"""Size of channel and length in the index of a chunk's messages."""
 
 
 class ChunkIndices:
@@ -43,10 +39,6 @@ class ChunkIndices:
     def append(self, index: ChunkIndex) -> None:
         """Add the index of a written chunk."""
         index.write(self._records)
-
-    def extend(self, records: bytes) -> None:
-        """Add the index records of many written chunks."""
-        self._records.write(records)
 
     def __iter__(self) -> Iterator[ChunkIndices]:
         """Yield this object once; the writer then calls `write` once for all chunks."""
@@ -63,7 +55,7 @@ def keep_as_bytes(writer: Writer) -> None:
     Raises:
         RecordingError: The writer of the installed library has other attributes.
     """
-    names = {_BUILDER, _CHUNK_SIZE, _STATISTICS, _STREAM}
+    names = {_BUILDER, _CHUNK_SIZE, _STATISTICS}
     if vars(writer).get(ATTRIBUTE) != [] or not names <= vars(writer).keys():
         raise RecordingError(
             "this version of the Python package mcap is not supported: install the version in"
@@ -71,6 +63,20 @@ def keep_as_bytes(writer: Writer) -> None:
             code="RID-INSTALL-MCAP",
         )
     vars(writer)[ATTRIBUTE] = ChunkIndices()
+
+
+class _MessageIndex:
+    """Index of the messages of a chunk, instead of the library's list of pairs."""
+
+    def __init__(self, channel: int, pairs: bytes) -> None:
+        self._channel, self._pairs = channel, pairs
+
+    def write(self, stream: RecordBuilder) -> None:
+        stream.start_record(Opcode.MESSAGE_INDEX)
+        stream.write2(self._channel)
+        stream.write4(len(self._pairs))
+        stream.write(self._pairs)
+        stream.finish_record()  # type: ignore[no-untyped-call]
 
 
 def add_messages(
@@ -100,8 +106,8 @@ def add_messages(
     while first < len(records):
         room = (chunk_bytes - builder.count) // records.itemsize
         if not builder.count and len(records) - first >= count:
-            part = records[first : first + (len(records) - first) // count * count]
-            _write_chunks(writer, channel, part.reshape(-1, count))
+            part = records[first : first + count]
+            _add_chunk(writer, channel, part)
         elif room > 0:
             part = records[first : first + room]
             _extend_chunk(writer, channel, part)
@@ -115,62 +121,22 @@ def add_messages(
 
 def _record_dtype(payload_bytes: int) -> np.dtype[Any]:
     """Return the numpy record type of a message record."""
-    return np.dtype([*MESSAGE_RECORD.descr, ("payload", "u1", (payload_bytes,))])
-
-
-def _write_chunks(writer: Writer, channel: int, records: NDArray[Any]) -> None:
-    """Write message records, shape (chunks, messages); no chunk may have begun."""
-    writer.flush()  # type: ignore[no-untyped-call]
-    chunks = np.zeros(len(records), _chunk_dtype(records.dtype, records.shape[1]))
-    stored_bytes = records.shape[1] * records.itemsize
-    index_bytes = RECORD.size + _INDEX_HEAD_BYTES + 16 * records.shape[1]
-    head_bytes = chunks.itemsize - index_bytes
-    chunks["opcode"], chunks["length"] = Opcode.CHUNK, head_bytes - RECORD.size
-    chunks["start"], chunks["end"] = records["log"].min(axis=1), records["log"].max(axis=1)
-    chunks["plain"] = chunks["stored"] = stored_bytes
-    chunks["crc"] = [zlib.crc32(chunk) for chunk in np.ascontiguousarray(records)]
-    chunks["records"] = records
-    chunks["opcode_of_index"] = Opcode.MESSAGE_INDEX
-    chunks["length_of_index"] = index_bytes - RECORD.size
-    chunks["channel"], chunks["pair_bytes"] = channel, 16 * records.shape[1]
-    chunks["pairs"][:, :, 0] = records["log"]
-    chunks["pairs"][:, :, 1] = np.arange(records.shape[1]) * records.itemsize
-    begins = vars(writer)[_STREAM].tell() + np.arange(len(chunks)) * chunks.itemsize
-    vars(writer)[_STREAM].write(chunks.tobytes())
-    index = np.zeros(len(chunks), _CHUNK_INDEX)
-    index["opcode"], index["length"] = Opcode.CHUNK_INDEX, index.itemsize - RECORD.size
-    index["start"], index["end"] = chunks["start"], chunks["end"]
-    index["begin"], index["chunk_bytes"] = begins, head_bytes
-    index["offset_bytes"], index["channel"], index["offset"] = 10, channel, begins + head_bytes
-    index["index_bytes"] = index_bytes
-    index["stored"] = index["plain"] = stored_bytes
-    vars(writer)[ATTRIBUTE].extend(index.tobytes())
-    vars(writer)[_STATISTICS].chunk_count += len(chunks)
-    _count_messages(writer, channel, records.ravel())
-
-
-_CHUNK_INDEX: Final = np.dtype(
-    [
-        *(("opcode", "u1"), ("length", "<u8"), ("start", "<u8"), ("end", "<u8")),
-        *(("begin", "<u8"), ("chunk_bytes", "<u8"), ("offset_bytes", "<u4"), ("channel", "<u2")),
-        *(("offset", "<u8"), ("index_bytes", "<u8"), ("compression_bytes", "<u4")),
-        *(("stored", "<u8"), ("plain", "<u8")),
-    ]
-)
-"""Index record of a chunk with messages of one channel."""
-
-
-def _chunk_dtype(record: np.dtype[Any], count: int) -> np.dtype[Any]:
-    """Return the numpy record type of a chunk of `count` messages, followed by their index."""
     return np.dtype(
         [
-            *(("opcode", "u1"), ("length", "<u8"), ("start", "<u8"), ("end", "<u8")),
-            *(("plain", "<u8"), ("crc", "<u4"), ("compression_bytes", "<u4"), ("stored", "<u8")),
-            *(("records", record, (count,)), ("opcode_of_index", "u1")),
-            *(("length_of_index", "<u8"), ("channel", "<u2"), ("pair_bytes", "<u4")),
-            ("pairs", "<u8", (count, 2)),
+            *(("opcode", "u1"), ("length", "<u8"), ("channel", "<u2"), ("sequence", "<u4")),
+            *(("log", "<u8"), ("publish", "<u8"), ("payload", "u1", (payload_bytes,))),
         ]
     )
+
+
+def _add_chunk(writer: Writer, channel: int, records: NDArray[Any]) -> None:
+    """Write message records as one chunk; the writer must not have begun a chunk."""
+    builder = vars(writer)[_BUILDER]
+    pairs = np.empty((len(records), 2), "<u8")
+    pairs[:, 0], pairs[:, 1] = records["log"], np.arange(len(records)) * records.itemsize
+    builder.message_indices[channel] = _MessageIndex(channel, pairs.tobytes())
+    _add_records(writer, channel, records)
+    writer.flush()  # type: ignore[no-untyped-call]
 
 
 def _extend_chunk(writer: Writer, channel: int, records: NDArray[Any]) -> None:
@@ -184,20 +150,13 @@ def _extend_chunk(writer: Writer, channel: int, records: NDArray[Any]) -> None:
 
 def _add_records(writer: Writer, channel: int, records: NDArray[Any]) -> None:
     """Add message records to the present chunk and the statistics, but not to its index."""
-    builder = vars(writer)[_BUILDER]
+    builder, statistics = vars(writer)[_BUILDER], vars(writer)[_STATISTICS]
     start, end = int(records["log"].min()), int(records["log"].max())
     earlier = min(start, builder.message_start_time) if builder.num_messages else start
     builder.record_writer.write(records.tobytes())
     builder.message_start_time = earlier
     builder.message_end_time = max(end, builder.message_end_time)
     builder.num_messages += len(records)
-    _count_messages(writer, channel, records)
-
-
-def _count_messages(writer: Writer, channel: int, records: NDArray[Any]) -> None:
-    """Add message records to the statistics."""
-    statistics = vars(writer)[_STATISTICS]
-    start, end = int(records["log"].min()), int(records["log"].max())
     if statistics.message_count:
         start = min(start, statistics.message_start_time)
     statistics.message_start_time = start

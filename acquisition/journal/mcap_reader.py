@@ -19,15 +19,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
-
 from acquisition.journal.mcap_records import (
     CHANNEL,
     HEAD_BYTES,
     MESSAGE,
     MESSAGE_HEAD,
     MESSAGE_INDEX,
-    MESSAGE_RECORD,
     RECORD,
     channel_pairs,
     count_written,
@@ -217,8 +214,6 @@ class JournalReader:
             if records is None:
                 self._bad_chunks += 1
                 continue
-            if self._add_equal_messages(records, messages):
-                continue
             for opcode, start, end in records_of(records):
                 if opcode == MESSAGE:
                     channel, sequence, time_ns, _ = MESSAGE_HEAD.unpack_from(records, start)
@@ -238,28 +233,6 @@ class JournalReader:
                 elif opcode == CHANNEL and self._channel_pairs is None:
                     self._channel_pairs = channel_pairs(records[start:end])
         return messages
-
-    def _add_equal_messages(self, records: bytes, messages: Messages) -> bool:
-        """Add the messages of a chunk; return False unless they are of one size and in order."""
-        size = RECORD.size + RECORD.unpack_from(records)[1] if len(records) > RECORD.size else 0
-        body = size - MESSAGE_RECORD.itemsize
-        if body < 0 or len(records) % size:
-            return False
-        heads = np.ndarray(len(records) // size, MESSAGE_RECORD, records, strides=(size,))
-        sequences = range(self._next, self._next + len(heads))
-        if (
-            (heads["opcode"] != MESSAGE).any()
-            or (heads["length"] != size - RECORD.size).any()
-            or (heads["sequence"] != np.array(sequences)).any()
-        ):
-            return False
-        self._next += len(heads)
-        messages.sequences.extend(sequences)
-        messages.times_ns.extend(heads["log"].tolist())
-        messages.channels.extend(heads["channel"].tolist())
-        ends = range(size, len(records) + 1, size)
-        messages.payloads.extend([records[end - body : end] for end in ends])
-        return True
 
     def _chunks(self, last: bool) -> Iterator[bytes | None]:
         """Yield the records of every intact chunk; None for a chunk with a wrong CRC.

@@ -6,9 +6,7 @@ import os
 import struct
 import zlib
 from collections.abc import Iterator
-from typing import BinaryIO, Final
-
-import numpy as np
+from typing import BinaryIO
 
 from config.errors import RecordingError
 
@@ -18,13 +16,6 @@ _FOOTER, _STATISTICS = 0x02, 0x0B
 HEAD_BYTES = 1 << 16  # first bytes of a file, which contain a header
 RECORD = struct.Struct("<BQ")
 MESSAGE_HEAD = struct.Struct("<HIQQ")
-MESSAGE_RECORD: Final = np.dtype(
-    [
-        *(("opcode", "u1"), ("length", "<u8"), ("channel", "<u2"), ("sequence", "<u4")),
-        *(("log", "<u8"), ("publish", "<u8")),
-    ]
-)
-"""A message record without its payload."""
 _MAGIC = b"\x89MCAP0\r\n"
 _FOOTER_BODY = struct.Struct("<QQI")
 _TAIL_BYTES = RECORD.size + _FOOTER_BODY.size + len(_MAGIC)
