@@ -18,7 +18,7 @@ from identification.equations.late_torques import find_late_torques
 from identification.estimation.estimate import Estimate
 from identification.validation.further_terms import further_term_findings
 from identification.validation.model_choice import ModelChoice
-from identification.validation.torque_filters import filter_findings
+from identification.validation.torque_filters import channel_findings
 from rid_daq.operations.estimation.run_estimation import EstimationJob, signals_of
 from rid_daq.runs.run_data import RunData
 
@@ -55,9 +55,9 @@ def find_missing_effects(
     findings += [each.sentence for each in late]
     joints = tuple(each.joint for each in late)
     is_clock_known = all(item.clock is None or item.clock.is_known for item in data)
-    can_show_filters = is_clock_known and not data[0].is_periodic and not how.has_rounded_positions
-    if comparison is None and can_show_filters:
-        findings += filter_findings(estimate.robot, coarse, options, joints)
+    can_show_channel = is_clock_known and not data[0].is_periodic and not how.has_rounded_positions
+    if comparison is None and can_show_channel:
+        findings += channel_findings(estimate.robot, coarse, options, joints)
     return findings, joints
 
 

@@ -8,6 +8,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 from scipy.signal import bilinear, filtfilt, lfilter
 
 from acquisition.processing.smoothing import smooth_nonperiodic
@@ -15,7 +16,7 @@ from benchmarks.honest_choice import BAND_HZ, DURATION_S, FRICTIONS, Case, recor
 from benchmarks.known_arms import ARMS, STEP_S, drive
 from config.arrays import FloatArray
 from identification.estimation.options import EstimationOptions
-from identification.validation.torque_filters import filter_findings
+from identification.validation.torque_filters import channel_findings
 
 Filter = Callable[[FloatArray], FloatArray]
 ROBOT = ARMS["three"].description()
@@ -42,7 +43,7 @@ def findings(filtered: Filter, friction: str, known: tuple[str, ...] = ()) -> tu
     changed = replace(driven, torque_nm=filtered(driven.torque_nm))
     run, _ = recording(Case("three", friction, "none", 43), changed, 0, ROBOT)
     signals = [smooth_nonperiodic(run, BAND_HZ)]
-    return filter_findings(ROBOT, signals, EstimationOptions(), known)
+    return channel_findings(ROBOT, signals, EstimationOptions(), known)
 
 
 @pytest.mark.parametrize("effect", [lag, zero_phase])
@@ -64,3 +65,17 @@ def test_joints_of_another_finding_are_not_repeated() -> None:
     (sentence,) = findings(partial(zero_phase, corner_hz=5.0), "plain", (JOINTS[0],))
     assert JOINTS[0] not in sentence
     assert JOINTS[1] in sentence
+
+
+@pytest.mark.parametrize("delay_ms", [12.0, -8.0])
+def test_a_delay_that_a_bus_can_cause_is_named(delay_ms: float) -> None:
+    def delayed(torque_nm: FloatArray) -> FloatArray:
+        time_s = STEP_S * np.arange(len(torque_nm))
+        return np.asarray(
+            CubicSpline(time_s, torque_nm)(np.clip(time_s - 1e-3 * delay_ms, 0.0, time_s[-1]))
+        )
+
+    (sentence,) = findings(delayed, "plain")
+    for name in JOINTS:
+        shown_ms = float(sentence.split(f"{name} ")[1].split(" ms")[0])
+        assert shown_ms == pytest.approx(delay_ms, abs=1.5)
