@@ -25,6 +25,7 @@ from multiprocessing.connection import Connection
 import serial
 
 from acquisition.session.plate_recorder import BEAT_S, PARSE_S, piece_time_s
+from benchmarks.short_form import is_short
 from config.cell.amplifier_profile import BITS_PER_BYTE, AmplifierProfile
 from config.load import load_bundled_or_path
 from drivers.amplifier.frames import encode_row, row_layout
@@ -191,7 +192,7 @@ def simulated_device() -> Iterator[Connection]:
 
 def main() -> int:
     """Measure, and print the figures; the last line is one JSON object."""
-    seconds = 3.0 if "--quick" in sys.argv else 20.0
+    seconds = 3.0 if is_short(__doc__) else 20.0
     gc.freeze()
     gc.disable()
     with simulated_device() as player:

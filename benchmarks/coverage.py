@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from acquisition.processing.periods import PeriodAverage
+from benchmarks.short_form import is_short
 from config.arrays import FloatArray
 from config.load import load_robot
 from dynamics.model.robot_model import RobotModel, regressor
@@ -112,7 +113,7 @@ def _average(position: FloatArray, torque: FloatArray) -> PeriodAverage:
 
 def main() -> int:
     """Measure, and print the figures; the last line is one JSON object."""
-    experiments = 50 if "--quick" in sys.argv else 200
+    experiments = 50 if is_short(__doc__) else 200
     found = coverage(experiments)
     print(f"{experiments} experiments with model error; 2-sigma intervals with the true value:")
     print(f"  cluster-robust interval (jackknife)  {100 * found.clustered:.1f} %")

@@ -45,6 +45,7 @@ from acquisition.task.realtime import (
 from benchmarks.bare_exchange import compile_exchange
 from benchmarks.cyclic_bus import BITRATE, HEARTBEAT_S, Scenario, serve_bus
 from benchmarks.lateness import calm_p99
+from benchmarks.short_form import is_short
 from config.cell.cell import CanBusConfig, DriveSafety
 from drivers.canopen.frames import heartbeat_cob_id, rpdo_cob_id, tpdo_cob_id
 from drivers.ports.can_link import open_can
@@ -306,7 +307,7 @@ def p99(times_s: Times) -> float:
 
 def main() -> int:
     """Measure, and print the figures; the last line is one JSON object."""
-    quick = "--quick" in sys.argv
+    quick = is_short(__doc__)
     rounds, seconds = (3, 3.0) if quick else (ROUNDS, ROUND_S)
     ctypes.CDLL(None)  # loads the library before the measurement
     ratios: dict[str, float] = {}

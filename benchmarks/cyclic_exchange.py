@@ -21,6 +21,7 @@ from collections.abc import Callable
 import can
 import numpy as np
 
+from benchmarks.short_form import is_short
 from config.cell.cell import DriveSafety
 from drivers.ports.can_link import CanLink
 from drivers.servo.cia402 import AxisUnits
@@ -110,7 +111,7 @@ def cpu_us(cycle: Callable[[], None], cycles: int, pause_s: float) -> float:
 
 def main() -> int:
     """Measure, and print the figures; the last line is one JSON object."""
-    cycles = 500 if "--quick" in sys.argv else 4000
+    cycles = 500 if is_short(__doc__) else 4000
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     context = multiprocessing.get_context("spawn")
     drives = context.Process(target=play_drives, args=(theirs,), daemon=True)

@@ -23,6 +23,7 @@ import joblib
 import numpy as np
 
 from acquisition.motion.kinds.fourier import FourierMotion
+from benchmarks.short_form import is_short
 from config.load import load_robot
 from config.robot.bodies import Box, Plane, Workspace
 from dynamics.model.cad import cad_parameters
@@ -90,7 +91,7 @@ def best_draw(problem: ExcitationProblem, seed: int, budget_s: float) -> tuple[f
 
 def main() -> int:
     """Measure, and print the figures; the last line is one JSON object."""
-    budget_s = QUICK_BUDGET_S if "--quick" in sys.argv else BUDGET_S
+    budget_s = QUICK_BUDGET_S if is_short(__doc__) else BUDGET_S
     began_s = time.monotonic()
     problem = task()
     best: Candidate | None = None

@@ -36,6 +36,7 @@ from acquisition.runs.folder import RunFolder
 from acquisition.session.outcome import RecordOutcome
 from acquisition.session.record import MotionContext, record_motion
 from acquisition.task.states import TaskProgress, TaskState
+from benchmarks.short_form import is_short
 from config.load import LoadedCell, load_cell
 from mock_hw.bus.hub_client import HubClient
 from mock_hw.bus.hub_protocol import HubRole
@@ -243,7 +244,7 @@ def click(bench: Bench, samples: MotionSamples) -> float:
 
 def main() -> int:
     """Measure, and print the figures; the last line is one JSON object."""
-    quick = "--quick" in sys.argv
+    quick = is_short(__doc__)
     with bench() as setup:
         there, away, period_s = lateness(setup, 14.0 if quick else 60.0)
         p99_there, p99_away = np.quantile(there, 0.99), np.quantile(away, 0.99)

@@ -33,6 +33,7 @@ from typing import Any
 from acquisition.runs.catalogue import find_run
 from benchmarks.loaded_gears import tool_errors
 from benchmarks.paths import CIRCLES, circle_text
+from benchmarks.short_form import is_short
 from compensation.feedforward.tracking_error import tracking_error
 from config.cell.servo_profile import ServoProfile
 from config.load import load_cell, to_yaml
@@ -232,7 +233,7 @@ def validation_errors(folder: Path, quick: bool) -> dict[str, float]:
 
 def main() -> int:
     """Measure, and print the figures; the last line is one JSON object."""
-    quick = "--quick" in sys.argv
+    quick = is_short(__doc__)
     with tempfile.TemporaryDirectory() as name:
         paths = path_errors(Path(name), quick)
         changes = change_errors(Path(name))

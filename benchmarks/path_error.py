@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.paths import CIRCLES, FIRST, PATH, SPLINE, JobRunner, circle_text, is_held, ratios
+from benchmarks.short_form import is_short
 
 FIRST_BAR, PATH_BAR, OTHERS_BAR = (8.0, 5.0), (10.0, 8.0), (6.0, 4.0)
 
@@ -32,7 +33,7 @@ def compare_live(workshop: JobRunner, label: str, text: str) -> dict[str, Any]:
 
 def main() -> int:
     """Measure, and print the figures; the last line is one JSON object."""
-    quick = "--quick" in sys.argv
+    quick = is_short(__doc__)
     found: dict[str, dict[str, Any]] = {}
     with tempfile.TemporaryDirectory() as name:
         workshop = JobRunner(Path(name), quick)

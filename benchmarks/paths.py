@@ -17,6 +17,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from benchmarks.short_form import is_short
 from config.load import load_cell, to_yaml
 from rid_daq.app import run
 
@@ -162,7 +163,7 @@ class JobRunner:
 
 def main() -> int:
     """Measure, and print the figures; the last line is one JSON object."""
-    quick = "--quick" in sys.argv
+    quick = is_short(__doc__)
     found: dict[str, dict[str, Any]] = {}
     with tempfile.TemporaryDirectory() as name:
         workshop = JobRunner(Path(name), quick)

@@ -40,6 +40,7 @@ from acquisition.recording.plate_geometry import WRENCH_NAMES, plate_wrench_matr
 from acquisition.runs.catalogue import find_run
 from benchmarks.foreign_loops import loop_differences
 from benchmarks.loaded import Workplace
+from benchmarks.short_form import is_short
 from benchmarks.sound_plates import STEP_S, WeighedArm, weighed_arms
 from benchmarks.sound_robots import ROBOTS
 from config.arrays import FloatArray
@@ -289,7 +290,7 @@ def intervals_hold(count: int) -> dict[str, float]:
 
 def main() -> int:
     """Measure, and print the figures; the last line is one JSON object."""
-    quick = "--quick" in sys.argv
+    quick = is_short(__doc__)
     with tempfile.TemporaryDirectory() as name:
         work = Workplace(Path(name), "ir361")
         work.excitation("excitation", 1, 4 if quick else 8)

@@ -31,6 +31,7 @@ from acquisition.session.repair import repair_journal
 from acquisition.task.control_block import ControlBlock
 from acquisition.task.ring import Ring
 from acquisition.task.states import TaskState
+from benchmarks.short_form import is_short
 from config.errors import RecordingError
 
 ROWS: Final = 6000
@@ -173,7 +174,7 @@ def kills(folder: Path, count: int) -> tuple[int, int]:
 
 def main() -> int:
     """Measure, and print the figures; the last line is one JSON object."""
-    quick = "--quick" in sys.argv
+    quick = is_short(__doc__)
     count, killed = (60, 5) if quick else (1000, 100)
     with TemporaryDirectory(prefix="rid-recover-") as name:
         folder = Path(name)

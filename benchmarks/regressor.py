@@ -20,6 +20,7 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin  # pyright: ignore[reportMissingImports]
 
+from benchmarks.short_form import is_short
 from config.arrays import FloatArray
 from dynamics.geometry.kinematics import Chain
 from dynamics.model.inverse_dynamics import regressor_gradient, torque_derivatives
@@ -154,7 +155,7 @@ def measure_the_rest(rounds: int) -> None:
 
 def main() -> int:
     """Measure, and print the figures; the last line is one JSON object."""
-    rounds = 5 if "--quick" in sys.argv else 30
+    rounds = 5 if is_short(__doc__) else 30
     measure(3, rounds)
     value, limit, peer = measure(6, rounds)
     measure(7, rounds)

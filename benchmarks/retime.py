@@ -29,6 +29,7 @@ import numpy as np
 import pinocchio as pin  # pyright: ignore[reportMissingImports]
 
 from acquisition.motion.samples import JointTrajectory
+from benchmarks.short_form import is_short
 from compensation.timing.joint_curve import JointCurve
 from compensation.timing.limits import TimingLimits
 from compensation.timing.path_rows import PathDynamics, PathRows
@@ -258,7 +259,7 @@ def time_paths_by_toppra(six: SixAxes, seeds: range, rounds: int) -> dict[str, A
 
 def main() -> int:
     """Measure, and print the figures; return 0 if every requirement is met."""
-    quick = "--quick" in sys.argv
+    quick = is_short(__doc__)
     seeds, rounds = range(10 if quick else 100), 2 if quick else 5
     six = SixAxes.ur10e()
     own = time_paths(six, seeds, rounds)

@@ -19,6 +19,7 @@ from tempfile import TemporaryDirectory
 from typing import Final
 
 from acquisition.runs.folder import RunFolder
+from benchmarks.short_form import is_short
 from rid_daq.command_line.root import COMMANDS
 
 PEER: Final = (sys.executable, "-c", "import numpy, scipy")
@@ -80,7 +81,7 @@ def main() -> int:
                 "check": first_line_s(runs),
                 "whole check": processor_s(check_command(runs)),
             }
-            for _ in range(2 if "--quick" in sys.argv else ROUNDS)
+            for _ in range(2 if is_short(__doc__) else ROUNDS)
         ]
     taken = {what: min(each[what] for each in rounds) for what in rounds[0]}
     peer_s = taken.pop("peer")

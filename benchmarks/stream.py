@@ -38,6 +38,7 @@ from acquisition.supervision.held_positions import HeldPositions
 from acquisition.supervision.supervisor import Supervisor
 from acquisition.task.position_loop import PositionLoop
 from benchmarks.cyclic_exchange import SocketBus, driver_cycle, play_drives
+from benchmarks.short_form import is_short
 from compensation.loops.velocity_loop import VelocityLoop
 from compensation.online.load_kernels import load_arrays, stated_times
 from compensation.online.load_signals import LoadSignals
@@ -264,7 +265,7 @@ def share_of_core(cycles: int) -> tuple[float, float]:
 
 def main() -> int:
     """Measure, and print the figures; the last line is one JSON object."""
-    quick = "--quick" in sys.argv
+    quick = is_short(__doc__)
     rows = 5_000 if quick else 40_000
     cell = load_cell("kr15")
     # The Python program has no coupled wrist.

@@ -18,6 +18,7 @@ import numpy as np
 
 from acquisition.tracker.pose_file import MeasuredPoses
 from benchmarks.measured_arm import MeasuredArm
+from benchmarks.short_form import is_short
 from config.arrays import FloatArray
 from config.load import load_robot
 from dynamics.geometry.clearances import Clearances
@@ -158,7 +159,7 @@ def failures(robot: Robot, trials: list[Trial]) -> list[str]:
 
 def main() -> int:
     """Print the figures, and return the exit code."""
-    count = 2 if "--quick" in sys.argv[1:] else 10
+    count = 2 if is_short(__doc__) else 10
     failed = []
     for robot in ROBOTS:
         trials = [attempt(robot, seed) for seed in range(count)]

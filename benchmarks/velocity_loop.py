@@ -23,6 +23,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from benchmarks.closed_loop import closed_loop
+from benchmarks.short_form import is_short
 from compensation.loops.loop_measurement import measure_loops
 from compensation.loops.multisine_motion import MultisineOptions, multisine_motion
 from compensation.loops.multisine_spectra import MultisineSpectra, multisine_spectra
@@ -118,7 +119,7 @@ def _plain_fit(spectra: MultisineSpectra, joint: int) -> FloatArray:
 
 def main() -> int:
     """Measure, and print the figures; the last line is one JSON object."""
-    seeds = 8 if "--quick" in sys.argv else 50
+    seeds = 8 if is_short(__doc__) else 50
     found = prove(seeds)
     worst = np.abs(found.error).max(axis=0)
     typical = np.sqrt(np.mean(found.error**2, axis=0))
