@@ -182,9 +182,14 @@ def authority(tmp_path_factory: pytest.TempPathFactory) -> Path:
         openssl(
             "req", "-x509", *key, "-keyout", f"{name}.key", "-out", f"{name}.pem",
             "-days", "3650", "-subj", f"/CN={name}",
+            "-addext", "keyUsage=critical,keyCertSign,cRLSign",
         )  # fmt: skip
     for name in ("drive", "computer"):
-        (folder / f"{name}.ext").write_text(f"subjectAltName=DNS:{name}.cell\n")
+        # Python 3.13 and newer refuse certificates without these extensions
+        (folder / f"{name}.ext").write_text(
+            f"subjectAltName=DNS:{name}.cell\nbasicConstraints=CA:FALSE\n"
+            "subjectKeyIdentifier=hash\nauthorityKeyIdentifier=keyid\n"
+        )
         openssl(
             "req", "-new", *key, "-keyout", f"{name}.key", "-out", f"{name}.csr",
             "-subj", f"/CN={name}.cell",
