@@ -44,7 +44,7 @@ from rid_daq.report.sections.validation import ValidationSection
 from rid_daq.runs.run_data import MOTION
 from rid_daq.session.session import hold_cell
 from rid_daq.terminal.console import Progress
-from rid_daq.terminal.context import MotionStart
+from rid_daq.terminal.job_events import MotionEvent
 
 DEMO_CELL = "ir361"
 
@@ -185,7 +185,7 @@ class _ProgressConsole:
     def say(self, text: str = "") -> None:
         """Do nothing: the run folder contains the messages."""
 
-    def announce_motion(self, motion: MotionStart) -> None:
+    def announce_motion(self, motion: MotionEvent) -> None:
         """Do nothing: the progress shows the motion."""
 
     @contextlib.contextmanager

@@ -47,7 +47,8 @@ from rid_daq.session.scenario import Scenario
 from rid_daq.session.session import mark_unfinished
 from rid_daq.session.versions import software_versions
 from rid_daq.terminal.clearance import require_cleared
-from rid_daq.terminal.context import Context, Display, MotionStart
+from rid_daq.terminal.context import Context, Display
+from rid_daq.terminal.job_events import MotionEvent
 from rid_daq.terminal.motion_progress import motion_total, progress_callback
 
 if TYPE_CHECKING:
@@ -202,7 +203,14 @@ class RunSession:
             return is_enough
 
         self.display.announce_motion(
-            MotionStart(folder.run_id, request.sentence, rows, per_period, request.tested_joint)
+            MotionEvent(
+                at_s=time.time(),
+                run=folder.run_id,
+                title=request.sentence,
+                rows=rows,
+                rows_per_period=per_period,
+                tested_joint=request.tested_joint,
+            )
         )
         with self.display.progress(
             request.role, *motion_total(samples, held=request.held)

@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING, Final, TypeVar
 import click
 
 from config.errors import ConfigError, PreflightError
-from rid_daq.terminal.context import MotionStart
 from rid_daq.terminal.context import Progress as Progress
+from rid_daq.terminal.job_events import MotionEvent
 from rid_daq.terminal.progress_bar import ProgressBar, format_count
 from rid_daq.terminal.text_wrapping import wrap_text
 
@@ -300,7 +300,7 @@ class Console:
 
         return Keyboard(tapped)
 
-    def announce_motion(self, motion: MotionStart) -> None:
+    def announce_motion(self, motion: MotionEvent) -> None:
         """Do nothing, because the progress display announces the motion to people."""
 
     def announce_state(self, session: str, state: SessionState, text: str) -> None:

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 if TYPE_CHECKING:
     from acquisition.hold_to_run.dead_man_thread import KeySource
     from acquisition.task.service_beat import ServiceBeat
     from rid_daq.blocks.block import AnyBlock
-    from rid_daq.terminal.job_events import SessionState
+    from rid_daq.terminal.job_events import MotionEvent, SessionState
 
 T = TypeVar("T")
 
@@ -21,25 +20,6 @@ class Progress(Protocol):
 
     def update(self, done: float, line: str) -> None:
         """Show the amount done, and the status `line`."""
-
-
-@dataclass(frozen=True)
-class MotionStart:
-    """A motion that begins.
-
-    Attributes:
-        run: Id of the motion's run.
-        title: Description of the motion.
-        rows: Number of cycles; 0 if unknown.
-        rows_per_period: Rows of one period; None if the motion is not periodic.
-        tested_joint: Name of the joint that moves in an axis test; None in other motions.
-    """
-
-    run: str
-    title: str
-    rows: int
-    rows_per_period: int | None
-    tested_joint: str | None = None
 
 
 class Display(Protocol):
@@ -55,7 +35,7 @@ class Display(Protocol):
         """Show the progress of a long step; `total` is None if it is unknown."""
         ...
 
-    def announce_motion(self, motion: MotionStart) -> None:
+    def announce_motion(self, motion: MotionEvent) -> None:
         """Announce that a motion begins."""
         ...
 

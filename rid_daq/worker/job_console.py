@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal, TypeVar
 
@@ -19,7 +19,6 @@ from rid_daq.blocks.block import AnyBlock, Table, Text
 from rid_daq.blocks.picture import Picture
 from rid_daq.blocks.plot import Plot
 from rid_daq.terminal.console import Console, Progress, make_printable
-from rid_daq.terminal.context import MotionStart
 from rid_daq.terminal.job_events import (
     AnswerEvent,
     AnyEvent,
@@ -121,9 +120,9 @@ class JobConsole(Console):
         result = {"at_s": time.time(), "document": content, "blocks": shown}
         self.events.write(ResultEvent.model_validate(result))
 
-    def announce_motion(self, motion: MotionStart) -> None:
+    def announce_motion(self, motion: MotionEvent) -> None:
         """Write that a motion begins."""
-        self.events.write(MotionEvent(at_s=time.time(), **asdict(motion)))
+        self.events.write(motion)
 
     def announce_state(self, session: str, state: SessionState, text: str) -> None:
         """Write that a payload session enters a state."""
