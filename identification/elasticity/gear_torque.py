@@ -16,6 +16,7 @@ import numpy as np
 from acquisition.processing.smoothing import low_pass
 from acquisition.signals.splines import quintic_derivatives
 from config.arrays import FloatArray
+from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from config.robot.wrist_coupling import convert_to_joints
 from identification.elasticity.transmitted_torque import transmitted_torque
@@ -80,6 +81,9 @@ def gear_torque(estimate: Estimate, position: FloatArray, step_s: float) -> Floa
 
     Returns:
         Shape (samples, n) [N m or N], in the order of the motors.
+
+    Raises:
+        EstimationError: The deflection does not converge.
     """
     robot = estimate.robot
     stiffness, damping = stiffness_nm_rad(robot), damping_nm_s(robot)
@@ -103,5 +107,9 @@ def gear_torque(estimate: Estimate, position: FloatArray, step_s: float) -> Floa
         bent = bent + step
         torque = links_torque(bent)
         if np.abs(step).max() < SETTLED_RAD:
-            break
-    return np.asarray(of_motors - torque)
+            return np.asarray(of_motors - torque)
+    raise EstimationError(
+        f"the deflection of the gears has not converged in {STEPS} steps: check the stiffness of"
+        " the gears in the model's robot",
+        code="RID-STIFFNESS-UNSETTLED",
+    )

@@ -18,6 +18,7 @@ from config.load import load_cell
 from config.robot.robot import RobotDescription
 from identification.elasticity import elastic_fit
 from identification.elasticity.elastic_fit import fit_elastic
+from identification.elasticity.gear_torque import gear_torque
 from identification.elasticity.transmitted_torque import transmitted_torque
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import estimate_content, estimate_document
@@ -173,3 +174,14 @@ def test_fits_that_have_not_converged_are_refused(
     monkeypatch.setattr(elastic_fit, "MOST_FITS", 1)
     with raises_code(EstimationError, "RID-STIFFNESS-UNSETTLED"):
         fit_elastic(robot, averages[:1])
+
+
+def test_a_deflection_that_does_not_converge_is_refused(
+    planned: MotionSamples, robot: RobotDescription, truth: Estimate
+) -> None:
+    """The gears are softer than the gravity that bends them."""
+    joints = [joint.model_copy(update={"stiffness_nm_rad": 100.0}) for joint in robot.joints]
+    soft = robot.model_copy(update={"joints": tuple(joints)})
+    links = without_payload(replace(truth, robot=soft, gear_torque_nm=np.ones(3)))
+    with raises_code(EstimationError, "RID-STIFFNESS-UNSETTLED"):
+        gear_torque(links, np.asarray(planned.position), STEP_S)
