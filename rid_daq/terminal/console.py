@@ -17,7 +17,6 @@ import click
 
 from config.errors import ConfigError, PreflightError
 from rid_daq.terminal.context import Progress as Progress
-from rid_daq.terminal.job_events import MotionEvent
 from rid_daq.terminal.progress_bar import ProgressBar, format_count
 from rid_daq.terminal.text_wrapping import wrap_text
 
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
     from acquisition.hold_to_run.dead_man_thread import KeySource
     from acquisition.task.service_beat import ServiceBeat
     from rid_daq.blocks.block import AnyBlock
-    from rid_daq.terminal.job_events import SessionState
+    from rid_daq.terminal.job_events import MotionEvent, SessionState
 
 T = TypeVar("T")
 
