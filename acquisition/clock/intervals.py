@@ -48,6 +48,9 @@ FAR_OFF: Final = 4.0
 """Largest residual of a displacement over 0.1 s that does not count as an outlier [standard
 deviations].
 """
+WINDOWS_PER_STRIDE: Final = 8
+"""Number of windows of 0.1 s that begin within 0.1 s; more of them overlap so far that they add
+time, but almost no information."""
 _MAD: Final = 1.4826
 
 
@@ -219,19 +222,21 @@ def _scale_and_delay(
     h = np.diff(time_s)
     stride = min(max(1, round(WIDE_S / float(np.median(h)))), len(h))
     span = time_s[stride:] - time_s[:-stride]
-    near = span < GAP_STEPS * (WIDE_S + stride * float(np.median(h)))
+    near = np.flatnonzero(span < GAP_STEPS * (WIDE_S + stride * float(np.median(h))))
+    apart = max(1, stride // WINDOWS_PER_STRIDE)
+    first = near[::apart]
     found = []
     for speed, velocity, position in zip(mean.T, motion.velocity.T, motion.position.T, strict=True):
         path = np.concatenate([[0.0], np.cumsum(speed * h)])
         ways = (path, velocity, position)
-        x, change, y = ((values[stride:] - values[:-stride])[near] for values in ways)
-        found.append(_fit_without_outliers(np.column_stack([x, change]), y, stride))
+        x, change, y = (values[first + stride] - values[first] for values in ways)
+        found.append(_fit_without_outliers(np.column_stack([x, change]), y, stride / apart))
     scale, late, error = np.array(found).T
     return scale, late, error
 
 
 def _fit_without_outliers(
-    x: FloatArray, y: FloatArray, overlapping: int
+    x: FloatArray, y: FloatArray, overlapping: float
 ) -> tuple[float, float, float]:
     """Return two coefficients, fitted without outliers, and the second one's standard error.
 
