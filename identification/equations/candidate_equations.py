@@ -105,10 +105,8 @@ class Piece:
 
     @cached_property
     def _count(self) -> int:
-        """Number of rows: at least two per bin, and a product of small primes for a fast FFT."""
-        from scipy.fft import next_fast_len  # a large import, which few recordings need
-
-        return int(next_fast_len(2 * (len(self.low_pass) - 1), real=True))
+        """Number of rows, at least two per bin."""
+        return _fast_length(2 * (len(self.low_pass) - 1))
 
     def to_rows(self, spectrum: ComplexArray) -> FloatArray:
         """Return the rows of a spectrum, at the times `time_s`."""
@@ -346,7 +344,7 @@ def _piece(
     rows = slice(rows.start, rows.start + count * stride)
     thin = slice(rows.start, rows.stop, stride)
     step_s = stride * run.sample_period_s
-    length = count + math.ceil(PADDING_S / step_s)
+    length = _fast_length(count + math.ceil(PADDING_S / step_s))
     motion = (run.position[thin], run.velocity[thin], run.acceleration[thin])
     conditions = Conditions(payload=False)
     rigid = base.columns(regressor(model, *motion, conditions))
@@ -371,6 +369,13 @@ def _piece(
         slow=~of_rows(model, run.velocity[thin], standstill_rad_s),
         held=None if held is None else np.maximum(held[rows] - rows.start, 0),
     )
+
+
+def _fast_length(rows: int) -> int:
+    """Return a number of rows, at least `rows`, whose FFT is fast: a product of small primes."""
+    from scipy.fft import next_fast_len  # a large import, which few recordings need
+
+    return int(next_fast_len(rows, real=True))
 
 
 def _hann(periods: FloatArray) -> FloatArray:
