@@ -16,7 +16,6 @@ from typing import Final
 import numpy as np
 
 from acquisition.clock.samples import WIDE_S, Samples, smallest_step
-from acquisition.signals.splines import NotAKnotSpline
 from config.arrays import BoolArray, FloatArray, IntArray
 
 FEWEST_ROWS: Final = 100
@@ -80,10 +79,12 @@ def repeated_positions(samples: Samples) -> BoolArray:
 
 def interpolate_repeats(time_s: FloatArray, position: FloatArray, held: BoolArray) -> FloatArray:
     """Return the positions, with repeated ones replaced by a spline through the other ones."""
+    from scipy.interpolate import CubicSpline  # a slow import that few commands need
+
     filled = position.copy()
     for j in np.flatnonzero(held.any(axis=0)):
         fresh = ~held[:, j]
-        spline = NotAKnotSpline(time_s[fresh], position[fresh, j])
+        spline = CubicSpline(time_s[fresh], position[fresh, j])
         inner = held[:, j] & (time_s <= time_s[fresh][-1])
         filled[inner, j] = spline(time_s[inner])
     return filled

@@ -23,7 +23,7 @@ from acquisition.processing.unfiltered import (
     smoothing_width,
 )
 from acquisition.recording.recording import Recording
-from acquisition.signals.splines import NotAKnotSpline, quintic_derivatives
+from acquisition.signals.splines import quintic_derivatives
 from config.arrays import FloatArray, IntArray, freeze
 from config.errors import ConfigError, DataQualityError
 
@@ -165,6 +165,8 @@ def smooth_nonperiodic(
         ConfigError: The cut-off does not fit the sampling rate.
         DataQualityError: No segment is long enough.
     """
+    from scipy.interpolate import CubicSpline  # a slow import that few commands need
+
     time_s = recording.time_s[recording.valid]
     if len(time_s) < 2:
         raise DataQualityError(
@@ -194,7 +196,7 @@ def smooth_nonperiodic(
         raw_position, raw_torque = np.empty((2, len(grid), position.shape[1]))
         for j in range(position.shape[1]):  # one joint at a time, to limit the memory
             both = np.stack([position[rows, j], torque[rows, j]], axis=1)
-            raw_position[:, j], raw_torque[:, j] = NotAKnotSpline(stamps, both)(grid).T
+            raw_position[:, j], raw_torque[:, j] = CubicSpline(stamps, both)(grid).T
         before = sum(len(piece.time_s) for piece in rough)
         inner.append(np.arange(inside.start, inside.stop) + before)
         if held is not None:
@@ -285,6 +287,8 @@ def resample_periods(recording: Recording, period_s: float) -> Recording:
         DataQualityError: The recording has fewer than two whole periods, or a period fewer than
             four rows.
     """
+    from scipy.interpolate import CubicSpline  # a slow import that few commands need
+
     time_s = recording.time_s[recording.valid]
     step_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.inf
     periods = int((time_s[-1] - time_s[0] + step_s) / period_s) if len(time_s) > 1 else 0
@@ -310,7 +314,7 @@ def resample_periods(recording: Recording, period_s: float) -> Recording:
         commands = np.empty((len(recording), 0))
     measured = np.hstack([recording.position, recording.torque_nm, commands])
     values = measured[recording.valid]
-    resampled = NotAKnotSpline(time_s, values)(np.minimum(grid, time_s[-1]))
+    resampled = CubicSpline(time_s, values)(np.minimum(grid, time_s[-1]))
     after = np.clip(np.searchsorted(time_s, grid), 1, len(time_s) - 1)
     valid = time_s[after] - time_s[after - 1] <= GAP_STEPS * step_s
     return Recording(

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from acquisition.processing.smoothing import low_pass, smooth_nonperiodic
 from acquisition.recording.recording import Recording
 from acquisition.signals.bins import filter_response
-from acquisition.signals.splines import NotAKnotSpline
 from config.arrays import BoolArray, FloatArray
 from config.cell.torque_filter import ButterworthFilter
 from config.errors import DataQualityError
@@ -90,7 +90,7 @@ class LowPassedReadings:
         bad_s: Sorted stamps at which the readings are not valid [s].
     """
 
-    curve: NotAKnotSpline
+    curve: CubicSpline
     first_s: float
     last_s: float
     bad_s: FloatArray
@@ -136,7 +136,7 @@ class LowPassedReadings:
         gaps = np.flatnonzero(np.diff(stamp_s) > 3.0 * step_s)
         inside = [np.linspace(stamp_s[k], stamp_s[k + 1], 20) for k in gaps]
         bad_s = np.sort(np.concatenate([stamp_s[~valid.all(axis=1)], *inside]))
-        return cls(NotAKnotSpline(grid, values), float(grid[0]), float(grid[-1]), bad_s)
+        return cls(CubicSpline(grid, values), float(grid[0]), float(grid[-1]), bad_s)
 
     def usable(self, at_s: FloatArray, margin_s: float) -> BoolArray:
         """Return True for stamps at which the readings are valid, with a margin [s]."""

@@ -9,13 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from acquisition.processing.smoothing import SmoothedSignals, low_pass, smooth_nonperiodic
 from acquisition.recording.plate_geometry import WRENCH_NAMES
 from acquisition.recording.recording import Recording
-from acquisition.signals.splines import NotAKnotSpline
 from config.arrays import BoolArray, FloatArray, freeze
 from config.errors import DataQualityError, EstimationError
 from dynamics.terms.conditions import Conditions
@@ -24,6 +24,9 @@ from identification.equations.deconvolution import without_filter
 from identification.equations.plate_fit import SMALL_COMPONENT
 from identification.estimation.estimate import Estimate, predict_base_wrench
 from identification.regression.fit_grade import BAD_SHARE
+
+if TYPE_CHECKING:
+    from scipy.interpolate import CubicSpline
 
 STEPS = 4
 MOTION_CUTOFFS = 1.5
@@ -179,8 +182,10 @@ def pool_base_wrenches(parts: Sequence[BaseWrenchValidation]) -> BaseWrenchValid
 
 def _measured_wrench(
     recording: Recording, signals: SmoothedSignals, cutoff_hz: float
-) -> tuple[NotAKnotSpline, BoolArray]:
+) -> tuple[CubicSpline, BoolArray]:
     """Return the low-passed wrench as a function of time, and a mask of the valid smoothed rows."""
+    from scipy.interpolate import CubicSpline  # a slow import that few commands need
+
     reaction, step_s = recording.reaction, recording.sample_period_s
     if reaction is None:
         raise DataQualityError(
@@ -205,7 +210,7 @@ def _measured_wrench(
     good = np.flatnonzero(valid)
     nearest = good[np.clip(np.searchsorted(good, np.arange(len(valid))), 0, len(good) - 1)]
     wrench = without_filter(reaction.base_wrench[nearest], step_s, reaction.low_pass)
-    curve = NotAKnotSpline(recording.time_s, low_pass(wrench, step_s, cutoff_hz))
+    curve = CubicSpline(recording.time_s, low_pass(wrench, step_s, cutoff_hz))
     row = np.searchsorted(recording.time_s, signals.time_s)
     bad = np.concatenate([[0], np.cumsum(~valid)])
     edge = round(EDGE_CUTOFFS / cutoff_hz / step_s)
@@ -221,7 +226,7 @@ def _measured_wrench(
 
 
 def _remove_delay_and_drift(
-    curve: NotAKnotSpline,
+    curve: CubicSpline,
     time_s: FloatArray,
     predicted: FloatArray,
     slope: FloatArray,
