@@ -6,13 +6,13 @@ A run is recorded through the simulated amplifier. Its positions, torques and th
 are written as CSV files, and imported with maps:
 1. as recorded: the estimates must be those of the recorded run;
 2. with a plate of its own clock: offset and rate must be in their 95 % intervals; the offset is
-   known up to whole periods;
+   known only modulo one period;
 3. as six components, in kN and kN m, with the opposite sign;
 4. with four wrong descriptions: the plate must be named, and not the robot.
 
-Delay and clock are also estimated for other arms on other plates (`benchmarks.sound_plates`), whose
-axes are displaced by 2 mrad and 1 mm. The true values must be in the 95 % intervals of 90 % of the
-arms.
+Delay and clock are also estimated for other arms on other plates (`benchmarks.sound_plates`). The
+joint axes of these arms differ at random from the robot file, with standard deviations of 2 mrad
+and 1 mm. Delay, offset and rate must each be in their 95 % interval for at least 90 % of the arms.
 
 The velocity loops are identified from a run of a multisine, and from the same data as CSV file.
 """

@@ -223,14 +223,14 @@ def _scale_and_delay(
     stride = min(max(1, round(WIDE_S / float(np.median(h)))), len(h))
     span = time_s[stride:] - time_s[:-stride]
     near = np.flatnonzero(span < GAP_STEPS * (WIDE_S + stride * float(np.median(h))))
-    apart = max(1, stride // WINDOWS_PER_STRIDE)
-    first = near[::apart]
+    spacing = max(1, stride // WINDOWS_PER_STRIDE)
+    first = near[::spacing]
     found = []
     for speed, velocity, position in zip(mean.T, motion.velocity.T, motion.position.T, strict=True):
         path = np.concatenate([[0.0], np.cumsum(speed * h)])
         ways = (path, velocity, position)
         x, change, y = (values[first + stride] - values[first] for values in ways)
-        found.append(_fit_without_outliers(np.column_stack([x, change]), y, stride / apart))
+        found.append(_fit_without_outliers(np.column_stack([x, change]), y, stride / spacing))
     scale, late, error = np.array(found).T
     return scale, late, error
 

@@ -291,8 +291,8 @@ def _propose_bundled_map(
             for joint, other in zip(keys["joints"], own, strict=True):
                 joint["joint"] = other
             doubts = (
-                f"joints: map {name} is for robot {import_map.robot}, whose joints in this order"
-                f" are assumed to be {', '.join(own)}, with its torque constants",
+                f"joints: map {name} is for robot {import_map.robot}. Assumed: its joints are, in"
+                f" this order, {', '.join(own)} of your robot, with the map's torque constants",
             )
         try:
             recording, report = try_import(path, keys, robot)

@@ -28,7 +28,8 @@ class NewPeriods:
     """Periods recorded since the previous call of the rule.
 
     Attributes:
-        recording: Rows of whole periods, without temperatures.
+        recording: New rows up to the end of the last whole period, without temperatures; at the
+            first call also the rows before the first period.
         folder: Folder of the run.
         first_row: Row of the motion at which the first new period begins.
         periods: Number of whole periods since the start of the motion.

@@ -68,7 +68,8 @@ class _Notes:
         if self.made:
             yield (
                 "convex bodies were made from meshes (number of hulls and points, largest distance"
-                f" from the convex parts of the mesh): {'; '.join(self.made)}"
+                " from a body's surface to the part of the mesh that it encloses):"
+                f" {'; '.join(self.made)}"
             )
         if self.hulls:
             yield (

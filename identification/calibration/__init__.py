@@ -1,4 +1,5 @@
-"""Calibration of scales that a robot model alone cannot determine: torque constants and plate.
+"""Calibration of what a robot model alone cannot determine: torque constants and force plate.
 
-The calibrations need a weighed load or a force plate. Start with `drive_gains.py`.
+The torque constants need a weighed load or a force plate. For a plate, description, delay and clock
+are estimated. To understand the package, read `drive_gains.py` first.
 """

@@ -136,7 +136,7 @@ def _motor_turns(robot: RobotDescription, joint: int) -> float:
 def _sample_period(recording: Recording) -> float:
     if recording.sample_period_s is None:
         raise DataQualityError(
-            "the recording's time stamps are not uniform, so its runs cannot be located: record"
+            "the time stamps are not uniform, so the parts of the motion cannot be located: record"
             " with a constant sample period",
             code="RID-RECORDING-CLOCK",
         )

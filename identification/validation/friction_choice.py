@@ -152,9 +152,10 @@ def _thinning_of_all_joints(grams: Grams) -> tuple[list[Terms], Fit] | None:
 
 
 def _common_thinning(grams: Grams, speed: float) -> tuple[list[Terms], Fit] | None:
-    """Return terms with shear thinning at a speed on all joints whose friction then brakes.
+    """Return the terms of all joints with shear thinning at a common speed, and their fit.
 
-    None if the data do not identify the terms.
+    A joint whose friction would then drive gets `BESIDE_THINNING` instead. None if the data do not
+    identify the terms.
     """
     thin = _terms_with_thinning(speed)
     chosen = [thin] * grams.joints

@@ -258,7 +258,7 @@ class CondensedEquations:
 
 
 def _inverse(sizes: FloatArray) -> FloatArray:
-    """Return the joints' weights: one over their squared torques, 0 for joints without torque."""
+    """Return the joints' weights: one over the sum of squared torques, or 0 if that is 0."""
     weight = np.zeros(len(sizes))
     np.divide(1.0, sizes, out=weight, where=sizes > 0.0)
     return weight

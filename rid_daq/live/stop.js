@@ -4,7 +4,7 @@
 (() => {
   window.endStop?.(); // ends the script of the previous page; this page takes over its unanswered stop request
   const AGAIN_MS = 250; // time between two attempts to send the stop request
-  const REFUSED_MS = 1000; // time between two attempts if the service refuses the stop request
+  const REFUSED_MS = 1000; // time between two HTTP requests if the service refuses the stop request; WebSockets keep AGAIN_MS
   const LATE_MS = 2000; // time after which the page shows that the stop request has no answer
   const TWICE_MS = 1000; // events within this time count as one press; two presses of Escape within this time request a stop
   const SHOWN_MS = 8000;

@@ -36,7 +36,9 @@ class LoggedArm:
         return cls(amplitude, omega, random.uniform(0.0, 6.28, (joints, 5)))
 
     def at(self, true_s: FloatArray, stamps: FloatArray, seed: int = 0) -> Samples:
-        """Return samples at the true times with the given time stamps; equal times give equal rows.
+        """Return samples at the true times with the given time stamps.
+
+        Rows with the same true time are equal.
 
         Positions have the steps of a 19-bit encoder; velocities and torques are noisy.
         """

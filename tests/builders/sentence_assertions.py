@@ -77,7 +77,7 @@ def _is_sentence(node: ast.expr, texts: Texts, words: int = 2) -> bool:
 
 
 def _held_texts(scope: ast.Module | ast.FunctionDef | ast.AsyncFunctionDef) -> Texts:
-    """Return the texts that the variables of a scope hold, by assignment, loop or parameter."""
+    """Return, for each variable of a scope, its texts: by assignment, loop or `parametrize`."""
     found: Texts = {}
     if not isinstance(scope, ast.Module):
         for decorator in scope.decorator_list:

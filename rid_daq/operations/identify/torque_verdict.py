@@ -280,9 +280,13 @@ def _torque_limits_percent(text: str | None, data: RunData) -> tuple[float, ...]
     count = len(data.robot.joints)
     try:
         values = parse_numbers(text)
-    except ConfigError:
-        values = ()
-    if len(values) not in (1, count) or not all(0.0 < value < 1e6 for value in values):
+    except ConfigError as error:
+        raise ConfigError(f"--limits {text}: {error}", code="RID-OPTION-RANGE") from error
+    if not all(0.0 < value < 1e6 for value in values):
+        raise ConfigError(
+            f"--limits {text}: give percentages above 0 and below 1e6", code="RID-OPTION-RANGE"
+        )
+    if len(values) not in (1, count):
         raise ConfigError(
             f"--limits {text}: give one percentage, or {count} separated by commas, such as"
             f" {','.join(['10'] * count)}",

@@ -78,11 +78,11 @@ class Timing(Section):
     """Times, durations and loop timing of a result.
 
     Attributes:
-        elapsed_s: Time that the computation of the result took [s]; left out if it was not
-            measured.
+        elapsed_s: Duration of the recording of a motion, with the start and the end of its
+            processes, or of the whole demo [s]; left out if it was not measured.
         created_utc: Start of the run, ISO 8601.
         run_ids: The runs that the result is based on; left out for the result of one recorded run.
-        loops: Timing of each recorded motion; left out for an imported run.
+        loops: Timing of each motion that this result recorded; left out if it recorded none.
         made: Time at which each section was made, ISO 8601, by the section's name.
     """
 

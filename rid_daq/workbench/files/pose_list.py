@@ -42,9 +42,10 @@ class PoseList(Record):
 
     @classmethod
     def of(cls, motion: AnyMotion, robot: RobotDescription) -> PoseList | None:
-        """Return the poses of a motion; None if it contains more than poses.
+        """Return the poses of a motion, or None if a list of poses cannot describe it.
 
-        The poses of straight lines are computed from the points of the tool.
+        It must consist of at most `MOST` poses or straight lines of the tool, whose points the
+        robot can reach.
         """
         found = motion.chosen_poses(robot, MOST)
         if found is None:

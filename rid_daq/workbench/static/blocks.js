@@ -61,6 +61,6 @@ function tablePart({ columns, rows, failed }, title, isCollapsed) {
   const heads = columns.map((each) => (each.unit ? `${each.title} [${each.unit}]` : each.title));
   const shown = table(heads, rows.map((row) => row.map((text, i) => cell(text, columns[i]))), failed, title);
   if (!isCollapsed) return shown;
-  // each result gets a new element, so that its details are open even if the user closed those of the previous result
+  // each result gets a new element: a table with failed rows is open even if the user closed that of the previous result
   return keyed(rows, html`<details ?open=${failed?.includes(true) ?? false}><summary>${title}: ${rows.length} rows</summary>${shown}</details>`);
 }

@@ -46,7 +46,7 @@ export function dialog(title, content, actionText, { danger = false, read = () =
   });
 }
 
-// Ask before a motion whether the cell is clear, and what happens if the connection to this page is lost. The promise
+// Ask before a motion whether the cell is clear, and what the robot shall do if the connection to this page is lost. The promise
 // resolves with the user's choice, "stop" or "finish", or with null if the user cancels. A motion that needs a held key
 // always stops if the connection is lost, so the dialog then offers no choice.
 /** @type {(what: string, options?: { held?: boolean }) => Promise<Api.JobCreation["on_lost_client"] | null>} */

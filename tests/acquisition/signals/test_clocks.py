@@ -18,7 +18,7 @@ PPM, OFFSET_S, JITTER_S, LENGTH_S = 100.0, 0.003, 0.005, 170.0
 
 
 def device_time(rate_hz: float) -> NDArray[np.float64]:
-    """Return the times of rows on the device's clock, in the microseconds that the device sends."""
+    """Return the times of rows on the device's clock [s], rounded to the 1 us that it sends."""
     return np.round(np.arange(0.0, LENGTH_S, 1.0 / rate_hz), 6)
 
 

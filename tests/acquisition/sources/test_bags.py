@@ -42,8 +42,8 @@ def write_bag(
 ) -> Path:
     """Write a bag with an arm, and a gripper on the same topic.
 
-    A quantity in `lacking` is NaN for that joint. With `split`, each joint has its own messages,
-    those of joint 2 come 2 ms later.
+    A quantity in `lacking` is NaN for the joint with that index. With `split` there is no gripper;
+    each joint has its own messages, and those of joint 2 come 2 ms later.
     """
     kinds = TYPES.types
     header, time = kinds["std_msgs/msg/Header"], kinds["builtin_interfaces/msg/Time"]

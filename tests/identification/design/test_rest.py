@@ -1,4 +1,4 @@
-"""Start poses of a motion: free of collisions, and within the motors' static torque."""
+"""Start poses of a motion: free of collisions, with holding torques within the limits."""
 
 from __future__ import annotations
 

@@ -127,6 +127,18 @@ def test_validate_predicts_the_reaction_on_the_base(
     assert max(c["relative_error_percent"] for c in reaction["components"]) < 20.0
 
 
+@pytest.mark.parametrize(
+    ("limits", "code"),
+    [("10,10", "RID-OPTION-COUNT"), ("0", "RID-OPTION-RANGE"), ("ten", "RID-OPTION-RANGE")],
+)
+def test_limits_that_are_not_percentages_are_refused(
+    limits: str, code: str, workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    model = str(workshop / "combined.json")
+    assert run(["validate", model, "validation", "--limits", limits, *runs]) == 2
+    assert f"[{code}]" in capsys.readouterr().err
+
+
 def test_validate_compares_the_base_load_with_its_limits(
     workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -124,6 +124,19 @@ def test_a_button_moves_a_joint_while_it_is_held(
     give_back(page)
 
 
+def test_a_motion_with_a_held_key_offers_no_choice_for_a_lost_connection(
+    open_page: OpenPage, served_pages: ServedProcess
+) -> None:
+    page = open_page()
+    take_cell(page)
+    ready(page, served_pages)
+    for button, choices in (("#jog", 0), ("#axes", 0), ("#plate", 1)):
+        page.locator(button).click()
+        expect(page.get_by_role("dialog").locator("#on-lost")).to_have_count(choices)
+        page.get_by_role("dialog").get_by_role("button", name="Cancel").click()
+    give_back(page)
+
+
 def test_jog_and_axis_test_are_enabled_if_only_the_axis_test_is_missing(
     open_page: OpenPage,
 ) -> None:
