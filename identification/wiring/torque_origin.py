@@ -22,10 +22,10 @@ from acquisition.maps.torque_meaning import (
 )
 from acquisition.recording.recording import Recording
 from config.arrays import BoolArray, FloatArray, IntArray
-from config.errors import RidDaqError
+from config.errors import DataQualityError, RidDaqError
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import regressor
-from identification.equations.deconvolution import smoothed_recording
+from identification.equations.stretches import smoothed_stretches
 from identification.wiring.mistakes import MistakeKind
 from identification.wiring.search import find_impossibilities
 from identification.wiring.signals import WiredSignals
@@ -117,7 +117,7 @@ def judge_torques(
         currents: True if the file contains currents.
     """
     try:
-        signals = WiredSignals.of(robot, [smoothed_recording(recording, BAND_HZ)])
+        signals = _wired_signals(recording, robot)
     except RidDaqError:
         return None
     joints = np.flatnonzero(rows_used(signals).sum(axis=0) >= _fewest_rows(signals))
@@ -136,6 +136,16 @@ def judge_torques(
     )
 
 
+def _wired_signals(recording: Recording, robot: RobotDescription) -> WiredSignals:
+    parts = smoothed_stretches([recording], BAND_HZ)
+    if not parts:
+        raise DataQualityError(
+            "no part of the recording is long enough to judge its torques: record longer",
+            code="RID-RECORDING-SHORT",
+        )
+    return WiredSignals.of(robot, parts)
+
+
 def weight_of_torques(recording: Recording, robot: RobotDescription) -> ArmWeight | None:
     """Return the arm's weight that recorded values give if they are torques.
 
@@ -146,8 +156,7 @@ def weight_of_torques(recording: Recording, robot: RobotDescription) -> ArmWeigh
         robot: The robot as its file describes it.
     """
     try:
-        signals = WiredSignals.of(robot, [smoothed_recording(recording, BAND_HZ)])
-        return find_impossibilities(signals)[1]
+        return find_impossibilities(_wired_signals(recording, robot))[1]
     except RidDaqError:
         return None
 
