@@ -14,8 +14,6 @@ from config.errors import LimitError
 
 REPAIRS: Final = 60
 SLOWER: Final = 0.9
-ROUNDS: Final = 30
-SAME: Final = 1e-9
 STUCK: Final = 1e-10  # fraction of the largest x; with a smaller x, the path has stopped
 
 
@@ -40,45 +38,31 @@ def fastest(
     rows: PathRows,
     bounds: FloatArray,
     *,
-    ends: tuple[float, float] = (0.0, 0.0),
-    closed: bool = False,
     most: FloatArray | None = None,
 ) -> SpeedOverPath:
-    """Return the fastest motion along a path.
+    """Return the fastest motion along a path, from rest to rest.
 
     Args:
         rows: Limits along the path.
         bounds: Shape (points, rows, 3). `rows.bounds`, or tighter ones.
-        ends: Path speeds at the beginning and at the end [path length per second].
-        closed: True for a closed path, which begins and ends with the same speed; this speed is
-            computed and `ends` is not used.
         most: Shape (points,). Largest x, if lower than the speed limits allow.
 
     Raises:
-        LimitError: The speeds at the ends are not possible, or the limits allow no motion; the
-            message names the place.
+        LimitError: The limits allow no motion; the message names the place.
     """
     length = rows.dynamics.length
     cap = (rows.fastest if most is None else np.minimum(most, rows.fastest)).copy()
     points = len(length)
     largest, x, u = np.empty(points), np.empty(points), np.empty(points - 1)
-    begin, end, failed = ends[0] ** 2, ends[1] ** 2, -1
-    if closed:
-        begin = end = float(min(cap[0], cap[-1]))
-    for _ in range(ROUNDS if closed else 1):
-        for _ in range(REPAIRS):
-            backwards(rows.rows, bounds, rows.friction, length, cap, end, largest)
-            start = min(begin, float(largest[0]))
-            failed = forwards(rows.rows, bounds, rows.friction, length, largest, start, x, u)
-            if failed < 0:
-                break
-            cap[failed] = SLOWER * min(cap[failed], x[failed])
-        else:
-            raise _infeasible_error(rows, bounds, failed)
-        if not closed or abs(x[-1] - x[0]) <= SAME * x[0]:
+    failed = -1
+    for _ in range(REPAIRS):
+        backwards(rows.rows, bounds, rows.friction, length, cap, 0.0, largest)
+        failed = forwards(rows.rows, bounds, rows.friction, length, largest, 0.0, x, u)
+        if failed < 0:
             break
-        begin = end = float(min(x[0], x[-1]))
-    _refuse_ends(x, ends, closed)
+        cap[failed] = SLOWER * min(cap[failed], x[failed])
+    else:
+        raise _infeasible_error(rows, bounds, failed)
     stuck = np.flatnonzero(x[1:-1] <= STUCK * x.max()) + 1
     if len(stuck):
         raise _infeasible_error(rows, bounds, int(stuck[0]))
@@ -92,18 +76,6 @@ def limit_curve(rows: PathRows, bounds: FloatArray) -> FloatArray:
     found = np.empty(len(rows.dynamics.length))
     limit_curve_kernel(rows.rows, bounds, rows.friction, rows.fastest, found)
     return found
-
-
-def _refuse_ends(x: FloatArray, ends: tuple[float, float], closed: bool) -> None:
-    if closed:
-        return
-    for name, wanted, found in (("start", ends[0], x[0]), ("end", ends[1], x[-1])):
-        if found < (1.0 - 1e-6) * wanted**2:
-            raise LimitError(
-                f"the path cannot have a speed of {wanted:.4g} at its {name}: the limits allow at"
-                f" most {np.sqrt(found):.4g} there",
-                code="RID-TIMING-NOT-FEASIBLE",
-            )
 
 
 def _infeasible_error(rows: PathRows, bounds: FloatArray, point: int) -> LimitError:

@@ -99,8 +99,7 @@ class PathTimer:
         margin: Function that returns the uncertainty of the torques; None for no margin.
         intervals: Intervals of the path's grid.
         positions_alone: True if the limits must also hold for speeds and accelerations from
-            differences of the positions, as a stream of points is checked. The path is then from
-            rest to rest.
+            differences of the positions, as a stream of points is checked.
     """
 
     robot: RobotDescription
@@ -111,22 +110,13 @@ class PathTimer:
     intervals: int = INTERVALS
     positions_alone: bool = False
 
-    def timed(
-        self, curve: JointCurve, *, ends: tuple[float, float] = (0.0, 0.0), closed: bool = False
-    ) -> TimedPath:
-        """Return the fastest rows along a path.
-
-        Args:
-            curve: The path.
-            ends: Path speeds at the beginning and at the end [path length per second]; they are
-                reduced if the duration is rounded up to whole cycles.
-            closed: True for a closed path, which begins and ends with the same speed; this speed is
-                computed.
+    def timed(self, curve: JointCurve) -> TimedPath:
+        """Return the fastest rows along a path, from rest to rest.
 
         Raises:
             LimitError: The limits cannot be kept; the message names limit and place.
         """
-        search = _Search(self, curve, ends, closed)
+        search = _Search(self, curve)
         for _ in range(ATTEMPTS):
             found = search.attempt()
             if found is not None:
@@ -141,16 +131,13 @@ class PathTimer:
 class _Search:
     """Repeated scan, verification and tightening."""
 
-    def __init__(
-        self, timer: PathTimer, curve: JointCurve, ends: tuple[float, float], closed: bool
-    ) -> None:
-        self._timer, self._curve, self._ends, self._closed = timer, curve, ends, closed
+    def __init__(self, timer: PathTimer, curve: JointCurve) -> None:
+        self._timer, self._curve = timer, curve
         dynamics = PathDynamics.of(curve, timer.robot, timer.torque, timer.intervals)
         self._rows = PathRows.of(dynamics, timer.limits)
         self._free = np.full(self._rows.rows.shape[:2], HEADROOM)
         self._most = (1.0 - HEADROOM) ** 2 * self._rows.fastest
-        moving = closed or any(ends)
-        self._window_s = 0.0 if moving else WINDOW_CYCLES * timer.cycle_s
+        self._window_s = WINDOW_CYCLES * timer.cycle_s
         self._slower = 1.0
         self._profile: SpeedOverPath | None = None
         self._bounds = self._rows.bounds
@@ -167,9 +154,7 @@ class _Search:
         timer = self._timer
         if self._profile is None:
             self._bounds = self._rows.tighten(self._free)
-            self._profile = fastest(
-                self._rows, self._bounds, ends=self._ends, closed=self._closed, most=self._most
-            )
+            self._profile = fastest(self._rows, self._bounds, most=self._most)
             self._scans += 1
             if timer.margin is not None and self._scans == 1:
                 self._free = HEADROOM + self._margin_on_grid(self._profile)
@@ -298,7 +283,7 @@ class _Search:
         self._window_s = max(
             self._window_s * min(1.5, WIDER * worst), self._window_s + self._timer.cycle_s
         )
-        if self._window_s > LONGEST_WINDOW * self._last.time_s[-1] or any(self._ends):
+        if self._window_s > LONGEST_WINDOW * self._last.time_s[-1]:
             raise LimitError(
                 f"{what} exceeds its limit even with averaging over half of the motion's time:"
                 " raise the limit, or drive more slowly",

@@ -167,31 +167,6 @@ def test_the_speed_touches_a_limit_everywhere() -> None:
     assert np.quantile(np.maximum(*both), 0.02) > 0.99
 
 
-def test_a_path_may_start_and_end_in_motion() -> None:
-    timer = timer_of(arm(axis("slide", "prismatic", 20.0)))
-    curve = straight_curve((0.0,), (1.5,))
-    timed = timer.timed(curve, ends=(1.0, 2.0))
-    assert timed.path.velocity[0, 0] == pytest.approx(1.0, rel=3e-3)
-    assert timed.path.velocity[-1, 0] == pytest.approx(2.0, rel=3e-3)
-    with raises_code(LimitError, "RID-TIMING-NOT-FEASIBLE", "end", "5.4"):
-        timer.timed(curve, ends=(0.0, 9.0))
-    with raises_code(LimitError, "RID-TIMING-NOT-FEASIBLE"):
-        timer.timed(curve, ends=(9.0, 0.0))
-
-
-def test_a_circle_has_equal_speed_at_start_and_end() -> None:
-    robot = arm(axis("one", torque=60.0), axis("two", torque=25.0))
-    timer = timer_of(robot)
-    angle = np.linspace(0.0, 2.0 * math.pi, 60)
-    points = np.stack([0.5 * np.cos(angle), 1.0 + 0.5 * np.sin(angle)], axis=1)
-    timed = timer.timed(JointCurve.through(points, np.ones(2)), closed=True)
-    assert timed.profile.x[0] == pytest.approx(timed.profile.x[-1], rel=1e-6)
-    assert timed.profile.x[0] > 0.0
-    assert (np.abs(timed.torque) <= timer.limits.torque).all()
-    open_too = timer.timed(JointCurve.through(points, np.ones(2)))
-    assert timed.profile.time_s[-1] < open_too.profile.time_s[-1]
-
-
 def test_a_tiny_motion_is_timed_and_a_joint_at_rest_is_ignored() -> None:
     """A small motion is timed, but a rounding error in the position of a resting joint is not
     treated as a motion.
