@@ -43,37 +43,27 @@ def rows_in_time(
     profile: SpeedOverPath,
     cycle_s: float,
     *,
-    window_s: float = 0.0,
-    slower: float = 1.0,
+    window_s: float,
+    slower: float,
 ) -> RowsInTime:
     """Return a timed path, one row per cycle; the total time is rounded up to whole cycles.
 
     Args:
         curve, profile: The path and its speed.
         cycle_s: Time between rows [s].
-        window_s: Length of the averaging window [s]; 0 for no average. Only for a path from rest to
-            rest.
+        window_s: Length of the averaging window [s].
         slower: Smallest factor by which the time is extended.
     """
     total_s = float(profile.time_s[-1])
     cycles = max(2, math.ceil((slower * total_s + window_s) / cycle_s - 1e-9))
     stretch = (cycles * cycle_s - window_s) / total_s
     at_s: FloatArray = np.arange(cycles + 1, dtype=np.float64) * cycle_s - 0.5 * window_s
-    if window_s > 0.0:
-        before, after = at_s - 0.5 * window_s, at_s + 0.5 * window_s
-        first, last = _at(profile, before / stretch), _at(profile, after / stretch)
-        length = stretch * (last.area - first.area) / window_s
-        speed = (last.length - first.length) / window_s
-        change = (last.speed - first.speed) / (stretch * window_s)
-        speed[[0, -1]] = change[[0, -1]] = 0.0
-    else:
-        first = last = _at(profile, at_s / stretch)
-        length, speed, change = first.length, first.speed / stretch, first.change / stretch**2
-        change = change.copy()
-        for row in (0, -1):
-            if speed[row] == 0.0:
-                change[row] = 0.0
-    length = np.clip(length, *curve.ends)
+    before, after = at_s - 0.5 * window_s, at_s + 0.5 * window_s
+    first, last = _at(profile, before / stretch), _at(profile, after / stretch)
+    speed = (last.length - first.length) / window_s
+    change = (last.speed - first.speed) / (stretch * window_s)
+    speed[[0, -1]] = change[[0, -1]] = 0.0
+    length = np.clip(stretch * (last.area - first.area) / window_s, *curve.ends)
     length[-1] = curve.ends[1]
     position, slope, bend = curve.at(length)
     rate, more = speed[:, np.newaxis], change[:, np.newaxis]
@@ -87,7 +77,6 @@ class _At:
     area: FloatArray
     length: FloatArray
     speed: FloatArray
-    change: FloatArray
 
 
 def _at(profile: SpeedOverPath, time_s: FloatArray) -> _At:
@@ -106,4 +95,4 @@ def _at(profile: SpeedOverPath, time_s: FloatArray) -> _At:
     own = areas[k] + t * (begin[k] + t * (speed[k] / 2.0 + t * u[k] / 6.0)) + beyond * length
     moving = np.where(beyond == 0.0, np.maximum(speed[k] + u[k] * t, 0.0), 0.0)
     moving = np.where(time_s >= when[-1], root[-1], moving)
-    return _At(k.astype(np.int64), own, length, moving, np.where(beyond == 0.0, u[k], 0.0))
+    return _At(k.astype(np.int64), own, length, moving)
