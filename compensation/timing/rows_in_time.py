@@ -1,8 +1,8 @@
 """A timed path as rows of a motion, one per cycle.
 
-The acceleration of the speed profile has jumps. If the path begins and ends at rest, the path
-length, as a function of time, is averaged exactly over a moving window. Accelerations and torques
-are then continuous. The rows stay on the path, and reach each place half a window later.
+The acceleration of the speed profile has jumps. Therefore the path length, as a function of time,
+is averaged exactly over a moving window. Accelerations and torques are then continuous. The rows
+stay on the path, and reach each place half a window later.
 """
 
 from __future__ import annotations
