@@ -78,6 +78,14 @@ class _Motion:
     velocity: FloatArray
     position: FloatArray
 
+    @classmethod
+    def of(cls, samples: Samples, joints: tuple[int, ...]) -> _Motion:
+        """Return the motion of some joints; the columns of all joints are not copied."""
+        position, velocity = samples.position, samples.velocity
+        if joints != tuple(range(position.shape[1])):
+            position, velocity = (each.T[list(joints)].T for each in (position, velocity))
+        return cls(np.diff(position, axis=0), velocity, position)
+
 
 def estimate_times(
     samples: Samples, repeats: IntArray, joints: tuple[int, ...], rounds: int = ROUNDS
@@ -95,9 +103,7 @@ def estimate_times(
     stamps = samples.time_s
     given, usual = np.diff(stamps), samples.period_s
     gap = given > GAP_STEPS * usual * (1 + repeats)
-    chosen = list(joints)
-    position = samples.position.T[chosen].T
-    motion = _Motion(np.diff(position, axis=0), samples.velocity.T[chosen].T, position)
+    motion = _Motion.of(samples, joints)
     least = noise = _smallest_noise(motion, usual)
     delay_s = _common_delay(motion, stamps)
     now, seen = stamps, ~gap
@@ -138,9 +144,7 @@ def displacement_error(samples: Samples, time_s: FloatArray, joint: int) -> Floa
     The error is the joint's displacement minus the integral of its velocity over `time_s`, after
     the scale and the delay of the velocity were corrected.
     """
-    chosen = slice(joint, joint + 1)
-    position = samples.position[:, chosen]
-    motion = _Motion(np.diff(position, axis=0), samples.velocity[:, chosen], position)
+    motion = _Motion.of(samples, (joint,))
     mean, moved = _calibrate_velocities(motion, time_s, None)
     return np.asarray((moved - np.diff(time_s)[:, np.newaxis] * mean)[:, 0])
 
@@ -152,8 +156,8 @@ def _smallest_noise(motion: _Motion, usual: float) -> FloatArray:
     alone do not show the noise: they vanish for a joint that determines the intervals.
     """
     steps = np.array([max(smallest_step(q), 1e-9) for q in motion.position.T])
-    fast = motion.velocity[1:-1] - (motion.velocity[2:] + motion.velocity[:-2]) / 2.0
-    velocity_noise = _MAD * np.median(np.abs(fast), axis=0) / np.sqrt(1.5)
+    fast = [np.median(np.abs(v[1:-1] - (v[2:] + v[:-2]) / 2.0)) for v in motion.velocity.T]
+    velocity_noise = _MAD * np.array(fast) / np.sqrt(1.5)
     return np.asarray(np.hypot(steps / np.sqrt(6.0), usual * velocity_noise / np.sqrt(2.0)))
 
 
