@@ -97,13 +97,34 @@ def type_errors(project: Path = ROOT) -> str:
     Raises:
         FileNotFoundError: The build has not installed TypeScript.
     """
+    words = (_compiler(), "--project", project, "--pretty", "false")
+    return subprocess.run(words, capture_output=True, text=True, check=False, cwd=project).stdout
+
+
+def compiled_scripts(scripts: Mapping[str, str], folder: Path) -> dict[str, str]:
+    """Return scripts as `tsc` writes them again: without comments, and with its own line breaks.
+
+    Args:
+        scripts: Texts by file name.
+        folder: Empty folder for the files.
+    """
+    for name, text in scripts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    words = ("--allowJs", "--noCheck", "--noResolve", "--ignoreConfig", "--removeComments")
+    words += ("--target", "es2024", "--module", "esnext", "--outDir", str(folder / "compiled"))
+    # `tsc` also writes a script with a syntax error; then its exit code is not 0
+    subprocess.run((_compiler(), *words, *scripts), capture_output=True, check=False, cwd=folder)
+    made = (folder / "compiled").iterdir()
+    return {path.name: path.read_text(encoding="utf-8") for path in made}
+
+
+def _compiler() -> Path:
     found = sorted(COMPILERS.glob("typescript-*/lib/tsc"))
     if not found:
         raise FileNotFoundError(
             "TypeScript is not installed: delete rid_daq/workbench/bundled, and run `uv sync`"
         )
-    words = (found[0], "--project", project, "--pretty", "false")
-    return subprocess.run(words, capture_output=True, text=True, check=False, cwd=project).stdout
+    return found[0]
 
 
 def assert_declared(document: Mapping[str, object], interface: str) -> None:
