@@ -18,11 +18,11 @@ const STEPS = {
   tracking: step("path-title", "Show the result"),
 };
 
-/** @type {(job: Api.Job, document: ResultDocument | undefined) => Part[]} */
-function next(job, document) {
+/** @type {(job: EndedJob) => Part[]} */
+function next(job) {
   if (job.state === "done" && job.kind in STEPS) return [STEPS[job.kind]];
-  if (job.kind !== "refine" || !document) return [];
-  const words = document.finished ? "The refinement is complete: the remaining error is noise, or no longer shrinks." : "Next: record with the new file, then refine again.";
+  if (job.kind !== "refine" || !job.document) return [];
+  const words = job.document.finished ? "The refinement is complete: the remaining error is noise, or no longer shrinks." : "Next: record with the new file, then refine again.";
   return [html`<p>${words}</p>`];
 }
 
@@ -114,18 +114,17 @@ function begun() {
   find("loops-part").open = false; // it is long, and later steps are below it
 }
 
-/** @type {(job: Api.Job, document: ResultDocument | undefined) => Promise<void>} */
-async function ended(job, document) {
-  if (job.kind === "loop" && document) {
+/** @type {(job: EndedJob) => Promise<void>} */
+async function ended(job) {
+  if (job.kind === "loop" && job.document) {
+    const { document } = job;
     await showLoops(document.run);
     const run = [...find("loop-run").options].find((option) => option.value === document.run);
     offer(find("loop"), `runs/${document.run}/loops.json`, run?.textContent);
   }
-  if (job.kind === "retime" && document) offer(find("motion"), document.motion);
-  if ((job.kind === "compensate" || job.kind === "refine") && document) {
-    offer(find("feedforward"), document.feedforward);
-  }
-  if (job.kind === "tracking" && document) {
+  if (job.kind === "retime" && job.document) offer(find("motion"), job.document.motion);
+  if ((job.kind === "compensate" || job.kind === "refine") && job.document) offer(find("feedforward"), job.document.feedforward);
+  if (job.kind === "tracking" && job.document) {
     await showRun(find("path-result"), /** @type {string[]} */ (job.request.run)[0], "tracking");
     find("path-title").scrollIntoView({ block: "start" });
   }

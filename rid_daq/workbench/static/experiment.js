@@ -44,10 +44,10 @@ const panel = new JobPanel(find("job"), {
     const runs = await completeRuns().catch(() => []); // without a connection, no validation is offered
     modelled = runs.find((each) => each.id !== job.run && each.files.includes("model.json")) ?? null;
   },
-  ended: (job, document) => {
-    if (job.kind === "design" && job.state === "done" && document) {
+  ended: (job) => {
+    if (job.kind === "design" && job.state === "done" && job.document) {
       find("design").open = false;
-      offer(motion, document.motion, document.motion, kind.value);
+      offer(motion, job.document.motion, job.document.motion, kind.value);
       motion.scrollIntoView({ block: "center" });
     }
   },

@@ -40,9 +40,9 @@ async function showResult(run) {
   find("result-title").scrollIntoView({ block: "start" });
 }
 
-/** @type {(job: Api.Job, document: ResultDocument | undefined) => Promise<void>} */
-async function ended(job, document) {
-  if (job.kind === "friction" && document) await showResult(document.run);
+/** @type {(job: EndedJob) => Promise<void>} */
+async function ended(job) {
+  if (job.kind === "friction" && job.document) await showResult(job.document.run);
 }
 
 on("again", showRuns);
