@@ -330,13 +330,16 @@ export class JobPanel {
   /** @type {(job: Api.Job) => NowNext} */
   nowNext(job) {
     const { end, count, left, share, links, question } = this.view;
-    if (end) return { ...end, isRunning: false, steps: links.slice(0, 1) };
     /** @type {() => void} */
     const show = () => (this.section.querySelector(".questions:has(*)") ?? this.section).scrollIntoView({ block: "start" });
+    const [first] = links;
+    // an element can be in one place only: the line then leads to the panel
+    if (end && first instanceof Node) return { ...end, isRunning: false, steps: [html`<button type="button" class="main" @click=${show}>Show the next step</button>`] };
+    if (end) return { ...end, isRunning: false, steps: first ? [first] : [] };
     const step = question
       ? html`<button type="button" class="main" @click=${show}>Answer the question</button>`
       : html`<button type="button" @click=${show}>Show</button>`;
-    return { isRunning: true, words: kindWords(job.kind), count: question?.text || count, left, share, steps: [step] };
+    return { isRunning: true, words: kindWords(job.kind), count: question?.text || count, left: question ? "" : left, share, steps: [step] };
   }
 
   /** @type {(refusal: { kind: string, text: string }) => Part} */
