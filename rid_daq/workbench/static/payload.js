@@ -24,9 +24,12 @@ const STAGES = [.../** @type {NodeListOf<HTMLElement>} */ (document.querySelecto
 on("cell", ({ job }) => {
   jobAtOpening ??= job?.id ?? "";
 });
-/** @type {(job: Api.Job) => Part[]} */
-const next = ({ kind, state }) =>
-  kind === "payload_session" && state === "done" ? [html`<a class="button main" href="#papers">Create the certificate</a>`] : [];
+/** @type {(job: EndedJob) => Part[]} */
+function next(job) {
+  if (job.kind !== "payload_session") return [];
+  if (job.state === "done") return [html`<a class="button main" href="#papers">Create the certificate</a>`];
+  return job.document?.session ? [html`<a class="button main" href="#values">What to do</a>`] : [];
+}
 const panel = new JobPanel(find("job"), { next, heard, begun, ended, isBelow });
 
 // ---- stages of the page: each stage shows one or two states of the session
