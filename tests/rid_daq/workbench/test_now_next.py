@@ -57,7 +57,7 @@ def test_a_page_without_the_job_shows_its_progress_and_leads_to_it(
     open_page: OpenPage, served_pages: ServedProcess, program_lease: str
 ) -> None:
     page = open_page(width=820)
-    page.goto(served_pages.url.split("/?")[0] + "/cells/ir361/signals")
+    page.goto(served_pages.url.split("/?")[0] + "/cells/ir361/settings")
     begin_motion(served_pages, program_lease)
     line = page.locator("#now-next")
     expect(line).to_contain_text("Record")
