@@ -45,6 +45,7 @@ function next(job) {
   const again = (text, action) => html`<button type="button" class="main" @click=${action}>${text}</button>`;
   if (job.kind === "check" && job.document?.lines.some((line) => line.code === "RID-POSE-MOVED"))
     return [again("Check again", actions.check), again("The positions are correct: accept them", actions.accept)];
+  if (job.kind === "axes" && job.state === "done") return STARTS;
   if (job.kind === "check") return job.document?.passed ? STARTS : [again("Check again", actions.check)];
   if (job.kind === "plate_zero" && job.document?.verdict?.passed && job.run) return [zeroPart(job.run)];
   if (job.kind === "reset" && job.state === "done") return [again("Check", actions.check)];

@@ -16,14 +16,17 @@ const STEPS = {
   compensate: step("feedforward", "Record with the feedforward"),
   record: step("path-title", "Compare the paths"),
   tracking: step("path-title", "Show the result"),
+  retime: step("make-title", "Create a feedforward for it"),
+  stream: step("path-title", "Compare the paths"),
 };
 
 /** @type {(job: EndedJob) => Part[]} */
 function next(job) {
   if (job.state === "done" && job.kind in STEPS) return [STEPS[job.kind]];
   if (job.kind !== "refine" || !job.document) return [];
-  const words = job.document.finished ? "The refinement is complete: the remaining error is noise, or no longer shrinks." : "Next: record with the new file, then refine again.";
-  return [html`<p>${words}</p>`];
+  return job.document.finished
+    ? [STEPS.record, html`<p>The refinement is complete: the remaining error is noise, or no longer shrinks.</p>`]
+    : [step("feedforward", "Record with the new file"), html`<p>Then refine again.</p>`];
 }
 
 // ---- runs to choose from

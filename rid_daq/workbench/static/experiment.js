@@ -35,7 +35,7 @@ const panel = new JobPanel(find("job"), {
     const own = `${path}?run=${run}`;
     if ((kind ?? "") in NEXT || !modelled) return [step(own, words, "main")];
     const check = `identify?run=${encodeURIComponent(modelled.id)}&other=${run}`;
-    const isCheck = kind === "validation";
+    const isCheck = kind === "validation" || kind === "multipoint"; // `init` writes a multipoint motion for the validation
     const steps = [step(check, "Validate the model on this run", isCheck && "main"), step(own, words, !isCheck && "main")];
     return isCheck ? steps : steps.reverse();
   },

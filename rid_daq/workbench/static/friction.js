@@ -7,7 +7,10 @@ import { on } from "./service.js";
 import { completeRuns, press, runWords, showRun, wanted } from "./work.js";
 
 const MEASURE = new Set(["constant_velocity", "reversed"]);
-const panel = new JobPanel(find("job"), { ended, isBelow: ({ kind }) => kind === "friction" });
+const panel = new JobPanel(find("job"), {
+  ended, isBelow: ({ kind }) => kind === "friction",
+  next: ({ document }) => (document ? [html`<a class="button main" href="#result-title">Show the result</a>`] : []),
+});
 
 // ---- runs to choose from
 /** @type {() => string[]} */

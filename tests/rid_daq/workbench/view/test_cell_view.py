@@ -55,8 +55,10 @@ def test_the_pose_is_live_during_a_motion_and_old_before_and_after(
 
 
 def test_the_first_visit_of_a_page_with_10000_triangles_transfers_little(
-    open_page: OpenPage,
+    open_page: OpenPage, served_pages: ServedProcess
 ) -> None:
+    with served_pages.client as client, client.lease("ir361") as cell:
+        cell.run("check").require_done()  # the page then also loads its lines
     page = open_page()
     wait_for_picture(page)
     page.wait_for_load_state("networkidle")
