@@ -47,11 +47,14 @@ class CompressedBody:
             media_type: Media type of the body.
             headers: Other headers of the answer.
         """
-        named = {**(headers or {}), "vary": "accept-encoding"}
+        body, encoding = self.for_client(request)
+        return Response(body, media_type=media_type, headers={**(headers or {}), **encoding})
+
+    def for_client(self, request: Request) -> tuple[bytes, dict[str, str]]:
+        """Return the body in an encoding that the client accepts, and the headers that name it."""
         if _accepts_gzip(request.headers):
-            named["content-encoding"] = "gzip"
-            return Response(self.gzipped, media_type=media_type, headers=named)
-        return Response(self.plain, media_type=media_type, headers=named)
+            return self.gzipped, {"vary": "accept-encoding", "content-encoding": "gzip"}
+        return self.plain, {"vary": "accept-encoding"}
 
 
 class CompressedJson:
