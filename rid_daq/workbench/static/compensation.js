@@ -23,6 +23,7 @@ const STEPS = {
 /** @type {(job: EndedJob) => Part[]} */
 function next(job) {
   if (job.state === "done" && job.kind in STEPS) return [STEPS[job.kind]];
+  if (job.kind === "loop" && job.document) return [step("loops-part", "What to do")];
   if (job.kind !== "refine" || !job.document) return [];
   return job.document.finished
     ? [STEPS.record, html`<p>The refinement is complete: the remaining error is noise, or no longer shrinks.</p>`]

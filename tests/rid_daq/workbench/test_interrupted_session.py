@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import signal
 import time
 from collections.abc import Callable
@@ -10,15 +11,15 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-from config.load import to_yaml
 from rid_daq.service.records import CellState
 from tests.rid_daq.service.conftest import ServedProcess, serve, serving
 from tests.rid_daq.service.moving import until
-from tests.rid_daq.service.test_session_restarts import MOTION
 from tests.rid_daq.workbench.conftest import checked, go_to, take_cell
+from tests.rid_daq.workbench.test_work import fill_session
 
 pytestmark = [pytest.mark.slow, pytest.mark.long]
 
+CELL = "kr15"
 OpenAddress = Callable[[str], Page]
 STAGES = ("rehearse", "warm_up_without", "record_without", "attach", "warm_up_with record_with")
 PATIENCE_S = 300.0
@@ -28,7 +29,7 @@ def open_payload_page(served: ServedProcess, open_page_of: OpenAddress) -> Page:
     """Open the Payload page of a user who holds the cell, which is ready to move."""
     page = open_page_of(served.url)
     with served.client as client:
-        until(lambda: client.cell("ir361").lease is None)  # that of the killed service ends
+        until(lambda: client.cell(CELL).lease is None)  # that of the killed service ends
     take_cell(page)
     if page.locator("#state").inner_text() == CellState.FAULT.value:
         page.locator("#reset").click()
@@ -45,9 +46,7 @@ def begin(page: Page) -> None:
     else:
         page.locator("#motion").select_option("motion.yaml")
         page.locator("#practise").check()
-        page.get_by_text("Required accuracy, number of runs").click()
-        for field, number in {"rehearsal": "80", "warm": "50", "warm-periods": "4"}.items():
-            page.locator(f"#{field}").fill(number)
+        fill_session(page)
     page.locator("#begin").click()
     page.get_by_role("dialog").get_by_role("button", name="is clear: start").click()
 
@@ -64,10 +63,12 @@ def answer_until(page: Page, selector: str) -> None:
         page.wait_for_timeout(100)
 
 
-def test_no_step_is_lost(tmp_path: Path, open_page_of: OpenAddress) -> None:
-    (tmp_path / "motion.yaml").write_text(to_yaml(MOTION), encoding="utf-8")
+def test_no_step_is_lost(
+    tmp_path: Path, open_page_of: OpenAddress, six_axis_motion: Callable[[int], Path]
+) -> None:
+    shutil.copy(six_axis_motion(3), tmp_path / "motion.yaml")
     for name in STAGES:
-        served = serve(tmp_path)
+        served = serve(tmp_path, cell=CELL)
         try:
             page = open_payload_page(served, open_page_of)
             begin(page)
@@ -78,7 +79,7 @@ def test_no_step_is_lost(tmp_path: Path, open_page_of: OpenAddress) -> None:
             assert served.end(signal.SIGKILL) == -signal.SIGKILL
         finally:
             served.leave_nothing()
-    with serving(tmp_path) as served:
+    with serving(tmp_path, cell=CELL) as served:
         page = open_payload_page(served, open_page_of)
         begin(page)
         answer_until(page, "#result .verdict")
