@@ -20,8 +20,20 @@ await ask("POST", `${{CELL}}/lease`, {{ note: "", second: 15 }});
 new JobPanel(find("job")).begin("jog", {{ hom: true }});
 on("event", (_, event) => event.kind === "said" && event.txt);
 find("nwo").hidden = true;
+new JobPanel(find("job"), {{ ended: (job) => job.kind === "loop" && job.document?.run }});
+new JobPanel(find("job"), {{ ended: (job) => job.kind === "loop" && job.document?.feedforward }});
+new JobPanel(find("job"), {{ ended: (job) => job.document?.run }});
 """
-WRONG_NAMES = {6: "not_ready_becaus", 7: "problem", 8: "second", 9: "hom", 10: "txt", 11: "nwo"}
+WRONG_NAMES = {
+    6: "not_ready_becaus",
+    7: "problem",
+    8: "second",
+    9: "hom",
+    10: "txt",
+    11: "nwo",
+    13: "feedforward",
+    14: "run",
+}
 """Misspelt name of each wrong line; the address with a mistake has no answer."""
 
 

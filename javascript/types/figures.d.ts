@@ -29,6 +29,7 @@ interface FigureAxis {
   text: string;
   unit: string;
   isLog: boolean;
+  isCount: boolean;
   ends: Ends | null;
 }
 

@@ -15,22 +15,9 @@ interface PageImage {
   number: number;
 }
 
-/** Values for programs in the result of a job; each kind of job has some of them, and a page reads only those. */
-interface ResultDocument {
-  feedforward: string;
-  file: string;
-  finished: boolean;
-  lines: Api.CheckLine[];
-  model: string;
-  motion: string;
-  passed: boolean;
-  robot: string;
-  run: string;
-  sentence: string;
-  session: string;
-  text: string;
-  verdict: { passed: boolean };
-}
+/** A job of a kind with the values for programs of its result, if it has one. */
+type JobOf<Kind extends Api.JobKind> = Omit<Api.Job, "kind"> & { kind: Kind; document?: Api.Results[Kind] };
+type EndedJob = { [Kind in Api.JobKind]: JobOf<Kind> }[Api.JobKind];
 
 /** Live values of a motion (rid_daq/live/picture.py); a job that reads the drives at rest sends fewer. */
 interface LivePicture {
@@ -244,12 +231,12 @@ interface Box {
 
 /** Functions that a page gives to the panel of a job (job_panel.js). */
 interface JobPanelOptions {
-  next?: (job: Api.Job, document: ResultDocument | undefined) => Part[];
+  next?: (job: EndedJob) => Part[];
   begun?: (job: Api.Job) => unknown;
-  ended?: (job: Api.Job, document: ResultDocument | undefined) => unknown;
+  ended?: (job: EndedJob) => unknown;
   heard?: (event: JobEvent, job: Api.Job) => void;
   places?: { [Kind in Api.JobKind]?: HTMLElement };
-  isBelow?: (job: Api.Job, document: ResultDocument) => boolean;
+  isBelow?: (job: EndedJob) => boolean;
 }
 
 /** State of the panel for one job. */
@@ -257,11 +244,13 @@ interface JobView {
   ahead: Map<number, JobEvent>;
   blocks?: ResultBlock[];
   count: string;
-  document?: ResultDocument;
+  document?: Record<string, unknown>;
+  end?: { kind: string; words: string };
   estimate: string;
   isFailureShown: boolean;
   known: number;
   last: string;
+  left: string;
   links: Part[];
   loading: Promise<void> | null;
   log: import("../../rid_daq/workbench/static/job_log.js").JobLog;
@@ -273,6 +262,17 @@ interface JobView {
   share: number | null;
   verdicts: Part[];
   words: string;
+}
+
+/** The running job, or the last job's end with the next step (now_next.js). */
+interface NowNext {
+  isRunning: boolean;
+  kind?: string;
+  words: string;
+  count?: string;
+  left?: string;
+  share?: number | null;
+  steps: Part[];
 }
 
 type Four = [number, number, number, number];

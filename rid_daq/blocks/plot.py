@@ -29,6 +29,7 @@ class Axis:
         label, unit: Quantity, and its unit; empty for a ratio or a number.
         log: True for a logarithmic scale.
         least, most: Ends of the axis; None for the range of the data.
+        counts: True if the axis counts something, so that only whole numbers are marked.
     """
 
     label: str
@@ -36,6 +37,7 @@ class Axis:
     log: bool = False
     least: float | None = None
     most: float | None = None
+    counts: bool = False
 
     @property
     def text(self) -> str:

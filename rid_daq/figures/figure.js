@@ -207,6 +207,8 @@ class Panel {
     const isNamed = item.bars.length > 0;
     /** @type {(axis: FigureAxis) => import("uplot").Scale} */
     const scale = ({ isLog }) => ({ time: false, auto: false, distr: isLog ? 3 : 1 });
+    /** @type {(axis: FigureAxis) => import("uplot").Axis} */
+    const marks = ({ isLog, isCount }) => (isLog ? { splits: logMarks } : isCount ? { incrs: COUNT_STEPS } : {});
     /** @type {(isLog: boolean) => (_: uPlot, splits: (number | null)[], __: number, ___: number, step: number) => string[]} */
     const numbers = (isLog) => (_, splits, __, ___, step) => splits.map((value) => (value === null ? "" : isLog ? digits(value, 3) : axisNumber(value, step)));
     /** @type {(names: string[]) => import("uplot").Axis} */
@@ -226,10 +228,10 @@ class Panel {
             size: item.hidesX ? 8 : isNamed ? 56 : 32,
             ...(item.hidesX ? {} : { label: item.x.text }),
             values: item.hidesX ? () => [] : numbers(item.x.isLog),
-            ...(item.x.isLog ? { splits: logMarks } : {}),
+            ...marks(item.x),
             ...(isNamed ? { ...named(item.bars.map(({ name }) => name)), rotate: 35 } : {}),
           },
-          { ...axis, size: this.room - 20, label: rows.length ? " " : item.y.text, values: numbers(item.y.isLog), ...(item.y.isLog ? { splits: logMarks } : {}), ...(rows.length ? named(rows) : {}) },
+          { ...axis, size: this.room - 20, label: rows.length ? " " : item.y.text, values: numbers(item.y.isLog), ...marks(item.y), ...(rows.length ? named(rows) : {}) },
         ],
         series: [{}, { scale: "y", paths: () => null, points: { show: false } }],
         cursor: {
@@ -642,6 +644,9 @@ function axisNumber(value, step) {
   while (decimals < 6 && Math.abs(step * 10 ** decimals - Math.round(step * 10 ** decimals)) > 1e-3) decimals += 1;
   return value.toFixed(decimals);
 }
+
+// Distances between the marks of an axis that counts something.
+const COUNT_STEPS = [0, 1, 2, 3, 4, 5, 6].flatMap((power) => [1, 2, 5].map((factor) => factor * 10 ** power));
 
 // Return the marks of a logarithmic axis: the multiples of powers of ten; in a narrow range, multiples of a smaller step.
 // uPlot's own marks never end if a range begins less than 5 % below a power of ten.

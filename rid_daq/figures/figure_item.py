@@ -96,6 +96,7 @@ def _axis(of: Axis) -> dict[str, object]:
         "text": make_printable(of.text),
         "unit": make_printable(of.unit),
         "isLog": of.log,
+        "isCount": of.counts,
         "ends": None if of.least is None or of.most is None else [of.least, of.most],
     }
 

@@ -65,7 +65,11 @@ def ask_clearance(
             code="RID-ANSWER-NOBODY",
         )
     context.say(danger)
-    answer = context.ask(f"Is cell {cell} free of people? Type the cell's name to confirm", str)
+    answer = context.ask(
+        f"Is cell {cell} free of people? Confirm with the cell's name",
+        str,
+        ((f"Cell {cell} is free of people", cell), ("No", "no")),
+    )
     if answer != cell:
         raise PreflightError(
             f"no motion was started: {answer!r} is not the cell's name {cell!r}; {advice}",

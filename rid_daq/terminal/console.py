@@ -10,7 +10,7 @@ import shutil
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, is_dataclass
 from typing import TYPE_CHECKING, Final, TypeVar
 
 import click
@@ -105,13 +105,15 @@ def _cell(text: str) -> str:
 
 
 def _as_json(value: object) -> object:
-    """Return a model as JSON values.
+    """Return a model or a dataclass as JSON values.
 
     Raises:
-        TypeError: The value is not a model.
+        TypeError: The value is neither of them.
     """
     from pydantic import BaseModel  # imported late, because it is slow
 
+    if is_dataclass(value) and not isinstance(value, type):
+        return asdict(value)
     if isinstance(value, BaseModel):
         return value.model_dump(mode="json", by_alias=True)
     raise TypeError(f"values of type {type(value).__name__} cannot be written as JSON")

@@ -19,7 +19,6 @@ from rid_daq.service.request_check import require_inside
 from rid_daq.service.workers.running_job import EventTail
 from rid_daq.terminal.choices import NO_PAYLOAD, PAYLOAD_OF_MODEL
 from rid_daq.terminal.job_events import WarmUpEvent
-from rid_daq.workbench.compressed import CompressedBody
 
 router = APIRouter(prefix="/blocks", include_in_schema=False)
 
@@ -68,8 +67,7 @@ class View:
         from rid_daq.figures.plot_tables import as_csv
 
         if self._form is None:
-            item = JSONResponse(figure_item(plot))
-            return CompressedBody.of(bytes(item.body)).answer(self._request, "application/json")
+            return JSONResponse(figure_item(plot))
         saved = {"content-disposition": f'attachment; filename="{plot.name}.{self._form}"'}
         if self._form == "csv":
             return Response(as_csv(plot), media_type="text/csv", headers=saved)

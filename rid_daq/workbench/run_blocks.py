@@ -84,14 +84,14 @@ def warm_up_plot(
         panels=(
             Panel(
                 title="friction power in each period",
-                x=Axis("period"),
+                x=Axis("period", counts=True),
                 y=Axis("friction", "W"),
                 lines=_lines(joint_names, periods, power),
                 height_px=260,
             ),
             Panel(
                 title=f"change per period, settled at {settled_percent:g} %",
-                x=Axis("period"),
+                x=Axis("period", counts=True),
                 y=Axis("change", "%", least=None if widest is None else -widest, most=widest),
                 lines=_lines(joint_names, periods[FEWEST_PERIODS - 1 :], change),
                 limits=(-settled_percent, settled_percent),

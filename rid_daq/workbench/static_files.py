@@ -22,8 +22,8 @@ from starlette.responses import Response
 from rid_daq.service.refusals import UnknownError
 from rid_daq.session.versions import program_version
 from rid_daq.web.bundled_modules import bundled_modules
+from rid_daq.web.compressed import LARGEST_LEVEL, CompressedBody
 from rid_daq.web.script_comments import without_comments
-from rid_daq.workbench.compressed import LARGEST_LEVEL, CompressedBody
 from rid_daq.workbench.menu import command_links
 
 router = APIRouter(include_in_schema=False)

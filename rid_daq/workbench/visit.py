@@ -28,6 +28,7 @@ from rid_daq.service.refusals import NotKnownError, http_status
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
 from rid_daq.session.versions import program_version
+from rid_daq.web.compressed import CompressedBody
 from rid_daq.workbench.menu import MENU
 from rid_daq.workbench.static_files import static_address
 
@@ -110,7 +111,8 @@ class Visit:
             version=program_version(),
             **context,
         )
-        return HTMLResponse(text, status)
+        body, encoding = CompressedBody.of(text.encode()).for_client(self.request)
+        return HTMLResponse(body, status, encoding)
 
 
 def bare_page(template: str, /, status: HTTPStatus = HTTPStatus.OK, **context: Any) -> HTMLResponse:

@@ -1,21 +1,24 @@
 """Check the types of the pages' JavaScript: `.venv/bin/python -m tests.builders.javascript_types`.
 
-Types of requests, answers and events come from the OpenAPI document, types of the documents that
-only pages receive from their Python types, and types of elements from the templates. They are
-written to `javascript/types/generated.d.ts`, which git ignores; editors read it too. `tsc` then
-checks all JavaScript by `tsconfig.json`.
+Types of requests, answers and events come from the OpenAPI document, types of the results of jobs
+and of the documents that only pages receive from their Python types, and types of elements from the
+templates. They are written to `javascript/types/generated.d.ts`, which git ignores; editors read it
+too. `tsc` then checks all JavaScript by `tsconfig.json`.
 """
 
 from __future__ import annotations
 
+import ast
 import json
 import re
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, Final
+from types import ModuleType, UnionType
+from typing import Any, Final, get_args, get_type_hints, is_typeddict
 
+import typing_extensions
 from pydantic import TypeAdapter
 
 ROOT: Final = Path(__file__).resolve().parent.parent.parent
@@ -59,14 +62,19 @@ _MACRO_TAGS: Final = {"choice": "select", "field": "input"}
 def generated_types() -> str:
     """Return the declarations of all types that are made from the service and its templates."""
     document = json.loads(OPENAPI.read_text(encoding="utf-8"))
-    schemas: dict[str, Any] = {**document["components"]["schemas"], **_page_schemas()}
-    bodies = _request_schemas(document, schemas)
-    kinds = document["components"]["schemas"]["JobKind"]["enum"]
+    own = document["components"]["schemas"]
+    results = _result_types(own["JobKind"]["enum"])
+    documents = {each for kinds in results.values() for each in kinds if is_typeddict(each)}
+    found = [*_page_documents(), *map(_with_resolved_names, documents)]
+    schemas: dict[str, Any] = {**own, **_schemas_of(found)}
+    partial = _request_schemas(document, schemas) | {each.__name__ for each in documents}
     lines = [_HEAD, "declare namespace Api {\n", _PARTS]
     for name, schema in sorted(schemas.items()):
-        lines.append(_declaration(name, schema, is_request=name in bodies))
+        lines.append(_declaration(name, schema, is_partial=name in partial))
     lines.append("  interface Requests {\n")
-    lines += [f"    {kind}: {_identifier(f'Request-{kind}')};\n" for kind in kinds]
+    lines += [f"    {kind}: {_identifier(f'Request-{kind}')};\n" for kind in results]
+    lines.append("  }\n  interface Results {\n")
+    lines += [f"    {kind}: {_result_type(types)};\n" for kind, types in results.items()]
     lines += ["  }\n", *_routes(document), "}\n\n", "interface PageElements {\n"]
     for name, tags in sorted(element_tags().items()):
         types = " | ".join(sorted({_TAGS.get(tag, "HTMLElement") for tag in tags}))
@@ -97,13 +105,36 @@ def type_errors(project: Path = ROOT) -> str:
     Raises:
         FileNotFoundError: The build has not installed TypeScript.
     """
+    words = (_compiler(), "--project", project, "--pretty", "false")
+    return subprocess.run(words, capture_output=True, text=True, check=False, cwd=project).stdout
+
+
+def compiled_scripts(scripts: Mapping[str, str], folder: Path) -> dict[str, str]:
+    """Return scripts as `tsc` writes them again: without comments, and with its own line breaks.
+
+    Args:
+        scripts: Texts by file name.
+        folder: Empty folder for the files.
+    """
+    for name, text in scripts.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    made = folder / "compiled"
+    words = (
+        *("--allowJs", "--noCheck", "--noResolve", "--ignoreConfig", "--removeComments"),
+        *("--target", "es2024", "--module", "esnext", "--outDir", made),
+    )
+    # `tsc` also writes a script with a syntax error; then its exit code is not 0
+    subprocess.run((_compiler(), *words, *scripts), capture_output=True, check=False, cwd=folder)
+    return {path.name: path.read_text(encoding="utf-8") for path in made.iterdir()}
+
+
+def _compiler() -> Path:
     found = sorted(COMPILERS.glob("typescript-*/lib/tsc"))
     if not found:
         raise FileNotFoundError(
             "TypeScript is not installed: delete rid_daq/workbench/bundled, and run `uv sync`"
         )
-    words = (found[0], "--project", project, "--pretty", "false")
-    return subprocess.run(words, capture_output=True, text=True, check=False, cwd=project).stdout
+    return found[0]
 
 
 def assert_declared(document: Mapping[str, object], interface: str) -> None:
@@ -118,8 +149,8 @@ def assert_declared(document: Mapping[str, object], interface: str) -> None:
     )
 
 
-def _page_schemas() -> dict[str, Any]:
-    """Return the schemas of documents that only pages receive; the API does not list them."""
+def _page_documents() -> tuple[type, ...]:
+    """Return the types of documents that only pages receive; the API does not list them."""
     from rid_daq.robot_view.scene_encoding import SceneDocument
     from rid_daq.workbench.data_check import DataCheck
     from rid_daq.workbench.files.pose_list import PoseList
@@ -127,11 +158,54 @@ def _page_schemas() -> dict[str, Any]:
     from rid_daq.workbench.payload_sessions import CellSessions
     from rid_daq.workbench.view.resting_pose import RestingPose
 
-    types = (SceneDocument, RestingPose, PoseList, MotionText, DataCheck, CellSessions)
-    adapters = [(each.__name__, "serialization", TypeAdapter(each)) for each in types]
-    _, found = TypeAdapter.json_schemas(adapters, ref_template=_REFERENCE + "{model}")  # type: ignore[arg-type]
+    return (SceneDocument, RestingPose, PoseList, MotionText, DataCheck, CellSessions)
+
+
+def _schemas_of(types: Iterable[Any]) -> dict[str, Any]:
+    adapters: list[Any] = [(each.__name__, "serialization", TypeAdapter(each)) for each in types]
+    _, found = TypeAdapter.json_schemas(adapters, ref_template=_REFERENCE + "{model}")
     definitions: dict[str, Any] = found["$defs"]
     return definitions
+
+
+def _result_types(kinds: Iterable[str]) -> dict[str, tuple[Any, ...]]:
+    """Return the types of the documents that the operation of each kind of job returns."""
+    from rid_daq.operations.catalogue import OF_KINDS, operation
+
+    found: dict[str, tuple[Any, ...]] = {}
+    for kind in kinds:
+        results = _returned(operation(OF_KINDS[kind]).run)
+        found[kind] = tuple(each for result in results for each in _returned(result.document))
+    return found
+
+
+def _returned(function: Any) -> tuple[Any, ...]:
+    """Return the types that a function is declared to return."""
+    module = sys.modules[function.__module__]
+    found = eval(function.__annotations__["return"], _names_of(module))
+    return get_args(found) if isinstance(found, UnionType) else (found,)
+
+
+def _names_of(module: ModuleType) -> dict[str, Any]:
+    """Return the names of a module, including those that it imports for type checkers only."""
+    for node in ast.parse(Path(module.__file__ or "").read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            exec(compile(ast.Module(node.body, []), "", "exec"), vars(module))
+    return vars(module)
+
+
+def _with_resolved_names(document: Any) -> Any:
+    """Return the same `TypedDict` in the form that pydantic needs before Python 3.12."""
+    hints = get_type_hints(document, _names_of(sys.modules[document.__module__]), None, True)
+    return typing_extensions.TypedDict(document.__name__, hints)  # type: ignore[operator]
+
+
+def _result_type(types: tuple[Any, ...]) -> str:
+    """Return the type of a result; if a part of it is not declared, any key can be absent."""
+    declared = " | ".join(sorted(each.__name__ for each in types if is_typeddict(each)))
+    if not declared:
+        return "Record<string, unknown>"
+    return declared if all(map(is_typeddict, types)) else f"Partial<{declared}>"
 
 
 def _request_schemas(document: Mapping[str, Any], schemas: Mapping[str, Any]) -> set[str]:
@@ -159,11 +233,11 @@ def _references(schema: Any) -> Iterator[str]:
             yield from _references(each)
 
 
-def _declaration(name: str, schema: Mapping[str, Any], *, is_request: bool) -> str:
-    """Return the declaration of a schema."""
+def _declaration(name: str, schema: Mapping[str, Any], *, is_partial: bool) -> str:
+    """Return the declaration of a schema; if it is partial, keys that are not required can lack."""
     if "properties" not in schema:
         return f"  type {_identifier(name)} = {_type(schema)};\n"
-    required = schema.get("required", ()) if is_request else schema["properties"]
+    required = schema.get("required", ()) if is_partial else schema["properties"]
     lines = [
         f'    "{key}"{"" if key in required else "?"}: {_type(each)};\n'
         for key, each in schema["properties"].items()

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Annotated, Final
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Annotated, Final, TypedDict
 
 from pydantic import Field
 
@@ -18,6 +18,7 @@ from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from rid_daq.operations.cell.checked_cell import CheckedCell
+    from rid_daq.preflight.check_line import CheckLine
 
 
 class CheckRequest(Request):
@@ -62,6 +63,17 @@ class CheckRequest(Request):
     runs: RunsFolder = DEFAULT_RUNS
 
 
+class CheckDocument(TypedDict):
+    """Lines and outcome of a preflight."""
+
+    cell: str
+    passed: bool
+    problem: str | None
+    files_hash: str | None
+    drive_writes: str | None
+    lines: list[CheckLine]
+
+
 @dataclass(frozen=True)
 class CheckResult:
     """Result of a preflight.
@@ -98,7 +110,7 @@ class CheckResult:
 
         return ExitCode.DONE if self.failure is None else exit_code_of(self.failure)
 
-    def document(self) -> dict[str, object]:
+    def document(self) -> CheckDocument:
         """Return all lines of the preflight."""
         checked = self.checked
         return {
@@ -107,7 +119,7 @@ class CheckResult:
             "problem": None if checked.problem is None else str(checked.problem),
             "files_hash": checked.files_hash,
             "drive_writes": None if checked.write_log is None else str(checked.write_log),
-            "lines": [asdict(line) for line in checked.lines],
+            "lines": list(checked.lines),
         }
 
     def blocks(self) -> Iterator[AnyBlock]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final, TypedDict
 
 from pydantic import Field
 
@@ -17,6 +17,7 @@ from rid_daq.requests.request import Request
 
 if TYPE_CHECKING:
     from rid_daq.operations.cell.zeroed_plate import ZeroedPlate
+    from rid_daq.report.sections.verdict import VerdictSection
 
 
 class PlateZeroRequest(Request):
@@ -59,6 +60,17 @@ class PlateZeroRequest(Request):
     runs: RunsFolder = DEFAULT_RUNS
 
 
+class PlateZeroDocument(TypedDict):
+    """A measured zero of the plate."""
+
+    folder: str
+    report: str
+    zero: dict[str, object]
+    plate_zero: object
+    verdict: VerdictSection
+    written: str | None
+
+
 @dataclass(frozen=True)
 class PlateZeroResult:
     """Offsets of a force plate.
@@ -79,7 +91,7 @@ class PlateZeroResult:
             return run.exit_code
         return ExitCode.DONE if run.result.verdict.passed else ExitCode.VERDICT_FAILED
 
-    def document(self) -> dict[str, object]:
+    def document(self) -> PlateZeroDocument | dict[str, object]:
         """Return the zero; if the motion was stopped, return the stop reason."""
         from rid_daq.recording.recorded_run import stop_document
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal, NotRequired, TypedDict
 
 from pydantic import AliasChoices, Field, ValidationInfo, model_validator
 
@@ -271,6 +271,20 @@ class DesignRequest(Request):
         return _OF_MULTISINES | _OF_HEURISTIC, f"{by} --method optimal"
 
 
+class MotionDocument(TypedDict):
+    """Properties of a motion; those after the duration depend on its kind."""
+
+    motion: str
+    duration_s: float
+    kind: NotRequired[str]
+    condition_number: NotRequired[float | None]
+    band_hz: NotRequired[list[float]]
+    axes: NotRequired[list[dict[str, object]]]
+    limits: NotRequired[list[dict[str, object]]]
+    trials: NotRequired[list[dict[str, object]]]
+    interrupted: NotRequired[bool]
+
+
 @dataclass(frozen=True)
 class DesignResult:
     """A motion that was designed and written.
@@ -288,7 +302,7 @@ class DesignResult:
         """Exit code 130 or 143 if a signal interrupted the search."""
         return 0 if self.designed.found is None else int(self.designed.found.exit_code)
 
-    def document(self) -> Mapping[str, object]:
+    def document(self) -> MotionDocument:
         """Return the properties of the motion as numbers."""
         from rid_daq.operations.experiment.shown_motion import motion_document
 

@@ -15,7 +15,7 @@ from acquisition.motion.samples import MotionSamples
 from config.cell.cell import CellConfig
 from config.robot.robot import RobotDescription
 from rid_daq.blocks.block import AnyBlock, Cells, Column, Next, Table, Text, Verdict, table
-from rid_daq.operations.experiment.design import DesignRequest
+from rid_daq.operations.experiment.design import DesignRequest, MotionDocument
 from rid_daq.operations.experiment.excitation_search import Search
 from rid_daq.operations.experiment.motion_design import DesignedMotion
 from rid_daq.terminal.choices import Kind
@@ -50,7 +50,7 @@ class _ExcitationAxis:
     acceleration_percent: float
 
 
-def motion_document(designed: DesignedMotion, output: Path) -> dict[str, object]:
+def motion_document(designed: DesignedMotion, output: Path) -> MotionDocument:
     """Return the properties of a motion as numbers.
 
     Args:
@@ -58,44 +58,38 @@ def motion_document(designed: DesignedMotion, output: Path) -> dict[str, object]
         output: Path of its file.
     """
     motion, found = designed.motion, designed.found
-    shown: dict[str, object] = {"motion": str(output), "duration_s": designed.samples.duration_s}
+    shown: MotionDocument = {"motion": str(output), "duration_s": designed.samples.duration_s}
     match motion:
         case FourierMotion():
             axes = _excitation_axes(designed.samples, designed.cell.robot)
-            shown |= {
-                "condition_number": designed.condition,
-                "axes": [asdict(axis) for axis in axes],
-            }
+            shown["condition_number"] = designed.condition
+            shown["axes"] = [asdict(axis) for axis in axes]
             if found is not None:
-                shown |= {
-                    "limits": [
-                        {
-                            "what": use.what,
-                            "used": use.used,
-                            "limit": use.limit,
-                            "unit": use.unit,
-                            "held": use.is_met,
-                            "active": use.active,
-                        }
-                        for use in found.best.check.uses
-                    ],
-                    "trials": [
-                        {
-                            "elapsed_s": trial.elapsed_s,
-                            "seed": trial.seed,
-                            "worth": trial.objective,
-                            "broken": trial.broken,
-                        }
-                        for trial in found.trials
-                    ],
-                    "interrupted": found.interrupted_by is not None,
-                }
+                shown["limits"] = [
+                    {
+                        "what": use.what,
+                        "used": use.used,
+                        "limit": use.limit,
+                        "unit": use.unit,
+                        "held": use.is_met,
+                        "active": use.active,
+                    }
+                    for use in found.best.check.uses
+                ]
+                shown["trials"] = [
+                    {
+                        "elapsed_s": trial.elapsed_s,
+                        "seed": trial.seed,
+                        "worth": trial.objective,
+                        "broken": trial.broken,
+                    }
+                    for trial in found.trials
+                ]
+                shown["interrupted"] = found.interrupted_by is not None
         case MultisineMotion():
-            shown |= {
-                "kind": motion.kind,
-                "band_hz": [motion.lowest_hz, motion.highest_hz],
-                "axes": [asdict(axis) for axis in _multisine_axes(designed, motion)],
-            }
+            shown["kind"] = motion.kind
+            shown["band_hz"] = [motion.lowest_hz, motion.highest_hz]
+            shown["axes"] = [asdict(axis) for axis in _multisine_axes(designed, motion)]
         case _:
             shown["kind"] = motion.kind
     return shown

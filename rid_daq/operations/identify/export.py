@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final, TypedDict
 
 from pydantic import Field
 
@@ -110,6 +110,20 @@ class ExportRequest(Request):
     runs: RunsFolder = DEFAULT_RUNS
 
 
+class ExportedModelDocument(TypedDict):
+    """A written model."""
+
+    file: str
+    format: str
+    robot: str
+    parameters: str
+    sentence: str
+    consistency: object
+    torques: list[object]
+    urdf: object
+    notes: list[str]
+
+
 @dataclass(frozen=True)
 class ExportedModel:
     """A model that was written.
@@ -131,7 +145,7 @@ class ExportedModel:
     urdf: UpdatedUrdfSection | None = None
     notes: tuple[str, ...] = ()
 
-    def document(self) -> dict[str, object]:
+    def document(self) -> ExportedModelDocument:
         """Return the properties of the written model."""
         from rid_daq.report.consistency_entry import ConsistencyEntry
 
@@ -160,6 +174,18 @@ class ExportedModel:
         yield Verdict(passed=True, text=f"Wrote {self.request.output}")
 
 
+class ExportedRecordingDocument(TypedDict):
+    """A written recording."""
+
+    file: str
+    format: str
+    run: str
+    rows: int
+    columns: list[dict[str, str]]
+    damage: list[str]
+    notes: list[str]
+
+
 @dataclass(frozen=True)
 class ExportedRecording:
     """A recording that was written.
@@ -176,7 +202,7 @@ class ExportedRecording:
     table: RecordingTable
     notes: list[str]
 
-    def document(self) -> dict[str, object]:
+    def document(self) -> ExportedRecordingDocument:
         """Return the properties of the written recording."""
         return {
             "file": str(self.request.output),

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final, TypedDict
 
 from pydantic import Field
 
@@ -46,6 +46,15 @@ class FrictionRequest(Request):
     unfinished: Unfinished = False
 
 
+class FrictionDocument(TypedDict):
+    """Curves and models of friction."""
+
+    run: str
+    friction: object
+    notes: Sequence[str]
+    report: str
+
+
 @dataclass(frozen=True)
 class FrictionResult:
     """Measured friction, and its report.
@@ -63,7 +72,7 @@ class FrictionResult:
 
         return ExitCode.DATA_QUALITY if self.found.section.bad_joints else ExitCode.DONE
 
-    def document(self) -> dict[str, object]:
+    def document(self) -> FrictionDocument:
         """Return curves and models as numbers."""
         found = self.found
         return {

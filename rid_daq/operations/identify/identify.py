@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final, Literal
+from typing import TYPE_CHECKING, Annotated, Final, Literal, NotRequired, TypedDict
 
 from pydantic import Field
 
@@ -186,6 +186,19 @@ class IdentifyRequest(Request):
             )
 
 
+class IdentifyDocument(TypedDict):
+    """A model and its quality."""
+
+    model: str
+    estimate: object
+    drive_gains: NotRequired[object]
+    plate: NotRequired[object]
+    comparison: NotRequired[object]
+    notes: Sequence[str]
+    clocks: object
+    report: str
+
+
 @dataclass(frozen=True)
 class IdentifyResult:
     """A model that was identified and written.
@@ -204,22 +217,23 @@ class IdentifyResult:
         found = self.identified
         return ExitCode.DATA_QUALITY if found.bad_joints or found.has_mistakes else ExitCode.DONE
 
-    def document(self) -> dict[str, object]:
+    def document(self) -> IdentifyDocument:
         """Return the model and its quality as numbers."""
         found, result = self.identified, self.identified.result
-        parts = {
-            "drive_gains": None if found.gains is None else _gain_document(found.gains),
-            "plate": result.plate,
-            "comparison": result.comparison,
-        }
-        return {
+        document: IdentifyDocument = {
             "model": str(found.model),
             "estimate": found.section,
-            **{name: part for name, part in parts.items() if part is not None},
             "notes": found.notes,
             "clocks": found.clocks,
             "report": str(found.report),
         }
+        if found.gains is not None:
+            document["drive_gains"] = _gain_document(found.gains)
+        if result.plate is not None:
+            document["plate"] = result.plate
+        if result.comparison is not None:
+            document["comparison"] = result.comparison
+        return document
 
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield the chosen terms, the parameters, the fit, findings, mistakes and the verdict."""

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final, TypedDict
 
 from pydantic import Field
 
@@ -72,6 +72,17 @@ class CompensateRequest(Request):
     runs: RunsFolder = DEFAULT_RUNS
 
 
+class CompensateDocument(TypedDict):
+    """Feedforward file and its corrections."""
+
+    feedforward: str
+    rows: int
+    largest_correction: object
+    largest_deflection: object
+    tuning: dict[str, object] | None
+    notes: Sequence[str]
+
+
 @dataclass(frozen=True)
 class CompensateResult:
     """A feedforward that was written.
@@ -84,7 +95,7 @@ class CompensateResult:
     request: CompensateRequest
     made: CompensatedMotion
 
-    def document(self) -> dict[str, object]:
+    def document(self) -> CompensateDocument:
         """Return the path of the feedforward, its number of rows, corrections, tuning and notes."""
         tuning = self.made.tuning
         return {

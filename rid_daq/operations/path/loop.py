@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final, TypedDict
 
 from pydantic import Field
 
@@ -58,6 +58,20 @@ class LoopRequest(Request):
     runs: RunsFolder = DEFAULT_RUNS
 
 
+class LoopDocument(TypedDict):
+    """Measured velocity loops."""
+
+    run: str
+    loops: str
+    report: str
+    sentence: str
+    position_gain_per_s: float
+    largest_position_gain_per_s: float | None
+    advice: str
+    axes: list[dict[str, object]]
+    notes: Sequence[str]
+
+
 @dataclass(frozen=True)
 class LoopResult:
     """Velocity loops that were measured and written.
@@ -75,11 +89,20 @@ class LoopResult:
 
         return ExitCode.DATA_QUALITY if self.found.section.bad_joints else 0
 
-    def document(self) -> dict[str, object]:
+    def document(self) -> LoopDocument:
         """Return the loops as numbers."""
-        found = self.found
-        names = {"run": found.run_id, "loops": str(found.output), "report": str(found.report)}
-        return {**names, **found.section.model_dump(mode="json"), "notes": found.notes}
+        found, section = self.found, self.found.section
+        return {
+            "run": found.run_id,
+            "loops": str(found.output),
+            "report": str(found.report),
+            "sentence": section.sentence,
+            "position_gain_per_s": section.position_gain_per_s,
+            "largest_position_gain_per_s": section.largest_position_gain_per_s,
+            "advice": section.advice,
+            "axes": [axis.model_dump(mode="json") for axis in section.axes],
+            "notes": found.notes,
+        }
 
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield notes, controllers, margins, advice, files and the next command."""

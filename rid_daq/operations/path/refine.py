@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple, TypedDict
 
 from rid_daq.blocks.block import AnyBlock, Cells, Next, Text, note_blocks, table
 from rid_daq.operations.operation import Context, Operation
@@ -52,6 +52,19 @@ class _AxisError(NamedTuple):
     bound: float
 
 
+class RefineDocument(TypedDict):
+    """Remaining path errors and their bounds."""
+
+    feedforward: str
+    finished: bool
+    stalled: bool
+    repetitions: int
+    noise_limit: float
+    band_hz: float
+    axes: list[dict[str, object]]
+    notes: Sequence[str]
+
+
 @dataclass(frozen=True)
 class RefineResult:
     """Result of one refinement of a feedforward.
@@ -69,7 +82,7 @@ class RefineResult:
         """True if the path error is larger than noise but no longer shrinks."""
         return self.refined.stalled and not self.refined.found.finished
 
-    def document(self) -> dict[str, object]:
+    def document(self) -> RefineDocument:
         """Return the remaining path errors and their bounds as numbers."""
         measured, found = self.refined.measured, self.refined.found
         return {

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final, TypedDict
 
 from pydantic import Field
 
@@ -108,6 +108,22 @@ class RetimeRequest(Request):
     runs: RunsFolder = DEFAULT_RUNS
 
 
+class RetimeDocument(TypedDict):
+    """Timing of a path, and the used fraction of each limit."""
+
+    motion: str
+    report: str | None
+    moving_s: float
+    original_s: float
+    shorter_percent: float
+    rows: int
+    scans: int
+    off_the_path: float
+    joints: list[dict[str, object]]
+    base: list[dict[str, object]]
+    notes: Sequence[str]
+
+
 @dataclass(frozen=True)
 class RetimeResult:
     """A path that was retimed and written.
@@ -120,7 +136,7 @@ class RetimeResult:
     request: RetimeRequest
     made: RetimedMotion
 
-    def document(self) -> dict[str, object]:
+    def document(self) -> RetimeDocument:
         """Return the timing and the used fraction of each limit as numbers."""
         section, report = self.made.section, self.request.report
         return {

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final, TypedDict
 
 from pydantic import Field, StringConstraints
 
@@ -55,6 +55,15 @@ class PayloadCertificateRequest(Request):
         return self.output is not None and self.output.suffix == ".html"
 
 
+class CertificateDocument(TypedDict):
+    """A written certificate."""
+
+    file: str
+    run: str
+    simulated: bool
+    verdict: object
+
+
 @dataclass(frozen=True)
 class PayloadCertificateResult:
     """A certificate that was written.
@@ -66,7 +75,7 @@ class PayloadCertificateResult:
     certificate: Certificate
     file: Path
 
-    def document(self) -> dict[str, object]:
+    def document(self) -> CertificateDocument:
         """Return file, run and verdict."""
         return {
             "file": str(self.file),

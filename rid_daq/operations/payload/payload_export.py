@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final, TypedDict
 
 from pydantic import Field
 
@@ -48,6 +48,17 @@ class PayloadExportRequest(Request):
     runs: RunsFolder = DEFAULT_RUNS
 
 
+class LoadDataDocument(TypedDict):
+    """Written load data."""
+
+    file: str
+    format: str
+    robot: str
+    mass_kg: float
+    text: str
+    notes: list[str]
+
+
 @dataclass(frozen=True)
 class PayloadExportResult:
     """Load data that were written.
@@ -64,7 +75,7 @@ class PayloadExportResult:
     text: str
     notes: tuple[str, ...]
 
-    def document(self) -> dict[str, object]:
+    def document(self) -> LoadDataDocument:
         """Return the text of the file and the payload's mass."""
         estimate = self.estimate
         return {

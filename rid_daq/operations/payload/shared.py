@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, NotRequired, TypedDict
 
 from pydantic import Field
 
@@ -26,6 +26,19 @@ PayloadFile = Annotated[
     ),
     Option(positional=True, metavar="PAYLOAD", file="input"),
 ]
+
+
+class IdentifiedPayloadDocument(TypedDict):
+    """An identified payload; of a session also its run and its steps."""
+
+    file: str
+    payload: object
+    verdict: object
+    report: str
+    notes: NotRequired[list[str]]
+    session: NotRequired[str]
+    done: NotRequired[dict[str, str]]
+    facts: NotRequired[object]
 
 
 @dataclass(frozen=True)
@@ -59,18 +72,18 @@ class IdentifiedPayload:
             return ExitCode.DONE
         return ExitCode.VERDICT_FAILED if self.fits else ExitCode.DATA_QUALITY
 
-    def document(self) -> dict[str, object]:
+    def document(self) -> IdentifiedPayloadDocument:
         """Return payload, verdict and files; for a session also its completed steps."""
-        found: dict[str, object] = {
+        found: IdentifiedPayloadDocument = {
             "file": str(self.file),
             "payload": self.section,
             "verdict": self.verdict,
             "report": str(self.report),
         }
         if self.session is None:
-            return found | {"notes": list(self.notes)}
+            return {**found, "notes": list(self.notes)}
         done, facts = self.session.done, self.session.facts
-        return found | {"session": self.session.folder.run_id, "done": done, "facts": facts}
+        return {**found, "session": self.session.folder.run_id, "done": done, "facts": facts}
 
     def blocks(self) -> Iterator[AnyBlock]:
         """Yield notes, the payload, the verdict, the files and the next commands."""

@@ -12,9 +12,11 @@ from rid_daq.report.sections.payload import PayloadParameter, PayloadSection
 
 
 def payload_blocks(section: PayloadSection) -> Iterator[AnyBlock]:
-    """Yield parameters with intervals, principal moments, findings, and the fit of each axis."""
+    """Yield findings, parameters with intervals, principal moments, and the fit of each axis."""
     yield Heading(text="Payload")
     yield Text(text=section.sentence)
+    for finding in section.findings:
+        yield Text(text=finding)
     yield _parameters(section)
     yield Text(
         text="Centre of gravity (cx, cy, cz) relative to the flange's origin, inertia about the"
@@ -38,8 +40,6 @@ def payload_blocks(section: PayloadSection) -> Iterator[AnyBlock]:
             " quoted standard deviation, for all ten parameters together:"
             f" {number(ratio, 2)}."
         )
-    for finding in section.findings:
-        yield Text(text=finding)
     yield _axes(section)
 
 

@@ -124,7 +124,7 @@ def _panel(case: TruthCase) -> Panel:
             )
     return Panel(
         title=case.title,
-        x=Axis("parameter number"),
+        x=Axis("parameter number", counts=True),
         y=Axis("(estimate - truth) / σ", least=-reach, most=reach),
         lines=tuple(lines),
         limits=(-INSIDE, INSIDE),

@@ -206,6 +206,8 @@ def _draw_axes(drawing: Axes, of: Panel) -> None:
         drawing.set_xscale("log")
     if of.y.log:
         drawing.set_yscale("log")
+    if of.x.counts:
+        drawing.locator_params(axis="x", integer=True)
     drawing.set_xlabel(drawn_text(of.x.text))
     drawing.set_ylabel(drawn_text(of.y.text))
     if of.is_to_scale:

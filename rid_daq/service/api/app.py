@@ -32,6 +32,7 @@ from rid_daq.service.refusals import http_status
 from rid_daq.service.request_check import MOST_SHOWN, request_schemas
 from rid_daq.service.service import CellService
 from rid_daq.service.stop.stop_handler import ServiceStopHandler
+from rid_daq.web.compressed import CompressedJson
 
 API_VERSION = "1.0"
 MOST_DETAILS = 10
@@ -74,6 +75,7 @@ def make_api(
     app.add_exception_handler(RidDaqError, _answer_error)
     app.add_exception_handler(RequestValidationError, _answer_invalid_request)
     app.add_middleware(JsonBody)
+    app.add_middleware(CompressedJson)
     app.openapi = lambda: openapi_of(app)  # type: ignore[method-assign]
     return app
 

@@ -39,15 +39,15 @@ function zeroPart(run) {
   return place;
 }
 
-/** @type {(job: Api.Job, document: ResultDocument | undefined) => Part[]} */
-function next(job, document) {
+/** @type {(job: EndedJob) => Part[]} */
+function next(job) {
   /** @type {(text: string, action: () => unknown) => Part} */
   const again = (text, action) => html`<button type="button" class="main" @click=${action}>${text}</button>`;
-  const moved = document?.lines?.some((line) => line.code === "RID-POSE-MOVED");
-  if (job.kind === "check" && moved)
+  if (job.kind === "check" && job.document?.lines.some((line) => line.code === "RID-POSE-MOVED"))
     return [again("Check again", actions.check), again("The positions are correct: accept them", actions.accept)];
-  if (job.kind === "check") return document?.passed ? STARTS : [again("Check again", actions.check)];
-  if (job.kind === "plate_zero" && document?.verdict?.passed && job.run) return [zeroPart(job.run)];
+  if (job.kind === "axes" && job.state === "done") return STARTS;
+  if (job.kind === "check") return job.document?.passed ? STARTS : [again("Check again", actions.check)];
+  if (job.kind === "plate_zero" && job.document?.verdict?.passed && job.run) return [zeroPart(job.run)];
   if (job.kind === "reset" && job.state === "done") return [again("Check", actions.check)];
   if (job.state !== "done" && status?.fault) return [again("Reset after the cause was found", actions.reset)];
   if (job.state !== "done") return [again("Check", actions.check)];

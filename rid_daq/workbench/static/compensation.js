@@ -16,14 +16,18 @@ const STEPS = {
   compensate: step("feedforward", "Record with the feedforward"),
   record: step("path-title", "Compare the paths"),
   tracking: step("path-title", "Show the result"),
+  retime: step("make-title", "Create a feedforward for it"),
+  stream: step("path-title", "Compare the paths"),
 };
 
-/** @type {(job: Api.Job, document: ResultDocument | undefined) => Part[]} */
-function next(job, document) {
+/** @type {(job: EndedJob) => Part[]} */
+function next(job) {
   if (job.state === "done" && job.kind in STEPS) return [STEPS[job.kind]];
-  if (job.kind !== "refine" || !document) return [];
-  const words = document.finished ? "The refinement is complete: the remaining error is noise, or no longer shrinks." : "Next: record with the new file, then refine again.";
-  return [html`<p>${words}</p>`];
+  if (job.kind === "loop" && job.document) return [step("loops-part", "What to do")];
+  if (job.kind !== "refine" || !job.document) return [];
+  return job.document.finished
+    ? [STEPS.record, html`<p>The refinement is complete: the remaining error is noise, or no longer shrinks.</p>`]
+    : [step("feedforward", "Record with the new file"), html`<p>Then refine again.</p>`];
 }
 
 // ---- runs to choose from
@@ -114,18 +118,17 @@ function begun() {
   find("loops-part").open = false; // it is long, and later steps are below it
 }
 
-/** @type {(job: Api.Job, document: ResultDocument | undefined) => Promise<void>} */
-async function ended(job, document) {
-  if (job.kind === "loop" && document) {
+/** @type {(job: EndedJob) => Promise<void>} */
+async function ended(job) {
+  if (job.kind === "loop" && job.document) {
+    const { document } = job;
     await showLoops(document.run);
     const run = [...find("loop-run").options].find((option) => option.value === document.run);
     offer(find("loop"), `runs/${document.run}/loops.json`, run?.textContent);
   }
-  if (job.kind === "retime" && document) offer(find("motion"), document.motion);
-  if ((job.kind === "compensate" || job.kind === "refine") && document) {
-    offer(find("feedforward"), document.feedforward);
-  }
-  if (job.kind === "tracking" && document) {
+  if (job.kind === "retime" && job.document) offer(find("motion"), job.document.motion);
+  if ((job.kind === "compensate" || job.kind === "refine") && job.document) offer(find("feedforward"), job.document.feedforward);
+  if (job.kind === "tracking" && job.document) {
     await showRun(find("path-result"), /** @type {string[]} */ (job.request.run)[0], "tracking");
     find("path-title").scrollIntoView({ block: "start" });
   }

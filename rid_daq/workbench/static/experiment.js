@@ -35,7 +35,7 @@ const panel = new JobPanel(find("job"), {
     const own = `${path}?run=${run}`;
     if ((kind ?? "") in NEXT || !modelled) return [step(own, words, "main")];
     const check = `identify?run=${encodeURIComponent(modelled.id)}&other=${run}`;
-    const isCheck = kind === "validation";
+    const isCheck = kind === "validation" || kind === "multipoint"; // `init` writes a multipoint motion for the validation
     const steps = [step(check, "Validate the model on this run", isCheck && "main"), step(own, words, !isCheck && "main")];
     return isCheck ? steps : steps.reverse();
   },
@@ -44,10 +44,10 @@ const panel = new JobPanel(find("job"), {
     const runs = await completeRuns().catch(() => []); // without a connection, no validation is offered
     modelled = runs.find((each) => each.id !== job.run && each.files.includes("model.json")) ?? null;
   },
-  ended: (job, document) => {
-    if (job.kind === "design" && job.state === "done" && document) {
+  ended: (job) => {
+    if (job.kind === "design" && job.state === "done" && job.document) {
       find("design").open = false;
-      offer(motion, document.motion, document.motion, kind.value);
+      offer(motion, job.document.motion, job.document.motion, kind.value);
       motion.scrollIntoView({ block: "center" });
     }
   },

@@ -7,7 +7,10 @@ import { on } from "./service.js";
 import { completeRuns, press, runWords, showRun, wanted } from "./work.js";
 
 const MEASURE = new Set(["constant_velocity", "reversed"]);
-const panel = new JobPanel(find("job"), { ended, isBelow: ({ kind }) => kind === "friction" });
+const panel = new JobPanel(find("job"), {
+  ended, isBelow: ({ kind }) => kind === "friction",
+  next: ({ document }) => (document ? [html`<a class="button main" href="#result-title">Show the result</a>`] : []),
+});
 
 // ---- runs to choose from
 /** @type {() => string[]} */
@@ -40,9 +43,9 @@ async function showResult(run) {
   find("result-title").scrollIntoView({ block: "start" });
 }
 
-/** @type {(job: Api.Job, document: ResultDocument | undefined) => Promise<void>} */
-async function ended(job, document) {
-  if (job.kind === "friction" && document) await showResult(document.run);
+/** @type {(job: EndedJob) => Promise<void>} */
+async function ended(job) {
+  if (job.kind === "friction" && job.document) await showResult(job.document.run);
 }
 
 on("again", showRuns);

@@ -160,21 +160,22 @@ function begun(job) {
   show();
 }
 
-/** @type {(job: Api.Job, document: ResultDocument | undefined) => Promise<void>} */
-async function ended(job, document) {
+/** @type {(job: EndedJob) => Promise<void>} */
+async function ended(job) {
   if (job.kind === "identify") {
     solving = false;
-    const run = document ? runOf(document.model) : null;
+    const run = job.document ? runOf(job.document.model) : null;
     if (run === null) {
       solvedWith = null;
       stage("result", "bad");
     } else await showResult(run);
     show();
   }
-  if (job.kind === "validate" && document) await showValidation(String(job.request.run));
-  if (job.kind === "export" && document) {
+  if (job.kind === "validate" && job.document) await showValidation(String(job.request.run));
+  if (job.kind === "export" && job.document) {
+    const { document } = job;
     const name = document.file.split("/").at(-1) ?? "";
-    render(html`<p>${document.sentence ?? ""}</p>${fileLink(name, `Save ${name}`)}`, find("exported"));
+    render(html`<p>${"sentence" in document ? document.sentence : ""}</p>${fileLink(name, `Save ${name}`)}`, find("exported"));
   }
 }
 

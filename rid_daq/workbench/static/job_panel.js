@@ -7,6 +7,7 @@ import { duration, kindWords } from "./dom.js";
 import { holdPad } from "./hold_pad.js";
 import { html, keyed, nothing, render } from "./lit.js";
 import { JobLog } from "./job_log.js";
+import { showNowNext } from "./now_next.js";
 import { CELL, ask, lease, now, on } from "./service.js";
 
 /** @type {Record<string, [string, string]>} */
@@ -18,16 +19,20 @@ const URGENT = { urgent: true }; // a request for a job's events must not wait u
 /** @type {(job: Api.Job) => boolean} */
 const over = (job) => job.state in ENDS;
 
+// Return a job with its result, whose type depends on the kind of the job.
+/** @type {(job: Api.Job, document: Record<string, unknown> | undefined) => EndedJob} */
+export const withResult = (job, document) => /** @type {EndedJob} */ ({ ...job, document });
+
 // State of the panel for one job; a new state is created when another job is shown.
 /** @type {() => JobView} */
 const emptyView = () => ({
   known: 0, ahead: new Map(), last: "", over: false, loading: null,
-  log: new JobLog(), share: 0, count: "", words: "", estimate: "", verdicts: [], isFailureShown: false, question: null, pad: null, problem: "", links: [], results: [],
+  log: new JobLog(), share: 0, count: "", left: "", words: "", estimate: "", verdicts: [], isFailureShown: false, question: null, pad: null, problem: "", links: [], results: [],
 });
 
-// The options are functions. `next(job, document)` returns links that are shown when a job has ended. `begun(job)` is
-// called when a job is shown, `ended(job, document)` when it has ended, `heard(event, job)` for every event. `places`
-// contains, by kind of job, the element that shows the result's blocks instead of the panel. `isBelow(job, document)`
+// The options are functions. `next(job)` returns links that are shown when a job has ended. `begun(job)` is called when a
+// job is shown, `ended(job)` when it has ended, `heard(event, job)` for every event. `job.document` is the job's result. `places`
+// contains, by kind of job, the element that shows the result's blocks instead of the panel. `isBelow(job)`
 // returns true if the page itself shows the result below the panel; the panel then does not repeat it.
 export class JobPanel {
   /** @param {HTMLElement} section @param {JobPanelOptions} [options] */
@@ -146,13 +151,15 @@ export class JobPanel {
     this.drop();
     sessionStorage.removeItem(this.key);
     const [kind, word] = ENDS[job.state];
+    view.end = { kind, words: `${kindWords(job.kind)}: ${word}` };
     const isShown = job.state === "failed" && view.isFailureShown;
     const reason = job.reason && !isShown ? `: ${job.reason}` : "";
-    view.verdicts.push(html`<p class="verdict ${kind} end">${kindWords(job.kind)}: ${word}${linked(reason)}</p>`);
-    view.links = [...this.next(job, view.document)];
+    view.verdicts.push(html`<p class="verdict ${kind} end">${view.end.words}${linked(reason)}</p>`);
+    const ended = withResult(job, view.document);
+    view.links = [...this.next(ended)];
     if (job.run) view.links.push(html`<a class="button" href="${CELL}/runs/${encodeURIComponent(job.run)}">Open the run</a>`);
     this.draw();
-    this.ended(job, view.document);
+    this.ended(ended);
   }
 
   // ---- events
@@ -220,9 +227,8 @@ export class JobPanel {
   takeResult({ document, blocks }) {
     const { job } = this;
     if (!job) return;
-    const found = /** @type {ResultDocument} */ (/** @type {unknown} */ (document));
-    Object.assign(this.view, { document: found, blocks });
-    if (this.isBelow(job, found)) return;
+    Object.assign(this.view, { document, blocks });
+    if (this.isBelow(withResult(job, document))) return;
     for (const block of blocks) if (block.kind === "verdict") this.addVerdict(block);
     const shown = blocks.filter(({ kind }) => kind !== "verdict");
     const place = this.places[job.kind];
@@ -246,14 +252,14 @@ export class JobPanel {
   takeProgress({ title, done, total, unit, line }) {
     const of = total ? `${Math.round(done)} of ${Math.round(total)} ${unit}` : `${Math.round(done)} ${unit}`;
     const count = [title, of].filter(Boolean).join(" · ");
-    Object.assign(this.view, { share: total ? done / total : null, count, estimate: line ?? "" });
+    Object.assign(this.view, { share: total ? done / total : null, count, left: "", estimate: line ?? "" });
   }
 
   /** @type {(picture: LivePicture) => void} */
   showPicture({ title, words, share, count, left_s: left, stop, problem }) {
     if (!title) return; // a job that reads the drives at rest has no title: its events show the progress
     const rest = left === null || left === undefined ? "" : `${duration(left)} left`;
-    Object.assign(this.view, { share, words, count: [words, count, rest, stop, problem].filter(Boolean).join(" · ") });
+    Object.assign(this.view, { share, words, left: rest, count: [words, count, stop, problem].filter(Boolean).join(" · ") });
     this.update();
   }
 
@@ -317,6 +323,23 @@ export class JobPanel {
     this.section.hidden = this.job === null && this.refusal === null;
     render(this.job ? this.jobParts(this.job) : this.refusal ? this.refusalParts(this.refusal) : nothing, this.section);
     this.view.log.flush();
+    showNowNext(this.job && this.nowNext(this.job));
+  }
+
+  // Return the state of the job for the line "now and next" of the header.
+  /** @type {(job: Api.Job) => NowNext} */
+  nowNext(job) {
+    const { end, count, left, share, links, question } = this.view;
+    /** @type {() => void} */
+    const show = () => (this.section.querySelector(".questions:has(*)") ?? this.section).scrollIntoView({ block: "start" });
+    const [first] = links;
+    // an element can be in one place only: the line then leads to the panel
+    if (end && first instanceof Node) return { ...end, isRunning: false, steps: [html`<button type="button" class="main" @click=${show}>Show the next step</button>`] };
+    if (end) return { ...end, isRunning: false, steps: first ? [first] : [] };
+    const step = question
+      ? html`<button type="button" class="main" @click=${show}>Answer the question</button>`
+      : html`<button type="button" @click=${show}>Show</button>`;
+    return { isRunning: true, words: kindWords(job.kind), count: question?.text || count, left: question ? "" : left, share, steps: [step] };
   }
 
   /** @type {(refusal: { kind: string, text: string }) => Part} */
@@ -334,7 +357,7 @@ export class JobPanel {
         <button type="button" ?hidden=${over(job)} @click=${() => this.cancel()}>End this job</button></div>
       <div class="way" ?hidden=${over(job)}>
         <progress max="1" aria-label="progress" value=${view.share ?? nothing}></progress>
-        <p class="count number">${count}</p>
+        <p class="count number">${[count, view.left].filter(Boolean).join(" · ")}</p>
         <p class="estimate number" ?hidden=${!estimate}>${estimate}</p>
       </div>
       <div class="questions">${view.question ? this.questionParts(view.question) : nothing}</div>

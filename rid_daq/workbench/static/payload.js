@@ -3,7 +3,7 @@ import { blockParts } from "./blocks.js";
 import { find, parseNumber, timeOf } from "./dom.js";
 import { forgetEntries } from "./entries.js";
 import { doubtField } from "./fields.js";
-import { JobPanel } from "./job_panel.js";
+import { JobPanel, withResult } from "./job_panel.js";
 import { html, render } from "./lit.js";
 import { followPose } from "./live_pose.js";
 import { RobotView } from "./robot_view.js";
@@ -24,9 +24,12 @@ const STAGES = [.../** @type {NodeListOf<HTMLElement>} */ (document.querySelecto
 on("cell", ({ job }) => {
   jobAtOpening ??= job?.id ?? "";
 });
-/** @type {(job: Api.Job) => Part[]} */
-const next = ({ kind, state }) =>
-  kind === "payload_session" && state === "done" ? [html`<a class="button main" href="#papers">Create the certificate</a>`] : [];
+/** @type {(job: EndedJob) => Part[]} */
+function next(job) {
+  if (job.kind !== "payload_session") return [];
+  if (job.state === "done") return [html`<a class="button main" href="#papers">Create the certificate</a>`];
+  return job.document?.session ? [html`<a class="button main" href="#values">What to do</a>`] : [];
+}
 const panel = new JobPanel(find("job"), { next, heard, begun, ended, isBelow });
 
 // ---- stages of the page: each stage shows one or two states of the session
@@ -97,24 +100,25 @@ function drawWarmUp(job) {
 }
 
 // Return true if the page shows a job's result below the job: a finished session, or a document of the shown session.
-/** @type {(job: Api.Job, document: ResultDocument) => boolean} */
-function isBelow(job, document) {
-  return job.kind === "payload_session" ? Boolean(document.session) : job.kind in PAPERS && isOf(session, job);
+/** @type {(job: EndedJob) => boolean} */
+function isBelow(job) {
+  return job.kind === "payload_session" ? Boolean(job.document?.session) : job.kind in PAPERS && isOf(session, job);
 }
 
-/** @type {(job: Api.Job, document: ResultDocument | undefined) => Promise<void>} */
-async function ended(job, document) {
+/** @type {(job: EndedJob) => Promise<void>} */
+async function ended(job) {
   if (job.kind === "payload_session") {
+    const run = job.document?.session;
     find("prepare").hidden = false;
     showSessions();
-    if (document?.session && resumed) location.replace(`?run=${encodeURIComponent(document.session)}`); // with an empty form
-    else if (document?.session) await showResult(document.session);
+    if (run && resumed) location.replace(`?run=${encodeURIComponent(run)}`); // with an empty form
+    else if (run) await showResult(run);
     else if (job.state !== "done") {
       const now = STAGES.find((stage) => stage.dataset.state === "now");
       if (now) show(now, "bad");
     }
   }
-  if (document && isOf(session, job)) PAPERS[job.kind]?.(document, panel.view.blocks ?? [], job);
+  if (isOf(session, job)) showPaper(job, panel.view.blocks ?? []);
 }
 
 // Return the number in a field that can be empty; null if the field is empty.
@@ -247,7 +251,7 @@ async function showResult(run) {
   find("papers").hidden = false;
   find("report").href = `/api/v1/runs/${encodeURIComponent(run)}/report`;
   find("after").hidden = !passed;
-  for (const id of /** @type {const} */ (["certificate", "load-data", "compared"])) render([], find(id));
+  for (const place of Object.values(PAPERS)) render([], place);
   if (!isSessionRunning()) {
     reach("done", passed ? "done" : "bad");
     find("result-card").scrollIntoView({ block: "start" });
@@ -260,17 +264,17 @@ async function showResult(run) {
 async function showPapers() {
   const shown = session;
   const jobs = await ask("GET", `/jobs?cell=${encodeURIComponent(page.cell)}&limit=1000`);
-  for (const [kind, showPaper] of Object.entries(PAPERS)) {
+  for (const kind of Object.keys(PAPERS)) {
     const job = jobs.find((each) => each.kind === kind && isOf(shown, each));
     if (!job) continue;
     const events = await ask("GET", `/jobs/${job.id}/events`);
     const result = events.findLast((event) => event.kind === "result");
-    if (result && session?.run === shown?.run) showPaper(/** @type {ResultDocument} */ (/** @type {unknown} */ (result.document)), result.blocks, job);
+    if (result && session?.run === shown?.run) showPaper(withResult(job, result.document), result.blocks);
   }
 }
 
 // Return true if a job has computed its result from a session.
-/** @type {(of: { run: string, payload: string } | null, job: Api.Job) => boolean} */
+/** @type {(of: { run: string, payload: string } | null, job: Pick<Api.Job, "request">) => boolean} */
 const isOf = (of, { request: { session: run, payload } }) => of !== null && (run === of.run || payload === of.payload);
 
 // Show the payload's centre of gravity on the robot.
@@ -287,15 +291,28 @@ function showCentre(payload) {
   followPose(view);
 }
 
-/** @type {(job: Api.Job) => Part} */
+/** @type {(job: { ended_s: number | null }) => Part} */
 const madeAt = (job) => html`<p class="soft">Made ${timeOf(job.ended_s ?? NaN)}</p>`;
 
-/** @type {Record<string, (document: ResultDocument, blocks: ResultBlock[], job: Api.Job) => void>} */
-const PAPERS = {
-  payload_certificate: ({ file }, _, job) => render([fileLink(file, "Save the certificate"), madeAt(job)], find("certificate")),
-  payload_export: showLoadData,
-  payload_read_back: (_, blocks, job) => render([blockParts(blocks), madeAt(job)], find("compared")),
-};
+// The places of the documents that jobs make from a session, by kind of job.
+/** @type {Record<string, HTMLElement>} */
+const PAPERS = { payload_certificate: find("certificate"), payload_export: find("load-data"), payload_read_back: find("compared") };
+
+/** @type {(job: EndedJob, blocks: ResultBlock[]) => void} */
+function showPaper(job, blocks) {
+  if (!job.document || !(job.kind in PAPERS)) return;
+  render([paperPart(job, blocks), madeAt(job)], PAPERS[job.kind]);
+}
+
+/** @type {(job: EndedJob, blocks: ResultBlock[]) => unknown} */
+function paperPart(job, blocks) {
+  if (job.kind === "payload_certificate" && job.document) return fileLink(job.document.file, "Save the certificate");
+  if (job.kind !== "payload_export" || !job.document) return blockParts(blocks);
+  const { robot, text, file } = job.document;
+  return html`<p>For robot ${robot}. Enter these data in the controller, then compare the controller's data below.</p>
+    <pre tabindex="0" aria-label="load data">${text}</pre>
+    <div class="actions">${fileLink(file, `Save ${file}`)}</div>`;
+}
 
 press("certify", panel, "payload_certificate", () => {
   const by = find("by").value.trim();
@@ -310,13 +327,6 @@ press("export", panel, "payload_export", async () => {
     payload: chosenSession().payload, to: /** @type {Api.Requests["payload_export"]["to"]} */ (to), output: `load-data-${chosenSession().run}-${to}${ending}`, overwrite: true,
   });
 });
-
-/** @type {(document: ResultDocument, _: ResultBlock[], job: Api.Job) => void} */
-function showLoadData({ robot, text, file }, _, job) {
-  render(html`<p>For robot ${robot}. Enter these data in the controller, then compare the controller's data below.</p>
-    <pre tabindex="0" aria-label="load data">${text}</pre>
-    <div class="actions">${fileLink(file, `Save ${file}`)}</div>${madeAt(job)}`, find("load-data"));
-}
 
 press("read-back", panel, "payload_read_back", async () => {
   const text = find("typed").value;

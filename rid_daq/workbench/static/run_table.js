@@ -16,7 +16,7 @@ export function runTable(groups, { pick = null, picked = [], opened = new Set(),
   /** @type {(run: Api.RunEntry, isPart?: boolean, parts?: Api.RunEntry[]) => Part} */
   const row = (run, isPart = false, parts = []) => keyed(run.id, html`<tr class="${BAD.includes(run.status) ? "red" : ""} ${isPart ? "member" : ""}">
     ${pick ? html`<td>${tick(run, pick, picked)}</td>` : nothing}
-    <td>${name(run)}${parts.length && fold ? folder(run, parts, opened.has(run.id), fold) : nothing}</td>
+    <td class="name">${name(run)}${parts.length && fold ? folder(run, parts, opened.has(run.id), fold) : nothing}</td>
     <td>${verdict(run)}</td>
     <td>${run.status}${run.reason ? html`<span class="why">${run.reason}</span>` : nothing}</td>
     ${cells ? html`<td>${run.cell || "–"}</td>` : nothing}
@@ -25,7 +25,7 @@ export function runTable(groups, { pick = null, picked = [], opened = new Set(),
     <td>${run.has_report ? report(run) : "–"}</td></tr>`);
   /** @type {(group: Api.RunGroup) => Part[]} */
   const group = ({ head, parts }) => [row(head, false, parts), opened.has(head.id) ? parts.map((run) => row(run, true)) : nothing];
-  return html`<div class="scroll" tabindex="0" role="group" aria-label="runs"><table>
+  return html`<div class="scroll" tabindex="0" role="group" aria-label="runs"><table class="stacked">
     <thead><tr>${heads.map((text) => html`<th scope="col">${text}</th>`)}</tr></thead><tbody>${groups.map(group)}</tbody></table></div>`;
 }
 

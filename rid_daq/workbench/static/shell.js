@@ -2,6 +2,7 @@
 // `data-needs`.
 import "./awake.js";
 import "./entries.js";
+import "./now_next.js";
 import { dialog } from "./dialog.js";
 import { element, find, kindWords } from "./dom.js";
 import { begin, go, lease, mayMove, now, on, page, reach, stay } from "./service.js";

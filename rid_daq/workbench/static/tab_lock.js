@@ -1,7 +1,7 @@
 // Distinguishes a duplicated browser tab from its original. Both have the same session storage, but only one tab can
 // hold a lock.
 
-const PATIENCE_MS = 1000; // maximum wait until the previous page in the same tab has released the lock
+const PATIENCE_MS = 5000; // maximum wait until the previous page in the same tab has released the lock; the lease lasts longer
 
 /** @type {((nothing: void) => void) | null} */
 let release = null;

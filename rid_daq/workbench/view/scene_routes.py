@@ -19,7 +19,7 @@ from rid_daq.service.refusals import UnknownError
 from rid_daq.service.request_check import require_inside
 from rid_daq.service.served_cell import ServedCell
 from rid_daq.service.service import CellService
-from rid_daq.workbench.compressed import CompressedBody
+from rid_daq.web.compressed import CompressedBody
 from rid_daq.workbench.files.unsaved_motion import UnsavedMotion
 from rid_daq.workbench.view.payload_centre import payload_centre
 from rid_daq.workbench.view.resting_pose import resting_pose

@@ -146,6 +146,14 @@ def test_an_interactive_plot_has_every_part() -> None:
         assert word in text
 
 
+def test_a_static_axis_that_counts_marks_whole_numbers_only() -> None:
+    line = Line("power", (1.0, 2.0, 3.0), (20.0, 21.0, 22.0), "blue")
+    panel = Panel(x=Axis("period", counts=True), y=Axis("power", "W"), lines=(line,))
+    text = str(plot_svg(Plot(name="periods", panels=(panel,)), "a"))
+    assert ">3<" in text
+    assert ">1.5<" not in text
+
+
 def test_a_static_plot_has_the_same_texts() -> None:
     text = str(plot_svg(PLOT, "a"))
     for word in ("time [s]", "torque [N m]", "frequency [Hz]", "model", "measured", "residual"):

@@ -24,15 +24,25 @@ SHORT = Line("short", (1.0, 100.0), (20.0, 21.0), "blue", width=4.0)
 LONG = Line("long", (1.0, 10_000.0), (20.0, 21.0), "orange", width=4.0)
 NOISE = Line("noise", (1.0, 100.0), (0.0018826, 17.42), "blue", width=4.0)
 """With the margin, its range begins at 0.00099."""
+PERIODS = Line("power", (1.0, 2.0, 3.0), (20.0, 21.0, 22.0), "blue")
 PLOT = Plot(
     name="gains",
     panels=(
         Panel(x=FREQUENCY, y=Axis("gain", "dB"), lines=(SHORT, LONG)),
         Panel(x=FREQUENCY, y=Axis("loss", "dB"), lines=(SHORT,), zooms_with_previous=True),
         Panel(x=FREQUENCY, y=Axis("torque", "N m", log=True), lines=(NOISE,)),
+        Panel(x=Axis("period", counts=True), y=Axis("power", "W"), lines=(PERIODS,)),
     ),
 )
 
+RECORD_TEXTS = """() => {
+  const { prototype } = CanvasRenderingContext2D, { fillText } = prototype;
+  window.written = [];
+  prototype.fillText = function (text, ...rest) {
+    if (this.canvas === document.querySelectorAll("canvas")[3]) window.written.push(text);
+    fillText.call(this, text, ...rest);
+  };
+}"""
 PINCH = """(over) => {
   const { left, top, width } = over.getBoundingClientRect();
   const send = (type, pointerId, part) => over.dispatchEvent(new PointerEvent(type,
@@ -78,6 +88,15 @@ def test_two_fingers_zoom_a_logarithmic_axis_out(page: Page) -> None:
 
 def test_a_logarithmic_axis_can_begin_just_below_a_power_of_ten(page: Page) -> None:
     assert shows_blue(page.locator("canvas").nth(2))
+
+
+def test_an_axis_that_counts_marks_whole_numbers_only(page: Page) -> None:
+    page.evaluate(RECORD_TEXTS)
+    page.set_viewport_size({"width": 1300, "height": 900})  # draws the figure again
+    while not (written := page.evaluate("window.written")):
+        page.wait_for_timeout(20)
+    numbers = {text for text in written if text.replace(".", "").isdigit()}
+    assert {text for text in numbers if float(text) < 10.0} == {"1", "2", "3"}
 
 
 @pytest.mark.parametrize("turn", [-100, 100])

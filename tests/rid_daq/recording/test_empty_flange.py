@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -24,6 +25,7 @@ from rid_daq.operations.payload.session_steps import PayloadGuide
 from rid_daq.preflight.check_line import CheckLine
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.report.sections.payload import EmptyFlange, payload_verdict
+from rid_daq.terminal.clearance import ask_clearance
 from rid_daq.terminal.console import Console
 from rid_daq.worker.job_console import EventFile, JobConsole
 from rid_daq.worker.orders import Orders
@@ -146,6 +148,17 @@ def test_a_confirmation_before_the_session_counts_until_a_person_attaches_the_pa
     assert attached < cleared
 
 
+def test_a_page_can_confirm_by_a_button_that_the_cell_is_free_of_people(tmp_path: Path) -> None:
+    orders = Orders(io.StringIO())
+    orders.take({"answer": 1, "text": "kr15"})
+    orders.take({"answer": 2, "text": "yes"})
+    with EventFile(tmp_path / "events.jsonl") as events:
+        assert ask_clearance("kr15", False, JobConsole(events=events, orders=orders))
+    events_read = map(json.loads, (tmp_path / "events.jsonl").read_text().splitlines())
+    (question,) = (each for each in events_read if each.get("choices"))
+    assert [each["text"] for each in question["choices"]] == ["kr15", "no"]
+
+
 def test_with_yes_the_verdict_states_that_the_question_was_skipped(
     run_session: Lead, state: SessionFile
 ) -> None:
@@ -193,7 +206,7 @@ def test_practice_on_a_simulated_cell_asks_every_question(run_session: Lead) -> 
         person, simulated=simulated, practise=True, rehearsal_percent=0.0, warm_up_percent=0.0
     )
     assert person.asked == [
-        "Is cell kr15 free of people? Type the cell's name to confirm",
+        "Is cell kr15 free of people? Confirm with the cell's name",
         "Is the emergency stop within reach?",
         "Is the flange empty: no payload, gripper or cable hangs on it?",
     ]

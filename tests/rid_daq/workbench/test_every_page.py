@@ -26,6 +26,7 @@ from tests.rid_daq.workbench.conftest import OpenPage, checked, estimated, give_
 pytestmark = pytest.mark.slow
 
 WIDTHS = (390, 820, 1440)
+NARROWEST, WIDEST = 360, 1600
 LARGE_ENOUGH_PX = 48
 TARGETS = "button, .button, select, nav a, summary"
 SMALL_TARGETS = f"""(least) => [...document.querySelectorAll({TARGETS!r})]
@@ -36,6 +37,8 @@ MENU_ROWS = """() => { const menu = document.querySelector("nav"), links = [...m
   return new Set(links.map((each) => each.offsetTop)).size; }"""
 ROWS = {390: 2, 820: 1, 1440: 1}
 COMMAND = r"rid-daq [a-z]+"
+SIDEWAYS = """() => [...document.querySelectorAll(".scroll:has(.stacked)")]
+  .filter((each) => each.scrollWidth > each.clientWidth).length"""
 CUT_OFF = "() => document.documentElement.scrollWidth - document.documentElement.clientWidth"
 
 
@@ -85,10 +88,14 @@ def test_every_page_is_accessible_and_fits_all_widths(
         found = Axe().run(page)
         if found.violations_count:
             wrong.append(f"{name}: {found.generate_report()}")
-        for width in WIDTHS:
+        for width in (NARROWEST, WIDEST, *WIDTHS):
             page.set_viewport_size({"width": width, "height": 900})
             if page.evaluate(CUT_OFF):
                 wrong.append(f"{name}: wider than {width} px")
+            if width not in WIDTHS:
+                continue
+            if page.evaluate(SIDEWAYS):
+                wrong.append(f"{name}: the table of runs scrolls sideways at {width} px")
             if page.evaluate(MENU_ROWS) != ROWS[width]:
                 wrong.append(f"{name}: unexpected number of menu rows at {width} px")
             small = page.evaluate(SMALL_TARGETS, LARGE_ENOUGH_PX)

@@ -81,7 +81,7 @@ def test_a_red_preflight_gives_advice_for_each_device(administrator: Page) -> No
     take_cell(page)
     page.locator("#check").click()
     expect(page.locator("#job .verdict.end")).to_contain_text("Check: failed")
-    expect(page.get_by_role("button", name="Check again")).to_be_visible()
+    expect(page.locator("#job").get_by_role("button", name="Check again")).to_be_visible()
     expect(page.locator("#preflight-words")).to_contain_text("Red: ")
     expect(page.locator("#preflight-words")).to_contain_text("the preflight has failed")
     preflight = page.locator("#preflight")

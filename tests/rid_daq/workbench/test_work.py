@@ -90,7 +90,7 @@ def test_a_new_user_gets_from_an_experiment_to_a_validated_model(
     page.locator("#until").fill("torque<1000Nm")
     begin_motion(page, "#rehearse")
     expect(page.locator("#job .estimate")).to_contain_text("torque")
-    identify = page.get_by_role("link", name="Identify this run")
+    identify = page.locator("#job").get_by_role("link", name="Identify this run")
     expect(identify).to_have_count(0)
     expect(identify).to_be_visible(timeout=LONG_MS)
     expect(page.locator("#job")).to_contain_text("Rehearsal")
