@@ -22,7 +22,8 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import MANIFEST, require_label
 from config.arrays import FloatArray
 from config.errors import ConfigError
-from config.load import load_bundled_or_path, to_yaml
+from config.formats.yaml_tree import dump_yaml
+from config.load import load_bundled_or_path
 from rid_daq.api.arguments import (
     as_numbers,
     as_path,
@@ -150,7 +151,8 @@ class Recording:
                 layout = load_bundled_or_path(layout, "maps", ImportMap)
             robot.save(place / "robot.yaml")
             layout = layout.model_copy(update={"robot": "robot.yaml"})
-            (place / MAP).write_text(to_yaml(layout), encoding="utf-8")
+            keys = layout.model_dump(mode="json", exclude_unset=True)
+            (place / MAP).write_text(dump_yaml(keys), encoding="utf-8")
             layout = str(place / MAP)
         request = ImportRequest.of(
             {
