@@ -27,7 +27,7 @@ from acquisition.proposals.source_table import SourceTable, look_at
 from acquisition.proposals.time_stamps import find_time
 from acquisition.proposals.unit_guesses import find_assumed_units, possible_units, unit_in_name
 from acquisition.recording.recording import Recording
-from acquisition.sources.array_tables import has_named_arrays, write_array_tables
+from acquisition.sources.array_tables import has_named_arrays, objects_in, write_array_tables
 from acquisition.sources.bags import is_bag, joint_state_topics
 from acquisition.sources.message_files import has_ros_messages
 from config.errors import ConfigError, DataQualityError
@@ -136,7 +136,8 @@ def _require_groups(
         raise ConfigError(
             f"{path}: no import map can be proposed, because the columns with the"
             f" {' and the '.join(lacking)} of {robot.name}'s {len(robot.joints)} joints were not"
-            f" recognised; columns: {names}{', …' if len(table.names) > 20 else ''}.{known} Write a"
+            f" recognised; columns: {names}{', …' if len(table.names) > 20 else ''}"
+            f"{objects_in(path)}.{known} Write a"
             " map (`rid-daq docs someone-elses-recording`)",
             code="RID-IMPORT-PROPOSAL",
         )

@@ -42,6 +42,7 @@ _BEGINNINGS: Final = (
     ("an HDF5 file", rb"\x89HDF"),
     ("a Parquet file", rb"PAR1"),
     ("a MAT file", rb"MATLAB 5\.0 MAT"),
+    ("a single array (NPY; numpy.savez saves arrays with names)", rb"\x93NUMPY"),
 )
 _WANTED: Final = {
     "CellConfig": "a cell file",

@@ -117,3 +117,11 @@ def test_two_columns_of_one_name_are_a_doubt(tmp_path: Path) -> None:
     path = write(tmp_path / "log.csv", seconds(), ends=(";tau1", ";7.0"))
     doubts = propose_map(path, ROBOT).doubts
     assert any("tau1" in doubt and "column 8" in doubt for doubt in doubts)
+
+
+def test_time_stamps_that_lost_their_digits_are_refused_by_their_column(tmp_path: Path) -> None:
+    """A spreadsheet shows nanoseconds since 1970 as 1.764316800E+18."""
+    stamps = [f"{1e9 * (1_764_316_800 + stamp):.9e}" for stamp in T]
+    path = write(tmp_path / "log.csv", stamps, time="stamp")
+    with raises_code(ConfigError, "RID-IMPORT-PROPOSAL", "stamp increases", "digits"):
+        propose_map(path, ROBOT)
