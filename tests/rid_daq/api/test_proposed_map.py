@@ -110,6 +110,6 @@ def test_a_bag_is_read_with_its_proposal(real_robot: Path, tmp_path: Path) -> No
     source = Source.of(np.loadtxt(path, delimiter=",", skiprows=354, max_rows=800))
     (bag,) = bag_writer(StoragePlugin.MCAP)(tmp_path, source)
     proposal = propose_map(bag, robot="ur10e").with_values(effort="torque", torques="motor_torque")
-    recording = read_recording(bag, map=proposal)
+    recording = read_recording(bag, map=proposal, robot="ur10e")
     assert recording.torque_nm == pytest.approx(source.torque, abs=1e-9)
     assert recording.robot.name == "ur10e"
