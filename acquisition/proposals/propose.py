@@ -37,6 +37,7 @@ from config.robot.robot import RobotDescription
 
 _WHOLE_VALUE: Final = re.compile(r"[-+]?\d+([.,]0*)?")
 _FEWEST_RAW: Final = 20
+_DISTURBANCE: Final = re.compile(r"disturb|dist[ ._]?(torq|trq)", re.IGNORECASE)
 _LOADS: Final = frozenset({"torque", "current"})
 
 
@@ -69,6 +70,7 @@ def propose_map(path: Path, robot_reference: str) -> Proposal:
         groups.pop("torque", None)
     _require_groups(path, groups, table, robot, source)
     doubts += (*_raw_values(groups, table), *_same_names(groups, table))
+    doubts += _disturbances(table.names)
     reasons: list[str] = [] if source is None else [f"The columns are those of {source.title}"]
     time, time_units, why = find_time(path, table, source)
     reasons.append(why)
@@ -109,6 +111,19 @@ def _raw_values(groups: Mapping[str, ColumnGroup], table: SourceTable) -> tuple[
     return tuple(doubts)
 
 
+def _disturbances(names: Sequence[str]) -> tuple[str, ...]:
+    """Return a doubt if columns are disturbance torques, as FANUC's data monitor records them."""
+    found = [name for name in names if _DISTURBANCE.search(name)]
+    if not found:
+        return ()
+    return (
+        f"{found[0]}: disturbance torques are estimates of an observer, without the model's part,"
+        " and are not used: record motor currents or motor torques. In a recording of FANUC's data"
+        " monitor (which was not tried with a real file), J3 may be the angle to the ground: move"
+        " J2 alone, and see if J3 changes",
+    )
+
+
 def _same_names(groups: Mapping[str, ColumnGroup], table: SourceTable) -> tuple[str, ...]:
     """Return a doubt for each column whose name another column has, too."""
     return tuple(
@@ -133,6 +148,7 @@ def _require_groups(
     if lacking:
         names = ", ".join(name or "(no name)" for name in table.names[:20])
         known = "" if source is None else f" {source.title}: {'; '.join(source.notes)}."
+        known += "".join(f" {words}." for words in _disturbances(table.names))
         raise ConfigError(
             f"{path}: no import map can be proposed, because the columns with the"
             f" {' and the '.join(lacking)} of {robot.name}'s {len(robot.joints)} joints were not"
