@@ -45,6 +45,10 @@ _FACTORS = (
 )
 
 
+class ContradictionError(DataQualityError):
+    """Position and velocity of a joint contradict each other."""
+
+
 @dataclass(frozen=True)
 class Findings:
     """Results of the checks of sound rows.
@@ -120,7 +124,7 @@ def _velocity_ratios(
     effects of a delay and an offset of the velocity.
 
     Raises:
-        DataQualityError: Position and velocity of a joint contradict each other.
+        ContradictionError: Position and velocity of a joint contradict each other.
     """
     change = change_over_window(rows.time_s)
     time_s, steps = change(rows.time_s), np.diff(rows.time_s)
@@ -137,7 +141,7 @@ def _velocity_ratios(
         if max(moved, recorded) < STANDSTILL_SPEED:
             continue
         if float(np.sqrt(np.square((a - b) / time_s).mean())) > 0.5 * max(moved, recorded):
-            raise DataQualityError(
+            raise ContradictionError(
                 f"the position of {joint.joint} (column {joint.position}) changes at a speed of"
                 f" {moved:.3g}, but its velocity (column {joint.velocity}) is {recorded:.3g}"
                 " (RMS, both in rad/s, or in m/s for a prismatic joint): the two contradict each"

@@ -14,6 +14,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
+from acquisition.imports.findings import ContradictionError
 from acquisition.imports.read import import_csv
 from acquisition.imports.report import ImportReport
 from acquisition.maps.import_map import ImportMap
@@ -25,7 +26,12 @@ from acquisition.proposals.known_sources import KnownSource, recognise
 from acquisition.proposals.proposal import Proposal, map_name
 from acquisition.proposals.source_table import SourceTable, look_at
 from acquisition.proposals.time_stamps import find_time
-from acquisition.proposals.unit_guesses import find_assumed_units, possible_units, unit_in_name
+from acquisition.proposals.unit_guesses import (
+    find_assumed_units,
+    possible_units,
+    unit_in_name,
+    velocity_scale,
+)
 from acquisition.recording.recording import Recording
 from acquisition.sources.array_tables import has_named_arrays, objects_in, write_array_tables
 from acquisition.sources.bags import is_bag, joint_state_topics
@@ -241,12 +247,18 @@ def _first_possible_map(
     """Return the first possible map with which the recording can be imported, or the likeliest."""
     tried: list[str] = []
     first: Proposal | None = None
+    contradicted: set[tuple[str, float | None]] = set()
     for unit, units in itertools.product(time_units, possible_units(groups, source)):
+        scale = velocity_scale(units)
+        if scale is not None and (unit, scale) in contradicted:
+            continue  # a smaller unit may only hide the contradiction in joints at rest
         tested = keys | {"time": keys["time"] | {"unit": unit}, "units": units}
         words = f"time in {unit}, {', '.join(f'{name} in {each}' for name, each in units.items())}"
         try:
             recording, report = try_import(path, tested, robot)
         except DataQualityError as error:
+            if isinstance(error, ContradictionError):
+                contradicted.add((unit, scale))
             tried.append(f"{words}: refused ({error.refusal})")
             first = first or Proposal(
                 tested,

@@ -125,3 +125,13 @@ def test_time_stamps_that_lost_their_digits_are_refused_by_their_column(tmp_path
     path = write(tmp_path / "log.csv", stamps, time="stamp")
     with raises_code(ConfigError, "RID-IMPORT-PROPOSAL", "stamp increases", "digits"):
         propose_map(path, ROBOT)
+
+
+def test_a_velocity_of_the_wrong_sign_does_not_turn_radians_into_degrees(tmp_path: Path) -> None:
+    """In a smaller unit the joint would be at rest, so that nothing contradicts its velocity."""
+    wrong = TABLE.copy()
+    wrong[:, Q.shape[1] + 1] *= -1.0
+    proposal = propose_map(write(tmp_path / "log.csv", seconds(), table=wrong), ROBOT)
+    assert proposal.report is None
+    assert proposal.keys["units"]["position"] == "rad"
+    assert any("RID-IMPORT-UNITS" in doubt and "axis2" in doubt for doubt in proposal.doubts)
