@@ -58,8 +58,8 @@ _BY_REASON = {
 
 _OF_MESSAGES = {
     "with a repeated time stamp": (
-        "the time stamps in the headers of the messages are too coarse: record the bag again with"
-        " complete time stamps"
+        "several programs publish this topic, or the time stamps in the headers of the messages are"
+        " too coarse: record the arm's own topic, with complete time stamps"
     ),
     "with a time stamp out of order": (
         "the time stamps in the headers of the messages are not in order: record the arm's own"

@@ -155,6 +155,9 @@ def _require_groups(
         names = ", ".join(name or "(no name)" for name in table.names[:20])
         known = "" if source is None else f" {source.title}: {'; '.join(source.notes)}."
         known += "".join(f" {words}." for words in _disturbances(table.names))
+        motors = [name for name in table.names if "motor" in name.lower()]
+        if "position" not in groups and motors:
+            known += f" {motors[0]}: positions of motors need a map with `side: motor`."
         raise ConfigError(
             f"{path}: no import map can be proposed, because the columns with the"
             f" {' and the '.join(lacking)} of {robot.name}'s {len(robot.joints)} joints were not"

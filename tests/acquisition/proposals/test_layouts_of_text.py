@@ -135,3 +135,11 @@ def test_a_velocity_of_the_wrong_sign_does_not_turn_radians_into_degrees(tmp_pat
     assert proposal.report is None
     assert proposal.keys["units"]["position"] == "rad"
     assert any("RID-IMPORT-UNITS" in doubt and "axis2" in doubt for doubt in proposal.doubts)
+
+
+def test_positions_of_motors_need_a_map_that_says_so(tmp_path: Path) -> None:
+    path = write(tmp_path / "log.csv", seconds())
+    head, *lines = path.read_text().split("\n")
+    path.write_text("\n".join([head.replace("q", "motor_position_"), *lines]))
+    with raises_code(ConfigError, "RID-IMPORT-PROPOSAL", "side: motor"):
+        propose_map(path, ROBOT)
