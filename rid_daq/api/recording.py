@@ -243,7 +243,7 @@ class Recording:
 
 @contextmanager
 def named_recordings(recordings: Sequence[Recording]) -> Iterator[None]:
-    """Name recordings in the text of an error by their labels instead of temporary folders.
+    """Name recordings in the text of an error by their labels, not by temporary folders and ids.
 
     Raises:
         RidDaqError: As raised by the caller, with the new text.
@@ -252,8 +252,10 @@ def named_recordings(recordings: Sequence[Recording]) -> Iterator[None]:
     def change(text: str) -> str:
         for each in recordings:
             if each._files is not None:
-                name = f"recording {each.run.folder.manifest().label}"
-                text = text.replace(str(each.run.folder.path), name)
+                folder, label = each.run.folder, each.run.folder.manifest().label
+                text = text.replace(str(folder.path), f"recording {label}")
+                text = text.replace(f"run {folder.run_id}", f"recording {label}")
+                text = text.replace(folder.run_id, str(label))
         return text
 
     with changed_text(change):

@@ -142,7 +142,7 @@ class TestStuck:
     def test_a_velocity_of_the_opposite_sign_is_refused_by_its_sign(self, tmp_path: Path) -> None:
         table = sound_table()
         table[:, 3] *= -1.0
-        names = ("position of a", "2.23", "signs are opposite")
+        names = (" of a ", "2.23", "opposite")
         with raises_code(DataQualityError, "RID-IMPORT-UNITS", *names):
             report_of(tmp_path, table)
 

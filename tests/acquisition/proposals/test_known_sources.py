@@ -296,7 +296,7 @@ def test_disturbance_torques_are_no_torques(tmp_path: Path, with_currents: bool)
         columns.append(torque / NM_PER_A)
     path = save(tmp_path / "fanuc.csv", names, np.column_stack(columns).tolist())
     if not with_currents:
-        with raises_code(ConfigError, "RID-IMPORT-PROPOSAL", "Disturb. Torque J1", "J3"):
+        with raises_code(ConfigError, "RID-IMPORT-PROPOSAL", "Disturb.", "J3"):
             propose_map(path, "ur10e")
         return
     proposal = propose_map(path, "ur10e")

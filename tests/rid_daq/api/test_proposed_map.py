@@ -113,3 +113,15 @@ def test_a_bag_is_read_with_its_proposal(real_robot: Path, tmp_path: Path) -> No
     recording = read_recording(bag, map=proposal, robot="ur10e")
     assert recording.torque_nm == pytest.approx(source.torque, abs=1e-9)
     assert recording.robot.name == "ur10e"
+
+
+def test_recordings_of_different_robots_are_named_by_their_labels() -> None:
+    table = sound_table()
+    other = Robot(ROBOT.description.model_copy(update={"name": "other"}))
+    one, two = (
+        Recording.from_arrays(table[:, 0], table[:, 1:3], table[:, 5:7], robot=robot, name=name)
+        for robot, name in ((ROBOT, "one"), (other, "two"))
+    )
+    with raises_code(ConfigError, "RID-ROBOT-OTHER", "one", "two") as caught:
+        rid_daq.api.identify([one, two])
+    assert one.run.folder.run_id not in str(caught.value)
