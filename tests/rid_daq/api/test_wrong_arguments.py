@@ -190,5 +190,5 @@ def test_one_recording_does_not_count_as_two(model: Model, arm: Arm) -> None:
 def test_a_payload_is_not_computed_with_a_model_of_its_own_run(
     model: Model, train: Recording
 ) -> None:
-    with raises_code(ConfigError, "RID-PAYLOAD-RUNS", train.run.folder.run_id):
+    with raises_code(ConfigError, "RID-PAYLOAD-RUNS", str(train.run.folder.manifest().label)):
         identify_payload(train, model=model)
