@@ -19,5 +19,5 @@ Mass = Annotated[Positive, Plausible(1e-4, 3e3, "kg")]
 Inertia = Annotated[float, Plausible(0.0, 1e4, "kg m²")]
 InertiaElements = tuple[Inertia, Inertia, Inertia, Inertia, Inertia, Inertia]
 
-MOST_JOINTS: Final = 16
-"""Largest number of joints of a robot."""
+MOST_JOINTS: Final = 32
+"""Largest number of joints of a robot, for which shared memory has space."""

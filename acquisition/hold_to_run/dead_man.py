@@ -14,9 +14,9 @@ from typing import Any, Final
 import numpy as np
 
 from acquisition.hold_to_run.line import HoldLine
-from acquisition.task.helper_words import MOST_JOINTS
 from acquisition.task.shared_block import SharedBlock
 from config.arrays import FloatArray
+from config.quantities import MOST_JOINTS
 
 DEAD_MAN_S: Final = 0.2
 """Time for which a message about a held key is valid [s]; without a further message the motion

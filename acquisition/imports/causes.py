@@ -27,6 +27,9 @@ _GROUPED = re.compile(r"['\"][-+]?\d{1,3}(\.\d{3})+,\d|['\"][-+]?\d{1,3}([,' ]\d
 _OTHER_DATE = re.compile(r"['\"](\d\d?[/.-]\d\d?[/.-]\d{2,4},? )?\d\d?:\d\d:\d\d")
 """A time of day, or a date in an order that is not read, in a message."""
 
+LARGEST_TURN_ERROR = 0.5
+"""Largest difference between a jump of the position and a whole turn, by the motion [rad]."""
+
 WITHIN_A_SECOND_S = 1.0
 SHORTEST_STEP_S = 1e-6
 MOST_STARTS = 10
@@ -55,8 +58,8 @@ _BY_REASON = {
 
 _OF_MESSAGES = {
     "with a repeated time stamp": (
-        "the time stamps in the headers of the messages are too coarse: record the bag again with"
-        " complete time stamps"
+        "several programs publish this topic, or the time stamps in the headers of the messages are"
+        " too coarse: record the arm's own topic, with complete time stamps"
     ),
     "with a time stamp out of order": (
         "the time stamps in the headers of the messages are not in order: record the arm's own"
@@ -187,6 +190,12 @@ def likely_cause_of_damage(
             "the time stamps are whole seconds: if another column has their nanoseconds, give its"
             " number as `nanoseconds`: `time: {column: 0, nanoseconds: 1}`"
         )
+    wrapped = _wrapped_joint(rows, import_map) if reason == "whose position jumps" else None
+    if wrapped is not None:
+        return (
+            f"the positions of {wrapped} jump by whole turns, like angles that are limited to one"
+            " turn: make them continuous before the import, for example by numpy.unwrap"
+        )
     if reason != "with an absurd value":
         return _BY_REASON.get(
             reason, "the clocks of the files start at different times, or a unit of time is wrong"
@@ -209,6 +218,16 @@ def likely_cause_of_damage(
             f" {joint.limits.torque:g}: its torque constant or unit is probably too large"
         )
     return "check columns, units and `plausible` in the map"
+
+
+def _wrapped_joint(rows: ImportRows, import_map: ImportMap) -> str | None:
+    """Return the joint whose position has jumps, all of them by a whole turn; None without one."""
+    steps = np.abs(np.diff(rows.position, axis=0))
+    for name, step in zip(import_map.joint_names, steps.T, strict=True):
+        jumps = step[step > math.pi]
+        if jumps.size and (np.abs(jumps - 2.0 * math.pi) < LARGEST_TURN_ERROR).all():
+            return name
+    return None
 
 
 def _has_decimal_commas(damaged: Sequence[DamagedRow], import_map: ImportMap) -> bool:

@@ -45,6 +45,10 @@ _FACTORS = (
 )
 
 
+class ContradictionError(DataQualityError):
+    """Position and velocity of a joint contradict each other."""
+
+
 @dataclass(frozen=True)
 class Findings:
     """Results of the checks of sound rows.
@@ -120,7 +124,7 @@ def _velocity_ratios(
     effects of a delay and an offset of the velocity.
 
     Raises:
-        DataQualityError: Position and velocity of a joint contradict each other.
+        ContradictionError: Position and velocity of a joint contradict each other.
     """
     change = change_over_window(rows.time_s)
     time_s, steps = change(rows.time_s), np.diff(rows.time_s)
@@ -137,12 +141,13 @@ def _velocity_ratios(
         if max(moved, recorded) < STANDSTILL_SPEED:
             continue
         if float(np.sqrt(np.square((a - b) / time_s).mean())) > 0.5 * max(moved, recorded):
-            raise DataQualityError(
+            opposed = float(np.sqrt(np.square((a + b) / time_s).mean())) < 0.1 * moved
+            raise ContradictionError(
                 f"the position of {joint.joint} (column {joint.position}) changes at a speed of"
                 f" {moved:.3g}, but its velocity (column {joint.velocity}) is {recorded:.3g}"
                 " (RMS, both in rad/s, or in m/s for a prismatic joint): the two contradict each"
-                f" other{_obvious_contradiction(moved, recorded)}. Correct the columns or units"
-                " in the map",
+                f" other{_obvious_contradiction(moved, recorded, opposed)}. Correct the columns or"
+                " units in the map",
                 code="RID-IMPORT-UNITS",
             )
         equations = np.column_stack([b, change(speed), time_s])
@@ -154,8 +159,10 @@ def _velocity_ratios(
     return ratios, sigmas
 
 
-def _obvious_contradiction(moved: float, recorded: float) -> str:
+def _obvious_contradiction(moved: float, recorded: float, opposed: bool) -> str:
     """Return the obvious reason for a contradiction of position and velocity; empty if unknown."""
+    if opposed:
+        return " (their signs are opposite)"
     for factor, words in _FACTORS:
         if abs(recorded - factor * moved) < 0.05 * factor * moved:
             return f" ({words})"

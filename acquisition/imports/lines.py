@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
@@ -11,6 +12,8 @@ from typing import Final
 from config.errors import ConfigError, system_errors
 from config.formats.bounded_file import BEGINNING_BYTES, encoding_of, open_file
 from config.formats.file_kinds import kind_of_text
+
+_JSON: Final = re.compile(rb'(\xef\xbb\xbf)?\s*(\{\s*"|\[\s*[{\[])')
 
 LARGEST_FILE_BYTES = 500_000_000
 BLOCK_CHARACTERS: Final = 1 << 19
@@ -84,6 +87,8 @@ def read_blocks(path: Path) -> Iterator[tuple[int, str]]:
         beginning = file.read(BEGINNING_BYTES)
         file.seek(0)
         kind = kind_of_text(beginning, by_keys=False)
+        if kind is None and _JSON.match(beginning):
+            kind = "a JSON file"
         if kind is not None:
             raise ConfigError(
                 f"{path} is {kind}, not a CSV file: unpack it or save it as CSV, or give it the"

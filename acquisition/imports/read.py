@@ -79,9 +79,10 @@ def import_csv(
     Raises:
         ConfigError: A file cannot be read, or neither map nor robot gives a value that is needed
             for the conversion to SI units.
+        ContradictionError: The velocities contradict the positions.
         DataQualityError: More rows are damaged than the map's `left_out_limit` permits, the file is
-            too short, the velocities contradict the positions, positions are far beyond the
-            robot's limits, or thousands separators would be read as decimal separators.
+            too short, positions are far beyond the robot's limits, or thousands separators would be
+            read as decimal separators.
     """
     files = (file, *further)
     layout = layout or number_columns(import_map, files)
@@ -135,7 +136,7 @@ def import_csv(
     try:
         findings = check_rows(rows, columns, import_map, robot)
     except DataQualityError as error:
-        raise DataQualityError(f"{file.name}: {error}", code=error.refusal) from None
+        raise type(error)(f"{file.name}: {error}", code=error.refusal) from None
     position_step = position_steps(rows)
     position = columns.joint_positions(refine_between_steps(rows, position_step))
     has_velocity = [joint.velocity is not None for joint in import_map.joints]

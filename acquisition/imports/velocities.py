@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from acquisition.imports.table import ImportTable
 from acquisition.maps.import_map import ImportMap
+from config.arrays import FloatArray
+
+_FEWEST_PLACES: Final = 10
+"""Number of different positions from which on a joint moves; a joint at rest has a few."""
 
 
 def without_missing_velocities(
     import_map: ImportMap, table: ImportTable
 ) -> tuple[ImportMap, tuple[str, ...]]:
-    """Return the map without velocity columns that are empty in too many rows.
+    """Return the map without velocity columns that are empty in too many rows, or 0 in all rows.
 
-    A broadcaster without velocities writes NaN or an empty cell. A velocity is optional, so that
+    A broadcaster without velocities writes NaN, an empty cell or 0. A velocity is optional, so that
     its column is left out if more rows lack it than `left_out_limit` permits. If fewer lack it,
-    these rows count as damaged.
+    these rows count as damaged. A column of zeros is left out if its joint moves.
 
     Args:
         import_map: Map with which the table was read.
@@ -25,20 +31,28 @@ def without_missing_velocities(
         The map, and one finding for the columns that are left out.
     """
     n = len(import_map.joints)
-    share = np.isnan(table.values[:, 2 * n : 3 * n]).mean(axis=0) if len(table.row) else np.zeros(n)
-    lacks = {
-        joint.joint: 100.0 * part
-        for joint, part in zip(import_map.joints, share.tolist(), strict=True)
-        if joint.velocity is not None and part > import_map.left_out_limit
-    }
+    position, velocity = table.values[:, :n], table.values[:, 2 * n : 3 * n]
+    share = np.isnan(velocity).mean(axis=0) if len(table.row) else np.zeros(n)
+    lacks: dict[str, str] = {}
+    for number, joint in enumerate(import_map.joints):
+        if joint.velocity is None:
+            continue
+        if share[number] > import_map.left_out_limit:
+            lacks[joint.joint] = f"{100.0 * share[number]:.3g} % of the rows"
+        elif (velocity[:, number] == 0.0).all() and _moves(position[:, number]):
+            lacks[joint.joint] = "0 in all rows, although the joint moves"
     if not lacks:
         return import_map, ()
     joints = tuple(
         joint.model_copy(update={"velocity": None}) if joint.joint in lacks else joint
         for joint in import_map.joints
     )
-    named = ", ".join(f"{name} ({percent:.3g} % of the rows)" for name, percent in lacks.items())
+    named = ", ".join(f"{name} ({words})" for name, words in lacks.items())
     return import_map.model_copy(update={"joints": joints}), (
         f"Velocities are missing: {named}. They are not used; remove their columns from the map, or"
         " record them",
     )
+
+
+def _moves(position: FloatArray) -> bool:
+    return len(np.unique(position)) > _FEWEST_PLACES

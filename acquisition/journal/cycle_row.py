@@ -14,6 +14,7 @@ import numpy as np
 
 from acquisition.journal.header import Layout
 from acquisition.journal.row_layout import Fields, packed_dtype
+from config.quantities import MOST_JOINTS
 
 MESSAGE_NAME = "rid_daq/msg/Cycle"
 
@@ -59,8 +60,6 @@ MESSAGES: Final[dict[Layout, tuple[str, Fields]]] = {
 }
 """Message name and fields of the rows, for each layout of `JournalHeader`."""
 _STRUCT_CODE = {"f8": "d", "i4": "i", "u4": "I", "i2": "h", "u2": "H", "u1": "B"}
-
-MAX_JOINTS = 16
 
 
 class CycleRow(NamedTuple):
@@ -109,7 +108,7 @@ def row_struct(joints: int) -> struct.Struct:
 
 def joints_of_row(size_bytes: int) -> int | None:
     """Return the number of joints of a row of `size_bytes`; None if no row has this size."""
-    for joints in range(1, MAX_JOINTS + 1):
+    for joints in range(1, MOST_JOINTS + 1):
         if row_struct(joints).size == size_bytes:
             return joints
     return None

@@ -20,6 +20,7 @@ from config.formats.yaml_tree import parse_yaml
 MOST_BYTES: Final = 200_000_000
 TIMES: Final = ("time_s", "time_from_start")
 VELOCITIES: Final = ("{}_velocity", "velocity_{}", "{}_vel", "vel_{}")
+ACCELERATIONS: Final = ("{}_acceleration", "acceleration_{}", "{}_acc", "acc_{}")
 SEPARATORS: Final = (",", ";", "\t", " ")
 ENVELOPES: Final = (
     "goal",
@@ -55,7 +56,8 @@ def read_trajectory(path: Path) -> TrajectoryRows:
     """Return the rows of a trajectory file.
 
     A CSV file has a column `time_s` or `time_from_start` and one column per joint; columns of
-    velocities are named after their joint, as `VELOCITIES` shows. Its columns are separated as in
+    velocities are named after their joint, as `VELOCITIES` shows; those of accelerations, as
+    `ACCELERATIONS` shows, are not used. Its columns are separated as in
     `SEPARATORS`, and its numbers may have decimal commas. A JSON or YAML file contains a
     `trajectory_msgs/JointTrajectory`, by itself or in a message of MoveIt; its accelerations and
     efforts are not used.
@@ -209,7 +211,12 @@ def _joint_columns(path: Path, header: list[str], time: int) -> tuple[list[int],
     forms = {form.format(name): name for name in header for form in VELOCITIES}
     speeds = {name: forms[name] for name in header if name in forms}
     velocity = {speeds[name]: column for column, name in enumerate(header) if name in speeds}
-    joints = [column for column, name in enumerate(header) if column != time and name not in speeds]
+    unused = {form.format(name) for name in header for form in ACCELERATIONS}
+    joints = [
+        column
+        for column, name in enumerate(header)
+        if column != time and name not in speeds and name not in unused
+    ]
     moving = [speeds[name] for name in header if name in speeds]
     if len(velocity) < len(moving):
         joint = next(each for each in moving if moving.count(each) > 1)

@@ -14,6 +14,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
+from acquisition.imports.findings import ContradictionError
 from acquisition.imports.read import import_csv
 from acquisition.imports.report import ImportReport
 from acquisition.maps.import_map import ImportMap
@@ -25,9 +26,14 @@ from acquisition.proposals.known_sources import KnownSource, recognise
 from acquisition.proposals.proposal import Proposal, map_name
 from acquisition.proposals.source_table import SourceTable, look_at
 from acquisition.proposals.time_stamps import find_time
-from acquisition.proposals.unit_guesses import find_assumed_units, possible_units, unit_in_name
+from acquisition.proposals.unit_guesses import (
+    find_assumed_units,
+    possible_units,
+    unit_in_name,
+    velocity_scale,
+)
 from acquisition.recording.recording import Recording
-from acquisition.sources.array_tables import has_named_arrays, write_array_tables
+from acquisition.sources.array_tables import has_named_arrays, objects_in, write_array_tables
 from acquisition.sources.bags import is_bag, joint_state_topics
 from acquisition.sources.message_files import has_ros_messages
 from config.errors import ConfigError, DataQualityError
@@ -37,6 +43,7 @@ from config.robot.robot import RobotDescription
 
 _WHOLE_VALUE: Final = re.compile(r"[-+]?\d+([.,]0*)?")
 _FEWEST_RAW: Final = 20
+_DISTURBANCE: Final = re.compile(r"disturb|dist[ ._]?(torq|trq)", re.IGNORECASE)
 _LOADS: Final = frozenset({"torque", "current"})
 
 
@@ -69,6 +76,7 @@ def propose_map(path: Path, robot_reference: str) -> Proposal:
         groups.pop("torque", None)
     _require_groups(path, groups, table, robot, source)
     doubts += (*_raw_values(groups, table), *_same_names(groups, table))
+    doubts += _disturbances(table.names)
     reasons: list[str] = [] if source is None else [f"The columns are those of {source.title}"]
     time, time_units, why = find_time(path, table, source)
     reasons.append(why)
@@ -109,6 +117,19 @@ def _raw_values(groups: Mapping[str, ColumnGroup], table: SourceTable) -> tuple[
     return tuple(doubts)
 
 
+def _disturbances(names: Sequence[str]) -> tuple[str, ...]:
+    """Return a doubt if columns are disturbance torques, as FANUC's data monitor records them."""
+    found = [name for name in names if _DISTURBANCE.search(name)]
+    if not found:
+        return ()
+    return (
+        f"{found[0]}: disturbance torques are estimates of an observer, without the model's part,"
+        " and are not used: record motor currents or motor torques. In a recording of FANUC's data"
+        " monitor (which was not tried with a real file), J3 may be the angle to the ground: move"
+        " J2 alone, and see if J3 changes",
+    )
+
+
 def _same_names(groups: Mapping[str, ColumnGroup], table: SourceTable) -> tuple[str, ...]:
     """Return a doubt for each column whose name another column has, too."""
     return tuple(
@@ -133,10 +154,15 @@ def _require_groups(
     if lacking:
         names = ", ".join(name or "(no name)" for name in table.names[:20])
         known = "" if source is None else f" {source.title}: {'; '.join(source.notes)}."
+        known += "".join(f" {words}." for words in _disturbances(table.names))
+        motors = [name for name in table.names if "motor" in name.lower()]
+        if "position" not in groups and motors:
+            known += f" {motors[0]}: positions of motors need a map with `side: motor`."
         raise ConfigError(
             f"{path}: no import map can be proposed, because the columns with the"
             f" {' and the '.join(lacking)} of {robot.name}'s {len(robot.joints)} joints were not"
-            f" recognised; columns: {names}{', …' if len(table.names) > 20 else ''}.{known} Write a"
+            f" recognised; columns: {names}{', …' if len(table.names) > 20 else ''}"
+            f"{objects_in(path)}.{known} Write a"
             " map (`rid-daq docs someone-elses-recording`)",
             code="RID-IMPORT-PROPOSAL",
         )
@@ -224,12 +250,18 @@ def _first_possible_map(
     """Return the first possible map with which the recording can be imported, or the likeliest."""
     tried: list[str] = []
     first: Proposal | None = None
+    contradicted: set[tuple[str, float | None]] = set()
     for unit, units in itertools.product(time_units, possible_units(groups, source)):
+        scale = velocity_scale(units)
+        if scale is not None and (unit, scale) in contradicted:
+            continue  # a smaller unit may only hide the contradiction in joints at rest
         tested = keys | {"time": keys["time"] | {"unit": unit}, "units": units}
         words = f"time in {unit}, {', '.join(f'{name} in {each}' for name, each in units.items())}"
         try:
             recording, report = try_import(path, tested, robot)
         except DataQualityError as error:
+            if isinstance(error, ContradictionError):
+                contradicted.add((unit, scale))
             tried.append(f"{words}: refused ({error.refusal})")
             first = first or Proposal(
                 tested,

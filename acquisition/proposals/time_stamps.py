@@ -60,6 +60,7 @@ def find_time(
             return {"column": column}, ("iso",), f"time: column {name} has dates with a time of day"
         try:
             stamps = np.array([float(text.replace(",", ".")) for text in texts])
+            stamps = stamps[np.isfinite(stamps)]
         except ValueError:
             unread = (
                 f" Column {name}, such as {texts[0]!r}, contains neither plain numbers nor dates"
@@ -69,6 +70,10 @@ def find_time(
         steps = np.diff(stamps)
         step = float(np.median(steps)) if len(steps) else 0.0
         if step <= 0.0 or np.mean(steps > 0.0) < 0.5:
+            unread = unread or (
+                f" Column {name} increases in only {100.0 * np.mean(steps > 0.0):.2g} % of the"
+                " first rows: write time stamps with all their digits."
+            )
             continue
         stated = _stated_unit(name)
         if stated is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Mapping
 from typing import Final
@@ -14,6 +15,18 @@ _VELOCITY_UNITS: Final = {
     "rad": "rad/s", "deg": "deg/s", "rev": "rpm", "increments": "increments/s", "m": "m/s",
     "mm": "mm/s",
 }  # fmt: skip
+_RADIANS: Final = {"rad": 1.0, "deg": math.pi / 180.0, "rev": 2.0 * math.pi}
+_RADIANS_PER_S: Final = {"rad/s": 1.0, "deg/s": math.pi / 180.0, "rpm": math.pi / 30.0}
+
+
+def velocity_scale(units: Mapping[str, str]) -> float | None:
+    """Return the unit of velocities relative to that of positions [1/s]; None if one is unknown.
+
+    Positions and velocities that contradict each other do so in all pairs of units with one scale.
+    """
+    position = _RADIANS.get(units["position"])
+    velocity = _RADIANS_PER_S.get(units.get("velocity", ""))
+    return None if position is None or velocity is None else round(velocity / position, 9)
 
 
 def possible_units(

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeGuard
 
 import numpy as np
 import numpy.typing as npt
@@ -29,15 +29,27 @@ def read_arrays(path: Path) -> dict[str, Array]:
     """Return the arrays of numbers, dates or text in a file.
 
     - A field of a MATLAB structure, of a NumPy record or of a Parquet structure is named
-      `structure.field`.
+      `structure.field`; element k of a MATLAB structure array or cell array `name(k)`, counted
+      from 1.
     - A dataset of an HDF5 file is named by its path, `group/dataset`.
-    - Dates become whole nanoseconds since 1970.
-    - Other contents, such as objects and cell arrays, are left out.
+    - Dates become whole nanoseconds since 1970, and durations whole nanoseconds. A date, duration
+      or integer that is missing becomes an empty text, as in a CSV file.
+    - Other contents, such as Python objects, are left out: `unread_names`.
 
     Raises:
         ConfigError: The file cannot be read, is too large, or the library that reads it is not
             installed.
     """
+    return {name: array for name, array in _contents(path) if array is not None}
+
+
+def unread_names(path: Path) -> tuple[str, ...]:
+    """Return the names of the contents that `read_arrays` leaves out."""
+    return tuple(name for name, array in _contents(path) if array is None)
+
+
+def _contents(path: Path) -> list[tuple[str, Array | None]]:
+    """Return the contents of a file with their names; None instead of contents without numbers."""
     with (
         system_errors(ConfigError, f"cannot read {path}", code="RID-FILE-READ"),
         open_file(path, LARGEST_FILE_BYTES) as file,
@@ -59,26 +71,40 @@ def read_arrays(path: Path) -> dict[str, Array]:
             f" {type(error).__name__}: {error}",
             code="RID-FILE-TYPE",
         ) from error
-    return dict(_flatten(contents, ""))
+    return list(_flatten(contents, ""))
 
 
-def _flatten(contents: Mapping[str, object], prefix: str) -> Iterator[tuple[str, Array]]:
+def _flatten(contents: Mapping[str, object], prefix: str) -> Iterator[tuple[str, Array | None]]:
     for key, value in contents.items():
         name = f"{prefix}{key}"
         if isinstance(value, Mapping):
             yield from _flatten(value, f"{name}.")
             continue
+        if _is_list_of_contents(value):
+            yield from _flatten({f"{name}({n})": each for n, each in enumerate(value, 1)}, "")
+            continue
         array = np.asarray(value)
         if array.dtype.names is not None:
             yield from _flatten({field: array[field] for field in array.dtype.names}, f"{name}.")
-        elif array.dtype.kind == "M":
-            yield name, array.astype("datetime64[ns]").astype(np.int64)
-        elif array.dtype.kind in _NUMBERS + "U":
-            yield name, array
+        elif array.dtype.kind in "Mm":
+            whole = array.astype(f"{array.dtype.kind}8[ns]").astype(np.int64)
+            missing = np.isnat(array)
+            yield name, np.where(missing, "", whole.astype(np.str_)) if missing.any() else whole
+        else:
+            yield name, array if array.dtype.kind in _NUMBERS + "U" else None
 
 
-def _read_npz(path: Path) -> dict[str, Array]:
-    arrays: dict[str, Array] = {}
+def _is_list_of_contents(value: object) -> TypeGuard[Iterable[object]]:
+    """Return True for a structure array or cell array as `loadmat` returns it."""
+    if isinstance(value, np.ndarray):
+        if value.dtype.kind != "O" or value.ndim != 1:
+            return False
+        value = value.tolist()
+    return isinstance(value, list) and any(isinstance(x, (Mapping, np.ndarray)) for x in value)
+
+
+def _read_npz(path: Path) -> dict[str, object]:
+    arrays: dict[str, object] = {}
     with np.load(path, allow_pickle=False) as file:
         for name in file.files:
             try:
@@ -86,6 +112,7 @@ def _read_npz(path: Path) -> dict[str, Array]:
             except ValueError as error:  # an array of Python objects can contain code
                 if "pickle" not in str(error):
                     raise
+                arrays[name] = None
     return arrays
 
 
@@ -130,10 +157,17 @@ def _read_parquet(path: Path) -> dict[str, Array]:
     for name, column in zip(table.column_names, table.columns, strict=True):
         if types.is_list(column.type) or types.is_fixed_size_list(column.type):
             rows = column.to_pylist()
-            if len({len(row or ()) for row in rows}) == 1:
-                arrays[name] = np.array(rows, dtype=np.float64)
+            lengths = {len(row) for row in rows if row is not None}
+            if len(lengths) == 1:
+                missing = [np.nan] * lengths.pop()
+                arrays[name] = np.array([row or missing for row in rows], dtype=np.float64)
         elif types.is_string(column.type) or types.is_large_string(column.type):
             arrays[name] = np.array([text or "" for text in column.to_pylist()], dtype=np.str_)
+        elif types.is_decimal(column.type):
+            arrays[name] = column.cast("float64").to_numpy()
+        elif types.is_integer(column.type) and column.null_count:
+            texts = ["" if value is None else str(value) for value in column.to_pylist()]
+            arrays[name] = np.array(texts, dtype=np.str_)
         else:
             arrays[name] = column.to_numpy()
     return arrays

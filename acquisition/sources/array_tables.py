@@ -12,7 +12,13 @@ import numpy as np
 
 from acquisition.imports.header import require_number_of_files, with_numbers
 from acquisition.maps.import_map import ImportMap
-from acquisition.sources.array_files import ARRAY_ENDINGS, Array, is_array_file, read_arrays
+from acquisition.sources.array_files import (
+    ARRAY_ENDINGS,
+    Array,
+    is_array_file,
+    read_arrays,
+    unread_names,
+)
 from acquisition.sources.bags import BAG_ENDINGS, is_bag
 from acquisition.sources.message_files import read_message_arrays
 from config.errors import ConfigError, system_errors
@@ -89,12 +95,21 @@ def write_array_tables(
     if missing:
         raise ConfigError(
             f"{' and '.join(map(str, files))}: nothing is named {missing[0]!r}; names found:"
-            f" {', '.join(found[:_MOST_SHOWN]) or 'none'}: correct the map",
+            f" {', '.join(found[:_MOST_SHOWN]) or 'none'}: correct the map{objects_in(*files)}",
             code="RID-IMPORT-HEADER",
         )
     layout = with_numbers(import_map, headers, files)
     text_keys = {"header_rows": 0, "delimiter": ",", "decimal": "."}
     return tuple(tables), layout.model_copy(update=text_keys)
+
+
+def objects_in(*files: Path) -> str:
+    """Return the end of an error that names the contents of files that cannot be read, or ''."""
+    names = [name for path in files if is_array_file(path) for name in unread_names(path)]
+    if not names:
+        return ""
+    shown = ", ".join(names[:_MOST_SHOWN])
+    return f". Not read, because they contain objects: {shown}. Save them as arrays of numbers"
 
 
 def _columns(

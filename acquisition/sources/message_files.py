@@ -40,8 +40,8 @@ def read_message_arrays(path: Path, names: Sequence[str] | None = None) -> dict[
 
     Arrays are named `topic.field`, for example `/robot_state.q`; a field within a field is
     `topic.field.part`, and element 0 of a list of messages is `topic.field[0]`. A list of numbers
-    becomes an array with one row per message. Each topic also has the array `topic.log_time`. Text,
-    and lists whose length varies, are left out.
+    becomes an array with one row per message. Each topic also has the array `topic.log_time`. A
+    value that is null in some messages is NaN. Text, and lists whose length varies, are left out.
 
     Args:
         path: An MCAP file with ROS messages, JSON or Protocol Buffers, or a ROS bag.
@@ -65,9 +65,12 @@ def read_message_arrays(path: Path, names: Sequence[str] | None = None) -> dict[
     topic_of = {name: topic for topic in counts for name in columns if name.startswith(f"{topic}.")}
     arrays: dict[str, Array] = {}
     for name, values in columns.items():
-        lengths = {len(value) if isinstance(value, list) else -1 for value in values}
+        present = [value for value in values if value is not None]
+        lengths = {len(value) if isinstance(value, list) else -1 for value in present}
         if len(values) == counts[topic_of[name]] and len(lengths) == 1 and 0 not in lengths:
-            array = np.array(values)
+            n = lengths.pop()
+            missing = np.nan if n < 0 else [np.nan] * n
+            array = np.array([missing if value is None else value for value in values])
             if array.dtype.kind in "biuf":
                 arrays[name] = array
     return arrays
@@ -92,17 +95,17 @@ def _leaves(message: object, prefix: str = "") -> Iterator[tuple[str, Any]]:
     """Yield the numbers, and the lists of numbers, of a message, each with its path."""
     for name, value in _fields(message):
         path = f"{prefix}{name}"
-        if isinstance(value, (bool, int, float)):
+        if value is None or isinstance(value, (bool, int, float)):
             yield path, value
         elif isinstance(value, np.ndarray):
             yield path, value.tolist()
         elif isinstance(value, (list, tuple)):
-            if all(isinstance(each, (bool, int, float)) for each in value):
-                yield path, list(value)
+            if all(each is None or isinstance(each, (bool, int, float)) for each in value):
+                yield path, [np.nan if each is None else each for each in value]
             else:
                 for number, each in enumerate(value):
                     yield from _leaves(each, f"{path}[{number}].")
-        elif not isinstance(value, (str, bytes)) and value is not None:
+        elif not isinstance(value, (str, bytes)):
             yield from _leaves(value, f"{path}.")
 
 

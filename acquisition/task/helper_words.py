@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from acquisition.task.shared_block import SharedError, clip_text
 from acquisition.task.states import MonitorState, RecorderState
 from config.errors import RidDaqError
-
-MOST_JOINTS = 16
+from config.quantities import MOST_JOINTS
 
 
 class RecorderWords(ctypes.Structure):

@@ -13,9 +13,10 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from acquisition.journal.cycle_row import MAX_JOINTS, row_struct
+from acquisition.journal.cycle_row import row_struct
 from acquisition.task.shared_memory import SharedMemory
 from config.errors import RecordingError
+from config.quantities import MOST_JOINTS
 
 _LABEL = "rid-daq-ring-1"  # increase the number if the layout of header or row changes
 _WRITTEN, _READ, _JOINTS, _CAPACITY, _MADE_NS = (
@@ -44,9 +45,9 @@ class Ring:
         self._counters = view[:_HEADER_BYTES].cast("q")
         self.joints = self._counters[_JOINTS]
         self.capacity = self._counters[_CAPACITY]
-        if not 1 <= self.joints <= MAX_JOINTS:
+        if not 1 <= self.joints <= MOST_JOINTS:
             raise RecordingError(
-                f"ring: invalid number of joints {self.joints}: give 1 to {MAX_JOINTS}",
+                f"ring: invalid number of joints {self.joints}: give 1 to {MOST_JOINTS}",
                 code="RID-INTERNAL-ERROR",
             )
         layout = row_struct(self.joints)

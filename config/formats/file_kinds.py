@@ -30,7 +30,7 @@ _DOCUMENTS: Final = {
     "rid-daq origins": "the origins of a run's files",
 }
 _URDF: Final = "a URDF"
-_FROM_URDF: Final = ", as `rid-daq init FOLDER --urdf FILE` makes it (in Python: Robot.from_urdf)"
+_FROM_URDF: Final = "`rid-daq init FOLDER --urdf FILE` (in Python: Robot.from_urdf)"
 _BEGINNINGS: Final = (
     ("a recording (MCAP)", rb"\x89MCAP"),
     ("a page (HTML), as reports are", rb"\s*<(!doctype html|html)"),
@@ -42,6 +42,7 @@ _BEGINNINGS: Final = (
     ("an HDF5 file", rb"\x89HDF"),
     ("a Parquet file", rb"PAR1"),
     ("a MAT file", rb"MATLAB 5\.0 MAT"),
+    ("a single array (NPY; numpy.savez saves arrays with names)", rb"\x93NUMPY"),
 )
 _WANTED: Final = {
     "CellConfig": "a cell file",
@@ -69,8 +70,13 @@ def wrong_kind(tree: YamlTree, wanted: str) -> list[str]:
     kind = _kind_of(tree.data)
     if kind is None or wanted not in _WANTED or kind == _WANTED[wanted]:
         return []
-    made = _FROM_URDF if (kind, wanted) == (_URDF, "RobotDescription") else ""
+    made = f", as made by {_FROM_URDF}" if (kind, wanted) == (_URDF, "RobotDescription") else ""
     return [f"{tree.name}: this is {kind}; give {_WANTED[wanted]}{made}"]
+
+
+def way_from(kind: str) -> str:
+    """Return how a file of another type becomes a YAML file, as the end of an error."""
+    return f": make a robot file from it by {_FROM_URDF}" if kind == _URDF else ""
 
 
 def kind_of_text(data: bytes, *, by_keys: bool = True) -> str | None:

@@ -18,7 +18,7 @@ from typing import Any
 import yaml
 
 from config.errors import ConfigError
-from config.formats.file_kinds import kind_of_text
+from config.formats.file_kinds import kind_of_text, way_from
 
 MAX_BYTES = 1_000_000
 MAX_NODES = 200_000
@@ -89,7 +89,7 @@ def parse_yaml(text: bytes, name: str) -> YamlTree:
         kind = kind_of_text(text, by_keys=False)
         if kind is not None:
             raise ConfigError(
-                f"{name}: this is {kind}, not a YAML file", code="RID-FILE-TYPE"
+                f"{name}: this is {kind}, not a YAML file{way_from(kind)}", code="RID-FILE-TYPE"
             ) from None
         raise ConfigError(_syntax_error(error, text, name), code="RID-FILE-SYNTAX") from None
     except yaml.YAMLError as error:

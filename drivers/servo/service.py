@@ -9,6 +9,7 @@ from config.cell.cell import CellConfig, DriveAxis
 from config.errors import DeviceTimeoutError
 from drivers.canopen.nmt import NmtCommand, nmt_frame
 from drivers.ports.can_link import CanLink
+from drivers.ports.clock import Clock
 from drivers.servo.bring_up import listen_for_masters
 from drivers.servo.cia402 import PowerState, state_of
 from drivers.servo.drive_settings import read_objects
@@ -94,14 +95,21 @@ class DriveService:
         """
         return tuple(state_of(port.read_int(0x6041, 0)) for port in self.ports())
 
-    def silence_drives(self) -> None:
+    def silence_drives(self, clock: Clock) -> tuple[float, ...]:
         """Switch off the drives' heartbeats until the next bring-up, to test their monitoring.
 
         Drives with life guarding send no heartbeat: they are silent while they get no request.
 
+        Returns:
+            Time since which each drive is silent [s].
+
         Raises:
             DeviceTimeoutError, TransportError: A drive does not answer, or the bus is lost.
         """
-        for port, consumer in zip(self.ports(), self._watch.heartbeats, strict=True):
+        since_s = [clock.now_s()] * len(self._axes)
+        heartbeats = zip(self.ports(), self._watch.heartbeats, strict=True)
+        for number, (port, consumer) in enumerate(heartbeats):
             if not consumer.guarded:
                 port.write(0x1017, 0, bytes(2))
+                since_s[number] = clock.now_s()
+        return tuple(since_s)

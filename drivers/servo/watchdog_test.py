@@ -28,7 +28,8 @@ class WatchdogResult:
 
     Attributes:
         joint, node_id: The drive.
-        detected_s: Time until this computer detected the drive's silence [s]; NaN if it did not.
+        detected_s: Time from the end of the drive's heartbeats until this computer detected it [s];
+            NaN if it did not.
         reacted_s: Time from this computer's last heartbeat until the drive's reaction [s]; NaN if
             the drive did not react.
         how: The drive's reaction, in words.
@@ -114,17 +115,17 @@ def _silence_drives(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> dict[
     reported: dict[str, set[int]] = {joint: set() for joint in axes.joint_names}
     axes.bring_up()
     axes.start()
-    since_s = clock.now_s()
-    axes.service.silence_drives()
+    since_s = dict(zip(axes.joint_names, axes.service.silence_drives(clock), strict=True))
     patience_s = 3e-3 * cell.drive_safety.drive_heartbeat_timeout_ms
     due_s = clock.now_s()
-    while clock.now_s() < since_s + patience_s and any(map(math.isnan, noticed.values())):
+    until_s = max(since_s.values()) + patience_s
+    while clock.now_s() < until_s and any(map(math.isnan, noticed.values())):
         due_s = _cycle(axes, clock, cell, due_s)
         axes.send_heartbeat(clock.now_s(), asking=False)
         axes.quick_stop()  # prevents the drives' command timeout, without motion
         for event in axes.take_events():
             if event.kind is EventKind.HEARTBEAT_LOST and math.isnan(noticed[event.joint]):
-                noticed[event.joint] = event.time_s - since_s
+                noticed[event.joint] = event.time_s - since_s[event.joint]
             elif event.kind is EventKind.EMERGENCY:
                 reported[event.joint].add(event.code)
     _reset_unguarded(axes, reported)

@@ -154,6 +154,7 @@ def refuse_failed(path: Path, judged: PayloadResult, why: str) -> None:
             f"{path}: the payload did not pass ({failed or 'nothing was checked'}), so {why}:"
             " measure longer or with another motion, or set limits that you can justify (payload"
             " identify --mass-limit, --inertia-limit, --residual-limit in %, --centre-limit in mm;"
-            " or --mass-limit-kg, --inertia-limit-kg-m2, --residual-limit-nm)",
+            " or --mass-limit-kg, --inertia-limit-kg-m2, --residual-limit-nm; in Python"
+            ' options={"limits": {"mass_percent": ...}})',
             code="RID-PAYLOAD-FAILED",
         )

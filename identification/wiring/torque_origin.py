@@ -116,6 +116,8 @@ def judge_torques(
         robot: The robot as its file describes it.
         currents: True if the file contains currents.
     """
+    if not np.ptp(recording.torque_nm, axis=0).any():
+        return None
     try:
         signals = _wired_signals(recording, robot)
     except RidDaqError:

@@ -32,7 +32,7 @@ from rid_daq.operations.stated_payload import state_payload
 def identify(
     recordings: Recording | Sequence[Recording],
     *,
-    robot: Robot | None = None,
+    robot: Robot | str | Path | None = None,
     choose: bool = False,
     friction: Sequence[str] | None = None,
     diagnose: bool = True,
@@ -51,7 +51,8 @@ def identify(
 
     Args:
         recordings: One or more recordings; either all are periodic, or all are not.
-        robot: The robot; by default that of the recordings.
+        robot: The robot, its bundled name, or the path of a robot file; by default that of the
+            recordings.
         choose: Choose the friction terms of each joint by cross-validation.
         friction: Friction terms of every joint, such as coulomb, viscous, offset, stribeck; by
             default those of the robot file.

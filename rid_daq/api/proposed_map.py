@@ -17,7 +17,7 @@ from config.formats.whole_file import write_new
 from config.formats.yaml_tree import parse_yaml
 from config.load import validate
 from rid_daq.api.arguments import ARGUMENT, as_path, plain
-from rid_daq.api.robot import Robot
+from rid_daq.api.robot import Robot, as_robot
 from rid_daq.operations.experiment.map_proposal import propose_checked_map, to_map_text
 
 _ROBOT_FILE: Final = "robot.yaml"
@@ -157,8 +157,7 @@ def propose_map(source: str | Path, *, robot: Robot | str | Path) -> ProposedMap
         ConfigError: The file cannot be read, or its time stamps, positions or torques are not
             recognised (RID-IMPORT-PROPOSAL).
     """
-    if not isinstance(robot, Robot):
-        robot = Robot.load(robot)
+    robot = as_robot("robot", robot)
     path = as_path("source", source)
     with tempfile.TemporaryDirectory(prefix="rid-daq-") as place:
         file = Path(place) / _ROBOT_FILE

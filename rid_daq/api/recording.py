@@ -22,7 +22,8 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import MANIFEST, require_label
 from config.arrays import FloatArray
 from config.errors import ConfigError
-from config.load import load_bundled_or_path, to_yaml
+from config.formats.yaml_tree import dump_yaml
+from config.load import load_bundled_or_path
 from rid_daq.api.arguments import (
     as_numbers,
     as_path,
@@ -32,7 +33,7 @@ from rid_daq.api.arguments import (
 )
 from rid_daq.api.curves import curves_plot
 from rid_daq.api.proposed_map import ProposedMap
-from rid_daq.api.robot import Robot
+from rid_daq.api.robot import Robot, as_robot
 from rid_daq.api.temporary_files import changed_text
 from rid_daq.blocks.block import AnyBlock
 from rid_daq.blocks.plot import Axis
@@ -71,7 +72,7 @@ class Recording:
         position: npt.ArrayLike,
         torque_nm: npt.ArrayLike,
         *,
-        robot: Robot,
+        robot: Robot | str | Path,
         torques: TorqueMeaning | None = None,
         velocity: npt.ArrayLike | None = None,
         period_s: float | None = None,
@@ -83,7 +84,7 @@ class Recording:
             time_s: Shape (samples,). Time stamps [s]; they need not be uniform.
             position: Shape (samples, joints). Measured positions, link side [rad or m].
             torque_nm: Shape (samples, joints). Torques of the actuators, link side [N m or N].
-            robot: The robot that moved.
+            robot: The robot that moved, its bundled name, or the path of a robot file.
             torques: Meaning of the torques: motor_torque, joint_torque (of sensors behind the
                 gear), model_based or gravity_compensated. Left out, motor torques are assumed.
             velocity: Shape (samples, joints). Measured velocities [rad/s or m/s]. They are
@@ -97,7 +98,8 @@ class Recording:
                 (RID-API-ARGUMENT); or the name is invalid (RID-FILE-NAME).
             DataQualityError: Too many rows are damaged, or the values are impossible for a robot.
         """
-        n = len(require("robot", robot, Robot).joint_names)
+        robot = as_robot("robot", robot)
+        n = len(robot.joint_names)
         require_label(require("name", name, str))
         if torques is not None:
             require("torques", torques, str)
@@ -150,7 +152,8 @@ class Recording:
                 layout = load_bundled_or_path(layout, "maps", ImportMap)
             robot.save(place / "robot.yaml")
             layout = layout.model_copy(update={"robot": "robot.yaml"})
-            (place / MAP).write_text(to_yaml(layout), encoding="utf-8")
+            keys = layout.model_dump(mode="json", exclude_unset=True)
+            (place / MAP).write_text(dump_yaml(keys), encoding="utf-8")
             layout = str(place / MAP)
         request = ImportRequest.of(
             {
@@ -211,13 +214,14 @@ class Recording:
         parts = ((position, self.position), (torque, self.torque_nm))
         yield curves_plot(self.joint_names, Axis("time", "s"), self.time_s - self.time_s[0], parts)
 
-    def with_robot(self, robot: Robot) -> Self:
+    def with_robot(self, robot: Robot | str | Path) -> Self:
         """Return the recording with another description of the same robot.
 
         Raises:
             ConfigError: The joints have other names (RID-ROBOT-OTHER).
         """
-        if require("robot", robot, Robot).joint_names != self.joint_names:
+        robot = as_robot("robot", robot)
+        if robot.joint_names != self.joint_names:
             raise ConfigError(
                 f"robot {robot.name} has the joints {', '.join(robot.joint_names)}, the recording"
                 f" {', '.join(self.joint_names)}: use the same names",
@@ -239,7 +243,7 @@ class Recording:
 
 @contextmanager
 def named_recordings(recordings: Sequence[Recording]) -> Iterator[None]:
-    """Name recordings in the text of an error by their labels instead of temporary folders.
+    """Name recordings in the text of an error by their labels, not by temporary folders and ids.
 
     Raises:
         RidDaqError: As raised by the caller, with the new text.
@@ -248,8 +252,10 @@ def named_recordings(recordings: Sequence[Recording]) -> Iterator[None]:
     def change(text: str) -> str:
         for each in recordings:
             if each._files is not None:
-                name = f"recording {each.run.folder.manifest().label}"
-                text = text.replace(str(each.run.folder.path), name)
+                folder, label = each.run.folder, each.run.folder.manifest().label
+                text = text.replace(str(folder.path), f"recording {label}")
+                text = text.replace(f"run {folder.run_id}", f"recording {label}")
+                text = text.replace(folder.run_id, str(label))
         return text
 
     with changed_text(change):
@@ -261,7 +267,7 @@ def read_recording(
     *further: str | Path,
     map: str | Path | ProposedMap = "",  # as the option --map; the builtin is not used here
     rows: str = "",
-    robot: Robot | None = None,
+    robot: Robot | str | Path | None = None,
 ) -> Recording:
     """Read a recording: CSV, MAT, NPZ, HDF5 or Parquet files, a ROS bag, or a run folder.
 
@@ -285,9 +291,12 @@ def read_recording(
         RecordingError: The run folder is damaged.
     """
     path = as_path("source", source)
-    require("rows", rows, str)
-    if robot is not None:
-        require("robot", robot, Robot)
+    if not isinstance(rows, str):
+        raise ConfigError(
+            f"rows: {rows!r}: give the first and the last row as text, such as '355-5090'",
+            code="RID-API-ARGUMENT",
+        )
+    robot = None if robot is None else as_robot("robot", robot)
     others = tuple(as_path(f"further[{i}]", each) for i, each in enumerate(further))
     if not isinstance(map, ProposedMap):
         map = str(as_path("map", map)) if map != "" else ""

@@ -10,7 +10,7 @@ from typing import Self
 from config.formats.whole_file import write_whole
 from config.load import load_robot, to_yaml
 from config.robot.robot import RobotDescription
-from rid_daq.api.arguments import as_path, as_paths, as_texts
+from rid_daq.api.arguments import as_path, as_paths, as_texts, require
 from rid_daq.operations.start.init import InitRequest
 from rid_daq.operations.start.urdf_starter import starting_robot
 from rid_daq.runs.output_file import require_writable
@@ -110,3 +110,14 @@ class Robot:
 
     def __repr__(self) -> str:
         return str(self)
+
+
+def as_robot(name: str, value: object) -> Robot:
+    """Return a robot that is given itself, by its bundled name, or by the path of its file.
+
+    Raises:
+        ConfigError: It is none of these, or the file cannot be read.
+    """
+    if isinstance(value, (str, Path)):
+        return Robot.load(as_path(name, value))
+    return require(name, value, Robot)

@@ -13,6 +13,7 @@ import pytest
 
 from config.load import LoadedCell
 from drivers.cell import open_cell
+from drivers.servo.sdo_port import SdoPort
 from drivers.servo.watchdog_test import run_watchdog_test
 from rid_daq.preflight.bus_check import NOT_TESTED, watchdog_lines
 
@@ -80,3 +81,20 @@ def test_a_trial_without_a_reaction_reports_never(serve: Any, loaded: LoadedCell
         trials = run_watchdog_test(cell.axes, cell.clock, rig.config)
     assert all(math.isnan(trial.reacted_s) for trial in trials)
     assert {trial.how for trial in trials} == {"operation enabled"}
+
+
+def test_a_drives_silence_counts_from_when_its_heartbeat_was_switched_off(
+    serve: Any, loaded: LoadedCell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The drives are silenced one after the other: with many drives, this takes some time."""
+    config, write = serve().config, SdoPort.write
+    with open_cell(config, loaded.robot) as cell:
+
+        def write_late(port: SdoPort, index: int, subindex: int, data: bytes) -> None:
+            if (index, data) == (0x1017, bytes(2)):
+                cell.clock.sleep_until(cell.clock.now_s() + 0.02)
+            write(port, index, subindex, data)
+
+        monkeypatch.setattr(SdoPort, "write", write_late)
+        trials = run_watchdog_test(cell.axes, cell.clock, config)
+    assert all(0.0 < trial.detected_s <= 0.108 for trial in trials), trials

@@ -46,9 +46,10 @@ class JointTableMotion(Motion, Derived):
     Attributes:
         file: File next to the motion file. A CSV file has a column `time_s` or `time_from_start`
             [s] and one column per joint, with the joint's name [rad or m]; velocities are in
-            columns such as `axis1_velocity` or `vel_axis1`. Columns are separated by commas,
-            semicolons, tabs or spaces; decimal commas and UTF-16 are read too. A JSON or YAML file
-            contains a `trajectory_msgs/JointTrajectory` as ROS and MoveIt write it.
+            columns such as `axis1_velocity` or `vel_axis1`; accelerations are not used. Columns are
+            separated by commas, semicolons, tabs or spaces; decimal commas and UTF-16 are read too.
+            A JSON or YAML file contains a `trajectory_msgs/JointTrajectory` as ROS and MoveIt write
+            it.
         joints: Without `file`: names of the joints, in the order of the columns of `position`.
         time_s: Without `file`: time of each row [s].
         position: Without `file`: rows of joint positions [rad or m].

@@ -194,9 +194,8 @@ def _refuse_runs_of_model(data: Sequence[RunData], loaded: Sequence[bool], model
     own = [run_id for run_id in ids if run_id in model.run_ids]
     if own:
         raise ConfigError(
-            f"--model: the model was identified from {', '.join(own)}, a run with the payload:"
-            " identify the robot from other runs, or give the runs without payload as --unloaded"
-            " and no model",
+            f"the model was identified from {', '.join(own)}, a run with the payload: identify the"
+            " robot from other runs, or give runs without payload and no model",
             code="RID-PAYLOAD-RUNS",
         )
 

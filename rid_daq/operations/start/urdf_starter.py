@@ -156,7 +156,7 @@ def _with_limits_of(
 
 
 def _several_arms_text(request: InitRequest, path: Path, arms: tuple[UrdfArm, ...]) -> str:
-    """Return an error text for a URDF with several arms: a command for each arm."""
+    """Return an error text for a URDF with several arms: a command for each, and the argument."""
     again = ["init", request.folder, "--urdf", path]
     lines = [
         f"  {as_command(*again, '--tip', arm.tip)}  ({len(arm.joints)} joints)" for arm in arms
@@ -166,6 +166,7 @@ def _several_arms_text(request: InitRequest, path: Path, arms: tuple[UrdfArm, ..
             f"{path}: there are {len(arms)} arms; choose one with --tip; the joints of the other"
             " arms are then fixed:",
             *lines,
+            f"In Python: Robot.from_urdf(..., tip={arms[0].tip!r})",
         )
     )
 

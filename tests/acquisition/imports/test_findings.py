@@ -139,6 +139,13 @@ class TestStuck:
             "a: its torque (column 5) is constant at 2.5 from row 101 to row 400 while"
         )
 
+    def test_a_velocity_of_the_opposite_sign_is_refused_by_its_sign(self, tmp_path: Path) -> None:
+        table = sound_table()
+        table[:, 3] *= -1.0
+        names = (" of a ", "2.23", "opposite")
+        with raises_code(DataQualityError, "RID-IMPORT-UNITS", *names):
+            report_of(tmp_path, table)
+
     def test_a_stuck_position_is_refused_if_its_velocity_changes(self, tmp_path: Path) -> None:
         table = sound_table()
         table[:, 1] = 0.3

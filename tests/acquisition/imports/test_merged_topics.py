@@ -124,6 +124,21 @@ class TestVelocities:
         (note,) = report.findings
         assert re.findall(r"[\d.]+(?= %)", note) == [f"{lacking / 3:.3g}"]
 
+    @pytest.mark.parametrize("text", ["0", "-0.0", "0.000"])
+    def test_velocities_that_are_0_although_the_joint_moves_are_ignored_and_reported(
+        self, tmp_path: Path, text: str
+    ) -> None:
+        recording, report = self.read(tmp_path / "r.csv", 300, text)
+        assert len(recording.time_s) == 300
+        assert report.velocity_ratio == (None,)
+        assert len(report.findings) == 1
+
+    def test_a_joint_at_rest_has_the_velocity_0(self, tmp_path: Path) -> None:
+        path = tmp_path / "r.csv"
+        path.write_text("".join(f"{t!r},{0.3 + 1e-5 * (t > 1.0)},0,5.0\n" for t in T.tolist()))
+        _, report = import_csv(path, layout(columns=4, joints=[self.JOINT]))
+        assert not [each for each in report.findings if each.startswith("Velocities")]
+
     @pytest.mark.parametrize("text", ["nan", ""])
     def test_velocities_missing_in_a_few_rows_are_damage(self, tmp_path: Path, text: str) -> None:
         recording, report = self.read(tmp_path / "r.csv", 3, text)

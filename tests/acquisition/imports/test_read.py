@@ -314,14 +314,24 @@ class TestUnusableFiles:
 
     @pytest.mark.parametrize(
         "content",
-        [gzip.compress(b"1,2\n"), b"PK\x03\x04workbook", b"SQLite format 3\0", b"<!DOCTYPE html>"],
-        ids=["gzip", "xlsx", "bag", "page"],
+        [
+            *(gzip.compress(b"1,2\n"), b"PK\x03\x04workbook", b"SQLite format 3\0"),
+            *(b"<!DOCTYPE html>", b"\x93NUMPY\x01", b'{"t": 0.0, "q": [1.0, 2.0]}\n'),
+        ],
+        ids=["gzip", "xlsx", "bag", "page", "npy", "json lines"],
     )
     def test_a_file_of_another_kind_is_refused_by_its_kind(
         self, write: Write, content: bytes
     ) -> None:
         with raises_code(ConfigError, "RID-IMPORT-FILES"):
             import_csv(write(content), two_joint_map())
+
+    def test_angles_limited_to_one_turn_are_named(self, write: Write) -> None:
+        """A broadcaster of a continuous joint publishes angles from -180 to 180 degrees."""
+        table = sound_table()
+        table[:, 1] = (table[:, 1] + np.pi + 3.0) % (2.0 * np.pi) - np.pi
+        with raises_code(DataQualityError, "RID-IMPORT-ROWS", " a jump", "unwrap"):
+            import_csv(write(as_lines(table)), two_joint_map())
 
     def test_a_missing_file_is_an_error(self, tmp_path: Path) -> None:
         with raises_code(ConfigError, "RID-FILE-READ"):

@@ -209,6 +209,15 @@ def test_a_joint_at_rest_may_have_velocities_of_rounding(tmp_path: Path) -> None
     np.testing.assert_allclose(samples.position[:, 1], 0.3, atol=1e-8)
 
 
+def test_columns_of_accelerations_are_not_used(tmp_path: Path) -> None:
+    path = planned_csv(tmp_path, VELOCITY_NAMES[0], planned_rows()[1])
+    bare = load_motion(path)
+    head, *lines = (tmp_path / "path.csv").read_text().split()
+    head += ",acc_axis1,axis2_acceleration"
+    (tmp_path / "path.csv").write_text("\n".join([head, *(f"{line},9,9" for line in lines)]))
+    assert load_motion(path) == bare
+
+
 @pytest.mark.parametrize(
     ("separator", "decimal", "encoding", "mark"),
     [

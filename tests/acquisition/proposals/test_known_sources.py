@@ -285,6 +285,26 @@ def test_a_log_of_positions_alone_is_refused(tmp_path: Path) -> None:
         propose_map(path, "ur10e")
 
 
+@pytest.mark.parametrize("with_currents", [True, False])
+def test_disturbance_torques_are_no_torques(tmp_path: Path, with_currents: bool) -> None:
+    """FANUC's data monitor can record them. The names of its columns are not known for certain."""
+    t, q, _, torque = Motion.of(6)
+    names = ["Time [ms]", *axes("Joint Angle J{} [deg]", 6, 1), *axes("Disturb. Torque J{}", 6, 1)]
+    columns = [1e3 * t, np.rad2deg(q), 0.1 * torque]
+    if with_currents:
+        names += axes("Motor Current J{} [A]", 6, 1)
+        columns.append(torque / NM_PER_A)
+    path = save(tmp_path / "fanuc.csv", names, np.column_stack(columns).tolist())
+    if not with_currents:
+        with raises_code(ConfigError, "RID-IMPORT-PROPOSAL", "Disturb.", "J3"):
+            propose_map(path, "ur10e")
+        return
+    proposal = propose_map(path, "ur10e")
+    assert any("Disturb. Torque J1" in doubt and "J3" in doubt for doubt in proposal.doubts)
+    assert proposal.recording is not None
+    np.testing.assert_allclose(proposal.recording.torque_nm, torque, atol=1e-5)
+
+
 def test_channels_of_different_sample_times_are_refused(tmp_path: Path) -> None:
     with raises_code(ConfigError, "RID-IMPORT-PROPOSAL", "0", "8"):
         propose_map(scope_view(tmp_path, Motion.of(6), 0.5), "ur10e")

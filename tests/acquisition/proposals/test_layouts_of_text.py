@@ -117,3 +117,29 @@ def test_two_columns_of_one_name_are_a_doubt(tmp_path: Path) -> None:
     path = write(tmp_path / "log.csv", seconds(), ends=(";tau1", ";7.0"))
     doubts = propose_map(path, ROBOT).doubts
     assert any("tau1" in doubt and "column 8" in doubt for doubt in doubts)
+
+
+def test_time_stamps_that_lost_their_digits_are_refused_by_their_column(tmp_path: Path) -> None:
+    """A spreadsheet shows nanoseconds since 1970 as 1.764316800E+18."""
+    stamps = [f"{1e9 * (1_764_316_800 + stamp):.9e}" for stamp in T]
+    path = write(tmp_path / "log.csv", stamps, time="stamp")
+    with raises_code(ConfigError, "RID-IMPORT-PROPOSAL", "Column stamp "):
+        propose_map(path, ROBOT)
+
+
+def test_a_velocity_of_the_wrong_sign_does_not_turn_radians_into_degrees(tmp_path: Path) -> None:
+    """In a smaller unit the joint would be at rest, so that nothing contradicts its velocity."""
+    wrong = TABLE.copy()
+    wrong[:, Q.shape[1] + 1] *= -1.0
+    proposal = propose_map(write(tmp_path / "log.csv", seconds(), table=wrong), ROBOT)
+    assert proposal.report is None
+    assert proposal.keys["units"]["position"] == "rad"
+    assert any("RID-IMPORT-UNITS" in doubt and "axis2" in doubt for doubt in proposal.doubts)
+
+
+def test_positions_of_motors_need_a_map_that_says_so(tmp_path: Path) -> None:
+    path = write(tmp_path / "log.csv", seconds())
+    head, *lines = path.read_text().split("\n")
+    path.write_text("\n".join([head.replace("q", "motor_position_"), *lines]))
+    with raises_code(ConfigError, "RID-IMPORT-PROPOSAL", "side: motor"):
+        propose_map(path, ROBOT)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -231,3 +232,41 @@ def test_a_format_without_its_library_is_refused(
     monkeypatch.setitem(sys.modules, "h5py", None)
     with raises_code(ConfigError, "RID-INSTALL-LIBRARY", str(path)):
         read_arrays(path)
+
+
+def test_missing_values_of_a_parquet_file_keep_the_digits_of_the_others(tmp_path: Path) -> None:
+    """A column of integers or dates with a missing value must not become one of floats."""
+    path = tmp_path / "r.parquet"
+    stamps = [None, 1_700_000_000_123_456_789, 1_700_000_000_133_456_791]
+    rows = [[1.0, 2.0], None, [3.0, 4.0]]
+    columns = {
+        "count": pyarrow.array(stamps, pyarrow.int64()),
+        "date": pyarrow.array(stamps, pyarrow.timestamp("ns", "UTC")),
+        "since": pyarrow.array([0, 1_000, 2_000], pyarrow.duration("us")),
+        "exact": pyarrow.array([None, Decimal("0.25"), Decimal("-3.5")], pyarrow.decimal128(9, 4)),
+        "q": pyarrow.array(rows, pyarrow.list_(pyarrow.float64())),
+    }
+    parquet.write_table(pyarrow.table(columns), path)
+    arrays = read_arrays(path)
+    expected = ["", "1700000000123456789", "1700000000133456791"]
+    assert arrays["count"].tolist() == arrays["date"].tolist() == expected
+    assert arrays["since"].tolist() == [0, 1_000_000, 2_000_000]
+    np.testing.assert_equal(arrays["exact"], [np.nan, 0.25, -3.5])
+    np.testing.assert_equal(arrays["q"], [[1.0, 2.0], [np.nan, np.nan], [3.0, 4.0]])
+
+
+def test_elements_of_a_matlab_structure_array_have_names(tmp_path: Path) -> None:
+    """Simulink saves signals in the format "structure with time" in such an array."""
+    path = tmp_path / "r.mat"
+    signals = np.array([{"values": Q, "label": "q"}, {"values": QD, "label": "qd"}], dtype=object)
+    savemat(path, {"logs": {"time": T, "signals": signals}})
+    arrays = read_arrays(path)
+    np.testing.assert_array_equal(arrays["logs.signals(2).values"], QD)
+    assert arrays["logs.time"].shape == T.shape
+
+
+def test_contents_that_are_objects_are_named(tmp_path: Path) -> None:
+    path = tmp_path / "r.npz"
+    np.savez(path, allow_pickle=True, t=T, q=Q.astype(object))
+    with raises_code(ConfigError, "RID-IMPORT-HEADER", "'q[0]'", "objects: q"):
+        write_array_tables((path,), named_map(), tmp_path)

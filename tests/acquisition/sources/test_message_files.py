@@ -153,6 +153,21 @@ def test_fields_are_named_by_their_path(tmp_path: Path) -> None:
     }
 
 
+def test_a_value_that_is_null_in_some_messages_is_missing(tmp_path: Path) -> None:
+    path = tmp_path / "log.mcap"
+    with path.open("wb") as file:
+        writer = McapWriter(file)
+        writer.start()
+        channel = writer.register_channel("/state", "json", 0)
+        for q, tau in ((0.5, [1.0, 2.0]), (None, [None, 2.0]), (1.5, None)):
+            data = json.dumps({"joint": {"q": q}, "tau": tau}).encode()
+            writer.add_message(channel, 10, data, 10)
+        writer.finish()
+    arrays = read_message_arrays(path)
+    np.testing.assert_equal(arrays["/state.joint.q"], [0.5, np.nan, 1.5])
+    np.testing.assert_equal(arrays["/state.tau"], [[1, 2], [np.nan, 2], [np.nan, np.nan]])
+
+
 def test_a_field_of_varying_length_is_left_out(tmp_path: Path) -> None:
     arrays = read_message_arrays(save_json(tmp_path), [f"{TOPIC}.arm.q[0]"])
     assert f"{TOPIC}.faults" not in arrays

@@ -248,14 +248,14 @@ def test_bytes_that_are_no_text_in_their_encoding_are_refused() -> None:
             read_urdf(data, "r.urdf")
 
 
-def test_more_than_16_joints_are_refused_before_any_processing() -> None:
-    links = "".join(f'<link name="l{n}"/>' for n in range(18))
+def test_more_than_32_joints_are_refused_before_any_processing() -> None:
+    links = "".join(f'<link name="l{n}"/>' for n in range(34))
     joints = "".join(
         f'<joint name="j{n}" type="revolute"><parent link="l{n}"/><child link="l{n + 1}"/>'
         '<limit lower="-1" upper="1" effort="1" velocity="1"/></joint>'
-        for n in range(17)
+        for n in range(33)
     )
-    with raises_code(ConfigError, "RID-URDF-ARM", "16"):
+    with raises_code(ConfigError, "RID-URDF-ARM", "32"):
         robot_of_urdf(read_urdf(f'<robot name="r">{links}{joints}</robot>'.encode(), "r.urdf"))
 
 

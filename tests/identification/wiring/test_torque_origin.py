@@ -51,6 +51,12 @@ def judge(sound: SoundRecording, torque_nm: np.ndarray) -> TorqueJudgement:
     return judged
 
 
+def test_torques_that_are_0_show_no_meaning(sound: SoundRecording) -> None:
+    """Drivers without torques write 0, which a robot without gravity would explain."""
+    empty = recording_of(sound, np.zeros_like(sound.torque_nm))
+    assert judge_torques(empty, ROBOT, currents=False) is None
+
+
 def test_torques_with_friction_and_gravity_are_those_of_motors(sound: SoundRecording) -> None:
     judged = judge(sound, sound.torque_nm)
     assert judged.meanings == ("motor_torque",)

@@ -6,8 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rosbags.rosbag2 import StoragePlugin
 
 import rid_daq.api
+from benchmarks.layout_files import Source, bag_writer
 from config.errors import ConfigError
 from rid_daq.api import ProposedMap, Recording, Robot, propose_map, read_recording
 from tests.builders.foreign_tables import as_lines, sound_table, two_joint_robot
@@ -101,3 +103,25 @@ def test_a_meaning_that_arrays_cannot_have_is_refused() -> None:
     for wrong in ("motor_current", "measured"):
         with raises_code(ConfigError, "RID-API-ARGUMENT"):
             Recording.from_arrays(*arrays, robot=ROBOT, torques=wrong)  # type: ignore[arg-type]
+
+
+def test_a_bag_is_read_with_its_proposal(real_robot: Path, tmp_path: Path) -> None:
+    path = real_robot / "ur-20_02_12-50sec_12harm.csv"
+    source = Source.of(np.loadtxt(path, delimiter=",", skiprows=354, max_rows=800))
+    (bag,) = bag_writer(StoragePlugin.MCAP)(tmp_path, source)
+    proposal = propose_map(bag, robot="ur10e").with_values(effort="torque", torques="motor_torque")
+    recording = read_recording(bag, map=proposal, robot="ur10e")
+    assert recording.torque_nm == pytest.approx(source.torque, abs=1e-9)
+    assert recording.robot.name == "ur10e"
+
+
+def test_recordings_of_different_robots_are_named_by_their_labels() -> None:
+    table = sound_table()
+    other = Robot(ROBOT.description.model_copy(update={"name": "other"}))
+    one, two = (
+        Recording.from_arrays(table[:, 0], table[:, 1:3], table[:, 5:7], robot=robot, name=name)
+        for robot, name in ((ROBOT, "one"), (other, "two"))
+    )
+    with raises_code(ConfigError, "RID-ROBOT-OTHER", "one", "two") as caught:
+        rid_daq.api.identify([one, two])
+    assert one.run.folder.run_id not in str(caught.value)

@@ -34,7 +34,7 @@ Change = Callable[[dict[str, Any]], object]
         (lambda a: a.update(position=TABLE + 1j), ARGUMENT, "complex128"),
         (lambda a: a.update(velocity=[None] * N), ARGUMENT, "velocity: "),
         (lambda a: a.update(time_s=TIME.astype("m8[ms]")), ARGUMENT, "time_s: "),
-        (lambda a: a.update(robot="ir361"), ARGUMENT, "robot: "),
+        (lambda a: a.update(robot=361), ARGUMENT, "robot: "),
         (lambda a: a.update(period_s=-1.0), ARGUMENT, "period_s: -1.0"),
         (lambda a: a.update(period_s=np.float64(-0.0)), ARGUMENT, "period_s: -0.0:"),
         (lambda a: a.update(period_s=float("nan")), ARGUMENT, "period_s: nan"),
@@ -96,7 +96,7 @@ def test_points_that_are_no_path_are_refused(points: Any, speed: float, place: s
         (lambda m, r: identify([r, "second"]), "recordings[1]: "),
         (lambda m, r: identify(r, options=3), "options: "),
         (lambda m, r: identify(r, options={"choose": True}), "options: choose"),
-        (lambda m, r: identify(r, robot="ir361"), "robot: "),
+        (lambda m, r: identify(r, robot=361), "robot: "),
         (lambda m, r: validate("model.json", r), "model: "),
         (lambda m, r: validate(m, "run"), "recording: "),
         (lambda m, r: validate(m, r, options={"run": "x"}), "options: run"),
@@ -117,7 +117,7 @@ def test_points_that_are_no_path_are_refused(points: Any, speed: float, place: s
         (lambda m, r: read_recording("a.csv", 3, map="ur10e_31"), "further[0]: "),
         (lambda m, r: read_recording("a.csv", map=3), "map: "),
         (lambda m, r: read_recording("a.csv", map="ur10e_31", rows=(1, 2)), "rows: "),
-        (lambda m, r: read_recording("a.csv", map="ur10e_31", robot="ur10e"), "robot: "),
+        (lambda m, r: read_recording("a.csv", map="ur10e_31", robot=10), "robot: "),
         (lambda m, r: identify(r, friction="viscous"), "friction: "),
         (lambda m, r: identify(r, friction=["viscous"], options={"how": 3}), "options.how: "),
         (lambda m, r: identify(r, friction=["viscous"], options={"how": {"options": "x"}}),
@@ -190,5 +190,5 @@ def test_one_recording_does_not_count_as_two(model: Model, arm: Arm) -> None:
 def test_a_payload_is_not_computed_with_a_model_of_its_own_run(
     model: Model, train: Recording
 ) -> None:
-    with raises_code(ConfigError, "RID-PAYLOAD-RUNS", train.run.folder.run_id):
+    with raises_code(ConfigError, "RID-PAYLOAD-RUNS", str(train.run.folder.manifest().label)):
         identify_payload(train, model=model)
