@@ -58,7 +58,11 @@ def motion_document(designed: DesignedMotion, output: Path) -> dict[str, object]
         output: Path of its file.
     """
     motion, found = designed.motion, designed.found
-    shown: dict[str, object] = {"motion": str(output), "duration_s": designed.samples.duration_s}
+    shown: dict[str, object] = {
+        "motion": str(output),
+        "duration_s": designed.samples.duration_s,
+        "notes": list(designed.notes),
+    }
     match motion:
         case FourierMotion():
             axes = _excitation_axes(designed.samples, designed.cell.robot)

@@ -17,11 +17,12 @@ from config.errors import EstimationError
 from config.load import load_cell
 from config.robot.robot import RobotDescription
 from identification.elasticity import elastic_fit
-from identification.elasticity.elastic_fit import fit_elastic
+from identification.elasticity.elastic_fit import fit_elastic, rigid_averages
 from identification.elasticity.gear_torque import gear_torque
 from identification.elasticity.transmitted_torque import transmitted_torque
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import estimate_content, estimate_document
+from identification.estimation.fitted_periods import fit_periodic
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from identification.payload.carried import carry_own, without_payload
@@ -158,6 +159,19 @@ def test_a_model_file_states_that_the_model_is_that_of_the_links(
     data = estimate_document(elastic).model_dump_json().encode()
     again = estimate_content(data, Path("model.json"))
     np.testing.assert_array_equal(again.gear_torque_nm, elastic.gear_torque_nm)
+
+
+def test_with_the_torques_of_rigid_gears_a_rigid_fit_gives_the_model_of_the_links(
+    averages: list[PeriodAverage], robot: RobotDescription
+) -> None:
+    payload = [False, True]
+    links = fit_elastic(robot, averages, OPTIONS, payload=payload).estimate()
+    rigid = rigid_averages(links, averages, payload=payload)
+    again = fit_periodic(CELL.robot, rigid, OPTIONS, payload=payload).estimate()
+    motors = fit_periodic(CELL.robot, averages, OPTIONS, payload=payload).estimate()
+    far, near = (np.abs(each.values - links.values) / links.sigma for each in (motors, again))
+    assert near.max() < 0.05 * far.max()
+    assert rigid_averages(motors, averages) == averages
 
 
 def test_one_elastic_gear_is_enough(averages: list[PeriodAverage], robot: RobotDescription) -> None:
