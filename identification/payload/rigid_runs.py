@@ -1,4 +1,4 @@
-"""`with_rigid_gears`: runs with the torques that rigid gears would need for the motors' motion."""
+"""`rigid_runs`: runs with the torques that rigid gears would need for the motors' motion."""
 
 from __future__ import annotations
 
@@ -21,9 +21,7 @@ def gears_bend(robot: RobotDescription, how: PayloadOptions) -> bool:
     return has_stiffness(robot)
 
 
-def with_rigid_gears(
-    robot: RobotDescription, runs: MeasuredRuns, how: PayloadOptions
-) -> MeasuredRuns:
+def rigid_runs(robot: RobotDescription, runs: MeasuredRuns, how: PayloadOptions) -> MeasuredRuns:
     """Return runs with the torques that rigid gears would need for the motors' motion.
 
     The runs with the payload and those without are fitted separately to the motion of the links,

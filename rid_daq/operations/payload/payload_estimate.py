@@ -18,7 +18,7 @@ from identification.estimation.options import EstimationOptions
 from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.procedures import PayloadOptions, identify_payload, mass_left_on_flange
-from identification.payload.rigid_runs import gears_bend, with_rigid_gears
+from identification.payload.rigid_runs import gears_bend, rigid_runs
 from identification.payload.smoothed_runs import SmoothedRuns
 from identification.payload.verdict import (
     BAD_FIT,
@@ -132,7 +132,7 @@ def estimate_payload(
     rounded = find_rounded_positions(data, payload_request.band_hz)
     if rounded is not None:
         payload_request = replace(payload_request, band_hz=rounded.band_hz)
-    runs = with_rigid_gears(robot, payload_runs(data, loaded, payload_request), how)
+    runs = rigid_runs(robot, payload_runs(data, loaded, payload_request), how)
     estimate = identify_payload(
         robot,
         runs,

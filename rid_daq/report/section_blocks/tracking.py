@@ -9,7 +9,9 @@ from typing import Final
 import numpy as np
 
 from rid_daq.blocks.block import AnyBlock, Cells, Heading, Table, Text, table
+from rid_daq.blocks.formats import number
 from rid_daq.blocks.plot import Axis, Colour, Dash, Line, Mark, Panel, Plot
+from rid_daq.report.sections.elastic_path import ElasticPathSection
 from rid_daq.report.sections.tracking import (
     STILL_M,
     ErrorSize,
@@ -57,9 +59,21 @@ def tracking_blocks(section: TrackingSection) -> Iterator[AnyBlock]:
             " the model and the stiffness; only a measurement of the tool proves it.",
             is_note=True,
         )
-    for number, motion in enumerate(section.motions, start=1):
-        yield Heading(text=f"{number}: {motion.sentence}", level=3)
+    for order, motion in enumerate(section.motions, start=1):
+        yield Heading(text=f"{order}: {motion.sentence}", level=3)
         yield from path_plots(motion, section.joints)
+
+
+def elastic_path_blocks(section: ElasticPathSection) -> Iterator[AnyBlock]:
+    """Yield the errors of the tool without and with correction of the deflection."""
+    yield Heading(text="Elastic gears")
+    yield Text(text=section.words)
+    bent = ", ".join(number(1e3 * each, 3) for each in section.largest_deflection)
+    yield Text(
+        text=f"The corrected motion contains deflections of the gears of up to {bent} mrad, which"
+        " the encoders at the motors do not measure."
+    )
+    yield from _tool_side_blocks((section.rigid.measured, section.corrected.measured))
 
 
 def _tool_side_blocks(sizes: Sequence[ToolSideSize]) -> Iterator[AnyBlock]:

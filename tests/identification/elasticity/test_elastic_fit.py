@@ -29,7 +29,7 @@ from identification.payload.carried import carry_own, without_payload
 from identification.payload.equations import Procedure
 from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.procedures import PayloadOptions, identify_payload
-from identification.payload.rigid_runs import with_rigid_gears
+from identification.payload.rigid_runs import rigid_runs
 from identification.validation.torque_prediction import pool_validations, validate_torques
 from tests.builders.certified import MEDIUM
 from tests.builders.known_model import known_estimate, with_payload_columns
@@ -188,7 +188,7 @@ def test_a_payload_on_elastic_gears_is_that_on_rigid_ones(
     measured = PeriodicRuns(tuple(averages), (False, True), 10.0, 0.02)
     if procedure == "model":
         measured = measured.part([1])
-    converted = with_rigid_gears(robot, measured, how)
+    converted = rigid_runs(robot, measured, how)
     as_rigid, found = (
         identify_payload(robot, runs, how).reported - MEDIUM.reported
         for runs in (measured, converted)
@@ -202,9 +202,9 @@ def test_runs_of_rigid_gears_are_not_changed(
     averages: list[PeriodAverage], robot: RobotDescription
 ) -> None:
     runs = PeriodicRuns(tuple(averages), (False, True), 10.0, 0.02)
-    assert with_rigid_gears(CELL.robot, runs, PayloadOptions()) is runs
+    assert rigid_runs(CELL.robot, runs, PayloadOptions()) is runs
     motors = fit_elastic(CELL.robot, averages[:1]).estimate()
-    assert with_rigid_gears(robot, runs, PayloadOptions(robot=motors)) is runs
+    assert rigid_runs(robot, runs, PayloadOptions(robot=motors)) is runs
 
 
 def test_one_elastic_gear_is_enough(averages: list[PeriodAverage], robot: RobotDescription) -> None:

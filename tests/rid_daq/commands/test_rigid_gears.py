@@ -20,6 +20,7 @@ COMMANDS = {
     "retime": "retime ir361 path.yaml --model MODEL -o fast.yaml --overwrite",
     "design": "design ir361 -o motion.yaml --model MODEL --starts 1 --budget 1 --harmonics 2"
     " --period 2",
+    "export": "export MODEL --to python --as-identified -o torque.py --overwrite",
     "compensate": "compensate ir361 path.yaml --model MODEL --loop loops.json -o ahead.json"
     " --overwrite",
 }
@@ -45,7 +46,7 @@ def test_a_command_says_that_it_computes_with_rigid_gears(
     assert CODE in shown
 
 
-@pytest.mark.parametrize("command", ["retime", "compensate"])
+@pytest.mark.parametrize("command", ["retime", "compensate", "export"])
 def test_a_model_that_was_fitted_to_the_motors_needs_no_note(
     folder: Path, command: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
