@@ -16,8 +16,8 @@ from rid_daq.demo.demo_paths import PathMotions
 from rid_daq.demo.demo_story import DEMO_CELL, Motions, Story
 from rid_daq.demo.demo_timing import TimingMotions
 from rid_daq.demo.parallel import run_stories
+from rid_daq.report.elastic_path_entry import ElasticPathSection
 from rid_daq.report.result import Result, WithoutUnmodelled
-from rid_daq.report.sections.elastic_path import ElasticPathSection
 from rid_daq.report.sections.estimate import EstimateSection
 from rid_daq.report.sections.runs import CellSection
 from rid_daq.report.sections.timing import Timing

@@ -31,7 +31,7 @@ from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from rid_daq.demo.demo_paths import PathMotions, PathRecorder
 from rid_daq.recording.recorded_run import RecordedRun
-from rid_daq.report.sections.elastic_path import ElasticPathSection, ElasticRun
+from rid_daq.report.elastic_path_entry import ElasticPathSection, ElasticRun
 from rid_daq.report.sections.runs import RunSection
 from rid_daq.report.tool_error_entries import ToolDeflection, ToolSideSize
 from rid_daq.runs.followed_motion import deflection_of_run, motor_lead, path_error_of_run

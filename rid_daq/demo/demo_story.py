@@ -35,9 +35,9 @@ from rid_daq.demo.demo_timing import TimingMotions, run_timing_chapter
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_request import RunRequest
 from rid_daq.recording.run_session import RunSession
+from rid_daq.report.elastic_path_entry import ElasticPathSection
 from rid_daq.report.sections.average import AverageSection
 from rid_daq.report.sections.curves import CurvesSection, SpectrumCurves, TorqueCurves
-from rid_daq.report.sections.elastic_path import ElasticPathSection
 from rid_daq.report.sections.estimate import EstimateSection
 from rid_daq.report.sections.retiming import RetimingSection
 from rid_daq.report.sections.runs import RunSection

@@ -7,11 +7,11 @@ from typing import Final, Literal
 
 from pydantic import Field, JsonValue
 
+from rid_daq.report.elastic_path_entry import ElasticPathSection
 from rid_daq.report.model_file import BY_MODEL, ModelFile
 from rid_daq.report.sections.average import AverageSection
 from rid_daq.report.sections.comparison import ComparisonSection
 from rid_daq.report.sections.curves import CurvesSection
-from rid_daq.report.sections.elastic_path import ElasticPathSection
 from rid_daq.report.sections.estimate import EstimateSection
 from rid_daq.report.sections.friction import FrictionSection
 from rid_daq.report.sections.gears import GearsSection

@@ -11,7 +11,7 @@ import numpy as np
 from rid_daq.blocks.block import AnyBlock, Cells, Heading, Table, Text, table
 from rid_daq.blocks.formats import number
 from rid_daq.blocks.plot import Axis, Colour, Dash, Line, Mark, Panel, Plot
-from rid_daq.report.sections.elastic_path import ElasticPathSection
+from rid_daq.report.elastic_path_entry import ElasticPathSection
 from rid_daq.report.sections.tracking import (
     STILL_M,
     ErrorSize,
