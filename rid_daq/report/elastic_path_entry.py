@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rid_daq.report.sections.section import Numbers, Section
-from rid_daq.report.tool_error_entries import ToolDeflection, ToolSideSize
+from rid_daq.report.tool_error_entries import ToolDeflection
 
 
 class ElasticRun(Section):
@@ -11,12 +11,17 @@ class ElasticRun(Section):
 
     Attributes:
         estimated: Errors estimated from the encoders, the model and the stiffness.
-        measured: Errors that a laser tracker measured. Its frame is fitted to the path, so a shift
-            or rotation of the whole path is not visible.
+        measured_mean_m: Mean distance from the path that a laser tracker measured [m]. Its clock
+            and frame are fitted to the path, so a shift or rotation of the whole path is not
+            visible.
+        measured_max_m: Largest distance that the tracker measured [m].
+        motor_mean_m: Mean distance at the motor encoders [m].
     """
 
     estimated: ToolDeflection
-    measured: ToolSideSize
+    measured_mean_m: float
+    measured_max_m: float
+    motor_mean_m: float
 
 
 class ElasticPathSection(Section):
@@ -46,7 +51,7 @@ class ElasticPathSection(Section):
     @property
     def measured_m(self) -> tuple[float, float]:
         """Measured mean error of the tool without and with correction [m]."""
-        return self.rigid.measured.mean_m, self.corrected.measured.mean_m
+        return self.rigid.measured_mean_m, self.corrected.measured_mean_m
 
     @property
     def words(self) -> str:

@@ -73,7 +73,22 @@ def elastic_path_blocks(section: ElasticPathSection) -> Iterator[AnyBlock]:
         text=f"The corrected motion contains deflections of the gears of up to {bent} mrad, which"
         " the encoders at the motors do not measure."
     )
-    yield from _tool_side_blocks((section.rigid.measured, section.corrected.measured))
+    runs = (section.rigid, section.corrected)
+    yield table(
+        range(len(runs)),
+        Cells("feedforward", lambda n: ("rigid gears", "corrected deflection")[n]),
+        Cells("mean at the motors", lambda n: _mm(runs[n], "motor_mean_m"), "mm", 3),
+        Cells("tool, estimated, mean", lambda n: _mm(runs[n].estimated, "tool_mean_m"), "mm", 3),
+        Cells("largest", lambda n: _mm(runs[n].estimated, "tool_max_m"), "mm", 3),
+        Cells("tool, measured, mean", lambda n: _mm(runs[n], "measured_mean_m"), "mm", 3),
+        Cells("largest", lambda n: _mm(runs[n], "measured_max_m"), "mm", 3),
+    )
+    yield Text(
+        text="The estimate is computed from the encoders, the model and the known stiffness. Clock"
+        " and frame of the tracker are fitted to the path, so a shift or rotation of the whole path"
+        " is not visible; noise and wrong lengths in the robot file are.",
+        is_note=True,
+    )
 
 
 def _tool_side_blocks(sizes: Sequence[ToolSideSize]) -> Iterator[AnyBlock]:
