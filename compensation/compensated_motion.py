@@ -22,8 +22,9 @@ from config.arrays import FloatArray
 from config.errors import LimitError
 from config.robot.robot import RobotDescription
 from config.robot.wrist_coupling import convert_to_joints, convert_to_motors
-from identification.estimation.estimate import Estimate, predict
-from identification.estimation.limit_torque import limit_torque
+from identification.elasticity.gear_torque import motor_torque
+from identification.elasticity.limit_torque import limit_torque
+from identification.estimation.estimate import Estimate
 
 
 def compensated_motion(
@@ -54,8 +55,8 @@ def compensated_motion(
         robot, motors = estimate.robot, reference.samples
         return with_feedforward(motors, robot, ordered, reference.torque_nm, tuning)
     samples = samples.whole()
-    moved = (samples.position, samples.velocity, samples.acceleration)
-    torque = evaluate_over(estimate, row_times(samples), lambda model: predict(model, *moved))
+    moved = (samples.position, samples.velocity, samples.acceleration, samples.sample_period_s)
+    torque = evaluate_over(estimate, row_times(samples), lambda model: motor_torque(model, *moved))
     return with_feedforward(samples, estimate.robot, ordered, torque, tuning)
 
 
@@ -97,7 +98,7 @@ def refuse_torque(
 
     Args:
         motion: The motion file.
-        samples: The motion as planned.
+        samples: The motion of the motors.
         estimate: Model that predicts the torque.
         robot: Robot with the limits.
 
@@ -106,7 +107,7 @@ def refuse_torque(
             segment.
     """
     samples = samples.whole()
-    moved = (samples.position, samples.velocity, samples.acceleration)
+    moved = (samples.position, samples.velocity, samples.acceleration, samples.sample_period_s)
     times_s = row_times(samples)
     torque = np.abs(evaluate_over(estimate, times_s, lambda model: limit_torque(model, *moved)))
     for j, joint in enumerate(robot.joints):

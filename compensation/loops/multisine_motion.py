@@ -20,8 +20,8 @@ from dynamics.geometry.clearances import Clearances
 from dynamics.model.cad import cad_parameters
 from dynamics.model.robot_model import torque
 from identification.design.model import design_model
+from identification.elasticity.limit_torque import limit_torque
 from identification.estimation.estimate import Estimate
-from identification.estimation.limit_torque import limit_torque
 
 PERIOD_S: Final = 8.0
 LOWEST_HZ: Final = 0.5
@@ -204,7 +204,7 @@ def limit_use(
     moved = (samples.position, samples.velocity, samples.acceleration)
     torque_nm = np.zeros_like(samples.position)
     if estimate is not None:
-        torque_nm = limit_torque(estimate, *moved)
+        torque_nm = limit_torque(estimate, *moved, samples.sample_period_s)
     elif robot.cad is not None:
         model = design_model(robot)
         torque_nm = torque(model, *moved, cad_parameters(model, robot)[0])

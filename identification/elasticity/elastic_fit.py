@@ -1,42 +1,26 @@
 """`fit_elastic`: a model of the links from the motion of the motors, if the gears are elastic.
 
-Encoders at the motors measure theta, but the links are at q = theta - tau_link / (k + s d). k and d
-are the stiffness and damping of the gears, and s = j omega on the DFT bins. Below the resonance of
-a link on its gear, the link moves more than its motor. A model that is fitted to
-theta therefore overestimates the inertia of the links. A payload lowers the resonance and makes the
-error larger.
+Encoders at the motors measure theta, but the links are at q. Below the resonance of a link on its
+gear, the link moves more than its motor. A model that is fitted to theta therefore overestimates
+the inertia of the links. A payload lowers the resonance and makes the error larger.
 
 The measured torques are replaced by those that rigid gears would need for the same motion of the
-motors: tau + tau_link(theta) - tau_link(q). The two torques of the links are computed with the
-previous estimate, so the fit is repeated. Friction and the inertia of the motors depend on theta,
-and need no conversion.
+motors (`with_rigid_gears`). They are computed with the previous estimate, so the fit is repeated.
+Friction and the inertia of the motors depend on theta, and need no conversion.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from acquisition.processing.periods import PeriodAverage
-from acquisition.signals.bins import Bins, filter_response, from_bins, to_bins
-from config.arrays import FloatArray
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
-from config.robot.wrist_coupling import convert_to_joints
-from identification.elasticity.gear_torque import (
-    SETTLED_RAD,
-    STEPS,
-    damping_nm_s,
-    deflection_band_hz,
-    has_stiffness,
-    stiffness_nm_rad,
-)
-from identification.elasticity.transmitted_torque import transmitted_torque
+from identification.elasticity.gear_torque import has_stiffness, with_rigid_gears
 from identification.estimation.estimate import Estimate
 from identification.estimation.fitted_periods import FittedPeriods, fit_periodic
 from identification.estimation.options import EstimationOptions
@@ -72,14 +56,8 @@ def fit_elastic(
         return fitted
     before = averages
     for _ in range(MOST_FITS):
-        estimate = fitted.estimate()
-        known = known_values(estimate.model, estimate.base, bodies or [{}] * len(averages))
-        rigid = [
-            with_rigid_gears(
-                average, replace(estimate, values=estimate.values + more), payload=loaded
-            )
-            for average, loaded, more in zip(averages, fitted.problem.payload, known, strict=True)
-        ]
+        loaded = fitted.problem.payload
+        rigid = _rigid(fitted.estimate(), averages, payload=loaded, bodies=bodies)
         if all(map(_is_settled, rigid, before)):
             changes = [
                 new.torque_nm - own.torque_nm for new, own in zip(rigid, averages, strict=True)
@@ -95,42 +73,44 @@ def fit_elastic(
     )
 
 
-def with_rigid_gears(
-    average: PeriodAverage, estimate: Estimate, *, payload: bool = False
-) -> PeriodAverage:
-    """Return a mean period with the torques that rigid gears would need for the motors' motion.
+def rigid_averages(
+    estimate: Estimate,
+    averages: Sequence[PeriodAverage],
+    *,
+    payload: Sequence[bool] | None = None,
+    bodies: Sequence[Bodies] | None = None,
+) -> list[PeriodAverage]:
+    """Return the mean periods to which an estimate was fitted.
+
+    For a model of the links behind elastic gears, the torques are those that rigid gears would need
+    (`with_rigid_gears`).
 
     Args:
-        average: The measured mean period. It is returned unchanged if no stiffness is known.
-        estimate: Model of the links; its robot states the stiffness.
-        payload: True if the run carried the payload of the estimate.
+        averages: The measured mean periods.
+        payload, bodies: As for `fit_periodic`.
+
+    Raises:
+        EstimationError: The deflection does not converge.
     """
-    robot, rows = estimate.robot, len(average.position)
-    if not has_stiffness(robot):
-        return average
-    band_hz = deflection_band_hz(estimate, average.position, average.sample_period_s)
-    harmonics = max(1, math.floor(band_hz * average.period_s))
-    frequency_hz = np.arange(harmonics + 1) / average.period_s
-    s = 2j * math.pi * frequency_hz[:, np.newaxis]
-    gear = stiffness_nm_rad(robot) + s * damping_nm_s(robot)
-    theta = to_bins(average.position, harmonics)
+    if estimate.gear_torque_nm is None:
+        return list(averages)
+    return _rigid(estimate, averages, payload=payload, bodies=bodies)
 
-    def links_torque(position: Bins) -> FloatArray:
-        motion = (from_bins(position * s**k, rows) for k in range(3))
-        return transmitted_torque(estimate, robot, *motion, payload=payload)
 
-    of_motors = torque = links_torque(theta)
-    bent: NDArray[Any] = np.zeros_like(theta)
-    for _ in range(STEPS):
-        step = to_bins(torque, harmonics) / gear - bent
-        bent = bent + step
-        torque = links_torque(theta - convert_to_joints(robot, bent))
-        if np.abs(step).sum(axis=0).max() < SETTLED_RAD:
-            break
-    more = to_bins(of_motors - torque, harmonics)
-    if average.torque_filter is not None:
-        more = more * filter_response(average.torque_filter, frequency_hz)[:, np.newaxis]
-    return replace(average, torque_nm=average.torque_nm + from_bins(more, rows))
+def _rigid(
+    estimate: Estimate,
+    averages: Sequence[PeriodAverage],
+    *,
+    payload: Sequence[bool] | None,
+    bodies: Sequence[Bodies] | None,
+) -> list[PeriodAverage]:
+    known = known_values(estimate.model, estimate.base, bodies or [{}] * len(averages))
+    return [
+        with_rigid_gears(average, replace(estimate, values=estimate.values + more), payload=loaded)
+        for average, loaded, more in zip(
+            averages, payload or [False] * len(averages), known, strict=True
+        )
+    ]
 
 
 def _is_settled(average: PeriodAverage, before: PeriodAverage) -> bool:

@@ -169,8 +169,8 @@ def equations_of(
                 )
         case "apart":
             return _subtract_two_robots(robot, runs, how)
-    described = _robot_with_model_joints(robot, how)
-    model = PayloadModel.of(described, _options(how))
+    described = described_robot(robot, how)
+    model = PayloadModel.of(described, robot_options(how))
     if how.procedure == "difference" and model.model.transmission.losses:
         raise EstimationError(
             "torques can be subtracted only if a gear's loss is the same with and without the"
@@ -218,11 +218,12 @@ def mass_left_on_flange(
     return float(solution.values[0]), float(np.sqrt(variance))
 
 
-def _options(how: PayloadOptions) -> ModelOptions:
+def robot_options(how: PayloadOptions) -> ModelOptions:
+    """Return the terms of the robot's model, with the columns of a payload."""
     return replace(how.options if how.robot is None else how.robot.options, payload=True)
 
 
-def _robot_with_model_joints(robot: RobotDescription, how: PayloadOptions) -> RobotDescription:
+def described_robot(robot: RobotDescription, how: PayloadOptions) -> RobotDescription:
     """Return the robot with the joints of its model; their friction terms may differ."""
     if how.robot is None:
         return robot
@@ -244,8 +245,8 @@ def _subtract_two_robots(
     The payload's ten parameters add to those of the last link. Therefore each base parameter
     changes by the columns of K that belong to this link.
     """
-    options = replace(_options(how), payload=False)
-    described = _robot_with_model_joints(robot, how)
+    options = replace(robot_options(how), payload=False)
+    described = described_robot(robot, how)
 
     def identified(loaded: bool) -> Estimate:
         chosen = [i for i, own in enumerate(runs.loaded) if own is loaded]

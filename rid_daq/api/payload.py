@@ -28,7 +28,7 @@ from rid_daq.api.recording import Recording, named_recordings
 from rid_daq.blocks.block import AnyBlock, Text, Verdict
 from rid_daq.operations.cell_files import refuse_other_robot
 from rid_daq.operations.payload.load_data import load_text
-from rid_daq.operations.payload.payload_estimate import estimate_payload
+from rid_daq.operations.payload.payload_estimate import estimate_payload, gear_findings
 from rid_daq.operations.payload.payload_from_files import payload_request_of
 from rid_daq.operations.payload.payload_identify import PayloadIdentifyRequest
 from rid_daq.report.section_blocks.payload import payload_blocks
@@ -199,8 +199,7 @@ def identify_payload(
     if model is not None:
         robot = require("model", model, Model).estimate
         refuse_other_robot(Path("the model"), robot.robot, data[0].robot)
+    asked = payload_request_of(request, robot, stated)
     with named_recordings(recordings):
-        result, repeats = estimate_payload(
-            data, list(map(bool, flags)), payload_request_of(request, robot, stated)
-        )
-    return Payload(result, PayloadSection.of(result, repeats))
+        result, repeats = estimate_payload(data, list(map(bool, flags)), asked)
+    return Payload(result, PayloadSection.of(result, repeats, gear_findings(data, asked)))

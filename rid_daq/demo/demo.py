@@ -11,13 +11,14 @@ from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
 from config.load import load_cell, to_yaml
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
+from rid_daq.demo.demo_elastic import ElasticMotions
 from rid_daq.demo.demo_paths import PathMotions
-from rid_daq.demo.demo_story import DEMO_CELL, Motions
+from rid_daq.demo.demo_story import DEMO_CELL, Motions, Story
 from rid_daq.demo.demo_timing import TimingMotions
 from rid_daq.demo.parallel import run_stories
+from rid_daq.report.elastic_path_entry import ElasticPathSection
 from rid_daq.report.result import Result, WithoutUnmodelled
 from rid_daq.report.sections.estimate import EstimateSection
-from rid_daq.report.sections.retiming import RetimingSection
 from rid_daq.report.sections.runs import CellSection
 from rid_daq.report.sections.timing import Timing
 from rid_daq.report.sections.tracking import TrackingSection
@@ -33,6 +34,10 @@ FLOOR_RATIO_LIMIT = 1.3
 INSIDE_FRACTION_LIMIT = 0.9
 # Factors by which compensation must reduce the mean and the maximum distance from the path.
 PATH_LIMITS = (("circle", (10.0, 6.0)), ("path not used for tuning", (6.0, 4.0)))
+
+# Factors by which correction of the deflection must reduce the tool's mean error: as estimated, and
+# as the tracker measures it, with its noise and the errors of the robot file's lengths.
+ELASTIC_LIMITS = (12.0, 1.5)
 
 
 @dataclass(frozen=True)
@@ -88,7 +93,8 @@ def run_demo(
         timed = TimingMotions.of_robot(loaded.robot, excitation) if paths else None
         for part in (chapter, timed):
             total_s += 0.0 if part is None else part.duration_s(loaded.robot, cycle_s)
-        motions = Motions(excitation, validation, chapter, timed)
+        elastic = None if chapter is None else ElasticMotions.of_paths(excitation, chapter)
+        motions = Motions(excitation, validation, chapter, timed, elastic)
         stories = run_stories(folder, motions, total_s, seed, console)
         on, off = stories[True], stories[False]
         truth = (
@@ -96,18 +102,19 @@ def run_demo(
             TruthCase.from_estimate("Without unmodelled effects", off.estimate),
         )
         presliding = (_presliding(on.estimate), _presliding(off.estimate))
-        verdict = _verdict(on.validation, truth, presliding, on.tracking, on.retiming)
+        verdict = _verdict(on.validation, truth, presliding, on, off.elastic)
         title = f"rid-daq demo on the simulated cell {loaded.config.name}"
         result = Result.new(title, loaded.robot.name).with_sections(
             cell=CellSection.of(loaded.config),
             seed=seed,
-            runs=on.runs,
+            runs=(*on.runs, *off.elastic_runs),
             average=on.average,
             estimate=on.estimate,
             validation=on.validation,
             curves=on.curves,
             tracking=on.tracking,
             retiming=on.retiming,
+            elastic_path=off.elastic,
             truth=truth,
             without_unmodelled=WithoutUnmodelled(
                 average=off.average, estimate=off.estimate, validation=off.validation
@@ -130,9 +137,10 @@ def _verdict(
     validation: ValidationSection,
     truth: tuple[TruthCase, TruthCase],
     presliding: tuple[str, str],
-    tracking: TrackingSection | None,
-    retiming: RetimingSection | None,
+    story: Story,
+    elastic: ElasticPathSection | None,
 ) -> VerdictSection:
+    tracking, retiming = story.tracking, story.retiming
     over = {axis.joint: axis.error_over_floor or 0.0 for axis in validation.axes}
     worst = max(over, key=lambda joint: over[joint])
     on, off = truth
@@ -152,6 +160,7 @@ def _verdict(
         ),
         *([] if tracking is None else _path_checks(tracking)),
         *([] if retiming is None or retiming.driven is None else retiming.driven.checks),
+        *([] if elastic is None else _elastic_checks(elastic)),
     ]
     passed = all(line.passed for line in checks)
     reduced = "" if tracking is None else ", path errors are reduced by large factors"
@@ -177,6 +186,25 @@ def _presliding(estimate: EstimateSection) -> str:
         ", ".join(f"{each.name.removeprefix('dp_')} {1e3 * each.value:.2g} mrad" for each in found)
         or "none"
     )
+
+
+def _elastic_checks(elastic: ElasticPathSection) -> list[VerdictCheck]:
+    """Return the checks of the circle on elastic gears, at the tool."""
+    return [
+        VerdictCheck.of(
+            f"circle on elastic gears: mean error of the tool reduced, {how}",
+            before / max(after, 1e-12),
+            "≥",
+            limit,
+            "times",
+        )
+        for how, (before, after), limit in zip(
+            ("estimated", "measured by a tracker"),
+            (elastic.estimated_m, elastic.measured_m),
+            ELASTIC_LIMITS,
+            strict=True,
+        )
+    ]
 
 
 def _path_checks(tracking: TrackingSection) -> list[VerdictCheck]:

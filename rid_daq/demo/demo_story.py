@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -28,11 +29,13 @@ from identification.validation.presliding_choice import choose_presliding
 from identification.validation.torque_prediction import validate_torques
 from mock_hw.cell import SimulatedCell
 from mock_hw.simulation import CellSimulation
+from rid_daq.demo.demo_elastic import ElasticMotions, elastic_cell, run_elastic_chapter
 from rid_daq.demo.demo_paths import PathMotions, run_path_chapter
 from rid_daq.demo.demo_timing import TimingMotions, run_timing_chapter
 from rid_daq.recording.recorded_run import RecordedRun
 from rid_daq.recording.run_request import RunRequest
 from rid_daq.recording.run_session import RunSession
+from rid_daq.report.elastic_path_entry import ElasticPathSection
 from rid_daq.report.sections.average import AverageSection
 from rid_daq.report.sections.curves import CurvesSection, SpectrumCurves, TorqueCurves
 from rid_daq.report.sections.estimate import EstimateSection
@@ -57,13 +60,15 @@ Show = Callable[[float, str], None]
 class Motions:
     """Motions of the demo: the excitation, the validation motion, and paths.
 
-    The timed path comes last. It is executed only if there are paths.
+    The timed path comes last. It is executed only if there are paths. The robot without unmodelled
+    effects is ready earlier; its process then moves the arm with elastic gears.
     """
 
     excitation: FourierMotion
     validation: MultipointMotion
     paths: PathMotions | None
     timed: TimingMotions | None
+    elastic: ElasticMotions | None
 
 
 @dataclass(frozen=True)
@@ -77,6 +82,8 @@ class Story:
     curves: CurvesSection
     tracking: TrackingSection | None
     retiming: RetimingSection | None
+    elastic: ElasticPathSection | None
+    elastic_runs: tuple[RunSection, ...]
     loops: tuple[LoopTiming, ...]
     run_ids: tuple[str, ...]
 
@@ -131,6 +138,11 @@ def run_story(
     if chapter is not None and motions.timed is not None:
         fresh = _FreshCellRecorder(motions.timed.cell_with_robot(loaded), simulation, runs, console)
         timed = run_timing_chapter(fresh, motions.timed, robot, chapter.precompensation, folder)
+    bent = None
+    if not unmodelled and motions.elastic is not None:
+        soft = elastic_cell()
+        recorder = partial(_elastic_recorder, soft, seed, folder.path / "elastic", console)
+        bent = run_elastic_chapter(recorder, motions.elastic, soft, folder)
     truth = estimate.base.from_standard(true_parameters(estimate.model, robot, plant))
     noise_nm = np.sqrt(average.torque_variance)
     validation = validate_torques(estimate, validated.measured.recording, noise_nm=noise_nm)
@@ -162,6 +174,8 @@ def run_story(
         ),
         tracking=None if chapter is None else chapter.tracking,
         retiming=None if timed is None else timed.retiming,
+        elastic=None if bent is None else bent.section,
+        elastic_runs=() if bent is None else bent.runs,
         loops=tuple(
             LoopTiming.of(role, run.outcome.statistics)
             for role, run in (("Excitation", excited), ("Validation", validated))
@@ -170,6 +184,7 @@ def run_story(
             *(run.folder.run_id for run in (excited, validated)),
             *(() if chapter is None else chapter.run_ids),
             *(() if timed is None else timed.run_ids),
+            *(() if bent is None else bent.run_ids),
         ),
     )
 
@@ -262,6 +277,26 @@ class _FreshCellRecorder:
         with SimulatedCell(self.simulation) as simulated, hold_cell(simulated.cell):
             session = RunSession(self.loaded, simulated.cell, self.runs, self.console)
             return _Recorder(session, self.console)(role, motion, planned, files)
+
+
+@contextlib.contextmanager
+def _elastic_recorder(
+    loaded: LoadedCell, seed: int, runs: Path, console: _ProgressConsole, tracker_file: Path | None
+) -> Iterator[_Recorder]:
+    """Open the simulated cell with elastic gears, without its force plate."""
+    assert loaded.plant is not None
+    simulation = CellSimulation(
+        loaded.config,
+        loaded.robot,
+        loaded.plant,
+        realtime=False,
+        seed=seed,
+        amplifier_profile=loaded.amplifier_profile,
+        tracker_file=tracker_file,
+    )
+    with SimulatedCell(simulation) as simulated, hold_cell(simulated.cell):
+        bare = simulated.cell.model_copy(update={"plate": None})
+        yield _Recorder(RunSession(loaded, bare, runs, console), console)
 
 
 def _with_presliding(robot: RobotDescription, average: PeriodAverage) -> RobotDescription:

@@ -7,6 +7,7 @@ from typing import Final, Literal
 
 from pydantic import Field, JsonValue
 
+from rid_daq.report.elastic_path_entry import ElasticPathSection
 from rid_daq.report.model_file import BY_MODEL, ModelFile
 from rid_daq.report.sections.average import AverageSection
 from rid_daq.report.sections.comparison import ComparisonSection
@@ -76,6 +77,7 @@ class Result(Section):
         reaction: Errors of the predicted base wrench.
         base_load: Predicted load on the floor, compared with its limits.
         friction: Measured friction, and the fitted friction models.
+        elastic_path: A path on elastic gears, without and with correction of the deflection.
         retiming: The timed path, and the limits that it reaches.
         velocity_loops: The drives' velocity loops, with margins.
         gears: Stiffness and damping of the gears.
@@ -107,6 +109,7 @@ class Result(Section):
     reaction: ReactionSection | None = None
     base_load: BaseLoadSection | None = None
     friction: FrictionSection | None = None
+    elastic_path: ElasticPathSection | None = None
     retiming: RetimingSection | None = None
     velocity_loops: VelocityLoopsSection | None = None
     gears: GearsSection | None = None

@@ -16,8 +16,8 @@ from config.robot.bodies import Workspace
 from config.robot.robot import RobotDescription
 from dynamics.geometry.kinematics import Chain, forward
 from identification.design.two_harmonic import condition_number
+from identification.elasticity.limit_torque import limit_torque
 from identification.estimation.at_temperature import depends_on_temperature
-from identification.estimation.limit_torque import limit_torque
 from rid_daq.blocks.block import AnyBlock, Text
 from rid_daq.blocks.formats import duration, number
 from rid_daq.blocks.plot import Axis, Colour, Line, Panel, Plot
@@ -64,7 +64,8 @@ def motion_blocks(
     if model is not None:
         estimate = read_estimate_for(model, cell.robot)
         estimate = state_payload(estimate, model.name, payload, runs).estimate
-        torque = limit_torque(estimate, one.position, one.velocity, one.acceleration)
+        moved = (one.position, one.velocity, one.acceleration)
+        torque = limit_torque(estimate, *moved, one.sample_period_s)
         if depends_on_temperature(estimate).any():
             caption = AT_REFERENCE if estimate.warming is None else COLD_OR_WARM
     yield limits_plot(one, cell.robot, torque, caption)

@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from acquisition.processing.smoothing import SmoothedSignals
+from identification.elasticity.elastic_fit import rigid_averages
 from identification.equations.late_torques import find_late_torques
+from identification.equations.segments import period_signals
 from identification.equations.stretches import smoothed_stretches
 from identification.estimation.estimate import Estimate
 from identification.validation.further_terms import further_term_findings
 from identification.validation.model_choice import ModelChoice
 from identification.validation.torque_filters import channel_findings
-from rid_daq.operations.estimation.run_estimation import EstimationJob, signals_of
+from rid_daq.operations.estimation.run_estimation import EstimationJob, period_averages
 from rid_daq.runs.run_data import RunData
 
 
@@ -57,5 +59,6 @@ def _coarse_signals(
     if how.loaded or how.bodies or how.options.model.kind != "internal" or estimate.still:
         return []
     if data[0].is_periodic:
-        return signals_of(data, how)
+        averages = rigid_averages(estimate, period_averages(data))
+        return [period_signals(average, how.options.band_hz) for average in averages]
     return smoothed_stretches([item.recording for item in data], how.options.band_hz)

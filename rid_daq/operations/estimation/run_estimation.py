@@ -27,7 +27,7 @@ from identification.calibration.plate_search import (
 )
 from identification.calibration.torque_scale import TorqueConsistency, torque_consistency
 from identification.cross_checks.agreement import CrossCheck, cross_checks
-from identification.elasticity.elastic_fit import fit_elastic
+from identification.elasticity.elastic_fit import fit_elastic, rigid_averages
 from identification.equations.bus_delay import split_implausible_channel
 from identification.equations.deconvolution import smoothed_recording
 from identification.equations.segments import period_signals, unfiltered_period_signals
@@ -310,7 +310,9 @@ def _signals_of_estimate(
     """Return the signals from which an estimate was computed; mean periods are unfiltered."""
     if data[0].is_periodic:
         averages = period_averages(data, estimate.channel)
-        return [unfiltered_period_signals(average, how.options.band_hz) for average in averages]
+        payload = [item.folder.run_id in how.loaded for item in data]
+        rigid = rigid_averages(estimate, averages, payload=payload, bodies=how.bodies_of(data))
+        return [unfiltered_period_signals(average, how.options.band_hz) for average in rigid]
     return with_joint_warming(
         signals_of(data, how, estimate.channel), estimate.robot, estimate.warming
     )

@@ -148,7 +148,8 @@ def signals_for_diagnosis(
 ) -> WiredSignals:
     """Return the signals in which mistakes are searched for.
 
-    Runs in which the robot carried an unknown payload or known bodies are left out.
+    Runs in which the robot carried an unknown payload or known bodies are left out. The torques
+    are not converted to rigid gears, because mistakes make the model for a conversion wrong.
 
     Args:
         data: The runs; all are periodic, or none.
@@ -197,7 +198,7 @@ class WiringDiagnosis:
 
 
 def diagnose_wiring(
-    signals: WiredSignals, run: RunData, estimate: Estimate, *, search: bool = True
+    signals: WiredSignals, run: RunData, estimate: Estimate | None = None, *, search: bool = True
 ) -> WiringDiagnosis:
     """Find physically impossible properties of runs, and probable mistakes in their files.
 
@@ -219,12 +220,11 @@ def diagnose_wiring(
     return WiringDiagnosis(mistakes, driving, weight, unconfirmed)
 
 
-def _hides_mistakes(estimate: Estimate) -> bool:
+def _hides_mistakes(estimate: Estimate | None) -> bool:
     """Return True if a joint's residual exceeds `SMALL_RESIDUAL_SHARE` of its torque."""
-    torque_nm = estimate.torque_nm
-    return torque_nm is None or bool(
-        (estimate.residual_nm > SMALL_RESIDUAL_SHARE * torque_nm).any()
-    )
+    if estimate is None or estimate.torque_nm is None:
+        return True
+    return bool((estimate.residual_nm > SMALL_RESIDUAL_SHARE * estimate.torque_nm).any())
 
 
 def mistake_entry(

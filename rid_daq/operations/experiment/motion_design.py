@@ -23,8 +23,8 @@ from identification.design.two_harmonic import (
     condition_number,
     design_two_harmonic,
 )
+from identification.elasticity.limit_torque import limit_temperature_note
 from identification.estimation.estimate import Estimate
-from identification.estimation.limit_torque import limit_temperature_note
 from identification.friction.motions import constant_velocity_motion, reversed_motion
 from rid_daq.operations.cell_files import read_estimate_for
 from rid_daq.operations.experiment.design import (
@@ -34,6 +34,7 @@ from rid_daq.operations.experiment.design import (
 )
 from rid_daq.operations.experiment.excitation_search import Search, search
 from rid_daq.operations.operation import Context
+from rid_daq.operations.rigid_gears import rigid_gears_notes
 from rid_daq.operations.stated_payload import state_payload
 from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
@@ -91,17 +92,18 @@ def design_motion(request: DesignRequest, context: Context) -> DesignedMotion:
             return _design_multisine(request, cell)
         case Kind.EXCITATION | Kind.REVERSED:
             motion, origin, found = _design_excitation(request, cell, context)
+    notes = _limit_notes(request, robot)
     if request.kind is Kind.REVERSED:
         back = reversed_motion(motion)
-        return DesignedMotion(cell, back, _write_motion(request, cell, back), found=found)
+        samples = _write_motion(request, cell, back)
+        return DesignedMotion(cell, back, samples, found=found, notes=notes)
     condition = condition_number(robot, motion)
     comment = (
         f"Excitation for robot {robot.name}, verified within its limits at {config.cycle_time_ms}"
         f" ms.\nCondition number {condition:.4g}; {origin}"
     )
-    return DesignedMotion(
-        cell, motion, _write_motion(request, cell, motion, comment), condition, found
-    )
+    samples = _write_motion(request, cell, motion, comment)
+    return DesignedMotion(cell, motion, samples, condition, found, notes=notes)
 
 
 def _require_periods(request: DesignRequest) -> None:
@@ -178,6 +180,19 @@ def _limit_model(request: DesignRequest, robot: RobotDescription) -> Estimate | 
         return None
     estimate = read_estimate_for(request.model, robot)
     return state_payload(estimate, request.model, request.payload, request.runs).estimate
+
+
+def _limit_notes(request: DesignRequest, robot: RobotDescription) -> tuple[str, ...]:
+    """Return notes on the torques that the search for an excitation compares with the limits."""
+    if request.model is None:
+        return ()
+    notes = rigid_gears_notes(
+        request.model,
+        read_estimate_for(request.model, robot),
+        "the search keeps the limits with the torques of rigid gears; `record --model` compares the"
+        " torques of the motors with the limits",
+    )
+    return tuple(f"note: {note}" for note in notes)
 
 
 def _multisine_options(asked: Multisine) -> MultisineOptions:

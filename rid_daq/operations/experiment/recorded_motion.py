@@ -19,7 +19,7 @@ from config.cell.cell import CellConfig
 from config.errors import ConfigError
 from config.load import LoadedCell, load_cell, read_faults
 from config.simulation.faults import NO_SCRIPT, FaultScript
-from identification.estimation.limit_torque import limit_temperature_note
+from identification.elasticity.limit_torque import limit_temperature_note
 from rid_daq.operations.cell_files import add_feedforward, read_estimate_for, read_motion_and_bytes
 from rid_daq.operations.experiment.record import RecordRequest
 from rid_daq.operations.operation import Context

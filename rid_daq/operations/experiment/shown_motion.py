@@ -58,7 +58,11 @@ def motion_document(designed: DesignedMotion, output: Path) -> MotionDocument:
         output: Path of its file.
     """
     motion, found = designed.motion, designed.found
-    shown: MotionDocument = {"motion": str(output), "duration_s": designed.samples.duration_s}
+    shown: MotionDocument = {
+        "motion": str(output),
+        "duration_s": designed.samples.duration_s,
+        "notes": list(designed.notes),
+    }
     match motion:
         case FourierMotion():
             axes = _excitation_axes(designed.samples, designed.cell.robot)

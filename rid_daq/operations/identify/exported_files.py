@@ -35,6 +35,7 @@ from rid_daq.operations.identify.export import (
 )
 from rid_daq.operations.identify.exported_torques import ExportedTorques, exported_torques
 from rid_daq.operations.identify.updated_urdf import UpdatedUrdfSection
+from rid_daq.operations.rigid_gears import rigid_gears_notes
 from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
 from rid_daq.runs.run_data import RunData, all_defects
@@ -139,6 +140,17 @@ def export_model(request: ExportRequest) -> ExportedModel:
             code="RID-EXPORT-LINKS",
         )
     estimate = read_model(Path(request.what))
+    rigid = rigid_gears_notes(
+        Path(request.what),
+        estimate,
+        "the file describes rigid gears: its torques hold for the motion of the links",
+    )
+    written = _write_model(request, estimate)
+    return replace(written, notes=(*written.notes, *rigid))
+
+
+def _write_model(request: ExportRequest, estimate: Estimate) -> ExportedModel:
+    to, as_identified = request.to, request.as_identified
     if to is Format.KDL:
         return export_kdl(request, estimate)
     if request.urdf is not None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from acquisition.processing.periods import PeriodAverage
 from acquisition.processing.smoothing import SmoothedSignals
 from acquisition.runs.catalogue import find_run
-from config.errors import ConfigError
+from config.errors import ConfigError, EstimationError
 from identification.calibration.base_reaction import weight_words
 from identification.calibration.drive_gains import DriveGains
 from identification.cross_checks.agreement import CrossCheck, CrossMethod
@@ -102,7 +102,12 @@ def identify_robot(
     smoothed = smoothed_runs(data, how)
     comparison = _choose_model(data, how, context, smoothed) if request.choose else None
     robot = None if comparison is None else comparison.robot(data[0].robot)
-    identified = estimate_runs(data, how, robot=robot, chosen=comparison, smoothed=smoothed)
+    try:
+        identified = estimate_runs(data, how, robot=robot, chosen=comparison, smoothed=smoothed)
+    except EstimationError as error:
+        if error.refusal != "RID-STIFFNESS-UNSETTLED" or not request.diagnose:
+            raise
+        raise _with_mistakes(error, data, how) from None
     estimate = identified.estimate
     if rounded is not None:
         estimate, rounded = add_rounding_uncertainty(
@@ -225,6 +230,19 @@ def _diagnose(
     if search:
         estimate = replace(estimate, held_out_share=held_out_share(signals))
     return estimate, wiring
+
+
+def _with_mistakes(
+    error: EstimationError, data: tuple[RunData, ...], how: EstimationJob
+) -> EstimationError:
+    """Return an error of a fit to elastic gears, with the mistakes that can be its cause."""
+    empty = how.empty_runs(data)
+    if not empty:
+        return error
+    signals = signals_for_diagnosis(data, how, data[0].robot)
+    mistakes = diagnose_wiring(signals, empty[0]).mistakes or ()
+    sentences = " ".join(mistake.sentence for mistake in mistakes)
+    return EstimationError(f"{error}. {sentences}".removesuffix(". "), code=error.refusal)
 
 
 def _cross_check(

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from acquisition.runs.catalogue import find_runs
 from identification.calibration.drive_gains import DriveGains
-from identification.elasticity.elastic_fit import with_rigid_gears
+from identification.elasticity.gear_torque import with_rigid_gears
 from identification.estimation.file import write_estimate
 from identification.regression.fit_grade import Grade
 from identification.validation.period_comparison import compare_period

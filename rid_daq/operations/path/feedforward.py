@@ -40,6 +40,7 @@ from rid_daq.operations.cell_files import (
 from rid_daq.operations.path.compensate import CompensateRequest
 from rid_daq.operations.path.model_doubts import model_doubts
 from rid_daq.operations.path.refine import RefineRequest
+from rid_daq.operations.rigid_gears import rigid_gears_notes
 from rid_daq.operations.stated_loads import state_loads
 from rid_daq.operations.stated_payload import state_payload
 from rid_daq.runs import made_file
@@ -138,12 +139,19 @@ def compensate_motion(request: CompensateRequest) -> CompensatedMotion:
             f"--deflection has no effect: robot {loaded.robot.name} has no stiffness_nm_rad, so the"
             " positions are not corrected"
         )
+    elif request.deflection:
+        notes += rigid_gears_notes(
+            request.model,
+            modelled,
+            f"robot {loaded.robot.name} of the cell has no stiffness_nm_rad, so their deflection is"
+            " not corrected: copy the stiffness of the model's robot into the robot file",
+        )
     compensated = compensated_motion(
         samples, load, loops, None if tuning is None else tuning.as_tuning(), reference
     )
     verify_limits(compensated, loaded.robot)
     verify_command(compensated, loaded.config, loaded.robot)
-    refuse_torque(motion, samples, load, loaded.robot)
+    refuse_torque(motion, compensated, load, loaded.robot)
     origin = FeedforwardOrigin(
         model_sha256=sha256_of(model_bytes),
         loops_sha256=sha256_of(given.content),

@@ -20,6 +20,7 @@ from identification.estimation.estimate import Estimate, predict
 from rid_daq.operations.cell_files import read_estimate_for, read_motion_for
 from rid_daq.operations.path.model_doubts import model_doubts
 from rid_daq.operations.path.retime import RetimeRequest
+from rid_daq.operations.rigid_gears import rigid_gears_notes
 from rid_daq.operations.stated_payload import payload_words, state_payload
 from rid_daq.report.result import Result
 from rid_daq.report.sections.retiming import RetimingSection
@@ -116,7 +117,13 @@ def retime_motion(request: RetimeRequest) -> RetimedMotion:
         )
         write_whole(request.report, render_report(page).encode())
     doubts = model_doubts(request.model, estimate, samples.whole().position)
-    return RetimedMotion(timed, section, [*warm.notes, *doubts])
+    rigid = rigid_gears_notes(
+        request.model,
+        estimate,
+        "the limits are kept with the torques of rigid gears, which are right for a motion whose"
+        " deflection `compensate` corrects",
+    )
+    return RetimedMotion(timed, section, [*warm.notes, *doubts, *rigid])
 
 
 def _timing_limits(request: RetimeRequest, loaded: LoadedCell) -> TimingLimits:

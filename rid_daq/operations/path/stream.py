@@ -94,10 +94,13 @@ class StreamResult:
 
     Attributes:
         request: The request.
+        run: The recorded motion.
+        notes: Reasons to doubt the loops and the model; they are shown before the motion.
     """
 
     request: StreamRequest
     run: RecordedRun
+    notes: tuple[str, ...] = ()
 
     @property
     def exit_code(self) -> int:
@@ -105,8 +108,12 @@ class StreamResult:
         return self.run.exit_code
 
     def document(self) -> dict[str, object]:
-        """Return the document of the run, its compensation, and the signals of load changes."""
-        more = {"compensated": self.request.options.compensated, "load_signals": self.load_signals}
+        """Return the document of the run, its compensation, notes, and signals of load changes."""
+        more = {
+            "compensated": self.request.options.compensated,
+            "load_signals": self.load_signals,
+            "notes": list(self.notes),
+        }
         return self.run.document() | more
 
     @property
@@ -140,7 +147,7 @@ def run(request: StreamRequest, context: Context) -> StreamResult:
     """Stream a path."""
     from rid_daq.operations.path.streamed_path import stream_path
 
-    return StreamResult(request, stream_path(request, context))
+    return StreamResult(request, *stream_path(request, context))
 
 
 OPERATION: Final = Operation(

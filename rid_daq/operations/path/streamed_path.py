@@ -23,6 +23,7 @@ from rid_daq.operations.cell_files import (
 from rid_daq.operations.operation import Context
 from rid_daq.operations.path.model_doubts import model_doubts
 from rid_daq.operations.path.stream import StreamRequest
+from rid_daq.operations.rigid_gears import rigid_gears_notes
 from rid_daq.operations.stated_loads import StatedLoads, state_loads
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.recorded_run import RecordedRun
@@ -34,8 +35,11 @@ from rid_daq.session.scenario import Scenario, constant_load_notes, load_transfe
 from rid_daq.session.session import as_label
 
 
-def stream_path(request: StreamRequest, context: Context) -> RecordedRun:
+def stream_path(request: StreamRequest, context: Context) -> tuple[RecordedRun, tuple[str, ...]]:
     """Stream a path and record it into a new run folder.
+
+    Returns:
+        The run, and reasons to doubt the loops and the model.
 
     Raises:
         ConfigError, PreflightError: The request was refused before anything moved.
@@ -57,7 +61,14 @@ def stream_path(request: StreamRequest, context: Context) -> RecordedRun:
     position = None if samples is None else samples.whole().position
     doubts = model_doubts(request.model, warm.estimate, position)
     constant = constant_load_notes(loads.changes, loaded.config)
-    for note in (*measured.notes, *warm.notes, *doubts, *constant):
+    rigid = rigid_gears_notes(
+        request.model,
+        estimate,
+        "`stream` computes the torques of rigid gears and does not correct the deflection of the"
+        " gears",
+    )
+    notes = (*measured.notes, *warm.notes, *doubts, *rigid, *constant)
+    for note in notes:
         context.say(f"note: {note}")
     forward = OnlineFeedforward.from_model(loaded.config, loaded.robot, load, measured.loops)
     signals = _signals(loads, loaded)
@@ -93,11 +104,10 @@ def stream_path(request: StreamRequest, context: Context) -> RecordedRun:
         def observed() -> dict[str, bytes]:
             return {} if signals is None else {LOAD_CHANGES: load_changes_bytes(signals.changes)}
 
-        return session.record(
-            RunRequest(
-                name, words, samples, drive, role="streaming", files=files, observed=observed
-            )
+        asked = RunRequest(
+            name, words, samples, drive, role="streaming", files=files, observed=observed
         )
+        return session.record(asked), notes
 
 
 def _signals(loads: StatedLoads, loaded: LoadedCell) -> LoadSignals | None:

@@ -23,6 +23,7 @@ from rid_daq.operations.cell_files import read_estimate_for, read_motion_for
 from rid_daq.operations.payload.payload_estimate import (
     PayloadRequest,
     estimate_payload,
+    gear_findings,
     report_payload,
 )
 from rid_daq.operations.payload.payload_session import (
@@ -131,6 +132,7 @@ def run_payload_session(
         result=_session_result(file, loaded, motion, data),
         findings=[
             *compare_with_truth(data, carried, payload),
+            *gear_findings(data, payload_request),
             *warm_up_findings(file.facts.get("warm_up")),
         ],
         empty=file.empty_flange,

@@ -11,12 +11,14 @@ from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError
 from identification.accuracy.rounded_positions import NOISE_SHARE_LIMIT, RoundedPositions
 from identification.choices import BAND_HZ, STANDSTILL_RAD_S, PayloadLimits
+from identification.elasticity.gear_torque import has_stiffness
 from identification.equations.deconvolution import smoothed_recording
 from identification.estimation.estimate import Estimate
 from identification.estimation.options import EstimationOptions
 from identification.payload.measured_runs import MeasuredRuns
 from identification.payload.periodic_runs import PeriodicRuns
 from identification.payload.procedures import PayloadOptions, identify_payload, mass_left_on_flange
+from identification.payload.rigid_runs import gears_bend, rigid_runs
 from identification.payload.smoothed_runs import SmoothedRuns
 from identification.payload.verdict import (
     BAD_FIT,
@@ -34,6 +36,7 @@ from rid_daq.operations.estimation.rounded_runs import find_rounded_positions
 from rid_daq.operations.estimation.run_estimation import EstimationJob, require_one_robot
 from rid_daq.operations.estimation.wiring_diagnosis import signals_for_diagnosis
 from rid_daq.operations.payload.shared import IdentifiedPayload
+from rid_daq.operations.rigid_gears import RIGID_GEARS
 from rid_daq.report.result import Result
 from rid_daq.report.sections.payload import EmptyFlange, PayloadSection, payload_verdict
 from rid_daq.report_page.write import write_result
@@ -129,7 +132,7 @@ def estimate_payload(
     rounded = find_rounded_positions(data, payload_request.band_hz)
     if rounded is not None:
         payload_request = replace(payload_request, band_hz=rounded.band_hz)
-    runs = payload_runs(data, loaded, payload_request)
+    runs = rigid_runs(robot, payload_runs(data, loaded, payload_request), how)
     estimate = identify_payload(
         robot,
         runs,
@@ -145,6 +148,28 @@ def estimate_payload(
     unloaded = [run for run, carried in zip(data, loaded, strict=True) if not carried]
     checks = (*held, *_arm_checks(unloaded, payload_request), *_rounding_checks(rounded))
     return PayloadResult(estimate, checks), repeats
+
+
+def gear_findings(data: Sequence[RunData], payload_request: PayloadRequest) -> list[str]:
+    """Return a finding with the code `RIGID_GEARS` if a payload is estimated as on rigid gears.
+
+    Args:
+        data: The runs.
+        payload_request: Options of the estimate.
+    """
+    how = payload_request.how
+    if how.robot is not None and how.robot.gear_torque_nm is None and has_stiffness(data[0].robot):
+        why = "the model was fitted to the motors: identify it again with this robot file"
+    elif gears_bend(data[0].robot, how) and payload_request.time_domain_effects:
+        why = f"the model contains {payload_request.time_domain_effects}"
+    elif gears_bend(data[0].robot, how) and not data[0].is_periodic:
+        why = "the runs are not periodic: record a periodic excitation"
+    else:
+        return []
+    return [
+        "The gears are elastic, but the payload was estimated as if they were rigid, because"
+        f" {why} ({RIGID_GEARS})."
+    ]
 
 
 def report_payload(

@@ -15,6 +15,7 @@ from rid_daq.operations.cell_files import read_estimate_for
 from rid_daq.operations.payload.payload_estimate import (
     PayloadRequest,
     estimate_payload,
+    gear_findings,
     report_payload,
 )
 from rid_daq.operations.payload.payload_identify import PayloadIdentifyRequest
@@ -50,7 +51,7 @@ def identify_payload_runs(request: PayloadIdentifyRequest) -> IdentifiedPayload:
     payload, repeats = estimate_payload(data, flags, asked)
     path = request.output or first.folder.file(PAYLOAD)
     write_payload(path, payload)
-    findings = compare_with_truth(data, flags, payload)
+    findings = [*compare_with_truth(data, flags, payload), *gear_findings(data, asked)]
     found = report_payload(
         payload, repeats, path, folder=first.folder, result=result, findings=findings
     )

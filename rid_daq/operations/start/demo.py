@@ -28,8 +28,9 @@ class DemoRequest(Request):
     contains. The second has no such effects: at least 90 % of its true parameters must be inside
     their 95 % intervals. The first robot then measures its velocity loops and drives a circle and
     a path, before and after pre-compensation. It also drives a pick-and-place path, before and
-    after it is retimed to the limits of the torques and of the reaction on the base. One report
-    contains all results.
+    after it is retimed to the limits of the torques and of the reaction on the base. A third robot
+    has elastic gears: a laser tracker measures the tool on a circle without and with correction of
+    the deflection. One report contains all results.
     """
 
     seed: Annotated[
@@ -92,6 +93,8 @@ class DemoResult:
         driven = None if result.retiming is None else result.retiming.driven
         if driven is not None:
             yield Text(text=driven.words)
+        if result.elastic_path is not None:
+            yield Text(text=result.elastic_path.words)
         if result.timing is not None and result.timing.elapsed_s is not None:
             yield Text(text=f"Duration: {result.timing.elapsed_s:.1f} s.")
         yield Verdict(passed=judged.passed, text=judged.headline)

@@ -22,7 +22,7 @@ from rid_daq.report.section_blocks.plate import (
 )
 from rid_daq.report.section_blocks.retiming import retiming_blocks
 from rid_daq.report.section_blocks.runs import runs_blocks
-from rid_daq.report.section_blocks.tracking import tracking_blocks
+from rid_daq.report.section_blocks.tracking import elastic_path_blocks, tracking_blocks
 from rid_daq.report.section_blocks.validation import truth_blocks, validation_blocks
 from rid_daq.report.section_blocks.velocity_loops import loop_blocks
 
@@ -31,6 +31,7 @@ BLOCKS_BY_SECTION: Final[dict[str, Callable[[Any], Iterator[AnyBlock]]]] = {
     "base_load": base_load_blocks,
     "comparison": friction_choice_blocks,
     "curves": curves_blocks,
+    "elastic_path": elastic_path_blocks,
     "estimate": estimate_blocks,
     "friction": friction_blocks,
     "gears": gear_blocks,

@@ -9,7 +9,9 @@ from typing import Final
 import numpy as np
 
 from rid_daq.blocks.block import AnyBlock, Cells, Heading, Table, Text, table
+from rid_daq.blocks.formats import number
 from rid_daq.blocks.plot import Axis, Colour, Dash, Line, Mark, Panel, Plot
+from rid_daq.report.elastic_path_entry import ElasticPathSection
 from rid_daq.report.sections.tracking import (
     STILL_M,
     ErrorSize,
@@ -57,9 +59,36 @@ def tracking_blocks(section: TrackingSection) -> Iterator[AnyBlock]:
             " the model and the stiffness; only a measurement of the tool proves it.",
             is_note=True,
         )
-    for number, motion in enumerate(section.motions, start=1):
-        yield Heading(text=f"{number}: {motion.sentence}", level=3)
+    for order, motion in enumerate(section.motions, start=1):
+        yield Heading(text=f"{order}: {motion.sentence}", level=3)
         yield from path_plots(motion, section.joints)
+
+
+def elastic_path_blocks(section: ElasticPathSection) -> Iterator[AnyBlock]:
+    """Yield the errors of the tool without and with correction of the deflection."""
+    yield Heading(text="Elastic gears")
+    yield Text(text=section.words)
+    bent = ", ".join(number(1e3 * each, 3) for each in section.largest_deflection)
+    yield Text(
+        text=f"The corrected motion contains deflections of the gears of up to {bent} mrad, which"
+        " the encoders at the motors do not measure."
+    )
+    runs = (section.rigid, section.corrected)
+    yield table(
+        range(len(runs)),
+        Cells("feedforward", lambda n: ("rigid gears", "corrected deflection")[n]),
+        Cells("mean at the motors", lambda n: _mm(runs[n], "motor_mean_m"), "mm", 3),
+        Cells("tool, estimated, mean", lambda n: _mm(runs[n].estimated, "tool_mean_m"), "mm", 3),
+        Cells("largest", lambda n: _mm(runs[n].estimated, "tool_max_m"), "mm", 3),
+        Cells("tool, measured, mean", lambda n: _mm(runs[n], "measured_mean_m"), "mm", 3),
+        Cells("largest", lambda n: _mm(runs[n], "measured_max_m"), "mm", 3),
+    )
+    yield Text(
+        text="The estimate is computed from the encoders, the model and the known stiffness. Clock"
+        " and frame of the tracker are fitted to the path, so a shift or rotation of the whole path"
+        " is not visible; noise and wrong lengths in the robot file are.",
+        is_note=True,
+    )
 
 
 def _tool_side_blocks(sizes: Sequence[ToolSideSize]) -> Iterator[AnyBlock]:

@@ -17,15 +17,21 @@ from config.errors import EstimationError
 from config.load import load_cell
 from config.robot.robot import RobotDescription
 from identification.elasticity import elastic_fit
-from identification.elasticity.elastic_fit import fit_elastic
+from identification.elasticity.elastic_fit import fit_elastic, rigid_averages
 from identification.elasticity.gear_torque import gear_torque
 from identification.elasticity.transmitted_torque import transmitted_torque
 from identification.estimation.estimate import Estimate
 from identification.estimation.file import estimate_content, estimate_document
+from identification.estimation.fitted_periods import fit_periodic
 from identification.estimation.options import EstimationOptions
 from identification.model.options import ModelOptions
 from identification.payload.carried import carry_own, without_payload
+from identification.payload.equations import Procedure
+from identification.payload.periodic_runs import PeriodicRuns
+from identification.payload.procedures import PayloadOptions, identify_payload
+from identification.payload.rigid_runs import rigid_runs
 from identification.validation.torque_prediction import pool_validations, validate_torques
+from tests.builders.certified import MEDIUM
 from tests.builders.known_model import known_estimate, with_payload_columns
 from tests.builders.raised_codes import raises_code
 
@@ -158,6 +164,47 @@ def test_a_model_file_states_that_the_model_is_that_of_the_links(
     data = estimate_document(elastic).model_dump_json().encode()
     again = estimate_content(data, Path("model.json"))
     np.testing.assert_array_equal(again.gear_torque_nm, elastic.gear_torque_nm)
+
+
+def test_with_the_torques_of_rigid_gears_a_rigid_fit_gives_the_model_of_the_links(
+    averages: list[PeriodAverage], robot: RobotDescription
+) -> None:
+    payload = [False, True]
+    links = fit_elastic(robot, averages, OPTIONS, payload=payload).estimate()
+    rigid = rigid_averages(links, averages, payload=payload)
+    again = fit_periodic(CELL.robot, rigid, OPTIONS, payload=payload).estimate()
+    motors = fit_periodic(CELL.robot, averages, OPTIONS, payload=payload).estimate()
+    far, near = (np.abs(each.values - links.values) / links.sigma for each in (motors, again))
+    assert near.max() < 0.05 * far.max()
+    assert rigid_averages(motors, averages) == averages
+
+
+@pytest.mark.parametrize("procedure", ["together", "model", "apart"])
+def test_a_payload_on_elastic_gears_is_that_on_rigid_ones(
+    averages: list[PeriodAverage], robot: RobotDescription, procedure: Procedure
+) -> None:
+    links = fit_elastic(robot, averages[:1]).estimate()
+    how = PayloadOptions(procedure, robot=links if procedure == "model" else None)
+    measured = PeriodicRuns(tuple(averages), (False, True), 10.0, 0.02)
+    if procedure == "model":
+        measured = measured.part([1])
+    converted = rigid_runs(robot, measured, how)
+    as_rigid, found = (
+        identify_payload(robot, runs, how).reported - MEDIUM.reported
+        for runs in (measured, converted)
+    )
+    centre, inertia = slice(1, 4), slice(4, 10)
+    assert np.linalg.norm(found[centre]) < 0.3 * np.linalg.norm(as_rigid[centre])
+    assert np.linalg.norm(found[inertia]) < 0.2 * np.linalg.norm(as_rigid[inertia])
+
+
+def test_runs_of_rigid_gears_are_not_changed(
+    averages: list[PeriodAverage], robot: RobotDescription
+) -> None:
+    runs = PeriodicRuns(tuple(averages), (False, True), 10.0, 0.02)
+    assert rigid_runs(CELL.robot, runs, PayloadOptions()) is runs
+    motors = fit_elastic(CELL.robot, averages[:1]).estimate()
+    assert rigid_runs(robot, runs, PayloadOptions(robot=motors)) is runs
 
 
 def test_one_elastic_gear_is_enough(averages: list[PeriodAverage], robot: RobotDescription) -> None:

@@ -34,6 +34,11 @@ BOUNDS: dict[str, tuple[float, float, int]] = {
     "retiming.moving_s": (0.9, 1.1, 1),
     "retiming.joints.*.speed_share": (0.0, 1.0, 3),
     "retiming.joints.*.acceleration_share": (0.0, 1.0, 3),
+    "elastic_path.rigid.estimated.tool_mean_m": (1e-3, 3e-3, 1),
+    "elastic_path.corrected.estimated.tool_mean_m": (0.0, 5e-5, 1),
+    "elastic_path.rigid.measured_mean_m": (2.5e-4, 5e-4, 1),
+    "elastic_path.corrected.measured_mean_m": (0.0, 2.2e-4, 1),
+    "elastic_path.largest_deflection.*": (2e-4, 3e-3, 3),
     "without_unmodelled.estimate.condition_number": (10.0, 80.0, 1),
     "without_unmodelled.estimate.parameters.*.deviation_sigmas": (-3.5, 3.5, 23),
     "without_unmodelled.estimate.axes.*.percent": (0.05, 0.5, 3),
@@ -70,7 +75,7 @@ def test_the_demo_keeps_the_bounds_of_all_its_results(
     assert document["validation"]["has_floor"]
     off = document["truth"][1]
     assert off["inside"] >= 0.9 * off["of"]
-    assert len(document["verdict"]["checks"]) == 11
+    assert len(document["verdict"]["checks"]) == 13
     assert all(check["passed"] for check in document["verdict"]["checks"])
     circle, path = document["tracking"]["motions"]
     assert (circle["use"], path["use"]) == ("tuned on it", "never used")
@@ -95,4 +100,8 @@ def test_the_demo_keeps_the_bounds_of_all_its_results(
         "Excitation on the plate",
         "Pick-and-place",
         "Timed",
+        "Excitation, elastic gears",
+        "Multisine, elastic gears",
+        "Circle, rigid, elastic gears",
+        "Circle, corrected, elastic gears",
     ]

@@ -16,9 +16,9 @@ from compensation.loops.velocity_loop import VelocityLoop
 from compensation.operating_temperature import at_operating_temperature
 from config.errors import ConfigError, LimitError
 from config.load import LoadedCell, load_cell
+from identification.elasticity.limit_torque import limit_temperature_note
 from identification.estimation.estimate import predict
 from identification.estimation.file import read_estimate, write_estimate
-from identification.estimation.limit_torque import limit_temperature_note
 from rid_daq.app import run
 from rid_daq.workbench.motion_blocks import motion_blocks
 from tests.builders.json_output import document

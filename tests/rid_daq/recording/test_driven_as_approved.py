@@ -23,8 +23,8 @@ from compensation.loops.loop_file import write_loops
 from config.cell.cell import CellConfig
 from config.errors import ConfigError, LimitError
 from config.load import LoadedCell, load_cell, to_yaml
+from identification.elasticity.limit_torque import limit_torque
 from identification.estimation.file import write_estimate
-from identification.estimation.limit_torque import limit_torque
 from rid_daq.operations.experiment import recorded_motion
 from rid_daq.operations.experiment.record import RecordRequest
 from rid_daq.operations.experiment.recorded_motion import record_motion_file
@@ -282,7 +282,7 @@ def test_motion_plus_feedforward_is_checked_against_torque_limits(folder: Path) 
     """The planned motion is within the torque limits; with its feedforward it exceeds them."""
     cell = load_cell(str(folder / "cell.yaml"))
     plan = load_motion(folder / "motion.yaml").plan(cell.robot, cell.config.cycle_time_s).whole()
-    moved = (plan.position, plan.velocity, plan.acceleration)
+    moved = (plan.position, plan.velocity, plan.acceleration, plan.sample_period_s)
     enough = 1.3 * float(np.abs(limit_torque(known_estimate(cell, {}), *moved)[:, 0]).max())
     file = json.loads((folder / "ahead.json").read_text())
     rows = np.array(file["feedforward"])

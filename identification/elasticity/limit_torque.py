@@ -12,12 +12,17 @@ import numpy as np
 from config.arrays import FloatArray
 from config.plausible import ZERO_CELSIUS_K
 from dynamics.terms.conditions import Conditions
+from identification.elasticity.gear_torque import motor_torque
 from identification.estimation.at_temperature import depends_on_temperature
-from identification.estimation.estimate import Estimate, predict
+from identification.estimation.estimate import Estimate
 
 
 def limit_torque(
-    estimate: Estimate, position: FloatArray, velocity: FloatArray, acceleration: FloatArray
+    estimate: Estimate,
+    position: FloatArray,
+    velocity: FloatArray,
+    acceleration: FloatArray,
+    step_s: float,
 ) -> FloatArray:
     """Return the torques to compare with torque limits, shape (samples, n) [N m or N].
 
@@ -27,19 +32,23 @@ def limit_torque(
 
     Args:
         estimate: The model.
-        position, velocity, acceleration: Shape (samples, n). The whole motion [rad or m, per
-            second, per second squared].
+        position, velocity, acceleration: Shape (samples, n). The whole motion of the motors [rad or
+            m, per second, per second squared].
+        step_s: Time between rows [s].
+
+    Raises:
+        EstimationError: The deflection of elastic gears does not converge.
     """
+    moved = (position, velocity, acceleration, step_s)
     if not depends_on_temperature(estimate).any():
-        return predict(estimate, position, velocity, acceleration)
+        return motor_torque(estimate, *moved)
     robot = estimate.robot
     reference_k = np.array([joint.reference_temperature_k for joint in robot.joints])
-    moved = (position, velocity, acceleration)
-    cold = predict(estimate, *moved, Conditions(temperature_k=reference_k))
+    cold = motor_torque(estimate, *moved, Conditions(temperature_k=reference_k))
     if estimate.warming is None:
         return cold
     settled = Conditions(temperature_k=estimate.warming.steady_temperatures(robot, velocity))
-    warm = predict(estimate, *moved, settled)
+    warm = motor_torque(estimate, *moved, settled)
     return np.where(np.abs(warm) > np.abs(cold), warm, cold)
 
 
