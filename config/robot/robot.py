@@ -28,7 +28,7 @@ from config.robot.meshes_file import MeshesFile
 JointPosition = Annotated[float, Plausible(0.0, 15.0, "rad", Plausible(0.0, 50.0, "m"))]
 JointVelocity = Annotated[Positive, Plausible(1e-3, 60.0, "rad/s", Plausible(1e-3, 20.0, "m/s"))]
 JointAcceleration = Annotated[
-    Positive, Plausible(1e-2, 1e3, "rad/s²", Plausible(1e-2, 500.0, "m/s²"))
+    Positive, Plausible(1e-2, 500.0, "rad/s²", Plausible(1e-2, 500.0, "m/s²"))
 ]
 JointTorque = Annotated[Positive, Plausible(1e-2, 2e5, "N m", Plausible(0.1, 5e5, "N"))]
 
