@@ -17,6 +17,9 @@ JUMP_SLACK = 1e-3
 LEAP_STEPS = 1000.0
 SHORT_RUN = 10
 LONG_RUN = 100
+STUCK_ROWS = 100
+STUCK_TIMES = 5.0
+FAST_PERCENTILE = 99.0
 COLDEST_K = 223.15
 HOTTEST_K = 473.15
 
@@ -58,6 +61,7 @@ def drop_unsound_rows(
             for row, stamp in zip(rows.row[mask], rows.time_s[mask], strict=True)
         )
     rows = rows.keep(~(doubled | disordered))
+    rows = _drop_stuck_rows(rows, import_map, damaged)
     # After repeated rows, the position jumps at the source's next update; such a jump is not
     # damage.
     fresh = ~repeated_rows(Samples(rows.time_s, rows.position, rows.velocity, rows.torque))
@@ -96,6 +100,39 @@ def _drop_absurd_rows(
             )
             damaged.append(DamagedRow(int(rows.row[row]), "with an absurd value", detail))
         sound &= ~bad.any(axis=1)
+    return rows.keep(sound)
+
+
+def _drop_stuck_rows(
+    rows: ImportRows, import_map: ImportMap, damaged: list[DamagedRow]
+) -> ImportRows:
+    """Drop rows in which a position stays constant and then jumps, because its source was stuck.
+
+    A joint at rest starts with a speed that it also has elsewhere. The jump at the end of a stuck
+    position is far faster. Copies of whole rows are no such rows: the clock's checks judge them.
+    """
+    sound = np.ones(len(rows.row), dtype=np.bool_)
+    if len(rows.row) < STUCK_ROWS:
+        return rows
+    others = np.any(np.diff(np.column_stack([rows.position, rows.torque]), axis=0) != 0.0, axis=1)
+    for number, name in enumerate(import_map.joint_names):
+        steps = np.abs(np.diff(rows.position[:, number]))
+        speed = steps / np.diff(rows.time_s)
+        moved = np.flatnonzero(steps != 0.0)
+        if not len(moved):
+            continue
+        fastest = float(np.percentile(speed[moved], FAST_PERCENTILE))
+        firsts = np.concatenate([[0], moved[:-1] + 1])  # rows from which the position is constant
+        jumps = (moved - firsts >= STUCK_ROWS) & (speed[moved] > STUCK_TIMES * fastest)
+        for first, last in zip(firsts[jumps].tolist(), moved[jumps].tolist(), strict=True):
+            if np.count_nonzero(others[first:last]) < STUCK_ROWS:
+                continue
+            sound[first + 1 : last + 1] = False
+            detail = f"position of {name} is constant and then changes by {steps[last]:.4g}"
+            damaged.extend(
+                DamagedRow(int(row), "with a stuck position", detail)
+                for row in rows.row[first + 1 : last + 1]
+            )
     return rows.keep(sound)
 
 
