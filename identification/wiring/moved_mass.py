@@ -26,6 +26,8 @@ LARGEST_HELD: Final = 1.2
 LOWEST_FRICTION: Final = 0.2
 """A weight is judged without `cad` if Coulomb friction is below this fraction of the weight of the
 moving mass; otherwise friction hides it."""
+WIDEST_HELD: Final = 0.1
+"""Half the widest interval of the ratio that shows a missing weight; slow motion widens it."""
 LEAST_SLOPE_M_S2: Final = 0.1
 
 
@@ -73,7 +75,7 @@ class MovedMass:
         """True if the holding force does not differ from zero, although the weight is visible."""
         if self.held is None or self.held_sigma is None or self.hidden:
             return False
-        return abs(self.held) <= 2.0 * self.held_sigma
+        return abs(self.held) <= 2.0 * self.held_sigma < WIDEST_HELD
 
     @property
     def sentence(self) -> str:

@@ -213,6 +213,26 @@ def test_a_ball_screw_with_a_heavy_rotor_and_friction_is_sound(
     assert not is_doubted(run.signals)
 
 
+@pytest.mark.parametrize("drawn", [True, False])
+def test_a_slow_motion_does_not_show_a_missing_weight(drawn: bool) -> None:
+    """If the motion is twelve times slower, accelerations hardly show the mass."""
+    for seed in range(4):
+        run = simulated(gantry(drawn=drawn), seed=seed)
+        slow = replace(
+            run.signals,
+            velocity=run.signals.velocity / 12.0,
+            acceleration=run.signals.acceleration / 144.0,
+        )
+        random = np.random.default_rng(seed)
+        moved = np.array(MASSES_KG)[::-1].cumsum()[::-1] + np.array(ROTORS_KG)
+        coulomb_n = 3.0 * np.array(COULOMB_N)
+        stribeck = 1.0 + 0.1 * np.exp(-np.abs(slow.velocity) / 0.05)
+        force_n = moved * slow.acceleration + coulomb_n * np.sign(slow.velocity) * stribeck
+        force_n += run.gravity_n + 0.1 * coulomb_n + 20.0 * slow.velocity
+        force_n += 0.02 * np.std(force_n, axis=0) * random.normal(size=force_n.shape)
+        assert not is_doubted(replace(slow, torque_nm=force_n))
+
+
 def test_a_counterbalance_is_stated_for_prismatic_joints_with_an_offset() -> None:
     with raises_invalid("joints.2", "offset"):
         gantry(counterbalanced=True, friction=["coulomb", "viscous"])
