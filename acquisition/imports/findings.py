@@ -34,6 +34,7 @@ STUCK_SHARE = 0.2
 WRAP_SPEED = 0.3
 WRAP_SHARE = 0.9
 FEWEST_WRAPS = 4
+WRAP_ROWS = 3
 CLIPPED_VALUES = 50
 CLIPPED_NEAR = 5
 CLIPPED_ROWS = 20
@@ -291,6 +292,7 @@ def _refuse_wrapped_torques(rows: ImportRows, import_map: ImportMap) -> None:
         moves = step > WRAP_SPEED * float(np.sqrt(np.square(step).mean()))
         span = float(np.ptp(torque))
         wraps = np.flatnonzero(moves & (jumps > WRAP_SHARE * span))
+        wraps = wraps[np.diff(wraps, prepend=-WRAP_ROWS) >= WRAP_ROWS]
         if len(wraps) >= FEWEST_WRAPS:
             column = joint.torque if joint.current is None else joint.current
             raise DataQualityError(

@@ -17,6 +17,9 @@ JUMP_SLACK = 1e-3
 LEAP_STEPS = 1000.0
 SHORT_RUN = 10
 LONG_RUN = 100
+FINE_VALUES = 50
+MISSING_SHARE = 0.2
+FEWEST_MISSING = 5
 STUCK_ROWS = 100
 STUCK_TIMES = 5.0
 FAST_PERCENTILE = 99.0
@@ -61,6 +64,7 @@ def drop_unsound_rows(
             for row, stamp in zip(rows.row[mask], rows.time_s[mask], strict=True)
         )
     rows = rows.keep(~(doubled | disordered))
+    rows = _drop_missing_torques(rows, import_map, damaged)
     rows = _drop_stuck_rows(rows, import_map, damaged)
     # After repeated rows, the position jumps at the source's next update; such a jump is not
     # damage.
@@ -100,6 +104,34 @@ def _drop_absurd_rows(
             )
             damaged.append(DamagedRow(int(rows.row[row]), "with an absurd value", detail))
         sound &= ~bad.any(axis=1)
+    return rows.keep(sound)
+
+
+def _drop_missing_torques(
+    rows: ImportRows, import_map: ImportMap, damaged: list[DamagedRow]
+) -> ImportRows:
+    """Drop rows in which a torque jumps for one row, several times to exactly the same number.
+
+    Such a number, often 0 or 9999, stands for a value that the source did not have.
+    """
+    sound = np.ones(len(rows.row), dtype=np.bool_)
+    for number, name in enumerate(import_map.joint_names):
+        torque = rows.torque[:, number]
+        if len(torque) < STUCK_ROWS or len(np.unique(torque)) < FINE_VALUES:
+            continue
+        least = MISSING_SHARE * float(np.subtract(*np.percentile(torque, [95.0, 5.0])))
+        steps = np.diff(torque)
+        back = (steps[:-1] * steps[1:] < 0.0) & (np.abs(steps) > least)[:-1]
+        jumps = np.flatnonzero(back & (np.abs(steps) > least)[1:]) + 1
+        values, counts = np.unique(torque[jumps], return_counts=True)
+        missing = jumps[np.isin(torque[jumps], values[counts >= FEWEST_MISSING])]
+        sound[missing] = False
+        damaged.extend(
+            DamagedRow(
+                int(rows.row[row]), "without a torque", f"torque of {name} jumps to {torque[row]:g}"
+            )
+            for row in missing
+        )
     return rows.keep(sound)
 
 

@@ -1,4 +1,4 @@
-"""Import: rows in which one position stays constant and then jumps are removed."""
+"""Import: rows with a stuck position, or without a torque, are removed."""
 
 from __future__ import annotations
 
@@ -50,3 +50,26 @@ def test_a_position_that_is_rounded_to_few_values_is_kept() -> None:
     damaged: list[DamagedRow] = []
     drop_unsound_rows(moving_rows(second), two_joint_map(), damaged)
     assert "with a stuck position" not in {each.reason for each in damaged}
+
+
+@pytest.mark.parametrize("value", [0.0, 90.0])
+def test_rows_without_a_torque_are_removed(value: float) -> None:
+    """A source writes a fixed number if it has no value; the torque then jumps for one row."""
+    rows = moving_rows(0.4 * np.sin(1.5 * 0.004 * np.arange(ROWS)))
+    missing = np.arange(37, ROWS, 100)
+    missing = missing[np.abs(rows.torque[missing, 1]) > 0.5]
+    rows.torque[missing, 1] = value
+    damaged: list[DamagedRow] = []
+    sound, _ = drop_unsound_rows(rows, two_joint_map(), damaged)
+    assert [(each.row, each.reason) for each in damaged] == [
+        (row, "without a torque") for row in missing.tolist()
+    ]
+    assert len(sound.row) == ROWS - len(missing)
+
+
+def test_a_noisy_torque_and_its_reversals_are_kept() -> None:
+    rows = moving_rows(0.4 * np.sin(1.5 * 0.004 * np.arange(ROWS)))
+    noise = np.random.default_rng(1).normal(size=ROWS)
+    rows.torque[:, 1] = np.round(np.sign(np.sin(0.5 * rows.time_s)) + 0.3 * noise, 1)
+    damaged: list[DamagedRow] = []
+    assert len(drop_unsound_rows(rows, two_joint_map(), damaged)[0].row) == ROWS
