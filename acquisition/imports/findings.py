@@ -31,6 +31,7 @@ SELDOM_S = 0.2
 about 2 Hz, but identification uses up to 10 Hz."""
 STUCK_ROWS = 100
 STUCK_SHARE = 0.2
+JUMP_TIMES = 5.0
 WRAP_SPEED = 0.3
 WRAP_SHARE = 0.9
 FEWEST_WRAPS = 4
@@ -94,6 +95,7 @@ def check_rows(
     sentences += _clipped_torque_findings(rows, import_map)
     if robot is not None:
         sentences += _limit_findings(replace(rows, position=position), robot, import_map)
+        _refuse_moved_zeros(rows.time_s, position, robot)
         sentences += _torque_findings(rows.torque, robot)
     if static:
         sentences.append(
@@ -275,6 +277,34 @@ def _clipped_torque_findings(rows: ImportRows, import_map: ImportMap) -> Iterato
                 f" {100.0 * share:.2g} % of the rows in motion. If this is not the drive's own"
                 " limit, the logger clips the torque, and the model will be wrong:"
                 " enlarge its range"
+            )
+
+
+def _refuse_moved_zeros(time_s: FloatArray, position: FloatArray, robot: RobotDescription) -> None:
+    """Refuse a position that jumps at one row, far faster than its joint can move.
+
+    Rows that the logger lost make all joints jump together; a lost zero concerns one joint.
+
+    Raises:
+        DataQualityError: The zero of a position has moved.
+    """
+    steps = np.abs(np.diff(position, axis=0))
+    step_s = np.maximum(np.diff(time_s), float(np.median(np.diff(time_s))))[:, np.newaxis]
+    limits = np.array([joint.limits.velocity for joint in robot.joints])
+    usual = np.percentile(steps, 99.0, axis=0)
+    far = (steps > JUMP_TIMES * limits * step_s) & (steps > JUMP_TIMES * usual)
+    alone = far & (np.sum(steps > 2.0 * usual, axis=1) == 1)[:, np.newaxis]
+    for number, joint in enumerate(robot.joints):
+        places = np.flatnonzero(alone[:, number])
+        if len(places):
+            row = int(places[0])
+            raise DataQualityError(
+                f"the position of {joint.name} jumps by {steps[row, number]:.4g} {joint.unit} at"
+                f" {time_s[row + 1]:.6g} s, which needs"
+                f" {steps[row, number] / step_s[row, 0] / limits[number]:.2g} times its velocity"
+                " limit: its zero has moved, or its encoder lost counts. Leave out the rows before"
+                " or after the jump (--rows)",
+                code="RID-IMPORT-UNITS",
             )
 
 

@@ -179,6 +179,20 @@ class TestStuck:
 
 
 class TestPositions:
+    @pytest.mark.parametrize("moved", [0.3, -0.3])
+    def test_a_position_whose_zero_moves_is_refused(self, moved: float, tmp_path: Path) -> None:
+        table = sound_table()
+        table[200:, 1] += moved
+        import_map = without_velocities(plausible={"speed": 60.0})
+        names = ("position of a", " rad at ", "--rows")
+        with raises_code(DataQualityError, "RID-IMPORT-UNITS", *names):
+            report_of(tmp_path, table, import_map)
+
+    def test_lost_rows_are_no_moved_zero(self, tmp_path: Path) -> None:
+        table = sound_table()
+        lost = np.delete(table, slice(150, 165), axis=0)
+        report_of(tmp_path, lost, without_velocities(plausible={"speed": 60.0}))
+
     def test_positions_in_degrees_are_refused_by_the_limits(self, tmp_path: Path) -> None:
         table = sound_table()
         table[:, 1:3] *= 180.0 / math.pi
