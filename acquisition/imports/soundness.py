@@ -128,7 +128,9 @@ def _drop_missing_torques(
         sound[missing] = False
         damaged.extend(
             DamagedRow(
-                int(rows.row[row]), "without a torque", f"torque of {name} jumps to {torque[row]:g}"
+                int(rows.row[row]),
+                "whose torque is missing",
+                f"torque of {name} jumps to {torque[row]:g}",
             )
             for row in missing
         )

@@ -62,7 +62,7 @@ def test_rows_without_a_torque_are_removed(value: float) -> None:
     damaged: list[DamagedRow] = []
     sound, _ = drop_unsound_rows(rows, two_joint_map(), damaged)
     assert [(each.row, each.reason) for each in damaged] == [
-        (row, "without a torque") for row in missing.tolist()
+        (row, "whose torque is missing") for row in missing.tolist()
     ]
     assert len(sound.row) == ROWS - len(missing)
 
