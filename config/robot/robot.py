@@ -28,10 +28,13 @@ from config.robot.meshes_file import MeshesFile
 JointPosition = Annotated[float, Plausible(0.0, 15.0, "rad", Plausible(0.0, 50.0, "m"))]
 JointVelocity = Annotated[Positive, Plausible(1e-3, 60.0, "rad/s", Plausible(1e-3, 20.0, "m/s"))]
 JointAcceleration = Annotated[
-    Positive, Plausible(1e-2, 500.0, "rad/s²", Plausible(1e-2, 500.0, "m/s²"))
+    Positive, Plausible(1e-2, 1e3, "rad/s²", Plausible(1e-2, 500.0, "m/s²"))
 ]
 JointTorque = Annotated[Positive, Plausible(1e-2, 2e5, "N m", Plausible(0.1, 5e5, "N"))]
 
+FAST: Final = 100.0
+"""Acceleration [rad/s^2 or m/s^2] above which a joint that is at once at its speed is implausible.
+Its acceleration is probably in degrees/s^2 or mm/s^2."""
 WORST_COUPLING: Final = 1e6
 CouplingElement = Annotated[float, Plausible(1e-3, 100.0, "")]
 
@@ -79,7 +82,10 @@ class JointLimits(Derived):
                 self.position_max - self.position_min,
                 Plausible(1e-3, 1e4, "rad or m"),
             ),
-            "acceleration_time_s": (self.velocity / self.acceleration, Plausible(1e-3, 60.0, "s")),
+            "acceleration_time_s": (
+                self.velocity / self.acceleration,
+                Plausible(0.02 if self.acceleration > FAST else 1e-3, 60.0, "s"),
+            ),
         }
 
 
