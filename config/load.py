@@ -28,7 +28,7 @@ from config.formats.file_kinds import wrong_kind
 from config.formats.json_file import parse_json
 from config.formats.yaml_tree import MAX_BYTES, YamlTree, dump_yaml, parse_yaml
 from config.plausible import implausible, key_name
-from config.refusals import PLACEHOLDER, describe_error
+from config.refusals import PLACEHOLDER, describe_error, without_other_kinds
 from config.robot.robot import RobotDescription
 from config.simulation.faults import FaultScript
 from config.simulation.plant import PlantConfig
@@ -293,7 +293,9 @@ def validate(tree: YamlTree, model: type[T]) -> T:
     except ValidationError as error:
         details = error.errors(include_url=False)
         other = wrong_kind(tree, getattr(model, "__name__", ""))
-        lines = other or [describe_error(tree, d, model) for d in details]
+        lines = other or [
+            describe_error(tree, each, model) for each in without_other_kinds(tree, details)
+        ]
         code = "RID-FILE-VALUE"
         if any(detail["input"] == PLACEHOLDER for detail in details):
             code = "RID-FILE-PLACEHOLDER"

@@ -2,11 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Final
+from typing import Annotated, Final, Literal
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from config.plausible import Plausible
+
+
+def _refuse_truth_value(value: object) -> object:
+    """Return a value; Python counts true as 1, so a choice of numbers would accept it."""
+    if isinstance(value, bool):
+        raise ValueError(f"a number is expected, not {str(value).lower()}")
+    return value
+
+
+NoTruthValue = BeforeValidator(_refuse_truth_value)
+Direction = Annotated[Literal[1, -1], NoTruthValue]
 
 Vector3 = tuple[float, float, float]
 Positive = Annotated[float, Field(gt=0.0)]

@@ -6,6 +6,7 @@ import difflib
 import inspect
 import re
 import typing
+from collections.abc import Sequence
 from typing import Annotated, Any, Final
 
 from pydantic import BaseModel, RootModel
@@ -33,6 +34,28 @@ WRITTEN: Final = {
     r"^[!-/:-@]$": "one ASCII punctuation mark is expected",
 }
 """Explanation of each text pattern that the models use."""
+
+
+def without_other_kinds(tree: YamlTree, details: Sequence[ErrorDetails]) -> list[ErrorDetails]:
+    """Return the errors without those of kinds that a value is clearly not meant to be.
+
+    A value of several kinds, such as a name or keys, causes an error for each kind. If keys are
+    given, only errors of these keys help.
+    """
+    paths = [_known_path(tree, detail["loc"]) for detail in details]
+
+    def has_inner(path: tuple[int | str, ...]) -> bool:
+        return any(len(each) > len(path) and each[: len(path)] == path for each in paths)
+
+    return [
+        detail
+        for detail, path in zip(details, paths, strict=True)
+        if not (
+            detail["type"].endswith("_type")
+            and isinstance(detail["input"], dict | list)
+            and has_inner(path)
+        )
+    ]
 
 
 def describe_error(tree: YamlTree, detail: ErrorDetails, model: Any) -> str:

@@ -54,6 +54,14 @@ _BY_REASON = {
         "a joint is faster than plausible.speed (raise this limit, or check the unit of position"
         " and time), or its encoder lost its zero (use only the rows before or after this: --rows)"
     ),
+    "with a stuck position": (
+        "the source repeated a joint's position while others changed: record again, or use only the"
+        " rows before or after this (--rows)"
+    ),
+    "whose torque is missing": (
+        "the source wrote a fixed number if it had no torque: record again, or raise"
+        " left_out_limit if the remaining rows are enough"
+    ),
 }
 
 _OF_MESSAGES = {

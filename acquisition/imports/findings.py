@@ -31,6 +31,16 @@ SELDOM_S = 0.2
 about 2 Hz, but identification uses up to 10 Hz."""
 STUCK_ROWS = 100
 STUCK_SHARE = 0.2
+JUMP_TIMES = 5.0
+WRAP_SPEED = 0.3
+WRAP_SHARE = 0.9
+FEWEST_WRAPS = 4
+WRAP_ROWS = 3
+CLIPPED_VALUES = 50
+CLIPPED_NEAR = 5
+CLIPPED_ROWS = 20
+CLIPPED_TIMES = 10
+"""A torque is clipped if its extreme value is this often as frequent as each of the next values."""
 _FACTORS = (
     (math.pi / 180.0, "degrees are read as radians"),
     (180.0 / math.pi, "radians are read as degrees"),
@@ -77,16 +87,19 @@ def check_rows(
         robot: Robot with the limits.
 
     Raises:
-        DataQualityError: Positions and velocities contradict each other, or positions or speeds are
-            far beyond the robot's limits.
+        DataQualityError: Positions and velocities contradict each other, positions or speeds are
+            far beyond the robot's limits, or a torque wraps.
     """
     ratios, sigmas = _velocity_ratios(rows, import_map)
     position = columns.joint_positions(rows.position)
     static = bool(np.ptp(position, axis=0).max() < STANDSTILL)
     sentences = [*_rate_findings(rows, import_map), *_velocity_findings(ratios, sigmas, import_map)]
+    _refuse_wrapped_torques(rows, import_map)
     sentences += _stuck_torque_findings(rows, import_map)
+    sentences += _clipped_torque_findings(rows, import_map)
     if robot is not None:
         sentences += _limit_findings(replace(rows, position=position), robot, import_map)
+        _refuse_moved_zeros(rows.time_s, position, robot)
         sentences += _torque_findings(rows.torque, robot)
     if static:
         sentences.append(
@@ -243,6 +256,88 @@ def _stuck_torque_findings(rows: ImportRows, import_map: ImportMap) -> Iterator[
                 f" from row {rows.row[first]} to row {rows.row[last]} while the joint moves by"
                 f" {moved:.3g}. The joint's parameters cannot be identified from these rows:"
                 " correct the column, or leave these rows out"
+            )
+
+
+def _clipped_torque_findings(rows: ImportRows, import_map: ImportMap) -> Iterator[str]:
+    """Yield a finding for each torque whose largest value is far more frequent than the next.
+
+    Only rows in which the joint moves count: at rest the torque is constant.
+    """
+    for number, joint in enumerate(import_map.joints):
+        step = np.abs(np.gradient(rows.position[:, number]))
+        torque = rows.torque[step > 0.1 * float(np.sqrt(np.square(step).mean())), number]
+        values, counts = np.unique(torque, return_counts=True)
+        if len(values) < CLIPPED_VALUES:
+            continue
+        ends = []
+        for end, inner in ((-1, counts[-1 - CLIPPED_NEAR : -1]), (0, counts[1 : CLIPPED_NEAR + 1])):
+            times = np.count_nonzero(np.diff(torque == values[end]))  # one stuck stretch has two
+            if times > 2 and counts[end] > max(CLIPPED_ROWS, CLIPPED_TIMES * int(inner.max())):
+                ends.append((float(values[end]), int(counts[end])))
+        if ends:
+            share = sum(count for _, count in ends) / len(torque)
+            column = joint.torque if joint.current is None else joint.current
+            where = " and ".join(f"{value:.4g}" for value, _ in ends)
+            yield (
+                f"{joint.joint}: its torque (column {column}) is exactly {where} in"
+                f" {100.0 * share:.2g} % of the rows in motion. If this is not the drive's own"
+                " limit, the logger clips the torque, and the model will be wrong:"
+                " enlarge its range"
+            )
+
+
+def _refuse_moved_zeros(time_s: FloatArray, position: FloatArray, robot: RobotDescription) -> None:
+    """Refuse a position that jumps at one row, far faster than its joint can move.
+
+    Rows that the logger lost make all joints jump together; a lost zero concerns one joint.
+
+    Raises:
+        DataQualityError: The zero of a position has moved.
+    """
+    steps = np.abs(np.diff(position, axis=0))
+    step_s = np.maximum(np.diff(time_s), float(np.median(np.diff(time_s))))[:, np.newaxis]
+    limits = np.array([joint.limits.velocity for joint in robot.joints])
+    usual = np.percentile(steps, 99.0, axis=0)
+    far = (steps > JUMP_TIMES * limits * step_s) & (steps > JUMP_TIMES * usual)
+    alone = far & (np.sum(steps > 2.0 * usual, axis=1) == 1)[:, np.newaxis]
+    for number, joint in enumerate(robot.joints):
+        places = np.flatnonzero(alone[:, number])
+        if len(places):
+            row = int(places[0])
+            raise DataQualityError(
+                f"the position of {joint.name} jumps by {steps[row, number]:.4g} {joint.unit} at"
+                f" {time_s[row + 1]:.6g} s, which needs"
+                f" {steps[row, number] / step_s[row, 0] / limits[number]:.2g} times its velocity"
+                " limit: its zero has moved, or its encoder lost counts. Leave out the rows before"
+                " or after the jump (--rows)",
+                code="RID-IMPORT-UNITS",
+            )
+
+
+def _refuse_wrapped_torques(rows: ImportRows, import_map: ImportMap) -> None:
+    """Refuse a torque that often jumps by its whole range while its joint moves.
+
+    The number of bits of its counter is too small. Friction also jumps, but only at standstill.
+
+    Raises:
+        DataQualityError: A torque wraps.
+    """
+    for number, joint in enumerate(import_map.joints):
+        torque, step = rows.torque[:, number], np.abs(np.diff(rows.position[:, number]))
+        jumps = np.abs(np.diff(torque))
+        moves = step > WRAP_SPEED * float(np.sqrt(np.square(step).mean()))
+        span = float(np.ptp(torque))
+        wraps = np.flatnonzero(moves & (jumps > WRAP_SHARE * span))
+        wraps = wraps[np.diff(wraps, prepend=-WRAP_ROWS) >= WRAP_ROWS]
+        if len(wraps) >= FEWEST_WRAPS:
+            column = joint.torque if joint.current is None else joint.current
+            raise DataQualityError(
+                f"the torque of {joint.joint} (column {column}) jumps {len(wraps)} times by its"
+                f" whole range of {span:.4g} while the joint moves (first in row"
+                f" {rows.row[wraps[0] + 1]}): its counter has too few bits, so that large values"
+                " wrap. Record it with more bits, or correct the column",
+                code="RID-IMPORT-UNITS",
             )
 
 

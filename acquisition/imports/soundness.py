@@ -17,6 +17,12 @@ JUMP_SLACK = 1e-3
 LEAP_STEPS = 1000.0
 SHORT_RUN = 10
 LONG_RUN = 100
+FINE_VALUES = 50
+MISSING_SHARE = 0.2
+FEWEST_MISSING = 5
+STUCK_ROWS = 100
+STUCK_TIMES = 5.0
+FAST_PERCENTILE = 99.0
 COLDEST_K = 223.15
 HOTTEST_K = 473.15
 
@@ -58,6 +64,8 @@ def drop_unsound_rows(
             for row, stamp in zip(rows.row[mask], rows.time_s[mask], strict=True)
         )
     rows = rows.keep(~(doubled | disordered))
+    rows = _drop_missing_torques(rows, import_map, damaged)
+    rows = _drop_stuck_rows(rows, import_map, damaged)
     # After repeated rows, the position jumps at the source's next update; such a jump is not
     # damage.
     fresh = ~repeated_rows(Samples(rows.time_s, rows.position, rows.velocity, rows.torque))
@@ -96,6 +104,69 @@ def _drop_absurd_rows(
             )
             damaged.append(DamagedRow(int(rows.row[row]), "with an absurd value", detail))
         sound &= ~bad.any(axis=1)
+    return rows.keep(sound)
+
+
+def _drop_missing_torques(
+    rows: ImportRows, import_map: ImportMap, damaged: list[DamagedRow]
+) -> ImportRows:
+    """Drop rows in which a torque jumps for one row, several times to exactly the same number.
+
+    Such a number, often 0 or 9999, stands for a value that the source did not have.
+    """
+    sound = np.ones(len(rows.row), dtype=np.bool_)
+    for number, name in enumerate(import_map.joint_names):
+        torque = rows.torque[:, number]
+        if len(torque) < STUCK_ROWS or len(np.unique(torque)) < FINE_VALUES:
+            continue
+        least = MISSING_SHARE * float(np.subtract(*np.percentile(torque, [95.0, 5.0])))
+        steps = np.diff(torque)
+        back = (steps[:-1] * steps[1:] < 0.0) & (np.abs(steps) > least)[:-1]
+        jumps = np.flatnonzero(back & (np.abs(steps) > least)[1:]) + 1
+        values, counts = np.unique(torque[jumps], return_counts=True)
+        missing = jumps[np.isin(torque[jumps], values[counts >= FEWEST_MISSING])]
+        sound[missing] = False
+        damaged.extend(
+            DamagedRow(
+                int(rows.row[row]),
+                "whose torque is missing",
+                f"torque of {name} jumps to {torque[row]:g}",
+            )
+            for row in missing
+        )
+    return rows.keep(sound)
+
+
+def _drop_stuck_rows(
+    rows: ImportRows, import_map: ImportMap, damaged: list[DamagedRow]
+) -> ImportRows:
+    """Drop rows in which a position stays constant and then jumps, because its source was stuck.
+
+    A joint at rest starts with a speed that it also has elsewhere. The jump at the end of a stuck
+    position is far faster. Copies of whole rows are no such rows: the clock's checks judge them.
+    """
+    sound = np.ones(len(rows.row), dtype=np.bool_)
+    if len(rows.row) < STUCK_ROWS:
+        return rows
+    others = np.any(np.diff(np.column_stack([rows.position, rows.torque]), axis=0) != 0.0, axis=1)
+    for number, name in enumerate(import_map.joint_names):
+        steps = np.abs(np.diff(rows.position[:, number]))
+        speed = steps / np.diff(rows.time_s)
+        moved = np.flatnonzero(steps != 0.0)
+        if not len(moved):
+            continue
+        fastest = float(np.percentile(speed[moved], FAST_PERCENTILE))
+        firsts = np.concatenate([[0], moved[:-1] + 1])  # rows from which the position is constant
+        jumps = (moved - firsts >= STUCK_ROWS) & (speed[moved] > STUCK_TIMES * fastest)
+        for first, last in zip(firsts[jumps].tolist(), moved[jumps].tolist(), strict=True):
+            if np.count_nonzero(others[first:last]) < STUCK_ROWS:
+                continue
+            sound[first + 1 : last + 1] = False
+            detail = f"position of {name} is constant and then changes by {steps[last]:.4g}"
+            damaged.extend(
+                DamagedRow(int(row), "with a stuck position", detail)
+                for row in rows.row[first + 1 : last + 1]
+            )
     return rows.keep(sound)
 
 

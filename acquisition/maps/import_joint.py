@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 from pydantic import model_validator
 
 from acquisition.maps.time_column import Column
 from config.model import ConfigModel
 from config.plausible import Plausible
-from config.quantities import Positive
+from config.quantities import Direction, Positive
 
 COLUMN_QUANTITIES = (
     *("position", "velocity", "current", "torque", "temperature"),
@@ -45,8 +45,8 @@ class JointReading(ConfigModel):
     torque_constant_nm_per_a: Annotated[Positive, Plausible(1e-3, 5e3, "N m/A")] | None = None
     gear_ratio: Annotated[float, Plausible(0.05, 1e5, "")] | None = None
     zero_offset: float = 0.0
-    position_sign: Literal[1, -1] = 1
-    torque_sign: Literal[1, -1] = 1
+    position_sign: Direction = 1
+    torque_sign: Direction = 1
     increments_per_rev: Annotated[Positive, Plausible(16.0, 2.0**32, "")] | None = None
     rated_torque_nm: Annotated[Positive, Plausible(1e-3, 1e5, "N m")] | None = None
     rated_current_a: Annotated[Positive, Plausible(1e-3, 2e3, "A")] | None = None

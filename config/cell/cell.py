@@ -14,7 +14,7 @@ from config.cell.torque_filter import ButterworthFilter
 from config.errors import ConfigError
 from config.model import ConfigModel
 from config.plausible import PhysicalFile, Plausible
-from config.quantities import MOST_JOINTS, NonNegative, Positive
+from config.quantities import MOST_JOINTS, Direction, NonNegative, NoTruthValue, Positive
 from config.robot.bodies import Workspace
 
 Milliseconds = Annotated[int, Field(gt=0, le=65535)]
@@ -81,7 +81,7 @@ class DriveAxis(ConfigModel):
 
     joint: str
     node_id: Annotated[int, Field(ge=1, le=126)]
-    direction: Literal[1, -1] = 1
+    direction: Direction = 1
     servo: Servo | None = None
     velocity_unit: VelocityUnit | None = None
     position_zero_counts: Annotated[int, Field(ge=-(2**31), lt=2**31)] = 0
@@ -127,9 +127,9 @@ class DriveSafety(ConfigModel):
     master_heartbeat_timeout_ms: Milliseconds = 80
     drive_heartbeat_ms: Milliseconds = 50
     drive_heartbeat_timeout_ms: Milliseconds = 100
-    abort_connection: Literal[1, 2, 3] = 3
-    quick_stop_option: Literal[1, 2, 5, 6] = 2
-    fault_reaction_option: Literal[0, 1, 2] = 2
+    abort_connection: Annotated[Literal[1, 2, 3], NoTruthValue] = 3
+    quick_stop_option: Annotated[Literal[1, 2, 5, 6], NoTruthValue] = 2
+    fault_reaction_option: Annotated[Literal[0, 1, 2], NoTruthValue] = 2
     quick_stop_deceleration_rad_s2: Annotated[Positive, Plausible(0.1, 2e3, "rad/s² or m/s²")]
     following_error_rad: FollowingError
     following_error_timeout_ms: Annotated[int, Field(ge=0, le=65535), Plausible(0.0, 1e3, "ms")] = (

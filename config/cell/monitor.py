@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from config.model import ConfigModel
-from config.quantities import Temperature
+from config.quantities import NoTruthValue, Temperature
 
 
 class ModbusTls(ConfigModel):
@@ -65,7 +65,7 @@ class ModbusRtu(ConfigModel):
     address: str = Field(min_length=1, max_length=256)
     baud_rate: Annotated[int, Field(ge=300, le=1_000_000)] = 19200
     parity: Literal["even", "odd", "none"] = "even"
-    stop_bits: Literal[1, 2] = 1
+    stop_bits: Annotated[Literal[1, 2], NoTruthValue] = 1
 
 
 class MonitorConfig(ConfigModel):

@@ -32,6 +32,9 @@ JointAcceleration = Annotated[
 ]
 JointTorque = Annotated[Positive, Plausible(1e-2, 2e5, "N m", Plausible(0.1, 5e5, "N"))]
 
+FAST: Final = 100.0
+"""Acceleration [rad/s^2 or m/s^2] above which a joint that is at once at its speed is implausible.
+Its acceleration is probably in degrees/s^2 or mm/s^2."""
 WORST_COUPLING: Final = 1e6
 CouplingElement = Annotated[float, Plausible(1e-3, 100.0, "")]
 
@@ -79,7 +82,10 @@ class JointLimits(Derived):
                 self.position_max - self.position_min,
                 Plausible(1e-3, 1e4, "rad or m"),
             ),
-            "acceleration_time_s": (self.velocity / self.acceleration, Plausible(1e-3, 60.0, "s")),
+            "acceleration_time_s": (
+                self.velocity / self.acceleration,
+                Plausible(0.02 if self.acceleration > FAST else 1e-3, 60.0, "s"),
+            ),
         }
 
 
@@ -144,6 +150,9 @@ class Joint(Derived):
             from the links, because the gear does not transmit the torque that it needs.
         efficiency: Initial value of the gear's efficiency (5.16, 5.17); without it the gear is
             lossless.
+        counterbalanced: A cylinder or counterweight carries an unknown part of the weight on this
+            prismatic joint. The friction term `offset` contains this force, and `identify` does not
+            judge the weight.
     """
 
     name: str = Field(pattern=r"^[A-Za-z][\w-]{0,31}$")
@@ -175,6 +184,7 @@ class Joint(Derived):
         Annotated[Positive, Plausible(1e-7, 1e4, "kg m²", Plausible(1e-6, 1e6, "kg"))] | None
     ) = None
     efficiency: Annotated[float, Field(gt=0.0, le=1.0), Plausible(0.05, 1.0, "")] | None = None
+    counterbalanced: bool = False
 
     @property
     def unit(self) -> str:
@@ -204,6 +214,10 @@ class Joint(Derived):
             )
         if self.damping_nm_s is not None and self.stiffness_nm_rad is None:
             raise ValueError("damping_nm_s needs an elastic gear; add stiffness_nm_rad")
+        if self.counterbalanced and self.type == "revolute":
+            raise ValueError("counterbalanced is for prismatic joints; use spring for this joint")
+        if self.counterbalanced and not {"offset", "asymmetric"} & set(self.friction):
+            raise ValueError("counterbalanced needs the friction term offset; add it to friction")
         if self.armature and self.rotor is not None:
             raise ValueError("armature and rotor both add the rotor's inertia; remove one")
         return self

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 from config.errors import ConfigError
 from config.formats.urdf import UrdfJoint, UrdfTree
+from config.quantities import Direction
 from config.robot.robot import JointLimits
 from config.robot.urdf_chain import UrdfArm
 from config.robot.urdf_limits import ReplacedValue
 
-Direction = Literal[1, -1]
 RATIOS: Final = (0.05, 5e3)
 FRICTION_SHARE: Final = 0.6
 """Largest friction in the simulation at the velocity limit, as a fraction of the torque limit."""

@@ -48,6 +48,8 @@ def open_bus(config: CanBusConfig, *, listening: bool = False) -> can.BusABC:
         if config.interface == "udp_multicast":
             group, _, port = config.channel.partition("@")
             options = {"channel": group, "hop_limit": 0} | ({"port": int(port)} if port else {})
+        elif config.interface == "socketcand":
+            options = _socketcand_options(config)
         elif config.is_simulated and not listening:
             options["participant"] = True
         bus = can.Bus(interface=config.interface, ignore_config=True, **options)
@@ -58,8 +60,23 @@ def open_bus(config: CanBusConfig, *, listening: bool = False) -> can.BusABC:
                 bus.shutdown()
                 raise
         return bus
+    except ConfigError:
+        raise
     except Exception as error:  # python-can raises any error if a driver is missing
         raise not_opened(config, error) from error
+
+
+def _socketcand_options(config: CanBusConfig) -> dict[str, Any]:
+    """Return the interface, the computer and the port in a channel such as can0@10.0.0.7:29536."""
+    channel, _, host = config.channel.partition("@")
+    name, _, port = host.rpartition(":")
+    if not (channel and name and port.isdigit()):
+        raise ConfigError(
+            f"can.channel {config.channel!r}: socketcand is on another computer: write interface,"
+            " address and port, such as can0@192.168.1.5:29536",
+            code="RID-CAN-INTERFACE",
+        )
+    return {"channel": channel, "host": name, "port": int(port)}
 
 
 def _discard_torn_lines(bus: can.BusABC) -> None:

@@ -17,6 +17,7 @@ from config.arrays import BoolArray
 from identification.wiring.common_mistakes import torque_units
 from identification.wiring.gravity import GravitySearch
 from identification.wiring.mistakes import Mistake, MistakeKind, robot_mistake, scale_mistake
+from identification.wiring.moved_mass import moved_masses
 from identification.wiring.possible import keeps_limits
 from identification.wiring.signals import WiredSignals
 from identification.wiring.trial import CondensedEquations, rows_used
@@ -31,6 +32,8 @@ FEWEST_UNSIGNED: Final = 2
 BELOW_ZERO: Final = 0.05
 """A filter can make an unsigned torque negative, up to this fraction of its largest value."""
 NEAR_ZERO: Final = 0.1
+HELD: Final = 0.3
+"""Share of the moving mass's weight from which a force counts as one that contains gravity."""
 
 
 def wrong_scale(
@@ -52,7 +55,8 @@ def wrong_scale(
     if weight is None or weight.is_plausible or not stated.explains_weight(fit):
         return ()
     low, high = weight.plausible
-    if weight.share < low and gravity.without().held_out(still).cost <= fit.cost + AS_GOOD:
+    unloaded = gravity.without().held_out(still).cost <= fit.cost + AS_GOOD
+    if weight.share < low and unloaded and not _are_light(signals):
         nothing = signals.robot.model_copy(update={"gravity_m_s2": (0.0, 0.0, 0.0)})
         return (robot_mistake(MistakeKind.GRAVITY_REMOVED, (), nothing),)
     units: list[tuple[float, Mistake]] = []
@@ -70,6 +74,17 @@ def wrong_scale(
     factor = 1.0 / weight.share
     every = scale_mistake(MistakeKind.TORQUE_FACTOR, (), factor, n=n, torque=np.full(n, factor))
     return (every,) if keeps_limits(every, signals, every.correct(signals)) else ()
+
+
+def _are_light(signals: WiredSignals) -> bool:
+    """Return True if the forces on vertical prismatic joints contain weight, but of a light arm.
+
+    The weight on such joints is constant, so every fit explains forces without it. A wrong scale
+    is the explanation if these forces also accelerate the joints with too small a mass, or if their
+    weight is a large fraction of that of the mass.
+    """
+    held = [each for each in moved_masses(signals) if each.held is not None]
+    return bool(held) and all(each.is_light or (each.held or 0.0) > HELD for each in held)
 
 
 def wrong_quantity(signals: WiredSignals) -> Mistake | None:

@@ -181,18 +181,28 @@ class CondensedEquations:
         if self.drawn_weight is None or not self.drawn_weight.is_visible:
             return None
         whole = self.products.sum(axis=0)
-        values, sizes = self._fit(whole, torque)
-        parts = [self._fit(whole - part, torque)[0] for part in self.products]
-        spread = np.array([self.drawn_weight.share(each) for each in parts])
-        noise = math.sqrt((len(parts) - 1.0) * float(np.var(spread)))
+        values, parts = self.fits(torque)
+        sizes = self._sizes(whole, torque)
+        noise = self.scatter(np.array([self.drawn_weight.share(each) for each in parts]))
+        doubt = float(np.linalg.norm(self.drawn_weight.doubt * values))
         left = float(np.sum(_inverse(sizes) * self._squared_residuals(whole, values, torque)))
         more = math.sqrt(UNSEEN_RISE * left * self._weight_variance(whole, sizes)) / 2.0
         return ArmWeight(
             share=self.drawn_weight.share(values),
-            sigma=math.hypot(noise, more),
+            sigma=math.hypot(noise, more, doubt),
             plausible=self.drawn_weight.plausible,
             is_drawn=self.drawn_weight.is_drawn,
         )
+
+    def fits(self, torque: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the parameters (p,) fitted to all parts, and to all but one part (parts, p)."""
+        whole = self.products.sum(axis=0)
+        parts = [self._fit(whole - part, torque)[0] for part in self.products]
+        return self._fit(whole, torque)[0], np.array(parts)
+
+    def scatter(self, values: FloatArray) -> float:
+        """Return the standard deviation of a result, from its values without one part (parts,)."""
+        return math.sqrt((len(self.products) - 1.0) * float(np.var(values)))
 
     def explains_weight(self, held_out: WiringTrial) -> bool:
         """Return True if the fit explains the torques of all joints that gravity loads."""
@@ -222,11 +232,16 @@ class CondensedEquations:
 
     def _fit(self, products: FloatArray, torque: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return the least-squares parameters, and the joints' sums of squared torques."""
+        p, sizes = self.brakes.shape[1], self._sizes(products, torque)
+        rhs = np.einsum("j,jpk,jk->p", _inverse(sizes), products[:, :p, p:], torque)
+        return self._solve(products, sizes, rhs), sizes
+
+    def _sizes(self, products: FloatArray, torque: FloatArray) -> FloatArray:
+        """Return the joints' sums of squared torques; 0 for a joint with too few rows."""
         p = self.brakes.shape[1]
         sizes = np.einsum("ji,jik,jk->j", torque, products[:, p:, p:], torque)
         sizes[self.rows < FEWEST_ROWS] = 0.0
-        rhs = np.einsum("j,jpk,jk->p", _inverse(sizes), products[:, :p, p:], torque)
-        return self._solve(products, sizes, rhs), sizes
+        return np.asarray(sizes)
 
     def _solve(self, products: FloatArray, sizes: FloatArray, rhs: FloatArray) -> FloatArray:
         """Return the solution of the normal equations; weights are one over `sizes`."""

@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from config.arrays import FloatArray
+from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel, regressor
 from identification.model.drawn_arm import drawn_parameters, plausible_weight
 from identification.wiring.signals import WiredSignals
@@ -20,6 +21,10 @@ EVERY: Final = 4
 """Distance between the rows that are used [rows]; poses change slowly."""
 
 LEAST_LOAD: Final = 0.05
+OFFSET_SHARE: Final = 0.2
+"""Largest friction offset relative to Coulomb friction (2 sigma)."""
+CONSTANT_SHARE: Final = 0.05
+"""Largest relative spread of a gravity load that no fit separates from a friction offset."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,13 +72,16 @@ class DrawnWeight:
 
     Attributes:
         columns: Shape (n, p). For each joint the products of its drawn torque with the gravity part
-            of each column.
+            of each column; for a prismatic joint with constant drawn force also with its offset.
+        doubt: Shape (p,). Standard deviation of the ratio, per unit of each Coulomb friction, due
+            to friction offsets that are part of the gravity load.
         drawn: Shape (n,). Sum of squares of the drawn torque; zero for joints that carry little
             weight, or have a spring.
         plausible, is_drawn: As in `ArmWeight`.
     """
 
     columns: FloatArray
+    doubt: FloatArray
     drawn: FloatArray
     plausible: tuple[float, float]
     is_drawn: bool
@@ -90,12 +98,22 @@ class DrawnWeight:
         drawn = np.einsum("rj,rj->j", torque_nm, torque_nm)
         light = drawn < LEAST_LOAD**2 * drawn.max()
         light |= ~signals.moving  # joints that do not move have no equations
-        light |= [robot.spring is not None and robot.spring.joint == j for j in robot.joint_names]
+        light |= [is_counterbalanced(robot, j) for j in range(len(robot.joints))]
         drawn[light] = 0.0
         columns = np.zeros((len(drawn), phi.shape[2]))
         columns[:, own] = np.einsum("rj,rjp->jp", torque_nm, rigid)
+        doubt = np.zeros(phi.shape[2])
+        if not robot.is_drawn:  # its size says nothing about the weight on a prismatic joint
+            light |= [joint.type == "prismatic" for joint in robot.joints]
+            drawn[light] = 0.0
+        for j in np.flatnonzero(~light).tolist():
+            if robot.joints[j].type == "prismatic" and constant_weight(torque_nm[:, j]):
+                columns[j] = torque_nm[:, j] @ phi[:, j]
+                coulomb = model.parameter_names.index(f"fc_{robot.joints[j].name}")
+                doubt[coulomb] = 0.5 * OFFSET_SHARE * np.abs(torque_nm[:, j].sum())
         columns[light] = 0.0
-        return cls(columns, drawn, plausible_weight(robot), robot.is_drawn)
+        doubt /= max(float(drawn.sum()), 1e-300)
+        return cls(columns, doubt, drawn, plausible_weight(robot), robot.is_drawn)
 
     @property
     def is_visible(self) -> bool:
@@ -113,3 +131,15 @@ class DrawnWeight:
         found = np.full(len(self.drawn), np.nan)
         np.divide(self.columns @ values, self.drawn, out=found, where=self.drawn > 0.0)
         return found
+
+
+def constant_weight(load: FloatArray) -> bool:
+    """Return True if a gravity load (rows,) is so constant that a friction offset equals it."""
+    return bool(np.std(load) < CONSTANT_SHARE * abs(np.mean(load)))
+
+
+def is_counterbalanced(robot: RobotDescription, j: int) -> bool:
+    """Return True if a spring or a counterbalance carries an unknown part of a joint's load."""
+    joint = robot.joints[j]
+    has_spring = robot.spring is not None and robot.spring.joint == joint.name
+    return has_spring or joint.counterbalanced

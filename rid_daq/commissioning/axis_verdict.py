@@ -6,7 +6,7 @@ or robot file to change.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from config.cell.cell import CellConfig, DriveAxis
@@ -20,6 +20,7 @@ AGREEMENT_FACTOR: Final = 1.5
 joint may stick and slip.
 """
 
+TORQUE_CODE: Final = "RID-AXIS-TORQUE"
 LARGEST_DEVIATION: Final = 0.3
 """Largest accepted deviation of the measured from the commanded displacement, as a fraction."""
 
@@ -46,11 +47,19 @@ class AxisVerdict:
         motion: Commanded motion, and the motion that the drive has measured.
         observed: Motion that a person saw.
         problems: Mistakes, one sentence each with the line to change; empty if the axis passed.
+        code: Code of the mistakes, if they have one.
     """
 
     motion: AxisMotion
     observed: ObservedMotion
     problems: tuple[str, ...]
+    code: str = ""
+
+    def with_torque(self, problem: str) -> AxisVerdict:
+        """Return the verdict with a problem of the torque; it counts if the motion is right."""
+        if not problem or self.problems:
+            return self
+        return replace(self, problems=(f"{problem} [{TORQUE_CODE}].",), code=TORQUE_CODE)
 
     @property
     def passed(self) -> bool:

@@ -16,6 +16,7 @@ from identification.wiring.mistakes import MistakeKind
 from rid_daq.report.sections.section import Numbers, Section, Texts
 
 if TYPE_CHECKING:
+    from identification.wiring.moved_mass import MovedMass
     from identification.wiring.weight import ArmWeight
 
 DRAWN_ERROR: Final = 0.2
@@ -109,6 +110,45 @@ class ArmWeightEntry(Section):
         low, high = self.share - 2.0 * self.std, self.share + 2.0 * self.std
         far = low > 1.0 + DRAWN_ERROR or high < 1.0 / (1.0 + DRAWN_ERROR)
         return self.is_drawn and self.is_plausible and far
+
+
+class MovedMassEntry(Section):
+    """Moving mass and holding force of a prismatic joint.
+
+    Attributes:
+        joint: Name of the joint.
+        mass_kg: Mass that the joint's force accelerates, with the inertia of the rotor [kg].
+        std_kg: Standard deviation of the mass [kg].
+        held: Force that holds the joint against gravity, relative to the weight of this mass; null
+            if gravity does not load the joint, or if the robot file states a counterbalance.
+        held_std: Standard deviation of `held`, with that of a friction offset.
+        drawn: The mass relative to that of the links in `cad`; null without `cad`.
+        drawn_std: Standard deviation of `drawn`.
+        is_plausible: True if neither the weight nor the mass is impossible.
+    """
+
+    joint: str
+    mass_kg: float
+    std_kg: float
+    held: float | None
+    held_std: float | None
+    drawn: float | None
+    drawn_std: float | None
+    is_plausible: bool
+
+    @classmethod
+    def of(cls, moved: MovedMass) -> MovedMassEntry:
+        """Return the section of a joint's moving mass."""
+        return cls.from_attributes(
+            moved, std_kg=moved.sigma_kg, held_std=moved.held_sigma, drawn_std=moved.drawn_sigma
+        )
+
+    @property
+    def differs(self) -> bool:
+        """True if the mass is possible, but distinctly smaller than that of the links in `cad`."""
+        if self.drawn is None or self.drawn_std is None or not self.is_plausible:
+            return False
+        return self.drawn + 2.0 * self.drawn_std < 1.0 / (1.0 + DRAWN_ERROR)
 
 
 class UnconfirmedSection(Section):

@@ -56,6 +56,7 @@ IMPOSSIBLE = [
     ),
     ("cell", "[1.0019,", "[-7.5,", "fx12", "-7.5"),
     ("robot", "velocity: 2.6", "velocity: 55.0", "joints.0.motor_speed_rad_s", "6655"),
+    ("robot", "acceleration: 10.0", "acceleration: 573.0", "joints.0.limits.acceleration_time_s"),
     ("robot", "acceleration: 10.0", "acceleration: 0.02", "joints.0.limits.acceleration_time_s"),
     ("robot", "position_max: 2.7", "position_max: -2.6999", "joints.0.limits.position_range"),
     ("robot", "gear_ratio: 121.0", "gear_ratio: 121.0\n    efficiency: 0.01", "efficiency"),

@@ -93,6 +93,7 @@ class AxesResult:
                     "seen": asdict(each.observed),
                     "passed": each.passed,
                     "problems": list(each.problems),
+                    **({"code": each.code} if each.code else {}),
                 }
                 for each in tested.verdicts
             ],

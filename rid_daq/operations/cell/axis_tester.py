@@ -19,6 +19,7 @@ from config.load import load_cell
 from config.robot.robot import RobotDescription
 from rid_daq.commissioning.axis_motion import AxisMotion, travelled_fraction
 from rid_daq.commissioning.axis_stop import suspected_units
+from rid_daq.commissioning.axis_torque import wrong_torque
 from rid_daq.commissioning.axis_verdict import (
     AxisVerdict,
     ObservedMotion,
@@ -173,7 +174,8 @@ class AxisTester:
                 " true positions: leave --unattended out",
                 code="RID-CELL-NOT-OURS",
             )
-        return check_axis_motion(motion, observed, self._session.cell, self._robot)
+        verdict = check_axis_motion(motion, observed, self._session.cell, self._robot)
+        return verdict.with_torque(wrong_torque(rows, self._robot, number))
 
     def _record_move(self, number: int) -> RecordedRun:
         name = self._robot.joints[number].name

@@ -15,7 +15,7 @@ from identification.consistency.consistency_test import ConsistencyTest
 from identification.estimation.estimate import Estimate
 from identification.validation.friction_drift import friction_drift
 from identification.wiring.torque_origin import torque_contradiction
-from rid_daq.operations.estimation.wiring_diagnosis import WiringDiagnosis
+from rid_daq.operations.estimation.wiring_findings import WiringDiagnosis
 from rid_daq.runs.run_data import RunData
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -13,15 +12,15 @@ from acquisition.processing.smoothing import SmoothedSignals
 from acquisition.runs.folder import RunFolder
 from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
-from identification.wiring.file_entries import UnconfirmedEntry
 from identification.wiring.mistakes import DEGREES, Mistake, MistakeKind
+from identification.wiring.moved_mass import moved_masses
 from identification.wiring.scale import ABSOLUTE
 from identification.wiring.search import FoundMistake, find_impossibilities, find_mistakes
 from identification.wiring.signals import WiredSignals
 from identification.wiring.unconfirmed import unconfirmed_entries
-from identification.wiring.weight import ArmWeight
 from rid_daq.blocks.formats import number
 from rid_daq.operations.estimation.run_estimation import EstimationJob, signals_of
+from rid_daq.operations.estimation.wiring_findings import OTHER_ROBOT, WiringDiagnosis
 from rid_daq.report.mistake_entry import (
     Explanation,
     MistakeEntry,
@@ -100,10 +99,6 @@ _LINES_OF_CELL: Final[dict[MistakeKind, tuple[str, ...]]] = {
     MistakeKind.TORQUE_QUANTITY: (),
     MistakeKind.GRAVITY_REMOVED: (),
 }
-OTHER_ROBOT: Final = (
-    "Compare lengths, axes and zero positions in the robot file with the robot: the file may"
-    " describe another robot."
-)
 ALONG_AXIS: Final = math.cos(math.radians(2.0))
 _NEVER_ADDED: Final = frozenset({"torque", "current", "rate_hz", "time.unit"})
 """Keys of a map that have an alternative; if such a key is missing, it must not be added."""
@@ -162,41 +157,6 @@ def signals_for_diagnosis(
     return WiredSignals.of(robot, signals_of(empty, how, smoothed=own))
 
 
-@dataclass(frozen=True)
-class WiringDiagnosis:
-    """Mistakes of wiring, units and files found in runs.
-
-    Attributes:
-        mistakes: Probable mistakes; None without a search.
-        driving: Joints with negative friction power; None if this was not checked.
-        weight: Weight of the arm, computed from torques; None if the torques do not determine it.
-        unconfirmed: Entries of the files that the runs do not confirm; None if not examined.
-    """
-
-    mistakes: tuple[MistakeEntry, ...] | None = None
-    driving: tuple[str, ...] | None = None
-    weight: ArmWeight | None = None
-    unconfirmed: tuple[UnconfirmedEntry, ...] | None = None
-
-    @property
-    def sentences(self) -> tuple[str, ...]:
-        """Sentences on physically impossible properties of the runs."""
-        sentences = []
-        if self.driving:
-            sentences.append(
-                f"The friction of {join_words(list(self.driving))} has negative power, which is"
-                " physically impossible: look for a wrong sign of torque or position, or for"
-                " swapped axes."
-            )
-        if self.weight is not None and not self.weight.is_plausible:
-            words = self.weight.sentence
-            sentences.append(
-                f"{words[0].upper()}{words[1:]}: look for a wrong torque unit, for torques"
-                f" without gravity, or for wrong masses in `cad`. {OTHER_ROBOT}"
-            )
-        return tuple(sentences)
-
-
 def diagnose_wiring(
     signals: WiredSignals, run: RunData, estimate: Estimate | None = None, *, search: bool = True
 ) -> WiringDiagnosis:
@@ -209,15 +169,16 @@ def diagnose_wiring(
         search: True to try the common mistakes of wiring, units and files.
     """
     driving, weight = find_impossibilities(signals)
+    masses = moved_masses(signals)
     if not search:
-        return WiringDiagnosis(None, driving, weight)
+        return WiringDiagnosis(None, driving, weight, masses)
     imported, folder = run.import_report is not None, run.folder
     mistakes = tuple(
         mistake_entry(each, signals.robot, imported=imported, folder=folder)
         for each in find_mistakes(signals, fine=_hides_mistakes(estimate))
     )
     unconfirmed = None if mistakes else unconfirmed_entries(signals)
-    return WiringDiagnosis(mistakes, driving, weight, unconfirmed)
+    return WiringDiagnosis(mistakes, driving, weight, masses, unconfirmed)
 
 
 def _hides_mistakes(estimate: Estimate | None) -> bool:

@@ -276,6 +276,7 @@ class MotionDocument(TypedDict):
 
     motion: str
     duration_s: float
+    notes: list[str]
     kind: NotRequired[str]
     condition_number: NotRequired[float | None]
     band_hz: NotRequired[list[float]]

@@ -36,10 +36,10 @@ from rid_daq.operations.estimation.run_estimation import (
     smoothed_runs,
 )
 from rid_daq.operations.estimation.wiring_diagnosis import (
-    WiringDiagnosis,
     diagnose_wiring,
     signals_for_diagnosis,
 )
+from rid_daq.operations.estimation.wiring_findings import WiringDiagnosis
 from rid_daq.operations.identify.identify import IdentifyRequest
 from rid_daq.operations.known_bodies import known_bodies
 from rid_daq.operations.operation import Context
@@ -153,6 +153,7 @@ def identify_robot(
         driving=wiring.driving,
         late_torques=late,
         arm_weight=wiring.weight,
+        moved_masses=wiring.masses,
         unconfirmed=wiring.unconfirmed,
         rounded=rounded,
         consistency=consistency,

@@ -14,10 +14,7 @@ from identification.validation.period_comparison import compare_period
 from rid_daq.operations.estimation.run_estimation import (
     with_bodies,
 )
-from rid_daq.operations.estimation.wiring_diagnosis import (
-    OTHER_ROBOT,
-    WiringDiagnosis,
-)
+from rid_daq.operations.estimation.wiring_findings import OTHER_ROBOT, WiringDiagnosis
 from rid_daq.operations.identify.identified_robot import identify_robot
 from rid_daq.operations.identify.identify import IdentifyRequest
 from rid_daq.operations.operation import Context
@@ -76,6 +73,7 @@ class IdentifiedRuns:
         """True if a mistake in files or clock is probable, or the data are impossible."""
         estimate = self.section
         heavy = estimate.arm_weight is not None and not estimate.arm_weight.is_plausible
+        heavy |= any(not each.is_plausible for each in estimate.moved_masses or ())
         wrong = estimate.mistakes or estimate.driving or estimate.late_torques
         return bool(wrong or heavy or self.plate_is_doubted)
 

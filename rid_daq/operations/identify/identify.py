@@ -265,7 +265,7 @@ class IdentifyResult:
         yield from self._ending_blocks()
 
     def _ending_blocks(self) -> Iterator[AnyBlock]:
-        from rid_daq.operations.estimation.wiring_diagnosis import OTHER_ROBOT
+        from rid_daq.operations.estimation.wiring_findings import OTHER_ROBOT
         from rid_daq.report.section_blocks.estimate import fit_verdict
 
         found, bad = self.identified, self.identified.bad_joints

@@ -128,6 +128,12 @@ def _unconfirmed_texts(section: EstimateSection) -> Iterator[Text]:
             text=f"The torques give the arm {number(weight.share, 2)} times the weight of `cad` in"
             " the robot file: check the torques' unit and constants, the lengths and `cad`."
         )
+    for moved in filter(lambda each: each.differs, section.moved_masses or ()):
+        yield Text(
+            text=f"The force of {moved.joint} accelerates {number(moved.drawn, 2)} times the mass"
+            " in `cad` of the robot file, although this mass includes the rotor: check the unit and"
+            " the constant of the force, the gear ratio and `cad`."
+        )
     if section.unconfirmed is None:
         yield Text(text="The recordings are too short to confirm the entries of the files.")
     elif section.unconfirmed:

@@ -10,7 +10,12 @@ import numpy as np
 
 from identification.regression.fit_grade import Grade
 from rid_daq.report.consistency_entry import ConsistencyEntry
-from rid_daq.report.mistake_entry import ArmWeightEntry, MistakeEntry, UnconfirmedSection
+from rid_daq.report.mistake_entry import (
+    ArmWeightEntry,
+    MistakeEntry,
+    MovedMassEntry,
+    UnconfirmedSection,
+)
 from rid_daq.report.sections.section import Numbers, Section, Texts, finite_or_none
 
 if TYPE_CHECKING:
@@ -18,6 +23,7 @@ if TYPE_CHECKING:
     from identification.consistency.consistency_test import ConsistencyTest
     from identification.estimation.estimate import Estimate
     from identification.wiring.file_entries import UnconfirmedEntry
+    from identification.wiring.moved_mass import MovedMass
     from identification.wiring.weight import ArmWeight
 
 
@@ -133,6 +139,7 @@ class EstimateChecks:
         driving: Joints with negative friction power.
         late_torques: Joints whose recorded torque is later than any bus explains.
         arm_weight: Weight of the arm implied by the torques.
+        moved_masses: Moving mass and holding force of each prismatic joint.
         unconfirmed: Entries of the files that the recordings do not confirm.
         rounded: Rounded positions with a material effect; None if there are none.
         consistency: Test of physical consistency.
@@ -143,6 +150,7 @@ class EstimateChecks:
     driving: tuple[str, ...] | None = None
     late_torques: tuple[str, ...] = ()
     arm_weight: ArmWeight | None = None
+    moved_masses: tuple[MovedMass, ...] = ()
     unconfirmed: tuple[UnconfirmedEntry, ...] | None = None
     rounded: RoundedPositions | None = None
     consistency: ConsistencyTest | None = None
@@ -173,6 +181,8 @@ class EstimateSection(Section):
             filter that delays it as long; left out if there are none.
         arm_weight: Weight of the arm implied by the torques; left out if the torques do not
             determine it.
+        moved_masses: Moving mass and holding force of each prismatic joint; left out if no
+            prismatic joint moved.
         unconfirmed: Entries of the files that the recordings do not confirm; left out if a mistake
             was found, if no search was made, or if there are too few data.
         still: Joints that no run moved, and their positions [rad or m]; left out if every joint
@@ -197,6 +207,7 @@ class EstimateSection(Section):
     driving: Texts | None = None
     late_torques: Texts | None = None
     arm_weight: ArmWeightEntry | None = None
+    moved_masses: tuple[MovedMassEntry, ...] | None = None
     unconfirmed: tuple[UnconfirmedSection, ...] | None = None
     still: dict[str, Numbers] | None = None
     rounded_positions: RoundedPositionsEntry | None = None
@@ -249,6 +260,7 @@ class EstimateSection(Section):
             driving=checks.driving,
             late_torques=checks.late_torques or None,
             arm_weight=None if weight is None else ArmWeightEntry.of(weight),
+            moved_masses=tuple(map(MovedMassEntry.of, checks.moved_masses)) or None,
             unconfirmed=None
             if unconfirmed is None
             else tuple(

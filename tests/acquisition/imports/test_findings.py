@@ -146,6 +146,32 @@ class TestStuck:
         with raises_code(DataQualityError, "RID-IMPORT-UNITS", *names):
             report_of(tmp_path, table)
 
+    def test_a_clipped_torque_is_reported_with_its_values(self, tmp_path: Path) -> None:
+        table = sound_table()
+        table[:, 5] = np.clip(table[:, 5], -0.7 * table[:, 5].max(), 0.7 * table[:, 5].max())
+        (found,) = report_of(tmp_path, table).findings
+        assert found.startswith("a: its torque (column 5) is exactly ")
+
+    def test_a_constant_extreme_torque_at_rest_is_not_reported(self, tmp_path: Path) -> None:
+        table = sound_table()
+        table[-60:, 1] = table[-60, 1]
+        table[-60:, 3] = 0.0
+        table[-60:, 5] = 1.2 * table[:, 5].max()
+        found = report_of(tmp_path, table, without_velocities()).findings
+        assert not [each for each in found if "exactly" in each]
+
+    def test_a_torque_that_wraps_is_refused(self, tmp_path: Path) -> None:
+        table = sound_table()
+        half = 0.6 * np.abs(table[:, 5]).max()
+        table[:, 5] = (table[:, 5] + half) % (2.0 * half) - half
+        with raises_code(DataQualityError, "RID-IMPORT-UNITS", "torque of a (column 5)", "wrap"):
+            report_of(tmp_path, table)
+
+    def test_a_torque_of_friction_alone_does_not_wrap(self, tmp_path: Path) -> None:
+        table = sound_table()
+        table[:, 5] = np.sign(table[:, 3]) + 0.01 * table[:, 3]
+        assert report_of(tmp_path, table).findings == ()
+
     def test_a_stuck_position_is_refused_if_its_velocity_changes(self, tmp_path: Path) -> None:
         table = sound_table()
         table[:, 1] = 0.3
@@ -160,6 +186,20 @@ class TestStuck:
 
 
 class TestPositions:
+    @pytest.mark.parametrize("moved", [0.3, -0.3])
+    def test_a_position_whose_zero_moves_is_refused(self, moved: float, tmp_path: Path) -> None:
+        table = sound_table()
+        table[200:, 1] += moved
+        import_map = without_velocities(plausible={"speed": 60.0})
+        names = ("position of a", " rad at ", "--rows")
+        with raises_code(DataQualityError, "RID-IMPORT-UNITS", *names):
+            report_of(tmp_path, table, import_map)
+
+    def test_lost_rows_are_no_moved_zero(self, tmp_path: Path) -> None:
+        table = sound_table()
+        lost = np.delete(table, slice(150, 165), axis=0)
+        report_of(tmp_path, lost, without_velocities(plausible={"speed": 60.0}))
+
     def test_positions_in_degrees_are_refused_by_the_limits(self, tmp_path: Path) -> None:
         table = sound_table()
         table[:, 1:3] *= 180.0 / math.pi

@@ -73,6 +73,12 @@ def test_a_missing_bus_is_reported_with_what_to_check(interface: str, channel: s
         open_can(CanBusConfig(interface=interface, channel=channel))
 
 
+@pytest.mark.parametrize("channel", ["can0", "can0@10.0.0.7", "@10.0.0.7:29536", "can0@:29536"])
+def test_a_socketcand_channel_names_the_computer_and_its_port(channel: str) -> None:
+    with raises_code(ConfigError, "RID-CAN-INTERFACE", "can.channel", "can0@192.168.1.5:29536"):
+        open_can(CanBusConfig(interface="socketcand", channel=channel))
+
+
 @pytest.mark.parametrize(
     "interface", ["pcan", "kvaser", "ixxat", "vector", "gs_usb", "usb2can", "systec", "neovi"]
 )

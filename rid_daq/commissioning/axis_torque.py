@@ -1,0 +1,64 @@
+"""`wrong_torque`: compare the torque of an axis in its axis test with the arm's weight in `cad`.
+
+If a joint slowly lifts the arm, friction and weight both resist. The torque is then at least that
+of the weight, and no friction explains a smaller one.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from config.robot.robot import RobotDescription
+from dynamics.model.robot_model import RobotModel, regressor
+from identification.model.drawn_arm import drawn_parameters, plausible_weight
+
+LEAST_LOAD: Final = 0.05
+"""Smallest weight that is judged, as a fraction of the joint's torque limit. Below it, a tool that
+is not in `cad` can change the sign of the weight."""
+MOST_FRICTION: Final = 0.5
+"""Largest friction of a slow joint, as a fraction of its torque limit."""
+
+
+def wrong_torque(rows: NDArray[Any], robot: RobotDescription, number: int) -> str:
+    """Return the problem if an axis's torque contradicts `cad`, without full stop; empty if none.
+
+    Args:
+        rows: Rows of the recording of the axis's motion.
+        robot: The robot; without `cad`, nothing is compared.
+        number: Index of the axis.
+    """
+    joint = robot.joints[number]
+    has_spring = robot.spring is not None and robot.spring.joint == joint.name
+    if not robot.is_drawn or robot.coupling is not None or has_spring or joint.counterbalanced:
+        return ""
+    rows = rows[rows["valid"][:, number] == 1]
+    speed = rows["target_velocity"][:, number]
+    rows = rows[np.abs(speed) > 0.5 * np.abs(speed).max(initial=0.0)]
+    if not len(rows):
+        return ""
+    model = RobotModel.from_description(robot, rotors=False, friction=False, spring=False)
+    q = rows["position"].mean(axis=0, keepdims=True)
+    still = np.zeros_like(q)
+    weight = float((regressor(model, q, still, still) @ drawn_parameters(model, robot))[0, number])
+    towards = float(np.sign(np.mean(rows["target_velocity"][:, number])))
+    limit, unit = joint.limits.torque, joint.torque_unit
+    if weight * towards < LEAST_LOAD * limit:
+        return ""
+    low, high = plausible_weight(robot)
+    measured = towards * float(np.median(rows["torque_nm"][:, number]))
+    needed = abs(weight)
+    if low * needed <= measured <= high * needed + MOST_FRICTION * limit:
+        return ""
+    least = f"lifting the arm needs at least {needed:.3g} {unit} by `cad`"
+    if measured < -low * needed:
+        remedy = "the drive counts its torque with the opposite sign: see its manual"
+    else:
+        remedy = (
+            "check unit and object of the torque in the axis's servo: torque, rated_torque_nm,"
+            " rated_torque_units, rated_current_a, torque_constant_nm_per_a; then gear_ratio and"
+            " the masses in the robot file"
+        )
+    return f"{least}, but the drive reports {measured:.3g} {unit}: {remedy}"

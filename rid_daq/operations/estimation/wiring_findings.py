@@ -1,0 +1,66 @@
+"""`WiringDiagnosis`: mistakes found in runs, and physically impossible properties of the runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from identification.wiring.file_entries import UnconfirmedEntry
+from identification.wiring.moved_mass import MovedMass
+from identification.wiring.weight import ArmWeight
+from rid_daq.report.mistake_entry import MistakeEntry, join_words
+
+OTHER_ROBOT: Final = (
+    "Compare lengths, axes and zero positions in the robot file with the robot: the file may"
+    " describe another robot."
+)
+
+
+@dataclass(frozen=True)
+class WiringDiagnosis:
+    """Mistakes of wiring, units and files found in runs.
+
+    Attributes:
+        mistakes: Probable mistakes; None without a search.
+        driving: Joints with negative friction power; None if this was not checked.
+        weight: Weight of the arm, computed from torques; None if the torques do not determine it.
+        masses: Moving mass and holding force of each prismatic joint.
+        unconfirmed: Entries of the files that the runs do not confirm; None if not examined.
+    """
+
+    mistakes: tuple[MistakeEntry, ...] | None = None
+    driving: tuple[str, ...] | None = None
+    weight: ArmWeight | None = None
+    masses: tuple[MovedMass, ...] = ()
+    unconfirmed: tuple[UnconfirmedEntry, ...] | None = None
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """Sentences on physically impossible properties of the runs."""
+        sentences = []
+        if self.driving:
+            sentences.append(
+                f"The friction of {join_words(list(self.driving))} has negative power, which is"
+                " physically impossible: look for a wrong sign of torque or position, or for"
+                " swapped axes."
+            )
+        if self.weight is not None and not self.weight.is_plausible:
+            words = self.weight.sentence
+            sentences.append(
+                f"{words[0].upper()}{words[1:]}: look for a wrong torque unit, for torques"
+                f" without gravity, or for wrong masses in `cad`. {self._lifted}{OTHER_ROBOT}"
+            )
+        masses = (each for each in self.masses if each.joint not in (self.driving or ()))
+        words = [each.sentence for each in masses if each.sentence]
+        return (*sentences, *(f"{each[0].upper()}{each[1:]}." for each in words))
+
+    @property
+    def _lifted(self) -> str:
+        """Remedy for a weight that a cylinder or counterweight carries; empty if none can."""
+        joints = [each.joint for each in self.masses if each.held is not None]
+        if not joints or (self.weight is not None and self.weight.share > self.weight.plausible[1]):
+            return ""
+        return (
+            f"If a cylinder or counterweight carries the weight on {join_words(joints)}, write"
+            " `counterbalanced: true` for this joint in the robot file. "
+        )
