@@ -51,8 +51,8 @@ class WiringDiagnosis:
                 f" without gravity, or for wrong masses in `cad`. {self._lifted}{OTHER_ROBOT}"
             )
         masses = (each for each in self.masses if each.joint not in (self.driving or ()))
-        words = [each.sentence for each in masses if each.sentence]
-        return (*sentences, *(f"{each[0].upper()}{each[1:]}." for each in words))
+        of_masses = [each.sentence for each in masses if each.sentence]
+        return (*sentences, *(f"{each[0].upper()}{each[1:]}." for each in of_masses))
 
     @property
     def _lifted(self) -> str:

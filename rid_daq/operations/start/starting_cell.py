@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from typing import Final
 
 from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety, Supervision
+from config.quantities import Direction
 from config.robot.robot import RobotDescription
-from config.robot.urdf_motors import Direction, UrdfMotor
+from config.robot.urdf_motors import UrdfMotor
 
 VALIDATION_LIMIT_PERCENT: Final = 15.0
 
