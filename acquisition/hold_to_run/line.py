@@ -23,6 +23,8 @@ REDUCED_SPEED_M_S: Final = 0.25
 FASTEST_SHARE: Final = upper_bound(JogPercent) / 100.0
 LIMIT_MARGIN: Final = 0.01
 STEP: Final = 0.01
+TOLERANCE_M: Final = 1e-6
+"""Distance by which bodies that are too close may come closer [m]; the key can be pressed often."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +87,7 @@ class LineCheck:
         goal = start + share * (wanted - start)
         rows = 1 + max(1, math.ceil(np.abs(goal - start).max() / STEP))
         poses = start + np.linspace(0.0, 1.0, rows)[:, np.newaxis] * (goal - start)
-        clear = rows_before_collision(self._clearances, poses)
+        clear = rows_before_collision(self._clearances, poses, tolerance_m=TOLERANCE_M)
         if clear < rows:
             near = self._clearances.nearest(poses[clear : clear + 1])
             obstacle = self._clearances.names[int(np.argmin(near))]

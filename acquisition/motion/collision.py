@@ -62,7 +62,10 @@ def refuse_collision(
 
 
 def rows_before_collision(
-    clearances: Clearances, position: FloatArray, meanwhile: Callable[[], None] = lambda: None
+    clearances: Clearances,
+    position: FloatArray,
+    meanwhile: Callable[[], None] = lambda: None,
+    tolerance_m: float = TOLERANCE_M,
 ) -> int:
     """Return the number of rows before the first collision; all rows if the path is clear.
 
@@ -73,10 +76,11 @@ def rows_before_collision(
         clearances: Pairs of bodies and their minimum clearance.
         position: Shape (samples, n). Joint positions of the path [rad or m].
         meanwhile: Function that is called every few milliseconds during the check.
+        tolerance_m: Distance by which bodies that are too close at the start may come closer [m].
     """
     if len(clearances) == 0:
         return len(position)
-    least = _permitted_distances(clearances, clearances.nearest(position[:1]))
+    least = _permitted_distances(clearances, clearances.nearest(position[:1]), tolerance_m)
     for first in range(0, len(position), ROWS_AT_ONCE):
         meanwhile()
         rows = position[first : first + ROWS_AT_ONCE]
@@ -88,6 +92,8 @@ def rows_before_collision(
     return len(position)
 
 
-def _permitted_distances(clearances: Clearances, at_start: FloatArray) -> FloatArray:
+def _permitted_distances(
+    clearances: Clearances, at_start: FloatArray, tolerance_m: float = TOLERANCE_M
+) -> FloatArray:
     """Return each pair's smallest permitted distance, from its distance at the path's start."""
-    return np.minimum(clearances.margin_m, at_start - TOLERANCE_M)
+    return np.minimum(clearances.margin_m, at_start - tolerance_m)

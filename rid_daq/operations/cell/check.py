@@ -1,4 +1,4 @@
-"""`check`: the preflight of a cell; a red line means no motion."""
+"""`check`: the preflight of a cell; do not move a cell with a red line."""
 
 from __future__ import annotations
 
@@ -136,7 +136,7 @@ class CheckResult:
             undo = as_command("drives", "rollback", self.request.cell, checked.write_log)
             yield Text(text=f"To undo what was written to the drives: {undo}", is_for_terminal=True)
         if self.failure is not None:
-            yield Verdict(passed=False, text=f"Cell {checked.cell} is not ready: no motion.")
+            yield Verdict(passed=False, text=f"Cell {checked.cell} is not ready: do not move it.")
             return
         yield Verdict(passed=True, text=f"Cell {checked.cell} is ready. Nothing was moved.")
         yield Text(

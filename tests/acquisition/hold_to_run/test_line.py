@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from acquisition.hold_to_run.line import FASTEST_SHARE, REDUCED_SPEED_M_S, LineCheck
+from acquisition.hold_to_run.line import FASTEST_SHARE, REDUCED_SPEED_M_S, STEP, LineCheck
 from config.errors import ConfigError
 from config.load import load_cell
 from config.robot.bodies import Plane, Workspace
@@ -49,6 +49,21 @@ def test_a_line_ends_before_a_wall_and_can_lead_away_from_it() -> None:
     assert 0.0 < to_the_wall.goal[0] < 0.2
     away = check(wall)(to_the_wall.goal, REST - np.array([0.5, 0.0, 0.0]))
     assert away.goal[0] == pytest.approx(-0.5)
+
+
+def test_many_presses_do_not_bring_the_robot_closer_than_the_clearance() -> None:
+    tool = forward(
+        Chain.from_description(LOADED.robot), np.array([REST, REST + np.array([0.3, 0.0, 0.0])])
+    )
+    way = tool[1] - tool[0]
+    normal = tuple(-way / np.linalg.norm(way))
+    wall = Plane(name="the wall", normal=normal, offset_m=float(np.dot(normal, tool[0])) - 0.05)
+    lines = check(wall)
+    at = lines(REST, REST + np.array([1.0, 0.0, 0.0])).goal
+    begin = at[0]
+    for _ in range(100):
+        at = lines(at, at + np.array([5e-4, 0.0, 0.0])).goal
+    assert at[0] - begin < STEP
 
 
 def test_the_tool_point_stays_within_the_reduced_speed() -> None:

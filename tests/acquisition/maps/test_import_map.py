@@ -61,7 +61,7 @@ def test_a_minimal_map_is_enough() -> None:
             ("gear_ratio", "position_sign"),
         ),
         ({"joints": [JOINT, JOINT]}, "", ("two joints",)),
-        ({"joints": [JOINT] * 17}, "joints", ("16", "17")),
+        ({"joints": [JOINT] * 33}, "joints", ("32", "33")),
         ({"rows": {"first": 9, "last": 9}}, "rows", ("last 9", "first 9")),
         (
             {"joints": [JOINT | {"temperature": 2}]},

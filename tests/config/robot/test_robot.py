@@ -192,11 +192,11 @@ class TestRoundedAngles:
         assert len(table.notes) == 1
 
 
-def test_more_than_16_joints_are_refused_with_file_and_line() -> None:
+def test_more_than_32_joints_are_refused_with_file_and_line() -> None:
     limits = "{position_min: -1, position_max: 1, velocity: 1, acceleration: 1, torque: 1}"
-    joints = "".join(f"  - {{name: j{n}, limits: {limits}}}\n" for n in range(17))
-    rows = ", ".join(["{}"] * 17)
+    joints = "".join(f"  - {{name: j{n}, limits: {limits}}}\n" for n in range(33))
+    rows = ", ".join(["{}"] * 33)
     text = f"name: r\nkinematics: {{convention: modified_dh, rows: [{rows}]}}\njoints:\n{joints}"
     where = "robot.yaml:3:1: joints: "
-    with raises_code(ConfigError, "RID-FILE-VALUE", where, "16 items", "17"):
+    with raises_code(ConfigError, "RID-FILE-VALUE", where, "32 items", "33"):
         validate(parse_yaml(text.encode(), "robot.yaml"), RobotDescription)
