@@ -1,6 +1,7 @@
 """`preflight`: check every device and every safety setting of a cell.
 
-A red line means: do not move the robot. Motion commands in a terminal repeat only a part of the checks.
+A red line means: do not move the robot. Motion commands in a terminal repeat only a part of the
+checks.
 """
 
 from __future__ import annotations
