@@ -111,8 +111,8 @@ class PayloadAxis(Section):
         noise: RMS residual that the measured noise alone would cause, in `unit`; left out if the
             noise was not measured.
         over_noise: Residual divided by `noise`; left out if the noise was not measured.
-        grade: "good", "doubtful" or "bad".
-        reason: Reason for the grade.
+        grade: "good", "doubtful" or "bad"; left out if the axis has no torque.
+        reason: Reason for the grade, or for its absence.
     """
 
     joint: str
