@@ -108,17 +108,21 @@ def at_operating_temperature(
 
 
 def _at_degrees(estimate: Estimate, requested: str, names: list[str]) -> AtOperation:
+    code = ""
+    degrees: tuple[float, ...] = ()
     try:
         degrees = parse_numbers(requested)
     except ConfigError:
-        degrees = ()
-    if len(degrees) not in (1, len(names)) or not all(
-        LOWEST_C <= each <= HIGHEST_C for each in degrees
-    ):
+        code = "RID-OPTION-SYNTAX"
+    if degrees and len(degrees) not in (1, len(names)):
+        code = "RID-OPTION-COUNT"
+    elif not all(LOWEST_C <= each <= HIGHEST_C for each in degrees):
+        code = "RID-OPTION-RANGE"
+    if code:
         raise ConfigError(
             f"--temperature {requested}: give one temperature of {LOWEST_C:g} to {HIGHEST_C:g} °C,"
             f" or {len(names)} separated by commas",
-            code="RID-OPTION-SYNTAX",
+            code=code,
         )
     each = np.broadcast_to(np.array(degrees), (len(names),))
     shown = ", ".join(f"{value:g} °C" for value in degrees)

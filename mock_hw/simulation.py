@@ -110,27 +110,31 @@ class CellSimulation:
         refusals = (
             (
                 not self.realtime,
+                "RID-MOCK-REAL-TIME",
                 f"can.interface {can.interface} runs in real time only; for lock-step time use"
                 f" {SIMULATED}",
             ),
             (
                 self.log is not None,
+                "RID-CAN-INTERFACE",
                 f"only {SIMULATED} can log frames; on {can.interface} use candump or can_logger",
             ),
             (
                 bool(self.faults.bus),
+                "RID-FAULT-SCRIPT",
                 f"the bus part of a fault script works only on {SIMULATED}, but can.interface is"
                 f" {can.interface}; remove it from the script",
             ),
             (
                 can.interface == ONE_PROCESS and bool(cell.plate or cell.monitor),
+                "RID-CAN-INTERFACE",
                 f"can.interface {ONE_PROCESS} supports drives only; remove plate and monitor from"
                 " the cell",
             ),
         )
-        for refused, why in refusals:
+        for refused, code, why in refusals:
             if refused:
-                raise ConfigError(f"cell {cell.name}: {why}", code="RID-CELL-NOT-SIMULATED")
+                raise ConfigError(f"cell {cell.name}: {why}", code=code)
         if can.interface == "slcan" and self.private:
             return can.model_copy(update={"channel": str(folder / f"{self.name}.tty")})
         return with_served_channel(can)

@@ -97,7 +97,7 @@ class PlateTable:
                     f" {plate.rest_s[0]:g} and {plate.rest_s[1]:g} s, but {FEWEST_ROWS} are needed:"
                     f" the plate's rows are from {since[0]:.4g} to {since[-1]:.4g} s, relative to"
                     " the first row of the run",
-                    code="RID-PLATE-CHANNEL",
+                    code="RID-IMPORT-ROWS",
                 )
             kept = np.where(self.valid[at_rest], self.readings[at_rest], 0.0)
             offset = kept.sum(axis=0) / counts

@@ -40,6 +40,7 @@ _EXCEPTIONS = {
     10: "the gateway has no path to the drive",
     11: "the drive does not answer the gateway",
 }
+_UNABLE_NOW = (4, 5, 6, 10, 11)
 _SHOWN_BYTES = 8
 _PARITY = {"even": "E", "odd": "O", "none": "N"}
 
@@ -137,11 +138,12 @@ class ModbusLink:
         if response.isError():
             code = int(response.exception_code)
             why = _EXCEPTIONS.get(code, "a manufacturer-specific code")
+            unable = code in _UNABLE_NOW
             raise ProtocolError(
                 f"{self.name}, unit {unit}: registers {read.address} to"
                 f" {read.address + read.count - 1} are refused with exception {code}: {why};"
-                " correct the profile",
-                code="RID-MODBUS-PROFILE",
+                f" {'check the drive and the gateway' if unable else 'correct the profile'}",
+                code="RID-MODBUS-SILENT" if unable else "RID-MODBUS-PROFILE",
             )
         if response.function_code != _FUNCTION[read.table] or len(response.registers) != read.count:
             self._forget_late_answer()

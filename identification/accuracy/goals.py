@@ -119,7 +119,7 @@ def _parse(text: str, model: RobotModel, base: BaseParameters) -> Goal:
     name, number, unit = match[1], float(match[2]), (match[3] or "").replace(" ", "")
     if number <= 0.0:
         raise ConfigError(
-            f"--until {text}: the standard deviation must be above 0", code="RID-OPTION-SYNTAX"
+            f"--until {text}: the standard deviation must be above 0", code="RID-OPTION-RANGE"
         )
     if name == TORQUE:
         own = "Nm"

@@ -145,7 +145,7 @@ def refuse_missing_link(path: Path, bodies: Bodies, robot: RobotDescription) -> 
             raise ConfigError(
                 f"{path}: body {name!r} is on link {body.link}, but robot {robot.name} has"
                 f" {links} links: give a link from 1 to {links}",
-                code="RID-ROBOT-OTHER",
+                code="RID-FILE-VALUE",
             )
 
 

@@ -37,7 +37,7 @@ def known_bodies(file: Path | None, runs: Path, data: tuple[RunData, ...]) -> Ma
         if run_id in found:
             raise ConfigError(
                 f"{file}: `loads` names run {each.run!r} twice: list its bodies in one entry",
-                code="RID-PAYLOAD-RUNS",
+                code="RID-FILE-DUPLICATE",
             )
         found[run_id] = {name: loads.bodies[name] for name in each.bodies}
     return found

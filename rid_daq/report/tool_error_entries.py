@@ -18,9 +18,9 @@ class ToolDeflection(Section):
         rms_m: RMS deflection over the motion [m].
         max_m: Largest deflection over the motion [m].
         tool_mean_m: Mean distance of the tool from its path, estimated from encoders and
-            deflection [m].
+            deflection [m]; left out if the desired path is not known.
         tool_max_m: Largest distance of the tool from its path, estimated from encoders and
-            deflection [m].
+            deflection [m]; left out if the desired path is not known.
     """
 
     rms_m: float

@@ -133,9 +133,18 @@ def test_a_model_with_measured_temperatures_needs_them_in_degrees(
         at_operating_temperature(measured, temperatures, WAY[1])
 
 
-@pytest.mark.parametrize("temperatures", ["", "hot", "40,41", "500", "nan", "40;41;42", "1,2,"])
-def test_an_invalid_temperature_is_refused(measured: Estimate, temperatures: str) -> None:
-    with raises_code(ConfigError, "RID-OPTION-SYNTAX", "-40", "200"):
+@pytest.mark.parametrize(
+    ("temperatures", "code"),
+    [
+        *((each, "RID-OPTION-SYNTAX") for each in ("", "hot", "nan", "40;41;42", "1,2,")),
+        ("40,41", "RID-OPTION-COUNT"),
+        ("500", "RID-OPTION-RANGE"),
+    ],
+)
+def test_an_invalid_temperature_is_refused(
+    measured: Estimate, temperatures: str, code: str
+) -> None:
+    with raises_code(ConfigError, code, "-40", "200"):
         at_operating_temperature(measured, temperatures, WAY[1])
 
 

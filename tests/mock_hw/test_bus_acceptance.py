@@ -298,5 +298,5 @@ def test_simulated_time_needs_the_bus_rid_sim() -> None:
     simulated = SimulatedCell(
         CellSimulation(loaded.config, loaded.robot, loaded.plant, realtime=False, seed=2)
     )
-    with raises_code(ConfigError, "RID-CELL-NOT-SIMULATED", "slcan"):
+    with raises_code(ConfigError, "RID-MOCK-REAL-TIME", "slcan"):
         simulated.__enter__()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import os
 import textwrap
 from collections.abc import Mapping
@@ -188,13 +187,17 @@ def _positive_numbers(option: str, text: str | None) -> tuple[float, ...]:
     Raises:
         ConfigError: The text contains anything else.
     """
+    code = ""
+    values: tuple[float, ...] = ()
     try:
         values = parse_numbers(text) if text is not None else ()
     except ConfigError:
-        values = (math.nan,)
-    if not all(math.isfinite(value) and value > 0.0 for value in values):
+        code = "RID-OPTION-SYNTAX"
+    if not all(value > 0.0 for value in values):
+        code = "RID-OPTION-RANGE"
+    if code:
         raise ConfigError(
             f"{option} {text}: give one number above 0, or one per joint: 3.1,3.1,2.5",
-            code="RID-OPTION-SYNTAX",
+            code=code,
         )
     return values

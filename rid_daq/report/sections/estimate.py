@@ -73,20 +73,22 @@ class AxisResidual(Section):
         joint: Name of the joint.
         unit: Unit of the torque.
         residual: RMS residual, in `unit`.
-        noise: RMS noise of the measurement, in `unit`; null if the recording has no periods.
+        noise: RMS residual that the measured noise alone would cause, in `unit`; null if the
+            recording has no periods.
         left_out_fraction: Fraction of the samples that are not used for friction, because the axis
-            is at standstill.
+            is at standstill or its friction depends on earlier motion that is not known.
         torque: RMS torque, in `unit`; left out if the estimate does not use torques.
-        percent: Residual relative to the torque [%]; left out if the estimate does not use torques.
+        percent: Residual relative to the torque [%]; left out if the estimate does not use torques,
+            or if the torque is 0.
         over_noise: Residual divided by the noise; left out if the noise is not known, or if the
             estimate does not use torques.
         held_out_percent: Residual relative to the torque [%], on parts of the recording that were
             held out of a fit of a simple model (rigid bodies, rotors, Coulomb and viscous friction,
-            offset). The value is 0 if the residual is hardly larger than on the fitted parts. Left
-            out if it was not computed.
+            offset). The value is 0 if the residual is hardly larger than on the fitted parts, and
+            for a joint at rest. Left out if it was not computed.
         grade: "good", "doubtful" or "bad"; left out if the joint does not move, or if the estimate
             does not use torques.
-        reason: Reason for the grade, or for its absence.
+        reason: Reason for the grade, or for its absence; always present.
     """
 
     joint: str

@@ -29,7 +29,7 @@ class AxisGear(Section):
             not show the stiffness.
         bend: Largest deflection during an excitation run, without its constant part [rad or m];
             null if the data do not show the stiffness.
-        reason: Why the data do not show the stiffness; null if they do.
+        reason: Why the data do not show the stiffness; left out if they do.
         residual_percent: RMS of the torque that the model does not explain on the lines of the
             multisine, relative to the torque [%].
         frequency_hz: Lines of the multisine on which this joint was excited [Hz].
@@ -63,7 +63,7 @@ class GearsSection(Section):
         has_plate: True if the base wrench of a force plate was used.
         has_link_encoders: True if encoders on the link side were used.
         tool_residual_m: RMS distance of a tracker's points from the fitted path, without its
-            constant part; null without a tracker.
+            constant part; left out without a tracker.
         axes: The gears, base to flange.
     """
 

@@ -121,14 +121,17 @@ class MechanicsResponse(Polar):
 
 
 class LoopMargins(Section):
-    """Stability margins of an open loop; a margin is null if the loop has no such crossover.
+    """Stability margins of an open loop, at the most critical crossover if there are several.
 
     Attributes:
-        gain: Factor by which the loop's gain may grow.
-        gain_db: The same factor in decibels.
-        phase_deg: Phase that the loop may lose [degrees].
-        crossover_hz: Frequency at which the loop's gain is 1 [Hz].
-        phase_crossover_hz: Frequency at which the loop's phase is -180 degrees [Hz].
+        gain: Factor by which the loop's gain can grow before the loop is unstable; below 1 if it is
+            unstable already; null if no gain makes it unstable.
+        gain_db: The same factor in decibels; null if `gain` is null.
+        phase_deg: Phase that the loop can lose before it is unstable [degrees]; null if the loop's
+            gain is nowhere 1.
+        crossover_hz: Frequency at which the loop's gain is 1 [Hz]; null if there is none.
+        phase_crossover_hz: Frequency at which the loop's phase is -180 degrees [Hz]; null if there
+            is none.
     """
 
     gain: float | None

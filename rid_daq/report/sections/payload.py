@@ -55,8 +55,8 @@ class PayloadParameter(Section):
         value: The estimate, in `unit`; null if the motion does not identify it.
         std: Standard deviation to quote, in `unit`; null if the motion does not identify the
             parameter.
-        std_noise: Standard deviation due to noise alone, in `unit`; null if the motion does not
-            identify the parameter.
+        std_noise: Standard deviation due to noise alone, in `unit`; the residual counts as noise if
+            the runs are not periodic. Null if the motion does not identify the parameter.
         known: True if the user stated the value.
         exported: Value of the closest physically consistent body, in `unit`; left out unless all
             parameters are identified.
@@ -111,8 +111,8 @@ class PayloadAxis(Section):
         noise: RMS residual that the measured noise alone would cause, in `unit`; left out if the
             noise was not measured.
         over_noise: Residual divided by `noise`; left out if the noise was not measured.
-        grade: "good", "doubtful" or "bad".
-        reason: Reason for the grade.
+        grade: "good", "doubtful" or "bad"; left out if the axis has no torque.
+        reason: Reason for the grade, or for its absence.
     """
 
     joint: str

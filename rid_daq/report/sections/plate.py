@@ -41,9 +41,10 @@ class WrenchResidual(Section):
         residual: RMS of measured minus predicted component, in `unit`.
         noise: RMS residual that noise alone would cause, in `unit`.
         percent: Residual relative to the component [%]. A small component counts as a fixed
-            fraction of the largest component of its unit.
-        grade: "good", "doubtful" or "bad".
-        reason: Reason for the grade.
+            fraction of the largest component of its unit. Left out if all components of its unit
+            are 0.
+        grade: "good", "doubtful" or "bad"; left out if `percent` is left out.
+        reason: Reason for the grade, or for its absence.
     """
 
     name: str

@@ -38,7 +38,7 @@ class RetimedJoint(Section):
     Attributes:
         joint: Name of the joint.
         unit: Unit of the joint's torque.
-        torque_limit: Torque limit [N m or N].
+        torque_limit: Torque limit, reduced by the fraction `margin` [N m or N].
         torque_peak: Largest absolute torque of the model [N m or N].
         torque_margin: Largest margin for the uncertainty of the torque [N m or N].
         torque_uncertain_peak: Largest sum of absolute torque and margin [N m or N].

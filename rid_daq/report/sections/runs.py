@@ -49,8 +49,8 @@ class AxisExtremes(Section):
         torque_unit: Unit of the joint's torque.
         position_min: Lowest position, in `unit`.
         position_max: Highest position, in `unit`.
-        position_start: Position at the start of the motion, in `unit`; null if no row after the
-            approach is valid.
+        position_start: Position at the start of the motion, in `unit`; left out if no row after
+            the approach is valid.
         max_velocity: Largest speed, in `unit` per second.
         max_torque: Largest absolute torque, in `torque_unit`.
         max_torque_percent: Largest absolute torque relative to the limit in the robot file [%].
@@ -119,7 +119,7 @@ class ClockSection(Section):
         tick_ms: Time of which all rebuilt steps are whole multiples [ms]; left out if there is
             none.
         doubt: Reason why the clock is unknown; left out if it is known.
-        run: Id of the run.
+        run: Id of the run; left out if the check belongs to the run that contains it.
     """
 
     clock: str
@@ -161,16 +161,17 @@ class RunSection(Section):
 
     Attributes:
         role: Purpose of the run.
-        sentence: Planned motion, and the recorded rows.
+        sentence: Planned motion and recorded rows, or a summary of the import.
         stop: Stop reason; null if the motion was not stopped.
         rows: Number of recorded rows.
         invalid_rows: Number of rows without a valid answer.
         duration_s: Duration of the recording [s].
         axes: Extremes of each axis; empty if fewer than two rows are valid.
-        bad_rows: Rows that an import left out.
-        left_out: Number of rows that an import left out, by reason.
-        findings: Anomalies of the rows that the import used.
-        imported: Result of the import in one line; it stays if the report's verdict changes.
+        bad_rows: Rows that an import left out; empty if there are none.
+        left_out: Number of rows that an import left out, by reason; left out if there are none.
+        findings: Anomalies of the rows that the import used; left out if there are none.
+        imported: Result of the import in one line; it stays if the report's verdict changes. Left
+            out if the run was not imported.
         clock: Check of the time stamps; left out if it was not made.
         stop_curve: Curve of the joint for which the motion was stopped; left out if no joint was
             the reason, or if too few rows with set-points were recorded.

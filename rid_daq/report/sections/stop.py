@@ -52,8 +52,8 @@ class StopCurve(Section):
 
     Attributes:
         joint: Name of the joint.
-        quantity: Name of the quantity. It is the torque if a drive reported a fault without a
-            quantity.
+        quantity: Name of the quantity. It is the torque if the stop reason concerns a joint but
+            none of the other quantities, such as a fault of the drive.
         unit: Unit of the quantity.
         time_s: Time relative to the stop, which is at 0 [s].
         value: Values of the quantity, in `unit`.

@@ -80,10 +80,11 @@ class Timing(Section):
     Attributes:
         elapsed_s: Duration of the recording of a motion, with the start and the end of its
             processes, or of the whole demo [s]; left out if it was not measured.
-        created_utc: Start of the run, ISO 8601.
+        created_utc: Start of the run, ISO 8601; left out if the result has no such time.
         run_ids: The runs that the result is based on; left out for the result of one recorded run.
         loops: Timing of each motion that this result recorded; left out if it recorded none.
-        made: Time at which each section was made, ISO 8601, by the section's name.
+        made: Time at which each section was made, ISO 8601, by the section's name; left out if
+            the result has no other section.
     """
 
     elapsed_s: float | None = None

@@ -117,11 +117,12 @@ class PathCurves(Section):
 
 
 class DrawnPaths(Section):
-    """Curves of a motion with compensation, and without; `before` is null if no such run exists.
+    """Curves of a run, and of the run that it is compared with.
 
     Attributes:
-        after: Curves of the run with compensation.
-        before: Curves of the run without compensation.
+        after: Curves of the run, which usually has compensation.
+        before: Curves of the run to compare with, usually without compensation; null if there is
+            none.
     """
 
     after: PathCurves
@@ -129,17 +130,18 @@ class DrawnPaths(Section):
 
 
 class FollowedMotion(Section):
-    """Path errors of one motion with and without compensation.
+    """Path errors of one motion in a run, and in the run that it is compared with.
 
     Attributes:
         sentence: Description of the motion.
-        use: States whether runs of this motion were used to compute its feedforward.
-        after: Errors with compensation.
-        before: Errors without compensation; null if there is no such run.
-        mean_ratio: Mean distance without compensation divided by that with compensation; null if
-            there is no run without compensation.
-        max_ratio: Largest distance without compensation divided by that with compensation; null if
-            there is no run without compensation.
+        use: "plain" without compensation, "streamed" if it was computed online; for a feedforward,
+            its use of runs of this motion: "never used", "tuned on it", or "refined N times".
+        after: Errors of the run, which usually has compensation.
+        before: Errors of the run to compare with, usually without compensation; null if there is
+            none.
+        mean_ratio: Mean distance in `before` divided by that in `after`; null if `before` is null.
+        max_ratio: Largest distance in `before` divided by that in `after`; null if `before` is
+            null.
         drawn: The curves.
     """
 
@@ -155,7 +157,7 @@ class FollowedMotion(Section):
     def of(
         cls, sentence: str, use: str, after: FollowedRun, before: FollowedRun | None
     ) -> FollowedMotion:
-        """Return the errors of a motion from a run with compensation and one without."""
+        """Return the errors of a motion from a run and the run to compare with."""
         one, other = after.error, None if before is None else before.error
         return cls(
             sentence=sentence,
@@ -278,7 +280,7 @@ class TrackingSection(Section):
                 mean += f" (measured on {100.0 * least_share:.0f} % of the motion)"
         if not ratios:
             return VerdictSection.of(
-                [], mean, f"No run without compensation was given for comparison. {self.unseen}"
+                [], mean, f"No other run was given for comparison. {self.unseen}"
             )
         changed, at_tool = f"error {_change(ratios)}", self._tool_ratios
         if self.tool_side:

@@ -25,24 +25,27 @@ class AxisError(Section):
     Attributes:
         joint: Name of the joint.
         unit: Unit of the torque.
-        rms_torque: RMS of the measured torque; null if the axis does not move.
-        rms_error: RMS of the torque error; null if the axis does not move.
-        relative_error_percent: RMS error relative to the RMS torque, on moving samples [%].
-        all_samples_percent: RMS error relative to the RMS torque, on all samples [%].
-        noise: Noise of one measured sample; null if the recording has no periods.
-        floor: RMS error of the torques predicted with the true parameters; null if the robot is not
-            simulated.
-        error_over_floor: RMS error divided by `floor`; null if the robot is not simulated.
+        rms_torque: RMS of the measured torque; null if no sample counts.
+        rms_error: RMS of the torque error; null if no sample counts.
+        relative_error_percent: RMS error relative to the RMS torque, on the samples that count [%];
+            null if no sample counts.
+        all_samples_percent: RMS error relative to the RMS torque, on all samples except
+            `unknown_samples` [%]; null if there are none.
+        noise: RMS error that the measured noise alone causes after the low-pass filter; null if a
+            recording has no periods, or too few to estimate it.
+        floor: RMS error of the torques predicted with the true parameters; null if they are not
+            known or no sample counts.
+        error_over_floor: RMS error divided by `floor`; null if `floor` is null or 0.
         limit_percent: Limit of the relative error [%]; null if no limit was set.
-        passed: True if the relative error is within its limit; null if it is not judged.
+        passed: True if the relative error is within its limit; null if no limit was set or no
+            sample counts.
         samples: Number of samples that count.
         unknown_samples: Number of samples, moving or not, whose friction depends on the motion
             before the recording or in a gap of the recording. They do not count. Left out if there
             are none.
         over_noise: RMS error divided by the error that noise alone causes; left out if the noise is
             not known, or if no limit was set.
-        grade: "good", "doubtful" or "bad"; left out if the axis does not move, or if no limit was
-            set.
+        grade: "good", "doubtful" or "bad"; left out if no sample counts, or if no limit was set.
         reason: Reason for the grade, or for its absence; left out if no limit was set.
     """
 

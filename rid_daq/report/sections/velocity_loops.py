@@ -67,7 +67,8 @@ class AxisLoop(Section):
         velocity_margins: Margins of the velocity loop.
         position_margins: Margins of the position loop.
         position_peak: Largest amplification of the closed position loop.
-        largest_position_gain_per_s: Largest position gain that keeps the margins [1/s].
+        largest_position_gain_per_s: Largest position gain that keeps the margins [1/s]; null if
+            every gain keeps them.
         response: Measured response of the controller.
         mechanics_response: Measured response of the axis.
         cascade: Curves of the open loops.
@@ -164,7 +165,8 @@ class VelocityLoopsSection(Section):
     Attributes:
         sentence: Description of the measurement.
         position_gain_per_s: Present position gain [1/s].
-        largest_position_gain_per_s: Largest position gain that keeps the margins of all axes [1/s].
+        largest_position_gain_per_s: Largest position gain that keeps the margins of all axes [1/s];
+            null if every gain keeps them.
         advice: Advice on the position gain.
         axes: Result of each axis.
     """

@@ -157,7 +157,7 @@ def run_folder(service: CellService, run: str) -> RunFolder:
     """Return the folder of a run of the service, by id, label or `latest`.
 
     Raises:
-        UnknownError: There is no such run.
+        UnknownError: There is no such run, or several runs have ids that begin like this.
     """
     folder = RunFolder(service.runs.resolve() / run, run)
     if RUN_ID.fullmatch(run) and not folder.path.is_symlink():  # no search through all runs
@@ -167,7 +167,7 @@ def run_folder(service: CellService, run: str) -> RunFolder:
     try:
         return find_run_below(service.runs, run)
     except ConfigError as error:
-        raise UnknownError(str(error), code="RID-RUN-UNKNOWN") from None
+        raise UnknownError(str(error), code=error.refusal) from None
 
 
 def _file(folder: RunFolder, name: str, kind: str, *, saved: bool = False) -> Response:

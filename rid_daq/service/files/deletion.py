@@ -29,7 +29,8 @@ def delete_file(service: CellService, path: Path, shown: str, version: str, most
 
     Raises:
         UnknownError: There is no such file (`RID-FILE-UNKNOWN`).
-        ConfigError: A cell or a run contains the file (`RID-FILE-TYPE`), or it cannot be deleted.
+        ConfigError: The file belongs to a cell (`RID-OUTPUT-CELL`) or is in the runs folder
+            (`RID-OUTPUT-RUN`), or it cannot be deleted.
         FileChangedError: The file has another version (`RID-FILE-CHANGED`).
     """
     if not path.is_file():
@@ -39,10 +40,11 @@ def delete_file(service: CellService, path: Path, shown: str, version: str, most
         for cell in service.cells.values()
         for each in cell.loaded.disk_names.values()
     }
-    if path in of_cells or path.is_relative_to(service.runs.resolve()):
+    is_of_cell = path in of_cells
+    if is_of_cell or path.is_relative_to(service.runs.resolve()):
         raise ConfigError(
             f"{shown}: cannot be deleted here: only files that belong to no cell and no run can",
-            code="RID-FILE-TYPE",
+            code="RID-OUTPUT-CELL" if is_of_cell else "RID-OUTPUT-RUN",
         )
     with system_errors(ConfigError, f"{shown}: cannot read", code="RID-FILE-READ"):
         found = sha256_of(read_file(path, most))

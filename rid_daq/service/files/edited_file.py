@@ -63,7 +63,7 @@ class EditedFile:
 
         Raises:
             ConfigError: The path is outside the service's folder or hidden, or the file cannot be
-                edited (`RID-FILE-TYPE`).
+                edited (`RID-FILE-TYPE`; in the runs folder `RID-OUTPUT-RUN`).
         """
         path = require_inside(shown, service.folder)
         model: Any = MotionFile
@@ -71,11 +71,12 @@ class EditedFile:
             for name, of_cell in cell.loaded.disk_names.items():
                 if of_cell.resolve() == path:
                     model = ServoProfile if name.startswith("servo") else _MODELS.get(name)
-        if model is None or path.suffix != ".yaml" or path.is_relative_to(service.runs.resolve()):
+        is_of_run = path.is_relative_to(service.runs.resolve())
+        if model is None or path.suffix != ".yaml" or is_of_run:
             raise ConfigError(
                 f"{shown}: cannot be edited here: only the YAML files of a cell and motion files"
                 " outside the runs folder can",
-                code="RID-FILE-TYPE",
+                code="RID-OUTPUT-RUN" if is_of_run else "RID-FILE-TYPE",
             )
         return cls.of_path(service, path, shown, model)
 

@@ -108,7 +108,7 @@ def test_the_offset_at_rest_is_the_mean_of_the_interval(tmp_path: Path) -> None:
 
 def test_a_rest_outside_the_rows_is_refused(tmp_path: Path) -> None:
     table = _read(tmp_path, VALUES, **CHANNELS, rest_s=[-9.0, -8.0])
-    with raises_code(DataQualityError, "RID-PLATE-CHANNEL", "rest_s"):
+    with raises_code(DataQualityError, "RID-IMPORT-ROWS", "rest_s"):
         table.without_offset(2.0)
 
 

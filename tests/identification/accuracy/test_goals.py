@@ -65,7 +65,7 @@ def test_goals_are_read(model, text, goal) -> None:
     ("text", "code", "details"),
     [
         ("fc_axis1=3", "RID-OPTION-SYNTAX", ("fv_axis1<5%",)),
-        ("fc_axis1<0", "RID-OPTION-SYNTAX", ("above 0",)),
+        ("fc_axis1<0", "RID-OPTION-RANGE", ("above 0",)),
         ("fc_axis9<1", "RID-OPTION-NAME", ("fc_axis9", ", fv_axis1, ")),
         ("m3<0.05kg", "RID-OPTION-NAME", ("m3", "'Izz1 ", " m3 ")),
         ("m1<0.05kg", "RID-OPTION-NAME", ("m1",)),

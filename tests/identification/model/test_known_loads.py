@@ -181,7 +181,7 @@ def test_a_file_names_bodies_and_the_runs_that_carried_them(tmp_path: Path, arm:
         ([("bodies: [disc]", "bodies: [disk]")], "RID-FILE-VALUE", ["disk", "four"]),
         ([("[disc]", "[disc, disc]")], "RID-FILE-VALUE", ["four", "twice"]),
         ([("sigma_kg: 0.01", "sigma_kg: 10.0")], "RID-FILE-VALUE", ["mass_sigma_kg", "10", "8"]),
-        ([("link: 3", "link: 4")], "RID-ROBOT-OTHER", ["disc", "link 4", "3 links"]),
+        ([("link: 3", "link: 4")], "RID-FILE-VALUE", ["disc", "link 4", "3 links"]),
         ([("link: 3", "link: 0")], "RID-FILE-VALUE", ["link"]),
         ([("mass_kg: 8.0", "mass_kg: 8000.0")], "RID-FILE-VALUE", ["mass_kg"]),
         ([("0.05, 0.0", "5.0, 0.0")], "RID-FILE-VALUE", ["inertia_kg_m2"]),

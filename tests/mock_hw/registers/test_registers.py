@@ -93,6 +93,16 @@ class TestDriver:
         measured(f"{kind}, a refusal: one request, the message explains the exception")
 
     @pytest.mark.fault(31)
+    def test_a_drive_that_is_busy_is_not_reported_as_a_wrong_profile(
+        self, workshop: Workshop, kind: str
+    ) -> None:
+        config = workshop.serve(kind, fault=at_first("exception", code=6))
+        with open_modbus(config) as link:
+            (read,) = plan_reads(PROFILE, POLLED)
+            with raises_code(ProtocolError, "RID-MODBUS-SILENT", "busy"):
+                link.read(1, read)
+
+    @pytest.mark.fault(31)
     def test_the_driver_reports_silence_as_a_timeout(
         self, workshop: Workshop, kind: str, measured: Measured
     ) -> None:

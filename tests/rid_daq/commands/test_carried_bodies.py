@@ -90,7 +90,7 @@ def test_bodies_are_taken_up_during_a_motion(root: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "code"),
     [
-        (bodies_text("weight", 2, SHARE, on_link=4), "RID-ROBOT-OTHER"),
+        (bodies_text("weight", 2, SHARE, on_link=4), "RID-FILE-VALUE"),
         ("bodies: {}\n", "RID-FILE-VALUE"),
         (BODIES + "loads:\n- {run: loaded, bodies: [weight]}\n", "RID-FILE-VALUE"),
     ],

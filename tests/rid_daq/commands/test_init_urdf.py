@@ -188,7 +188,8 @@ def test_a_urdf_of_several_arms_is_refused_with_a_command_for_each(
         (["--urdf", "{}/two.urdf", "--base", "fore", "--tip", "base"], "is not below 'fore'"),
         (["--tip", "hand"], "--tip: has no effect without --urdf"),
         (["--urdf", "{}/two.urdf", "--effort", "1,2,3"], "--effort has 3 values; give one, or one"),
-        (["--urdf", "{}/two.urdf", "--range", "-1"], "--range -1: give one number above 0"),
+        (["--urdf", "{}/two.urdf", "--range", "-1"], "RID-OPTION-RANGE"),
+        (["--urdf", "{}/two.urdf", "--range", "wide"], "RID-OPTION-SYNTAX"),
     ],
 )
 def test_invalid_options_are_refused_and_no_file_is_written(

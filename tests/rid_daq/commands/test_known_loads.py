@@ -103,7 +103,7 @@ def test_runs_that_all_carry_bodies_are_not_searched_for_mistakes(
     ("runs", "loaded", "more", "code"),
     [
         (("empty",), ("loaded",), (), "RID-PAYLOAD-RUNS"),
-        (("loaded",), ("loaded", "loaded"), (), "RID-PAYLOAD-RUNS"),
+        (("loaded",), ("loaded", "loaded"), (), "RID-FILE-DUPLICATE"),
         (("loaded",), ("loaded",), ("--cross-check",), "RID-PAYLOAD-RUNS"),
         (("empty", "loaded"), ("loaded",), ("--choose",), "RID-OPTION-EXCLUSIVE"),
         (

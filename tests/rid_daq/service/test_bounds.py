@@ -194,6 +194,12 @@ def test_only_runs_in_the_services_folder_are_found(
         assert (answer.status_code, answer.json()["code"]) == (404, "RID-RUN-UNKNOWN")
 
 
+def test_an_ambiguous_run_is_not_reported_as_unknown(asker: Asker) -> None:
+    one, _ = (RunFolder.create(asker.service.runs, "same", now_ns=10**18) for _ in range(2))
+    answer = asker.ask("GET", f"/api/v1/runs/{one.run_id[:8]}")  # seconds, the same in both ids
+    assert (answer.status_code, answer.json()["code"]) == (404, "RID-RUN-AMBIGUOUS")
+
+
 @pytest.mark.promise("own-runs")
 def test_a_run_that_contains_a_link_is_not_read(asker: Asker) -> None:
     run = RunFolder.create(asker.service.runs, "linked")

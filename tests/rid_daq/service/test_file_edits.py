@@ -129,10 +129,17 @@ def test_a_cell_that_another_client_holds_is_not_changed(editing: Editing) -> No
     assert editing.save(Role.ADMINISTRATOR, "arm.yaml", text, version, **own).status_code == 201
 
 
-@pytest.mark.parametrize("name", ["runs/a.yaml", "sheet.json", "drive.eds"])
-def test_other_files_are_not_edited(editing: Editing, name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "code"),
+    [
+        ("runs/a.yaml", "RID-OUTPUT-RUN"),
+        ("sheet.json", "RID-FILE-TYPE"),
+        ("drive.eds", "RID-FILE-TYPE"),
+    ],
+)
+def test_other_files_are_not_edited(editing: Editing, name: str, code: str) -> None:
     answer = editing.save(Role.ADMINISTRATOR, name, MOTION, "")
-    assert refusal(answer) == (422, "RID-FILE-TYPE")
+    assert refusal(answer) == (422, code)
 
 
 def test_a_motion_with_a_table_outside_the_folder_is_not_saved(editing: Editing) -> None:
@@ -183,12 +190,12 @@ def test_only_the_known_version_of_a_file_without_a_cell_or_run_is_deleted(
         (Role.VIEWER, "m/poses.yaml", editing.version("m/poses.yaml"), (403, "RID-ACCESS-ROLE")),
         (Role.OPERATOR, "m/poses.yaml", "0" * 64, (412, "RID-FILE-CHANGED")),
         (Role.OPERATOR, "m/none.yaml", "0" * 64, (404, "RID-FILE-UNKNOWN")),
-        (Role.ADMINISTRATOR, "arm.yaml", editing.version("arm.yaml"), (422, "RID-FILE-TYPE")),
+        (Role.ADMINISTRATOR, "arm.yaml", editing.version("arm.yaml"), (422, "RID-OUTPUT-CELL")),
         (
             Role.OPERATOR,
             "runs/a/motion.yaml",
             editing.version("runs/a/motion.yaml"),
-            (422, "RID-FILE-TYPE"),
+            (422, "RID-OUTPUT-RUN"),
         ),
     ):
         assert refusal(delete(role, name, version)) == expected
