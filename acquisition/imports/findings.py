@@ -32,6 +32,7 @@ about 2 Hz, but identification uses up to 10 Hz."""
 STUCK_ROWS = 100
 STUCK_SHARE = 0.2
 JUMP_TIMES = 5.0
+GLITCH_ROWS = 10
 WRAP_SPEED = 0.3
 WRAP_SHARE = 0.9
 FEWEST_WRAPS = 4
@@ -302,9 +303,11 @@ def _refuse_moved_zeros(time_s: FloatArray, position: FloatArray, robot: RobotDe
     far = (steps > JUMP_TIMES * limits * step_s) & (steps > JUMP_TIMES * usual)
     alone = far & (np.sum(steps > 2.0 * usual, axis=1) == 1)[:, np.newaxis]
     for number, joint in enumerate(robot.joints):
-        places = np.flatnonzero(alone[:, number])
-        if len(places):
-            row = int(places[0])
+        for row in np.flatnonzero(alone[:, number]).tolist():
+            near = slice(max(row - GLITCH_ROWS, 0), row + GLITCH_ROWS + 1)
+            moved = (np.diff(position[:, number])[near] * far[near, number]).sum()
+            if abs(moved) < 0.5 * steps[row, number]:  # the position is wrong only in a few rows
+                continue
             raise DataQualityError(
                 f"the position of {joint.name} jumps by {steps[row, number]:.4g} {joint.unit} at"
                 f" {time_s[row + 1]:.6g} s, which needs"
@@ -330,7 +333,12 @@ def _refuse_wrapped_torques(rows: ImportRows, import_map: ImportMap) -> None:
         span = float(np.ptp(torque))
         wraps = np.flatnonzero(moves & (jumps > WRAP_SHARE * span))
         wraps = wraps[np.diff(wraps, prepend=-WRAP_ROWS) >= WRAP_ROWS]
-        if len(wraps) >= FEWEST_WRAPS:
+        wraps = wraps[(wraps > 0) & (wraps < len(jumps) - 1)]
+        steps = np.diff(torque)
+        # before and after a wrap, the torque changes in the direction opposite to the jump
+        back = -np.sign(steps[wraps])
+        continued = (back * steps[wraps - 1] > 0.0) & (back * steps[wraps + 1] > 0.0)
+        if len(wraps) >= FEWEST_WRAPS and continued.mean() >= WRAP_SHARE:
             column = joint.torque if joint.current is None else joint.current
             raise DataQualityError(
                 f"the torque of {joint.joint} (column {column}) jumps {len(wraps)} times by its"

@@ -172,6 +172,18 @@ class TestStuck:
         table[:, 5] = np.sign(table[:, 3]) + 0.01 * table[:, 3]
         report_of(tmp_path, table)
 
+    def test_forces_that_change_from_one_limit_to_the_other_in_motion_do_not_wrap(
+        self, tmp_path: Path
+    ) -> None:
+        """With triangular speed profiles, acceleration changes its sign at the largest speed."""
+        table = sound_table()
+        t = table[:, 0] - table[0, 0]
+        force = np.where(t % 0.8 < 0.4, 1.0, -1.0)
+        table[:, 3] = 4.0 * (0.2 - np.abs(t % 0.8 - 0.4)) + 0.8
+        table[:, 1] = np.cumsum(0.011 * table[:, 3]) - 1.7
+        table[:, 5] = 3.0 * force + np.random.default_rng(0).normal(scale=0.02, size=len(t))
+        report_of(tmp_path, table, without_velocities(plausible={"position": 9.0}))
+
     def test_a_stuck_position_is_refused_if_its_velocity_changes(self, tmp_path: Path) -> None:
         table = sound_table()
         table[:, 1] = 0.3
@@ -194,6 +206,13 @@ class TestPositions:
         names = ("--rows",)
         with raises_code(DataQualityError, "RID-IMPORT-UNITS", *names):
             report_of(tmp_path, table, import_map)
+
+    def test_a_position_that_is_wrong_in_a_single_row_is_no_moved_zero(
+        self, tmp_path: Path
+    ) -> None:
+        table = sound_table()
+        table[200, 1] += 0.3
+        report_of(tmp_path, table, without_velocities(plausible={"speed": 60.0}))
 
     def test_lost_rows_are_no_moved_zero(self, tmp_path: Path) -> None:
         table = sound_table()

@@ -67,9 +67,11 @@ def test_rows_without_a_torque_are_removed(value: float) -> None:
     assert len(sound.row) == ROWS - len(missing)
 
 
-def test_a_noisy_torque_and_its_reversals_are_kept() -> None:
+@pytest.mark.parametrize("resolution", [0.1, 0.03, 0.01])
+def test_a_noisy_torque_and_its_reversals_are_kept(resolution: float) -> None:
     rows = moving_rows(0.4 * np.sin(1.5 * 0.004 * np.arange(ROWS)))
     noise = np.random.default_rng(1).normal(size=ROWS)
-    rows.torque[:, 1] = np.round(np.sign(np.sin(0.5 * rows.time_s)) + 0.3 * noise, 1)
+    torque = np.sign(np.sin(0.5 * rows.time_s)) + 0.3 * noise
+    rows.torque[:, 1] = resolution * np.round(torque / resolution)
     damaged: list[DamagedRow] = []
     assert len(drop_unsound_rows(rows, two_joint_map(), damaged)[0].row) == ROWS
