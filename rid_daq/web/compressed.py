@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
+from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.requests import Request
 from starlette.responses import Response
@@ -85,15 +86,18 @@ class CompressedJson:
                 return
             if start is not None:
                 begun, start = start, None
-                message = _compress(begun, message)
+                message = await _compress(begun, message)
                 await send(begun)
             await send(message)
 
         await self._app(scope, receive, send_compressed)
 
 
-def _compress(start: Message, first: Message) -> Message:
-    """Change the head of an answer, and return its first part compressed, if it is a document."""
+async def _compress(start: Message, first: Message) -> Message:
+    """Change the head of an answer, and return its first part compressed, if it is a document.
+
+    Compression runs in another thread, so that a large document does not delay other requests.
+    """
     headers = MutableHeaders(raw=start["headers"])
     body: bytes = first.get("body", b"")
     is_json = headers.get("content-type", "").startswith("application/json")
@@ -102,7 +106,7 @@ def _compress(start: Message, first: Message) -> Message:
     headers.add_vary_header("accept-encoding")
     if len(body) < FEWEST_BYTES:
         return first
-    packed = gzip.compress(body, _LEVEL, mtime=0)
+    packed = await run_in_threadpool(gzip.compress, body, _LEVEL, mtime=0)
     headers["content-encoding"] = "gzip"
     headers["content-length"] = str(len(packed))
     return {**first, "body": packed}
