@@ -162,7 +162,10 @@ def test_a_quick_run_reproduces_the_results(
     for kind in ("cold", "corrected"):
         own, stored = (each["warming"][kind]["values"][0] for each in (quick, results))
         assert np.allclose(own, stored[: len(own)], rtol=0.01)
-    assert quick["sensitivity"] == results["sensitivity"]
+    assert quick["sensitivity"].keys() == results["sensitivity"].keys()
+    for case, stored in results["sensitivity"].items():
+        for key, values in stored.items():  # effects that are exactly 0 are rounding errors
+            assert quick["sensitivity"][case][key] == pytest.approx(values, abs=1e-9)
     for name, axes in results["friction"].items():
         for axis, curve in axes.items():
             own = quick["friction"][name][axis]["friction_nm"]

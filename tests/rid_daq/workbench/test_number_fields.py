@@ -97,7 +97,7 @@ def test_attaching_the_payload_can_be_practised_on_the_simulated_cell(
     take_cell(page)
     page.get_by_role("link", name="Payload", exact=True).click()
     ready(page, served_pages)
-    page.get_by_label("Practise").check()
+    page.get_by_role("checkbox", name="Practise").check()
     assert _sent_request(page)["practise"] is True
     problems.clear()  # the console reports the refused request
     give_back(page)
