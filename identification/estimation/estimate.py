@@ -333,6 +333,21 @@ def refuse_internal_model(estimate: Estimate) -> None:
         )
 
 
+def refuse_external_model(estimate: Estimate) -> None:
+    """Refuse an estimate of the external model, without friction and inertia of the motors.
+
+    Raises:
+        EstimationError: The estimate is of this model (RID-MODEL-KIND).
+    """
+    if estimate.options.kind == "external":
+        raise EstimationError(
+            "an external model, from the force plate alone, contains no friction and no inertia of"
+            " the motors, so it cannot predict their torques: identify with `--model combined` or"
+            " `--model internal`",
+            code="RID-MODEL-KIND",
+        )
+
+
 def refuse_other_positions(estimate: Estimate, q: FloatArray) -> None:
     """Refuse a motion if a joint that no run moved has another position than in the runs.
 

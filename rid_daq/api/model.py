@@ -20,6 +20,7 @@ from identification.estimation.estimate import (
     Estimate,
     base_regressor,
     predict,
+    refuse_external_model,
     refuse_other_positions,
 )
 from identification.estimation.file import write_estimate
@@ -66,8 +67,7 @@ class Model:
     torques determine. Torques are those of the actuators at the link side; without a coupled wrist
     they are the torques of the joints. Arrays have the shape (samples, joints), or (joints,) for
     one sample. Friction with presliding is computed along the samples in their order; in one
-    sample, joints that move slide.
-    `print` shows the parameters, the fit of each joint, and the findings.
+    sample, joints that move slide. `print` shows parameters, the fit of each joint, and findings.
 
     Attributes:
         estimate: The identified parameters, as the operations use them.
@@ -153,8 +153,8 @@ class Model:
     ) -> FloatArray:
         """Return the torques of a motion, friction included: tau = Y(q, v, a) beta.
 
-        With elastic gears (`identify --gears`), the motion is that of the links, and the torques
-        are those of rigid gears; `print` shows by how much they differed in the identification.
+        With elastic gears (`identify --gears`), the motion is that of the links; `print` shows by
+        how much their torques differed from those of the motors in the identification.
 
         Args:
             position, velocity, acceleration: Shape (samples, joints) or (joints,). The motion [rad
@@ -165,10 +165,10 @@ class Model:
 
         Raises:
             ConfigError, EstimationError: An array does not fit, or positions are far beyond the
-                limits (RID-API-ARGUMENT); a joint that did not move in the identification is at
-                another position; friction depends on temperature (`at_temperature`); or the model
-                contains a payload (`with_payload`).
+                limits (RID-API-ARGUMENT); a joint that did not move is at another position; the
+                model is external, depends on temperature or contains a payload.
         """
+        refuse_external_model(self.estimate)
         if np.ndim(position) == 1:
             return np.asarray(self.regressor(position, velocity, acceleration) @ self.values)
         require_stated_payload(self.estimate)
@@ -203,8 +203,8 @@ class Model:
     def mass_matrix(self, position: npt.ArrayLike) -> FloatArray:
         """Return the mass matrix M of tau = M(q) a + ..., rotors included.
 
-        Weakly determined parameters can make the mass matrix indefinite. `to_pinocchio` uses the
-        closest physically consistent parameters, with which the mass matrix is positive definite.
+        Weakly determined parameters can make it indefinite. `to_pinocchio` uses the closest
+        physically consistent ones, with which it is positive definite.
 
         Args:
             position: Shape (samples, joints) or (joints,). Positions [rad or m].

@@ -13,11 +13,11 @@ from compensation.feedforward.file import LARGEST_FILE_BYTES, feedforward_conten
 from compensation.loops import loop_file
 from compensation.loops.velocity_loop import VelocityLoop
 from config.cell.cell import CellConfig
-from config.errors import ConfigError
+from config.errors import ConfigError, EstimationError
 from config.formats.json_file import read_content
 from config.load import LoadedCell
 from config.robot.robot import RobotDescription
-from identification.estimation.estimate import Estimate
+from identification.estimation.estimate import Estimate, refuse_external_model
 from identification.model.still_joints import refuse_unmoved_joints
 from rid_daq.runs.run_model import read_model_and_bytes
 
@@ -93,6 +93,21 @@ def read_estimate_and_bytes(path: Path, robot: RobotDescription) -> tuple[Estima
     estimate, data = read_model_and_bytes(path)
     refuse_other_robot(path, estimate.robot, robot)
     refuse_unmoved_joints(estimate.still, str(path))
+    return estimate, data
+
+
+def read_torque_model(path: Path, robot: RobotDescription) -> tuple[Estimate, bytes]:
+    """Return a model that predicts the motors' torques, and the file's bytes.
+
+    Raises:
+        EstimationError: The model is external, without friction and inertia of the motors.
+        RidDaqError: As `read_estimate_for`.
+    """
+    estimate, data = read_estimate_and_bytes(path, robot)
+    try:
+        refuse_external_model(estimate)
+    except EstimationError as error:
+        raise EstimationError(f"{path}: {error}", code=error.refusal) from error
     return estimate, data
 
 

@@ -21,7 +21,7 @@ from identification.estimation.at_temperature import depends_on_temperature
 from rid_daq.blocks.block import AnyBlock, Text
 from rid_daq.blocks.formats import duration, number
 from rid_daq.blocks.plot import Axis, Colour, Line, Panel, Plot
-from rid_daq.operations.cell_files import read_estimate_for, read_motion_for
+from rid_daq.operations.cell_files import read_motion_for, read_torque_model
 from rid_daq.operations.stated_payload import state_payload
 from rid_daq.terminal.choices import DEFAULT_RUNS
 
@@ -62,7 +62,7 @@ def motion_blocks(
     yield Text(text=text)
     torque, caption = None, ""
     if model is not None:
-        estimate = read_estimate_for(model, cell.robot)
+        estimate = read_torque_model(model, cell.robot)[0]
         estimate = state_payload(estimate, model.name, payload, runs).estimate
         moved = (one.position, one.velocity, one.acceleration)
         torque = limit_torque(estimate, *moved, one.sample_period_s)

@@ -26,7 +26,7 @@ from identification.design.two_harmonic import (
 from identification.elasticity.limit_torque import limit_temperature_note
 from identification.estimation.estimate import Estimate
 from identification.friction.motions import constant_velocity_motion, reversed_motion
-from rid_daq.operations.cell_files import read_estimate_for
+from rid_daq.operations.cell_files import read_estimate_for, read_torque_model
 from rid_daq.operations.experiment.design import (
     EXCITATION_PERIOD_S,
     DesignRequest,
@@ -178,7 +178,7 @@ def _limit_model(request: DesignRequest, robot: RobotDescription) -> Estimate | 
     """Return the model for the torque limits, with the payload; None without one."""
     if request.model is None:
         return None
-    estimate = read_estimate_for(request.model, robot)
+    estimate = read_torque_model(request.model, robot)[0]
     return state_payload(estimate, request.model, request.payload, request.runs).estimate
 
 

@@ -33,9 +33,9 @@ from config.load import LoadedCell, load_cell
 from identification.elasticity.gear_torque import has_stiffness
 from identification.estimation.estimate import Estimate
 from rid_daq.operations.cell_files import (
-    read_estimate_and_bytes,
     read_loops_for,
     read_motion_for,
+    read_torque_model,
 )
 from rid_daq.operations.path.compensate import CompensateRequest
 from rid_daq.operations.path.model_doubts import model_doubts
@@ -113,7 +113,7 @@ def compensate_motion(request: CompensateRequest) -> CompensatedMotion:
     given = read_loops_for(request.loop, loaded.robot, loaded.config)
     loops = given.loops
     samples = motion.plan(loaded.robot, loaded.config.cycle_time_s)
-    modelled, model_bytes = read_estimate_and_bytes(request.model, loaded.robot)
+    modelled, model_bytes = read_torque_model(request.model, loaded.robot)
     stated = (request.model, request.payload, request.load_changes, request.runs)
     loads = state_loads(modelled, *stated)
     samples = loads.planned(samples)
@@ -185,7 +185,7 @@ def refine_feedforward(request: RefineRequest) -> RefinedFeedforward:
     first = driven[0]
     _refuse_mixed(driven)
     samples = first.samples()
-    modelled, model_bytes = read_estimate_and_bytes(request.model, first.data.robot)
+    modelled, model_bytes = read_torque_model(request.model, first.data.robot)
     carrying = state_payload(modelled, request.model, request.payload, request.runs)
     velocity = samples.whole().velocity
     warm = at_operating_temperature(carrying.estimate, request.temperature, velocity)

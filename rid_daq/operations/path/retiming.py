@@ -17,7 +17,7 @@ from config.load import LoadedCell, load_cell, to_yaml
 from config.robot.robot import RobotDescription
 from identification.calibration.base_reaction import base_limits
 from identification.estimation.estimate import Estimate, predict
-from rid_daq.operations.cell_files import read_estimate_for, read_motion_for
+from rid_daq.operations.cell_files import read_motion_for, read_torque_model
 from rid_daq.operations.path.model_doubts import model_doubts
 from rid_daq.operations.path.retime import RetimeRequest
 from rid_daq.operations.rigid_gears import rigid_gears_notes
@@ -80,7 +80,7 @@ def retime_motion(request: RetimeRequest) -> RetimedMotion:
             " (joint_path, path, circle, joint_table, multipoint)",
             code="RID-MOTION-KIND",
         )
-    estimate = read_estimate_for(request.model, robot)
+    estimate = read_torque_model(request.model, robot)[0]
     estimate = state_payload(estimate, request.model, request.payload, request.runs).estimate
     limits = _timing_limits(request, loaded)
     if request.base:

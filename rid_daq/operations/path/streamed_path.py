@@ -16,9 +16,9 @@ from config.cell.cell import CellConfig
 from config.errors import ConfigError
 from config.load import LoadedCell, load_cell
 from rid_daq.operations.cell_files import (
-    read_estimate_and_bytes,
     read_loops_for,
     read_motion_and_bytes,
+    read_torque_model,
 )
 from rid_daq.operations.operation import Context
 from rid_daq.operations.path.model_doubts import model_doubts
@@ -48,7 +48,7 @@ def stream_path(request: StreamRequest, context: Context) -> tuple[RecordedRun, 
     loaded = load_cell(request.cell)
     words, samples, files = _plan_path(request, loaded)
     measured = read_loops_for(request.loop, loaded.robot, loaded.config)
-    estimate, model_bytes = read_estimate_and_bytes(request.model, loaded.robot)
+    estimate, model_bytes = read_torque_model(request.model, loaded.robot)
     stated = (request.model, request.payload, request.load_changes, request.runs)
     loads = state_loads(estimate, *stated)
     if samples is not None:

@@ -74,7 +74,7 @@ def test_design_writes_a_motion_within_all_limits(
     assert list(document["trials"][0]) == ["elapsed_s", "seed", "worth", "broken"]
     assert all(use["held"] for use in document["limits"])
     assert any(use["active"] for use in document["limits"])
-    assert "of 2 starts of seed 0 for condition: condition number" in path.read_text()
+    assert "2 random first guesses (--seed 0" in path.read_text()
 
 
 def test_equal_seeds_and_starts_give_equal_files(

@@ -16,10 +16,13 @@ from acquisition.motion.motion_file import load_motion
 from acquisition.runs.catalogue import find_run
 from acquisition.runs.folder import RunFolder
 from config.arrays import FloatArray
+from config.errors import EstimationError
 from config.load import load_cell
 from mock_hw.plant.rigid_bodies import BaseWrench
+from rid_daq.api import Model
 from rid_daq.app import run
 from tests.builders.json_output import document
+from tests.builders.raised_codes import raises_code
 from tests.builders.screens import both_outputs
 
 pytestmark = pytest.mark.slow
@@ -113,6 +116,19 @@ def test_the_external_model_is_identified_from_the_plate_alone(
     assert len(document(capsys)["estimate"]["parameters"]) == 20
     assert run(["validate", str(model), "validation", "--json", *runs]) == 0
     result = document(capsys)
+    with raises_code(EstimationError, "RID-MODEL-KIND"):
+        Model.load(model).inverse_dynamics(*np.zeros((3, 3)))
+    multisine = [
+        "design",
+        str(workshop / "cell.yaml"),
+        "--kind",
+        "multisine",
+        "--model",
+        str(model),
+    ]
+    assert run([*multisine, "-o", str(workshop / "none.yaml")]) == 6
+    assert "[RID-MODEL-KIND]" in capsys.readouterr().err
+    assert not (workshop / "none.yaml").exists()
     assert "torques get no verdict" in result["validation"]["sentence"]
     assert max(c["relative_error_percent"] for c in result["reaction"]["components"]) < 20.0
 
