@@ -24,9 +24,9 @@ from identification.design.two_harmonic import (
     design_two_harmonic,
 )
 from identification.elasticity.limit_torque import limit_temperature_note
-from identification.estimation.estimate import Estimate
+from identification.estimation.estimate import Estimate, refuse_external_model
 from identification.friction.motions import constant_velocity_motion, reversed_motion
-from rid_daq.operations.cell_files import read_estimate_for, read_torque_model
+from rid_daq.operations.cell_files import read_estimate_for
 from rid_daq.operations.experiment.design import (
     EXCITATION_PERIOD_S,
     DesignRequest,
@@ -167,6 +167,8 @@ def _design_excitation(
 def _design_multisine(request: DesignRequest, cell: LoadedCell) -> DesignedMotion:
     robot = cell.robot
     estimate = _limit_model(request, robot)
+    if estimate is not None:
+        refuse_external_model(estimate)
     motion = multisine_motion(robot, cell.config, _multisine_options(request.multisine), estimate)
     samples = _write_motion(request, cell, motion)
     warmth = "" if estimate is None else limit_temperature_note(estimate)
@@ -178,7 +180,7 @@ def _limit_model(request: DesignRequest, robot: RobotDescription) -> Estimate | 
     """Return the model for the torque limits, with the payload; None without one."""
     if request.model is None:
         return None
-    estimate = read_torque_model(request.model, robot)[0]
+    estimate = read_estimate_for(request.model, robot)
     return state_payload(estimate, request.model, request.payload, request.runs).estimate
 
 
