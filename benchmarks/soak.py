@@ -212,7 +212,7 @@ def _judge(fault: Fault, outcome: RecordOutcome, cell: SimulatedCell) -> str:
     if stop is not None and stop not in fault.stops:
         return f"stopped by {stop.name}: {outcome.stop.text if outcome.stop else ''}"
     if not _comes_to_rest(cell):
-        return "the axes are not at rest"
+        return "an axis still moves, or still has power"
     journal = read_journal(outcome.path)
     if not fault.tears_the_file and journal.damage.notes:
         return "; ".join(journal.damage.notes)

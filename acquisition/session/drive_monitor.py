@@ -146,7 +146,7 @@ def end_monitor(monitor: HelperProcess, control: ControlBlock) -> list[str]:
 
 
 def mark_monitor_dead(control: ControlBlock) -> None:
-    """Mark the monitor as failed if its process has died, so that no process waits for it."""
+    """Mark the monitor, whose process has died, as failed, so that no process waits for it."""
     if control.monitor.working:
         control.monitor.fail(
             DriverError(

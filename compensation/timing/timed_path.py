@@ -311,8 +311,9 @@ class _Search:
         self._slower *= float(np.clip(np.sqrt(ratio.max()), 1.002, 1.5))
         if self._slower > SLOWEST:
             raise LimitError(
-                f"{self.worst} is {ratio.max():.3g} of its limit at any speed, from gravity and"
-                " friction alone. Add rests between motions, or raise the limit",
+                f"{self.worst} is {ratio.max():.3g} times its limit even if the motion is"
+                f" {SLOWEST:g} times slower, because of gravity and friction. Raise the limit (time"
+                " at rest does not count), or choose poses with less torque from gravity",
                 code="RID-TIMING-NOT-FEASIBLE",
             )
         return True

@@ -38,7 +38,7 @@ MOST_REGISTERS: Final = 125  # per read (Modbus application protocol 1.1b3, 6.3)
 
 
 class Register(ConfigModel):
-    """The register of a quantity; the value in SI units is `scale` times its number plus `offset`.
+    """The register of a quantity; its SI value is `scale` times the number read plus `offset`.
 
     A temperature in tenths of a degree Celsius has the scale 0.1 and the offset 273.15.
 

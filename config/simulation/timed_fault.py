@@ -20,7 +20,8 @@ class TimedFault(ConfigModel):
     """Start of a fault.
 
     Attributes:
-        at_s: Time of the start since the cell was started [s]; give this or `at_cycle`.
+        at_s: Time of the start since the cell was started [s]. Give at most one of `at_s` and
+            `at_cycle`; without both, the fault starts at once.
         at_cycle: Number of the SYNC at which the fault starts, counted since the drives were
             enabled.
     """

@@ -35,10 +35,10 @@ NOT_REFERENCED: Final = "RID-DRIVE-NOT-REFERENCED"
 _POSITION: Final = (0x6064, 0)
 _HOME = (
     "home the drive with its own tool, then run `rid-daq check` again; if its encoder is absolute"
-    " and these bits do not apply, set `referenced: null` in the axis's servo and state"
+    " and these bits do not apply, set `referenced: null` in the axis's servo profile and state"
     " position_zero_counts"
 )
-_CORRECT = "correct `referenced` in the axis's servo; the drive's manual describes the bits"
+_CORRECT = "correct `referenced` in the axis's servo profile; the drive's manual describes the bits"
 
 
 @dataclass(frozen=True, slots=True)

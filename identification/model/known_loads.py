@@ -1,9 +1,9 @@
 """`KnownLoads`: bodies of known mass that a robot carried in some runs, on any of its links.
 
-A body that is fixed to link j adds its ten parameters to those of the link (5.6). The base
-parameters of a run with bodies are therefore beta + K theta, in which K is the matrix of the base
-parameters (`BaseParameters.combination`) and theta contains the bodies. Subtracting the columns
-times K theta from the measured values leaves the equations of the robot alone.
+A body that is fixed to link j adds its ten parameters to those of the link (thesis, equation 5.6).
+The base parameters of a run with bodies are therefore beta + K theta, in which K is the matrix of
+the base parameters (`BaseParameters.combination`) and theta contains the bodies. Subtracting the
+regressor times K theta from the measured values leaves the equations of the robot alone.
 """
 
 from __future__ import annotations

@@ -1,8 +1,10 @@
 """`MovedMass`: comparison of the force of a prismatic joint with the mass that the joint moves.
 
-The weight on a prismatic joint is the same in every pose, so no fit separates it from a constant
-friction force. The force that accelerates the joint shows the moving mass, with the rotor. The
-weight must be positive and at most that of this mass.
+If gravity loads a prismatic joint equally in every pose, no fit separates this load from a friction
+offset. The force that accelerates the joint shows the moving mass, rotor included. Therefore the
+force that holds the joint is compared with the weight of this mass: it must be positive, and at
+most `LARGEST_HELD` times this weight. With `cad`, the moving mass is also compared with the drawn
+one.
 """
 
 from __future__ import annotations

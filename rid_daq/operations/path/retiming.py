@@ -30,10 +30,10 @@ from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
 
 BY_TIME: Final = {
-    "fourier": "its periods",
-    "reversed": "its periods, forward and backward,",
-    "multisine": "its periods and frequencies",
-    "constant_velocity": "its speeds",
+    "fourier": "the periods",
+    "reversed": "the periods, forward and backward",
+    "multisine": "the periods and frequencies",
+    "constant_velocity": "the speeds",
 }
 """For each kind of motion with which a quantity is measured: what retiming would change."""
 
@@ -75,8 +75,8 @@ def retime_motion(request: RetimeRequest) -> RetimedMotion:
     motion = read_motion_for(request.motion, loaded)
     if motion.kind in BY_TIME:
         raise ConfigError(
-            f"{request.motion}: a motion of kind {motion.kind} measures by"
-            f" {BY_TIME[motion.kind]}, which retiming would change: give a path"
+            f"{request.motion}: retiming would change {BY_TIME[motion.kind]} of this motion of kind"
+            f" {motion.kind}, which the measurement needs: give a path"
             " (joint_path, path, circle, joint_table, multipoint)",
             code="RID-MOTION-KIND",
         )

@@ -1,4 +1,4 @@
-"""`runs_blocks`: the runs of a result, and the curve of a joint that stopped a run."""
+"""`runs_blocks`: the runs of a result, and the quantity that stopped a run, in its last second."""
 
 from __future__ import annotations
 

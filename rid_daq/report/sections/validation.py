@@ -219,8 +219,8 @@ def _remarks(validation: Validation) -> str:
     said = ""
     if validation.channel is not None and validation.channel.changes:
         said += (
-            " The predicted torque was passed through the torque channel of the model's"
-            f" recording ({validation.channel.kind})."
+            f" The delay or filter of the model's recording ({validation.channel.kind}) was also"
+            " applied to the predicted torque."
         )
     if validation.remembering:
         errors = ", ".join(number(error, 3) for error in validation.all_samples_percent)

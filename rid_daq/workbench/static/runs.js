@@ -79,7 +79,7 @@ const listOf = (groups) => [
   runsOf(groups).filter((run) => run.problem || (run.status === "unfinished" && !isRecorded(run))).map(recovery),
 ];
 
-// Return true if a job of this cell records the run now.
+// Return true if the present job of this cell may record the run: the run was created after the job began.
 /** @type {(run: Api.RunEntry) => boolean} */
 function isRecorded(run) {
   const job = now.status?.job;

@@ -93,7 +93,8 @@ export function preflightAge() {
   return age === null ? null : age + (performance.now() - now.ageFrom) / 1000;
 }
 
-// ---- connection: the WebSocket has a heartbeat; for requests, the page sends probe requests.
+// ---- connection: the page watches two channels, the WebSocket and the HTTP requests. The service sends heartbeats on
+// the WebSocket; to test the HTTP requests, the page requests the state of the cell.
 // A channel without messages for STALE_MS counts as lost until a message arrives.
 // A background page is checked when it is visible again.
 /** @type {WebSocket | null} */

@@ -168,7 +168,7 @@ def test_validation_fails_on_an_unpredicted_recording_even_without_limits(
 def test_a_model_of_another_robot_is_refused(
     identify: Identify, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The robots have equal joint names, but one length differs."""
+    """First a robot with the same name and joint names but another length, then another robot."""
     _, document, folder = identify(RIGHT)
     robot = load_robot("ir361")
     *before, last = robot.kinematics.rows

@@ -259,10 +259,10 @@ def tool_positions(samples: MotionSamples) -> FloatArray:
 @pytest.mark.parametrize(
     ("kind", "keys", "message"),
     [
-        ("fourier", WAVES, "kind fourier measures by its periods"),
-        ("reversed", WAVES, "kind reversed measures by its periods"),
-        ("multisine", MULTISINE, "kind multisine measures by its periods and freq"),
-        ("constant_velocity", CONSTANT, "kind constant_velocity measures by its speeds"),
+        ("fourier", WAVES, "the periods of this motion of kind fourier"),
+        ("reversed", WAVES, "forward and backward of this motion"),
+        ("multisine", MULTISINE, "the periods and frequencies of this"),
+        ("constant_velocity", CONSTANT, "the speeds of this motion of kind"),
         ("joint_table", TABLE, "the table must begin and end at rest"),
     ],
 )
