@@ -57,11 +57,10 @@ def test_the_pose_is_live_during_a_motion_and_old_before_and_after(
     assert np.degrees(drawn) == pytest.approx(after, abs=0.051)
 
 
+@pytest.mark.usefixtures("program_lease")  # of a checked cell, so that the page loads its lines
 def test_the_first_visit_of_a_page_with_10000_triangles_transfers_little(
-    open_page: OpenPage, served_pages: ServedProcess
+    open_page: OpenPage,
 ) -> None:
-    with served_pages.client as client, client.lease("ir361") as cell:
-        cell.run("check").require_done()  # the page then also loads its lines
     page = open_page()
     wait_for_picture(page)
     page.wait_for_load_state("networkidle")
