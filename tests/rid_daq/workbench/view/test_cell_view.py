@@ -23,11 +23,12 @@ MOST_KB = 300.0
 TRIANGLES_KB = 85.0
 """Compressed size of 10,000 triangles, as `benchmarks.view3d` sends them."""
 
-TRANSFERRED_KB = """() => Object.values(Object.fromEntries(performance.getEntries()
-  .filter((each) => !each.name.includes("/triangles/"))
+TRANSFERRED_KB = r"""() => Object.values(Object.fromEntries(performance.getEntries()
+  .filter((each) => !/\/triangles\/|login\.js|\/(\?t=[^\/]*)?$/.test(each.name))
   .map(({ name, entryType, transferSize }) => [entryType + name, transferSize ?? 0])))
   .reduce((sum, size) => sum + size, 0) / 1000"""
-"""The state of the cell is requested again and again, and counted once."""
+"""Without the page on which a user logs in. The state of the cell is requested again and again, and
+counted once."""
 
 NO_WEBGL = "HTMLCanvasElement.prototype.getContext = () => null"
 
