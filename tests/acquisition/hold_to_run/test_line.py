@@ -22,6 +22,16 @@ def check(*planes: Plane, speed_share: float = 0.02) -> LineCheck:
     return LineCheck(cell, LOADED.robot, speed_share)
 
 
+def wall_ahead() -> Plane:
+    """Return a wall, 5 cm from the tool at rest, to which axis1 moves the tool."""
+    tool = forward(
+        Chain.from_description(LOADED.robot), np.array([REST, REST + np.array([0.3, 0.0, 0.0])])
+    )
+    way = tool[1] - tool[0]
+    normal = tuple(-way / np.linalg.norm(way))
+    return Plane(name="the wall", normal=normal, offset_m=float(np.dot(normal, tool[0])) - 0.05)
+
+
 def test_a_short_line_is_driven_to_its_end_at_the_requested_share_of_the_speed() -> None:
     goal = REST + np.array([0.0, 0.0, 0.035])
     line = check()(REST, goal)
@@ -38,27 +48,16 @@ def test_a_line_ends_before_a_joint_limit() -> None:
 
 
 def test_a_line_ends_before_a_wall_and_can_lead_away_from_it() -> None:
-    tool = forward(
-        Chain.from_description(LOADED.robot), np.array([REST, REST + np.array([0.3, 0.0, 0.0])])
-    )
-    way = tool[1] - tool[0]
-    normal = tuple(-way / np.linalg.norm(way))
-    wall = Plane(name="the wall", normal=normal, offset_m=float(np.dot(normal, tool[0])) - 0.05)
-    to_the_wall = check(wall)(REST, REST + np.array([1.0, 0.0, 0.0]))
+    lines = check(wall_ahead())
+    to_the_wall = lines(REST, REST + np.array([1.0, 0.0, 0.0]))
     assert "the wall" in to_the_wall.obstacle
     assert 0.0 < to_the_wall.goal[0] < 0.2
-    away = check(wall)(to_the_wall.goal, REST - np.array([0.5, 0.0, 0.0]))
+    away = lines(to_the_wall.goal, REST - np.array([0.5, 0.0, 0.0]))
     assert away.goal[0] == pytest.approx(-0.5)
 
 
 def test_many_presses_do_not_bring_the_robot_closer_than_the_clearance() -> None:
-    tool = forward(
-        Chain.from_description(LOADED.robot), np.array([REST, REST + np.array([0.3, 0.0, 0.0])])
-    )
-    way = tool[1] - tool[0]
-    normal = tuple(-way / np.linalg.norm(way))
-    wall = Plane(name="the wall", normal=normal, offset_m=float(np.dot(normal, tool[0])) - 0.05)
-    lines = check(wall)
+    lines = check(wall_ahead())
     at = lines(REST, REST + np.array([1.0, 0.0, 0.0])).goal
     begin = at[0]
     for _ in range(100):
