@@ -31,7 +31,7 @@ from rid_daq.runs.output_file import refuse_output
 
 BY_TIME: Final = {
     "fourier": "the periods",
-    "reversed": "the periods, forward and backward",
+    "reversed": "the forward and backward periods",
     "multisine": "the periods and frequencies",
     "constant_velocity": "the speeds",
 }

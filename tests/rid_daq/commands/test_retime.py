@@ -260,7 +260,7 @@ def tool_positions(samples: MotionSamples) -> FloatArray:
     ("kind", "keys", "message"),
     [
         ("fourier", WAVES, "the periods of this motion of kind fourier"),
-        ("reversed", WAVES, "forward and backward of this motion"),
+        ("reversed", WAVES, "the forward and backward periods of this"),
         ("multisine", MULTISINE, "the periods and frequencies of this"),
         ("constant_velocity", CONSTANT, "the speeds of this motion of kind"),
         ("joint_table", TABLE, "the table must begin and end at rest"),
