@@ -121,7 +121,8 @@ def moved_masses(signals: WiredSignals) -> tuple[MovedMass, ...]:
         signals: The signals and the robot as stated in the files.
     """
     robot = signals.robot
-    joints = [j for j in np.flatnonzero(signals.moving).tolist() if _is_prismatic(robot, j)]
+    moving = np.flatnonzero(signals.moving).tolist()
+    joints = [j for j in moving if robot.joints[j].type == "prismatic"]
     if not joints or robot.coupling is not None:
         return ()
     equations = CondensedEquations.of(signals)
@@ -173,10 +174,6 @@ def _moved_masses(
             plausible=(low, high if _has_no_rotor(robot, j) else float("inf")),
             hidden=friction > LOWEST_FRICTION * abs(weight),
         )
-
-
-def _is_prismatic(robot: RobotDescription, j: int) -> bool:
-    return robot.joints[j].type == "prismatic"
 
 
 def _has_no_rotor(robot: RobotDescription, j: int) -> bool:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from config.robot.robot import RobotDescription
 from dynamics.model.robot_model import RobotModel, regressor
 from identification.model.drawn_arm import drawn_parameters, plausible_weight
+from identification.wiring.weight import is_counterbalanced
 
 LEAST_LOAD: Final = 0.05
 """Smallest weight that is judged, as a fraction of the joint's torque limit. Below it, a tool that
@@ -31,8 +32,7 @@ def wrong_torque(rows: NDArray[Any], robot: RobotDescription, number: int) -> st
         number: Index of the axis.
     """
     joint = robot.joints[number]
-    has_spring = robot.spring is not None and robot.spring.joint == joint.name
-    if not robot.is_drawn or robot.coupling is not None or has_spring or joint.counterbalanced:
+    if not robot.is_drawn or robot.coupling is not None or is_counterbalanced(robot, number):
         return ""
     rows = rows[rows["valid"][:, number] == 1]
     speed = rows["target_velocity"][:, number]
