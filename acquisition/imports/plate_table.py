@@ -166,6 +166,8 @@ def read_plate(files: Sequence[Path], layout: ImportMap, origin_ns: int) -> Plat
     time_s, values = time_s[ordered], values[ordered]
     if len(time_s) < FEWEST_ROWS:
         why = damaged[0].detail if damaged else "the file is short"
+        if not ordered.all():
+            why = "the time stamps of the other rows do not increase (column and resolution?)"
         raise DataQualityError(
             f"{files[number]}: only {len(time_s)} of {table.rows_read} rows of the force plate can"
             f" be used, but {FEWEST_ROWS} are needed: {why}",

@@ -32,7 +32,7 @@ LINE_RESTORED: Final = 0x101
 """Codes of the events that this computer adds; codes of the amplifier have one byte."""
 
 _ROW: Fields = (
-    ("arrival_s", "f8", 1, "time at which the row arrived, on the clock of SYNC [s]"),
+    ("arrival_s", "f8", 1, "time at which the row arrived, on the cyclic task's clock [s]"),
     ("device_s", "f8", 1, "time at which the row was measured, on the amplifier's clock [s]"),
     ("sequence", "i8", 1, "number of the row; a gap means lost rows"),
     ("force_n", "f4", CHANNELS, "forces fx12 fx34 fy14 fy23 fz1 fz2 fz3 fz4 [N]"),
@@ -192,7 +192,7 @@ class PlateRows:
 
     @property
     def arrival_s(self) -> FloatArray:
-        """Arrival time of each row, on the clock of SYNC [s], shape (rows,)."""
+        """Arrival time of each row, on the cyclic task's clock [s], shape (rows,)."""
         return np.asarray(self.rows["arrival_s"])
 
     @property
@@ -235,7 +235,7 @@ class PlateRows:
         return int(np.sum(step[same & (step > 1)] - 1))
 
     def until(self, time_s: float) -> PlateRows:
-        """Return the data that had arrived by a time on the clock of SYNC [s]."""
+        """Return the data that had arrived by a time on the cyclic task's clock [s]."""
         return replace(
             self,
             rows=self.rows[self.rows["arrival_s"] <= time_s],

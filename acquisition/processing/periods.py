@@ -275,14 +275,15 @@ def _incomplete(present: BoolArray) -> dict[int, str]:
         missing = np.flatnonzero(~present[period])
         if not len(missing):
             continue
-        bounds = np.flatnonzero(np.diff(missing) > 1)
-        longest = int(np.diff(np.concatenate([[-1], bounds, [len(missing) - 1]])).max())
+        gaps = np.split(missing, np.flatnonzero(np.diff(missing) > 1) + 1)
+        gap = max(gaps, key=len)
+        longest = len(gap)
         if period == periods - 1 and not present[period, -longest:].any() and longest > LONGEST_GAP:
             rejected[period] = f"ended after {samples - longest} of {samples} samples"
         elif longest > LONGEST_GAP or len(missing) > MISSING_FRACTION_LIMIT * samples:
             rejected[period] = (
                 f"{len(missing)} of {samples} samples missing, {longest} in a row from sample"
-                f" {int(missing[0])}"
+                f" {int(gap[0])}"
             )
     return rejected
 

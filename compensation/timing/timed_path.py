@@ -122,7 +122,7 @@ class PathTimer:
             if found is not None:
                 return found
         raise LimitError(
-            f"after {ATTEMPTS} scans, rows of the path still exceed the limit of {search.worst}:"
+            f"after {ATTEMPTS} attempts, rows of the path still exceed the limit of {search.worst}:"
             " the path bends too sharply for this cycle time. Round the path, or keep a margin",
             code="RID-TIMING-SHAPE",
         )

@@ -1,4 +1,4 @@
-"""Verdict on a payload's estimate before it is used in a controller, and repeated estimates."""
+"""Checks an estimated payload before a controller uses it, and estimates it from each run."""
 
 from __future__ import annotations
 

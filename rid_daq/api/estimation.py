@@ -101,11 +101,13 @@ def validate(
         recording: A recording of the same robot that was not used for the identification. Several
             recordings are judged together; `Validation.runs` has the errors of each.
         limits_percent: Largest RMS error relative to the RMS torque, one value or one per joint
-            [%]; by default 30, combined with the noise (root of the sum of squares).
+            [%]; by default `validation_limits_percent` of the recording's cell file, or else 30,
+            combined with the noise (root of the sum of squares).
         options: Further fields of the request `validate`, such as {"band_hz": 15.0}.
 
     Raises:
-        ConfigError: The recording is of another robot (RID-ROBOT-OTHER), or a limit is invalid.
+        ConfigError: The recording is of another robot (RID-ROBOT-OTHER), a limit is invalid, or
+            the cells of the recordings state different limits (RID-OPTION-NEEDS).
         DataQualityError: The model was identified from this recording (RID-VALIDATE-SAME-RUN), or
             the robot moves for less than 5 s, in all recordings together.
 

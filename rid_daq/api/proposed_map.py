@@ -147,7 +147,8 @@ class ProposedMap:
 def propose_map(source: str | Path, *, robot: Robot | str | Path) -> ProposedMap:
     """Propose the meaning of a file's columns, arrays or messages, with reasons.
 
-    Nothing is read as a recording until you give the result to `read_recording`.
+    The file is imported on trial, to check the proposal. To use the data, give the result to
+    `read_recording`.
 
     Args:
         source: A CSV, MAT, NPZ, HDF5 or Parquet file, or a ROS bag.

@@ -145,8 +145,8 @@ class IdentifyRequest(Request):
     loads: Annotated[
         Path | None,
         Field(
-            description="File of known bodies, and the runs among RUN... in which the robot carried"
-            " them, on any link."
+            description="File that lists known bodies, on any link, and the runs among RUN... in"
+            " which the robot carried them."
         ),
         Option(group=LOAD, metavar="LOADS", file="input"),
     ] = None

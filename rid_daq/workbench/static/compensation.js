@@ -96,7 +96,9 @@ press("compare", panel, "tracking", () => {
 
 // ---- 4: refine
 press("refine", panel, "refine", () => {
-  const run = [value("refine-run", "A run with the feedforward")];
+  const [first, second] = [value("refine-run", "A run with the feedforward"), find("refine-run-2").value];
+  if (first === second) throw new Error("The two runs are the same: choose another run.");
+  const run = second ? [first, second] : [first];
   return panel.begin("refine", { run, ...byModel(), output: nameOf("refined-name", ".json"), overwrite: true });
 });
 

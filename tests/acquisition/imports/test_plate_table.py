@@ -37,12 +37,13 @@ def _map(**plate: object) -> ImportMap:
     return ImportMap.model_validate_json(json.dumps(layout))
 
 
-def _read(folder: Path, values: np.ndarray, **plate: object) -> PlateTable:
+def _read(folder: Path, values: np.ndarray, *, digits: int = 9, **plate: object) -> PlateTable:
     robot, file = folder / "robot.csv", folder / "plate.csv"
     robot.write_text("time,q,tau\n0,0,0\n")
     names = plate.get("channels") or plate["wrench"]
     assert isinstance(names, list)
-    rows = np.column_stack([STEP_S * np.arange(len(values)), values[:, : len(names)]])
+    stamps = np.floor(STEP_S * np.arange(len(values)) * 10**digits + 1e-6) / 10**digits
+    rows = np.column_stack([stamps, values[:, : len(names)]])
     lines = [",".join(["time", *names]), *(",".join(map(repr, row)) for row in rows.tolist())]
     file.write_text("\n".join(lines))
     layout = _map(**plate)
@@ -158,6 +159,11 @@ def test_rows_without_time_stamps_have_a_rate(tmp_path: Path) -> None:
 def test_too_few_rows_are_refused(tmp_path: Path) -> None:
     with raises_code(DataQualityError, "RID-IMPORT-ROWS"):
         _read(tmp_path, VALUES[:50], **CHANNELS)
+
+
+def test_too_few_increasing_stamps_are_refused_as_such(tmp_path: Path) -> None:
+    with raises_code(DataQualityError, "RID-IMPORT-ROWS", "4 of 400", "time stamps"):
+        _read(tmp_path, VALUES, digits=0, **CHANNELS)
 
 
 def test_columns_in_two_files_are_refused(tmp_path: Path) -> None:

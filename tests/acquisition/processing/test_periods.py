@@ -200,6 +200,11 @@ class TestLostRows:
         assert "4 of 200 samples missing, 4 in a row" in average.rejected[0].reason
         assert average.periods_kept == 7
 
+    def test_the_reason_names_the_place_of_the_longest_gap(self) -> None:
+        lost = np.concatenate([[main_row(3, 7)], np.arange(main_row(3, 100), main_row(3, 104))])
+        average = average_periods(invalidate_rows(record(), lost))
+        assert average.rejected[0].reason == "5 of 200 samples missing, 4 in a row from sample 100"
+
     def test_more_than_two_percent_of_all_rows_is_refused(self) -> None:
         rows = np.arange(main_row(0, 3), main_row(8), 40)
         with raises_code(DataQualityError, "RID-RECORDING-ROWS-LOST", "40", "1600"):

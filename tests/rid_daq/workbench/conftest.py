@@ -1,4 +1,4 @@
-"""Fixtures: a real browser and a served simulated cell, one of each for a test file."""
+"""Fixtures: pages in new browser profiles, and a served simulated cell for each test file."""
 
 from __future__ import annotations
 

@@ -246,6 +246,10 @@ def test_loops_are_measured_and_a_path_is_compensated_compared_refined_and_strea
     assert float(reduced.inner_text()) > 10.0
 
     expect(page.locator("#refine-run")).to_have_value(runs[1])
+    page.locator("#refine-run-2").select_option(runs[1])  # the same run twice
+    page.locator("#refine").click()
+    expect(page.locator("#job [role=alert]")).to_contain_text("the same")
+    page.locator("#refine-run-2").select_option("")
     page.locator("#refine").click()
     expect(page.locator("#job .verdict.end")).to_have_text("Refine: done")
     expect(page.locator("#feedforward")).to_have_value("refined.json")
