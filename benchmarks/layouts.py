@@ -81,7 +81,7 @@ def main() -> int:
 
 
 def _without_velocities(folder: Path) -> Path:
-    """Return a map of the original file without the velocities."""
+    """Write an import map for the original file that does not use its velocities."""
     _, robot = load_import_map("ur10e_31")
     joints = [
         {"joint": joint, "position": 1 + i, "current": 13 + i} for i, joint in enumerate(JOINTS)

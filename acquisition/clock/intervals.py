@@ -114,7 +114,7 @@ def estimate_times(
         if np.count_nonzero(seen) < FEWEST_DETERMINED:
             return None
         if abs(delay_s) < WRONG_STEPS * float(np.std((length - given)[seen])):
-            # errors of the stamps that depend on the step also look like a delay of the velocities
+            # too small to correct: stamp errors that depend on the interval look the same
             delay_s = 0.0
         left = [
             np.median(np.abs(y - length * x)[seen]) for x, y in zip(mean.T, moved.T, strict=True)

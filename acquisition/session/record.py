@@ -315,7 +315,7 @@ def _end_processes(
 ) -> list[str]:
     """End task and recorder in any state, and return notes about them.
 
-    The death of the task is not a note but the stop reason (`collect_outcome`).
+    `collect_outcome` reports the death of the task.
     """
     notes = []
     if task.is_alive:

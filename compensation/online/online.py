@@ -33,7 +33,8 @@ REST_RAD_S: Final = 1e-3
 LARGEST_CORRECTION: Final = 0.25
 LONGEST_LOOK_AHEAD: Final = 32
 LOAD_TIME_S: Final = 0.3e-6
-"""Upper limit of the time to compute the torque of a load, per joint [s] (`benchmarks.stream`)."""
+"""Upper limit of the time to compute the torque of a possible load at one point of the path, per
+joint [s]; `benchmarks.stream` checks it."""
 LARGEST_LOAD_FRACTION: Final = 0.1
 """Largest fraction of a cycle that is used to check the torques of all possible loads."""
 

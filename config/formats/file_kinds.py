@@ -21,7 +21,7 @@ _KEYS: Final = (
 )
 _DOCUMENTS: Final = {
     "rid-daq estimate": "a model by `identify`",
-    "rid-daq payload": "a payload by `payload identify`",
+    "rid-daq payload": "a payload, as by `payload identify`",
     "rid-daq velocity loops": "velocity loops by `loop`",
     "rid-daq feedforward": "a feedforward by `compensate`",
     "rid-daq result": "the result of a run",

@@ -216,7 +216,7 @@ def _common_axis(one: UrdfJoint, other: UrdfJoint, places: Mapping[str, FloatArr
 
 
 def _links_between(tree: UrdfTree, first: UrdfJoint, second: UrdfJoint) -> tuple[str, ...]:
-    """Return the links that move with a joint, but not with another joint below it."""
+    """Return the links that move with `first`, but not with `second`, a joint below it."""
     links = [first.child]
     for link in links:
         links += [joint.child for joint in tree.joints_below.get(link, ()) if joint is not second]

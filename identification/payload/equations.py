@@ -125,7 +125,10 @@ class Layout:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of all unknowns: payload, robot, friction of each run, steps of nonlinear ones."""
+        """Names of all unknowns: parameters of payload and robot, friction, corrections.
+
+        The friction is that of each run; the corrections are those of nonlinear parameters.
+        """
         base = self.model.base
         robot = [base.expressions[j] for j in self.model.links] if self.with_robot else []
         friction = [

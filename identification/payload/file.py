@@ -114,7 +114,7 @@ def read_payload(path: Path) -> PayloadResult:
 
 def payload_content(data: bytes, path: Path) -> PayloadResult:
     """Return the payload in the bytes of a payload file; errors as of `read_payload`."""
-    what = "a payload file written by `rid-daq payload identify`"
+    what = "a payload file, as `rid-daq payload identify` writes it"
     document = json_content(data, path, PayloadDocument, what)
     try:
         document.refuse_edited(UNSOUND_PAYLOAD, "restore the file, or identify the payload again")

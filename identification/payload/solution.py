@@ -213,8 +213,8 @@ def _solve_with_known(
             break
     else:
         raise EstimationError(
-            "the known quantities of the payload contradict the recordings or each other: no"
-            " payload fits both; check their values and units",
+            "no payload was found that fits the recordings and the known quantities, which may"
+            " contradict the recordings or each other; check their values and units",
             code="RID-PAYLOAD-CONTRADICTION",
         )
     values = with_fixed_values(known, values)

@@ -27,8 +27,8 @@ from mock_hw.bus.pace import PaceKeeper
 from mock_hw.bus.wire_time import ERROR_FLAG
 
 AFTER_RUN_NS = 2_000_000_000
-"""Simulated time that still passes, at the pace of real time, after the last master has left
-[ns]."""
+"""Simulated time that still passes in lock-step, at the pace of real time, after the last master
+has left [ns]; more if the adapter is unplugged for longer."""
 
 _LONGEST_BURST_NS = 1_000_000
 _LONGEST_AGO_NS = 1_000_000

@@ -262,9 +262,9 @@ def retime(
         model: The identified robot.
         payload: Payload on the flange: an identified payload, `model` (the model's own payload) or
             `none`.
-        confidence: Probability with which each torque keeps its limit; 0 uses the model without a
-            margin.
-        margin: Additional fraction of the torque limits that is kept free.
+        confidence: Probability with which each torque keeps its limit at one instant; 0 uses the
+            model without a margin.
+        margin: Additional fraction of the limits of torques and base wrench that is kept free.
         options: Further fields of the request `retime`, such as {"jerk": (80.0,)}.
 
     Raises:

@@ -45,7 +45,7 @@ def bar_line(width: int, title: str, count: str, tail: str) -> BarLine:
     free = width - len(title) - len(count) - _TIME_LEFT - 4  # four gaps of one column
     least, most = BAR
     whole = _BREAKS.search(tail)
-    first = len(tail) if whole is None else whole.start()  # the status's first part stays whole
+    first = len(tail) if whole is None else whole.start()  # kept whole if there is room
     bar = max(least, min(most, free - max(first, min(_TAIL, len(tail)))))
     return BarLine(title, bar, shorten(tail, free - bar))
 

@@ -197,7 +197,7 @@ def motion(robot: RobotDescription) -> FourierMotion:
 
 @pytest.fixture(scope="session")
 def unloaded(robot: RobotDescription, motion: FourierMotion) -> PeriodAverage:
-    """Run without payload, with 10 % more friction; the loaded run must not use this friction."""
+    """Run without payload, with 10 % more friction than the loaded run, as its own unknown."""
     return averaged(robot, motion, None, seed=1, friction=1.1)
 
 

@@ -40,11 +40,11 @@ class WatchRequest(Request):
 
 @dataclass(frozen=True)
 class WatchResult:
-    """Values that the drives reported.
+    """Lowest and highest positions that the drives reported.
 
     Attributes:
         cell: Name of the cell.
-        watched: Values of each joint.
+        watched: Extreme positions and missing answers of each joint.
     """
 
     cell: str

@@ -103,6 +103,8 @@ ALONG_AXIS: Final = math.cos(math.radians(2.0))
 _NEVER_ADDED: Final = frozenset({"torque", "current", "rate_hz", "time.unit"})
 """Keys of a map that have an alternative; if such a key is missing, it must not be added."""
 
+_TORQUE_OBJECT: Final = "the drive: the quantity in its torque object (6077h in most drives)"
+
 _IN_CELL: Final[dict[MistakeKind, str]] = {
     MistakeKind.POSITION_SIGN: (
         "robot file: the sign of `alpha_rad` in {rows}; cell file: `direction` in {axes}"
@@ -130,8 +132,8 @@ _IN_CELL: Final[dict[MistakeKind, str]] = {
     MistakeKind.TORQUE_UNIT: (
         "cell file: the rated torque of {axes}; the drive: its rated torque (6076h)"
     ),
-    MistakeKind.TORQUE_QUANTITY: "the drive: the quantity that it maps as torque (6077h)",
-    MistakeKind.GRAVITY_REMOVED: "the drive: the quantity that it maps as torque (6077h)",
+    MistakeKind.TORQUE_QUANTITY: _TORQUE_OBJECT,
+    MistakeKind.GRAVITY_REMOVED: _TORQUE_OBJECT,
 }
 
 

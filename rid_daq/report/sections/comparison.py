@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class MemoryTrial(Section):
-    """Improvement by presliding friction, on all samples including standstill and reversal.
+    """Improvement by presliding friction, on held-out data including standstill and reversal.
 
     Attributes:
         distance: Presliding distance of each joint [rad or m]; null for a joint without presliding.
@@ -43,8 +43,8 @@ class ChannelTrial(Section):
     """Delay and filter of the recorded torque, joint by joint.
 
     Attributes:
-        kind: Kind of the torque channel.
-        delay_s: Delay [s]; 0 if no delay was found.
+        kind: none, delay, lag, zero-phase, or delay + lag.
+        delay_s: Delay of the torque [s]; negative if the position is late; 0 if none was found.
         delay_sigma_s: Standard deviation of the delay [s].
         lag_s: Time constant of the first-order filter [s]; 0 if no such filter was found.
         lag_sigma_s: Standard deviation of the time constant [s].

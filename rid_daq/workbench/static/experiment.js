@@ -11,7 +11,7 @@ const OTHER_SEED = 1;
 const motion = find("motion");
 const kind = find("kind");
 
-// The page to which the link after a run leads, by the kind of the run's motion (default: Identify).
+// Page and words of the link that is offered after a recording, by the kind of its motion (default: Identify).
 /** @type {Record<string, [string, string]>} */
 const NEXT = {
   multisine: ["compensation", "Measure the velocity loops"],
@@ -30,7 +30,8 @@ const panel = new JobPanel(find("job"), {
     if (job.state !== "done" || !job.run) return [];
     const run = encodeURIComponent(job.run);
     if (job.kind !== "record") return [];
-    const kind = motion.selectedOptions[0]?.dataset.kind?.replaceAll("-", "_");
+    const { motion: driven } = /** @type {{ motion?: string }} */ (job.request.options ?? {});
+    const kind = [...motion.options].find((option) => option.value === driven)?.dataset.kind?.replaceAll("-", "_");
     const [path, words] = NEXT[kind ?? ""] ?? ["identify", "Identify this run"];
     const own = `${path}?run=${run}`;
     if ((kind ?? "") in NEXT || !modelled) return [step(own, words, "main")];

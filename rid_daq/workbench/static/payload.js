@@ -127,7 +127,7 @@ const optionalNumber = (id) => (find(id).value.trim() ? numberOf(id, { least: 0 
 
 // ---- the session
 /** @type {{ run: string, choices: SessionChoices, shown?: Record<string, unknown> } | null} */
-let resumed = null; // the resumed session: its run, its settings, and the request that the form contained at first
+let resumed = null; // the resumed session: its run, its settings, and the request of the form when it was filled with these settings
 
 /** @type {() => Api.Requests["payload_session"]} */
 function request() {

@@ -230,7 +230,7 @@ def wait_until(condition: Callable[[], bool]) -> None:
 
 
 def guide_client() -> Any:
-    """Return the client program that the guide shows."""
+    """Return the function `send_path` of the program in the guide."""
     text = GUIDE.read_text()
     code = text.split("```python\n", 1)[1].split("```", 1)[0]
     namespace: dict[str, Any] = {}

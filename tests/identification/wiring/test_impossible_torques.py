@@ -28,7 +28,7 @@ from tests.identification.wiring.test_search import wired
 
 @pytest.fixture(scope="module")
 def arm() -> WiredSignals:
-    """Six axes with link masses from CAD, correct within a factor of two."""
+    """Six axes whose `cad` has the measured weight of the arm, with an uncertainty of 30 %."""
     signals = wired(sound_run(load_robot("ur10e"), np.random.default_rng(4)))
     weight = CondensedEquations.of(replace(signals, robot=_drawn(signals, 1.0))).arm_weight(
         np.eye(6)

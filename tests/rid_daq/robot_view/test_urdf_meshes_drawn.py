@@ -1,6 +1,6 @@
 """A robot from a URDF is drawn with its meshes, placed as by Pinocchio.
 
-A file that has changed is refused.
+A cell whose mesh file is missing, or not the one that the robot file names, is refused.
 """
 
 from __future__ import annotations
