@@ -127,6 +127,14 @@ class ImportReport:
             words += f"; {len(self.findings)} findings"
         return words
 
+    @property
+    def left_out_sentence(self) -> str:
+        """Number of rows left out, with the reasons; empty if all rows are used."""
+        if not self.damaged:
+            return ""
+        reasons = ", ".join(f"{count} {reason}" for reason, count in self.left_out.items())
+        return f"{self.rows_damaged} of {self.rows_read} rows are left out as damaged: {reasons}"
+
     def to_json(self) -> bytes:
         """Return the report as JSON for `from_json`."""
         return json.dumps(asdict(self), indent=1).encode()
