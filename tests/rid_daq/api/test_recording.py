@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from config.errors import DataQualityError
+from config.errors import ConfigError, DataQualityError
 from rid_daq.api import Recording, plot
 from tests.builders.raised_codes import raises_code
 from tests.rid_daq.api.conftest import Arm
@@ -32,7 +32,7 @@ def test_an_error_names_the_array_and_not_a_file(arm: Arm) -> None:
 
 
 def test_a_result_without_a_plot_is_refused_with_those_that_have_one(arm: Arm) -> None:
-    with raises_code(Exception, "RID-API-ARGUMENT", "Recording", "Model"):
+    with raises_code(ConfigError, "RID-API-ARGUMENT", "Recording", "Model"):
         plot(arm.robot)  # type: ignore[arg-type]
 
 
