@@ -59,7 +59,8 @@ class Recording:
 
     Attributes:
         run: The data as the operations use them.
-        notes: Findings of the import: rows that were left out, clocks, units.
+        notes: Findings of the import: rows that were left out, clocks, units, an assumed
+            meaning of the torques.
     """
 
     run: RunData
@@ -179,8 +180,8 @@ class Recording:
         """
         run = RunData.load(folder)
         report = run.import_report
-        left_out = "" if report is None else report.left_out_sentence
-        return cls(run, (*([left_out] if left_out else ()), *all_defects([run])), files)
+        notes = () if report is None else report.notes
+        return cls(run, (*notes, *all_defects([run])), files)
 
     @property
     def robot(self) -> Robot:

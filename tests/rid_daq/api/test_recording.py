@@ -42,7 +42,12 @@ def test_missing_values_are_counted(arm: Arm, missing: int) -> None:
     torque_nm = arm.torque_nm(q, v, a)
     torque_nm[:missing, 2] = np.nan
     if not missing:
-        assert Recording.from_arrays(time_s, q, torque_nm, robot=arm.robot).notes == ()
+        stated = Recording.from_arrays(
+            time_s, q, torque_nm, robot=arm.robot, torques="motor_torque"
+        )
+        assert stated.notes == ()
+        (note,) = Recording.from_arrays(time_s, q, torque_nm, robot=arm.robot).notes
+        assert "`torques`" in note
         return
     with raises_code(DataQualityError, "RID-IMPORT-ROWS", "1000"):
         Recording.from_arrays(time_s, q, torque_nm, robot=arm.robot)
