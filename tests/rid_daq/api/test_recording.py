@@ -17,8 +17,12 @@ def test_rows_that_are_left_out_are_noted(arm: Arm) -> None:
     torque_nm[5:9, 2] = np.nan
     recording = Recording.from_arrays(time_s, q, torque_nm, robot=arm.robot)
     assert len(recording) == len(time_s) - 4
-    assert any(f"4 of {len(time_s)} rows" in note for note in recording.notes)
-    assert "4 of" in str(recording)
+    report = recording.run.import_report
+    assert report is not None
+    assert report.rows_damaged == 4
+    assert len(report.notes) == 2
+    assert recording.notes[:2] == report.notes
+    assert str(recording).splitlines()[1:3] == list(report.notes)
 
 
 def test_an_error_names_the_array_and_not_a_file(arm: Arm) -> None:
