@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from dataclasses import asdict, dataclass
+from typing import Final
 
 from pydantic import TypeAdapter, ValidationError
 
@@ -14,6 +15,10 @@ from acquisition.maps.torque_meaning import TorqueMeaning
 from config.errors import RecordingError
 
 RANGES_IN_WORDS = 20
+_ASSUMED_TORQUES: Final = (
+    "`torques`, the meaning of the torques, is not stated: measured motor currents, or torques of"
+    " the motors, are assumed"
+)
 
 
 @dataclass(frozen=True)
@@ -127,6 +132,19 @@ class ImportReport:
             words += f"; {len(self.findings)} findings"
         return words
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Rows that are left out, and an assumed meaning of the torques; one sentence each."""
+        noted = []
+        if self.damaged:
+            reasons = ", ".join(f"{count} {reason}" for reason, count in self.left_out.items())
+            noted.append(
+                f"{self.rows_damaged} of {self.rows_read} rows are left out as damaged: {reasons}"
+            )
+        if self.torques is None:
+            noted.append(_ASSUMED_TORQUES)
+        return tuple(noted)
+
     def to_json(self) -> bytes:
         """Return the report as JSON for `from_json`."""
         return json.dumps(asdict(self), indent=1).encode()
@@ -177,10 +195,7 @@ class ImportReport:
         elif self.clock is None or self.clock.is_sound:
             found.append("no damaged rows")
         if self.torques is None:
-            found.append(
-                "the map does not state `torques`, the meaning of the torques: measured motor"
-                " currents, or torques of the motors, are assumed"
-            )
+            found.append(_ASSUMED_TORQUES)
         if self.plate is not None:
             found.extend(self.plate.lines())
         found.extend(f"finding: {sentence}" for sentence in self.findings)

@@ -125,18 +125,16 @@ def find_groups(
         names: Name of each column.
         joints: Names of the robot's joints, base to flange.
     """
-    patterns: dict[str, dict[str, int]] = {}
-    for column, name in enumerate(names):
-        for pattern, place in _patterns(name, joints):
-            patterns.setdefault(pattern, {}).setdefault(place, column)
     found: dict[str, list[ColumnGroup]] = {}
-    for pattern, places in patterns.items():
+    more: dict[str, str] = {}
+    for pattern, places in _places(names, joints).items():
         columns = _complete(places, joints)
         quantity = _quantity(pattern)
         known = [group.columns for group in found.get(quantity or "", ())]
         if columns is not None and quantity is not None and columns not in known:
             group = ColumnGroup(quantity, columns, pattern, unit_in(pattern))
             found.setdefault(quantity, []).append(group)
+            more[pattern] = ", ".join(names[n] for n in places.values() if n not in columns)
     groups: dict[str, ColumnGroup] = {}
     doubts: list[str] = []
     for quantity, several in found.items():
@@ -145,7 +143,32 @@ def find_groups(
         if len(several) > 1:
             others = ", ".join(group.pattern for group in several[1:])
             doubts.append(f"{quantity}: {several[0].pattern} was chosen; other columns: {others}")
+        if more[several[0].pattern]:
+            doubts.append(
+                f"{quantity}: {more[several[0].pattern]} is not used, because the robot has"
+                f" {len(joints)} joints: is it the robot that moved?"
+            )
     return groups, tuple(doubts)
+
+
+def incomplete_groups(names: Sequence[str], joints: Sequence[str]) -> tuple[str, ...]:
+    """Return the patterns of motions and loads with columns for some joints, with their number."""
+    return tuple(
+        f"{pattern} ({len(places)})"
+        for pattern, places in _places(names, joints).items()
+        if len(places) > 1
+        and _quantity(pattern) in _SHOWS_QUANTITY
+        and _complete(places, joints) is None
+    )
+
+
+def _places(names: Sequence[str], joints: Sequence[str]) -> dict[str, dict[str, int]]:
+    """Return, for each pattern, the column of each place in the name."""
+    patterns: dict[str, dict[str, int]] = {}
+    for column, name in enumerate(names):
+        for pattern, place in _patterns(name, joints):
+            patterns.setdefault(pattern, {}).setdefault(place, column)
+    return patterns
 
 
 def _patterns(name: str, joints: Sequence[str]) -> list[tuple[str, str]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
+from typing import Any, Final
 
 from acquisition.imports.read import import_csv
 from acquisition.imports.report import ImportReport
@@ -13,9 +13,12 @@ from acquisition.maps.import_map import ImportMap
 from acquisition.proposals.proposal import Proposal, map_name
 from acquisition.recording.recording import Recording
 from acquisition.sources.bags import convert_bag_to_table, with_message_names
-from config.errors import DataQualityError
+from config.errors import ConfigError, DataQualityError
 from config.refusals import PLACEHOLDER
 from config.robot.robot import RobotDescription
+
+_NO_EFFORTS: Final = "RID-BAG-TOPIC"
+"""Code of the error that no import map can mend."""
 
 
 def propose_joint_states(
@@ -31,6 +34,9 @@ def propose_joint_states(
         reference: Robot that moved, for the map.
         topics: Topics with joint states, and the joints in their messages.
         robot: The robot.
+
+    Raises:
+        ConfigError: The bag cannot be read, or its messages lack efforts or a joint.
     """
     arm = [topic for topic, names in topics.items() if set(robot.joint_names) <= set(names)]
     topic = next(iter(arm or topics))
@@ -52,6 +58,8 @@ def propose_joint_states(
     try:
         recording, report = _import_as_torques(path, keys, robot)
     except DataQualityError as error:
+        if error.refusal == _NO_EFFORTS:
+            raise ConfigError(str(error), code=_NO_EFFORTS) from None
         doubt = f"the import is refused: {error} [{error.refusal}]"
         return Proposal(keys, reasons, (*doubts, doubt), None)
     return Proposal(keys, reasons, doubts, report, recording)

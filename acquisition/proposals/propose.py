@@ -20,12 +20,17 @@ from acquisition.imports.report import ImportReport
 from acquisition.maps.import_map import ImportMap
 from acquisition.maps.import_units import RATED
 from acquisition.maps.torque_meaning import MOTOR_CURRENT
-from acquisition.proposals.column_groups import UNITS, ColumnGroup, find_groups
+from acquisition.proposals.column_groups import (
+    UNITS,
+    ColumnGroup,
+    find_groups,
+    incomplete_groups,
+)
 from acquisition.proposals.joint_states import propose_joint_states
 from acquisition.proposals.known_sources import KnownSource, recognise
 from acquisition.proposals.proposal import Proposal, map_name
 from acquisition.proposals.source_table import SourceTable, look_at
-from acquisition.proposals.time_stamps import find_time
+from acquisition.proposals.time_stamps import find_time, is_number
 from acquisition.proposals.unit_guesses import (
     find_assumed_units,
     possible_units,
@@ -44,6 +49,7 @@ from config.robot.robot import RobotDescription
 _WHOLE_VALUE: Final = re.compile(r"[-+]?\d+([.,]0*)?")
 _FEWEST_RAW: Final = 20
 _DISTURBANCE: Final = re.compile(r"disturb|dist[ ._]?(torq|trq)", re.IGNORECASE)
+_COMPUTED: Final = re.compile(r"target_(moment|torque)|tau_d|desired_(torque|effort)")
 _LOADS: Final = frozenset({"torque", "current"})
 
 
@@ -76,7 +82,7 @@ def propose_map(path: Path, robot_reference: str) -> Proposal:
         groups.pop("torque", None)
     _require_groups(path, groups, table, robot, source)
     doubts += (*_raw_values(groups, table), *_same_names(groups, table))
-    doubts += _disturbances(table.names)
+    doubts += (*_disturbances(table.names), *_other_lengths(table, robot))
     reasons: list[str] = [] if source is None else [f"The columns are those of {source.title}"]
     time, time_units, why = find_time(path, table, source)
     reasons.append(why)
@@ -130,6 +136,31 @@ def _disturbances(names: Sequence[str]) -> tuple[str, ...]:
     )
 
 
+def _other_lengths(table: SourceTable, robot: RobotDescription) -> tuple[str, ...]:
+    """Return a doubt for each quantity that the file also has with fewer samples."""
+    groups, _ = find_groups(table.shorter, robot.joint_names)
+    return tuple(
+        f"{quantity}: {group.pattern} is not used, because it has fewer samples than the longest"
+        " arrays: write a map to use it"
+        for quantity, group in groups.items()
+    )
+
+
+def _other_columns(names: Sequence[str], robot: RobotDescription) -> str:
+    """Return sentences about columns that could have been meant, for an error."""
+    text = ""
+    incomplete = incomplete_groups(names, robot.joint_names)
+    if incomplete:
+        text += f" The columns {', '.join(incomplete)} are not one per joint: name the right robot."
+    computed = next((name for name in names if _COMPUTED.search(name)), None)
+    if computed is not None:
+        text += (
+            f" {computed}: the controller computes this torque with its own model. A map with"
+            " `torques: model_based` reads it, but `identify` then finds the controller's model."
+        )
+    return text
+
+
 def _same_names(groups: Mapping[str, ColumnGroup], table: SourceTable) -> tuple[str, ...]:
     """Return a doubt for each column whose name another column has, too."""
     return tuple(
@@ -155,6 +186,7 @@ def _require_groups(
         names = ", ".join(name or "(no name)" for name in table.names[:20])
         known = "" if source is None else f" {source.title}: {'; '.join(source.notes)}."
         known += "".join(f" {words}." for words in _disturbances(table.names))
+        known += _other_columns(table.names, robot)
         motors = [name for name in table.names if "motor" in name.lower()]
         if "position" not in groups and motors:
             known += f" {motors[0]}: positions of motors need a map with `side: motor`."
@@ -180,15 +212,7 @@ def _require_groups(
 def _has_numbers(table: SourceTable, name: str) -> bool:
     """Return True if the cells of a column are numbers, with a decimal point or comma."""
     column = table.names.index(name)
-    return all(_is_number(row[column]) for row in table.cells if row[column])
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text.replace(",", "."))
-    except ValueError:
-        return False
-    return True
+    return all(is_number(row[column]) for row in table.cells if row[column])
 
 
 def _joints(

@@ -12,13 +12,14 @@ from typing import Final
 from acquisition.imports.lines import SEPARATORS, read_lines, split_by_delimiters, states_no_number
 from acquisition.maps.time_column import match_date
 from acquisition.proposals.column_groups import TIME_UNITS, UNITS
-from acquisition.sources.array_tables import has_named_arrays, read_named_arrays
+from acquisition.sources.array_tables import has_named_arrays, objects_in, read_named_arrays
 from config.errors import ConfigError
 from config.formats.number import DECIMAL_COMMA
 
 _LINES: Final = 400
 _FEWEST_COLUMNS: Final = 3
 _FEWEST_ROWS: Final = 5
+_MOST_JOINTS: Final = 100
 _FEWEST_ABSENT: Final = 0.2
 _SCOPE_NAMES: Final = "Name"
 _SCOPE_UNITS: Final = "Unit"
@@ -48,6 +49,7 @@ class SourceTable:
         by_name: True if a map can name the columns; otherwise it gives their numbers.
         symbols: Other names of the columns, those of the variables in the controller; empty if the
             file has none.
+        shorter: Names of columns with fewer samples than the others; empty for a text.
     """
 
     names: tuple[str, ...]
@@ -55,6 +57,7 @@ class SourceTable:
     keys: dict[str, object] = field(default_factory=dict)
     by_name: bool = True
     symbols: tuple[str, ...] = ()
+    shorter: tuple[str, ...] = ()
 
 
 def look_at(path: Path) -> SourceTable:
@@ -68,18 +71,23 @@ def look_at(path: Path) -> SourceTable:
 
 def _look_at_arrays(path: Path) -> SourceTable:
     columns: dict[str, list[str]] = {}
+    shorter: list[str] = []
     arrays = read_named_arrays(path)
     samples = max((max(array.shape, default=0) for array in arrays.values()), default=0)
     for name, array in arrays.items():
-        if array.size == samples == max(array.shape, default=0):
+        if samples not in array.shape:
+            count = min(array.shape) if array.ndim == 2 else 0
+            shorter += [f"{name}[{number}]" for number in range(min(count, _MOST_JOINTS))] or [name]
+        elif array.size == samples == max(array.shape, default=0):
             columns[name] = [str(value) for value in array.reshape(-1)[:_LINES]]
         elif array.ndim == 2 and samples in array.shape:
             rows = array if array.shape[0] == samples else array.T
             for number, column in enumerate(rows.T):
                 columns[f"{name}[{number}]"] = [str(value) for value in column[:_LINES]]
     if samples < _FEWEST_ROWS or not columns:
-        raise _no_table(path)
-    return SourceTable(tuple(columns), tuple(zip(*columns.values(), strict=True)))
+        raise _no_table(path, objects_in(path))
+    cells = tuple(zip(*columns.values(), strict=True))
+    return SourceTable(tuple(columns), cells, shorter=tuple(shorter))
 
 
 def _look_at_text(path: Path) -> SourceTable:
@@ -92,7 +100,10 @@ def _look_at_text(path: Path) -> SourceTable:
         if first is not None and (best is None or len(rows[first]) > best[0]):
             best = len(rows[first]), delimiter, first
     if best is None:
-        raise _no_table(path)
+        number, line = lines[min(1, len(lines) - 1)] if lines else (0, "")
+        raise _no_table(
+            path, f". Row {number} begins with {line.strip()[:40]!r}" if lines else "; it is empty"
+        )
     width, delimiter, first = best
     rows = [cells[delimiter] for cells in cells_by_delimiter]
     if all(not row[-1] for row in rows[first:] if len(row) == width) and any(
@@ -197,10 +208,10 @@ def _is_number(cell: str) -> bool:
     return bool(_NUMBER.fullmatch(cell) or states_no_number(cell) or match_date(cell))
 
 
-def _no_table(path: Path) -> ConfigError:
+def _no_table(path: Path, why: str) -> ConfigError:
     return ConfigError(
         f"{path}: no import map can be proposed, because the file has no {_FEWEST_ROWS} rows of"
-        f" at least {_FEWEST_COLUMNS} numbers. Write a map (`rid-daq docs"
+        f" at least {_FEWEST_COLUMNS} numbers{why}. Give a table of numbers (`rid-daq docs"
         " someone-elses-recording`)",
         code="RID-IMPORT-PROPOSAL",
     )

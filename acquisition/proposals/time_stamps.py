@@ -26,6 +26,7 @@ _UNIT_IN_BRACKETS: Final = re.compile(r"[\[(]\s*([^\])]*?)\s*[\])]\s*$")
 _LAST_WORD: Final = re.compile(r"(?:^|[\W_])([a-zµμ]+)$", re.IGNORECASE)
 _STEPS_S: Final = (2e-4, 0.2)
 _UNITS: Final = (("s", 1.0), ("ms", 1e-3), ("us", 1e-6), ("ns", 1e-9), ("filetime", 1e-7))
+_TIME_OF_DAY: Final = re.compile(r"\d\d?:\d\d(:\d\d([.,]\d+)?)?(\s*[ap]m)?", re.IGNORECASE)
 _FILETIMES: Final = (1.2e17, 1.6e17)
 """Numbers of intervals of 100 ns from 1601 to 1981, and to 2108."""
 
@@ -62,12 +63,11 @@ def find_time(
             stamps = np.array([float(text.replace(",", ".")) for text in texts])
             stamps = stamps[np.isfinite(stamps)]
         except ValueError:
-            unread = (
-                f" Column {name}, such as {texts[0]!r}, contains neither plain numbers nor dates"
-                " such as 2026-11-26T08:00:00.123 or 26.11.2026 08:00:00,123."
-            )
+            unread = f" Column {name} {_unreadable(texts)}."
             continue
         steps = np.diff(stamps)
+        if "empty_cells" in table.keys:  # rows of several topics may have the same time
+            steps = steps[steps != 0.0]
         step = float(np.median(steps)) if len(steps) else 0.0
         if step <= 0.0 or np.mean(steps > 0.0) < 0.5:
             unread = unread or (
@@ -102,6 +102,28 @@ def find_time(
         " someone-elses-recording`)",
         code="RID-IMPORT-PROPOSAL",
     )
+
+
+def _unreadable(texts: Sequence[str]) -> str:
+    """Return the reason for which the time stamps of a column cannot be read."""
+    first = next(text for text in texts if not is_number(text) and not match_date(text))
+    if _TIME_OF_DAY.fullmatch(first):
+        return f"has times of day without a date, such as {first!r}: write both in one column"
+    if is_number(first.replace(",", "")):
+        return f"has thousands separators, such as in {first!r}: write the numbers without them"
+    return (
+        f"contains neither plain numbers nor dates such as 2026-11-26T08:00:00.123 or 26.11.2026"
+        f" 08:00:00,123, but {first!r}"
+    )
+
+
+def is_number(text: str) -> bool:
+    """Return True if a text is a number with a decimal point or comma."""
+    try:
+        float(text.replace(",", "."))
+    except ValueError:
+        return False
+    return True
 
 
 def _last_part(name: str) -> str:

@@ -35,6 +35,7 @@ _BEGINNINGS: Final = (
     ("a recording (MCAP)", rb"\x89MCAP"),
     ("a page (HTML), as reports are", rb"\s*<(!doctype html|html)"),
     (_URDF, rb"\s*(<\?xml[^>]*>\s*)?(<!--.*?-->\s*)*<robot"),
+    ("an XML file", rb"\s*<(\?xml|[a-z][\w:.-]*\s+[\w:.-]+=)"),
     ("a PDF", rb"%PDF"),
     ("an archive (zip), as Excel workbooks are", rb"PK\x03\x04"),
     ("a compressed file (gzip)", rb"\x1f\x8b"),
@@ -42,6 +43,9 @@ _BEGINNINGS: Final = (
     ("an HDF5 file", rb"\x89HDF"),
     ("a Parquet file", rb"PAR1"),
     ("a MAT file", rb"MATLAB 5\.0 MAT"),
+    ("a Feather file (Arrow)", rb"ARROW1|FEA1"),
+    ("a pickle of Python", rb"\x80[\x02-\x05]"),
+    ("a LabVIEW file (TDMS)", rb"TDSm"),
     ("a single array (NPY; numpy.savez saves arrays with names)", rb"\x93NUMPY"),
 )
 _WANTED: Final = {

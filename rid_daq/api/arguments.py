@@ -144,7 +144,10 @@ def as_numbers(name: str, values: npt.ArrayLike, *, finite: bool = True) -> Floa
             None
         )
     if found.dtype.kind not in "iuf":
-        raise ConfigError(f"{name}: values of type {found.dtype}; give real numbers", code=ARGUMENT)
+        how = " such as (t - t[0]) / numpy.timedelta64(1, 's')" if found.dtype.kind in "mM" else ""
+        raise ConfigError(
+            f"{name}: values of type {found.dtype}; give real numbers{how}", code=ARGUMENT
+        )
     if finite and not np.isfinite(found).all():
         place = tuple(np.argwhere(~np.isfinite(found))[0].tolist())
         where = f"[{', '.join(map(str, place))}]" if place else ""

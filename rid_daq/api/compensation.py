@@ -107,10 +107,11 @@ def compensate(
         EstimationError: The payload did not pass its verdict, or is not fully determined.
         LimitError: The motion exceeds the torque limits with the load at some time.
     """
+    described = require("motion", motion, Motion).description
+    require("model", model, Model)
     with request_folder() as folder:
-        described = require("motion", motion, Motion).description
         (folder / MOTION).write_text(to_yaml(described), encoding="utf-8")
-        require("model", model, Model).save(folder / MODEL)
+        model.save(folder / MODEL)
         request = CompensateRequest.of(
             {
                 "cell": cell_reference(motion.cell, folder),

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Self
+from typing import Final, Self
 
 import numpy as np
 import numpy.typing as npt
 
 from acquisition.motion.kinds.joint_path import JointPathMotion
+from acquisition.motion.kinds.joint_table import JointTableMotion
 from acquisition.motion.motion_file import AnyMotion, load_motion
 from acquisition.motion.samples import MotionSamples
+from acquisition.motion.trajectory_file import MOST_BYTES
 from config.arrays import FloatArray
 from config.errors import ConfigError
+from config.formats.json_file import read_content
 from config.formats.whole_file import write_whole
 from config.load import LoadedCell, load_cell, to_yaml
 from rid_daq.api.arguments import (
@@ -51,6 +55,7 @@ from rid_daq.runs import made_file
 from rid_daq.runs.output_file import refuse_output
 
 PERIODS = 16
+_TABLES: Final = (".csv", ".tsv", ".txt")
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,19 +79,25 @@ class Motion:
 
     @classmethod
     def load(cls, path: str | Path, *, cell: Robot | str | Path) -> Self:
-        """Return the motion of a motion file.
+        """Return the motion of a motion file, or of a trajectory file of a planner.
 
         Args:
-            path: The file.
+            path: A motion file; or a trajectory as CSV, or as JSON or YAML of ROS or MoveIt, as
+                `file` of the motion kind `joint_table` (docs/reference/files.md).
             cell: A robot; or a cell, by its bundled name or its file, whose cycle time and limits
                 apply.
 
         Raises:
-            ConfigError: The file is not a motion file, or the motion exceeds a limit.
+            ConfigError: The file is neither of them, or the motion exceeds a limit.
         """
+        path = as_path("path", path)
         with request_folder() as folder:
             loaded = load_cell(cell_reference(cell, folder))
-        return cls._plan(load_motion(str(as_path("path", path))), loaded, cell)
+        if not _is_trajectory(path):
+            return cls._plan(load_motion(str(path)), loaded, cell)
+        own = {"kind": "joint_table", "robot": loaded.robot.name, "file": str(path.absolute())}
+        table = validated(JointTableMotion, own).with_file_data(path.parent)
+        return cls._plan(table, loaded, cell)
 
     @classmethod
     def through(
@@ -182,6 +193,16 @@ class Motion:
         return str(self)
 
 
+def _is_trajectory(path: Path) -> bool:
+    """Return True if a file contains rows of a planner, and is not a motion file."""
+    if path.suffix.lower() in _TABLES:
+        return True
+    if not path.is_file():
+        return False  # a bundled motion, or no file
+    text = read_content(path, MOST_BYTES)
+    return b"time_from_start" in text and re.search(rb"^kind\s*:", text, re.MULTILINE) is None
+
+
 def design(
     cell: Robot | str | Path,
     *,
@@ -217,6 +238,8 @@ def design(
     """
     require("kind", kind, str)
     require_callable("progress", progress)
+    if model is not None:
+        require_stated_payload(require("model", model, Model).estimate)
     asked = with_options({}, options)
     if kind in ("excitation", "reversed"):
         own = {"period_s": period_s, "periods": periods}
@@ -230,7 +253,6 @@ def design(
     with request_folder() as folder:
         asked |= {"cell": cell_reference(cell, folder), "output": folder / MADE, "kind": kind}
         if model is not None:
-            require_stated_payload(require("model", model, Model).estimate)
             model.save(folder / MODEL)
             asked["model"] = folder / MODEL
         request = DesignRequest.of(asked, shown="design")
@@ -272,10 +294,11 @@ def retime(
         EstimationError: The payload did not pass its verdict.
         LimitError: A limit cannot be kept; the text names the joint and the pose.
     """
+    described = require("motion", motion, Motion).description
+    require("model", model, Model)
     with request_folder() as folder:
-        described = require("motion", motion, Motion).description
         (folder / MOTION).write_text(to_yaml(described), encoding="utf-8")
-        require("model", model, Model).save(folder / MODEL)
+        model.save(folder / MODEL)
         request = RetimeRequest.of(
             with_options(
                 {

@@ -42,7 +42,9 @@ def plot(result: Shown) -> Figure:
     found = next((each for each in blocks if isinstance(each, Plot)), None)
     if found is None:
         raise ConfigError(
-            f"{type(result).__name__}: this result has no plot", code="RID-API-ARGUMENT"
+            f"{type(result).__name__}: this result has no plot; give a Recording, Motion, Model,"
+            " Validation, Payload or Feedforward",
+            code="RID-API-ARGUMENT",
         )
     # Imported late, because this module imports two plot libraries.
     from rid_daq.report_page.drawings.plot import matplotlib_figure

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import tempfile
 import weakref
@@ -58,7 +59,8 @@ class Recording:
 
     Attributes:
         run: The data as the operations use them.
-        notes: Findings of the import: rows that were left out, clocks, units.
+        notes: Findings of the import: rows that were left out, clocks, units, an assumed
+            meaning of the torques.
     """
 
     run: RunData
@@ -138,7 +140,8 @@ class Recording:
         with tempfile.TemporaryDirectory(prefix="rid-daq-") as folder:
             file = Path(folder) / f"{name}.csv"
             np.savetxt(file, np.column_stack(columns), fmt="%.17g", delimiter=",")
-            return cls._import_files((file,), layout, robot, "")
+            with changed_text(lambda text: _with_array_names(text, name, list(given), n)):
+                return cls._import_files((file,), layout, robot, "")
 
     @classmethod
     def _import_files(
@@ -176,7 +179,9 @@ class Recording:
             files: Temporary folder that contains the run folder; it is deleted with the recording.
         """
         run = RunData.load(folder)
-        return cls(run, tuple(all_defects([run])), files)
+        report = run.import_report
+        notes = () if report is None else report.notes
+        return cls(run, (*notes, *all_defects([run])), files)
 
     @property
     def robot(self) -> Robot:
@@ -239,6 +244,19 @@ class Recording:
 
     def __repr__(self) -> str:
         return str(self)
+
+
+def _with_array_names(text: str, name: str, arrays: Sequence[str], joints: int) -> str:
+    """Name arrays in the text of an error, not the file and the map with which they are read."""
+
+    def name_array(found: re.Match[str]) -> str:
+        array, joint = divmod(int(found[1]) - 1, joints)
+        return "time_s" if array < 0 else f"{arrays[array]}[:, {joint}]"
+
+    text = text.replace(f"{name}.csv", f"recording {name}").replace(" with map 'arrays'", "")
+    text = text.replace("Correct the columns or units in the map", "Correct the units")
+    text = re.sub(r"\bcolumn (\d+)", name_array, text)
+    return text.replace("columns", "arrays")
 
 
 @contextmanager

@@ -116,7 +116,7 @@ def identify_robot(
         rounded = rounded if rounded.is_material else None
     if how.bodies:
         estimate = add_mass_uncertainty(estimate, data, how)
-    estimate, wiring = _diagnose(estimate, data, how, smoothed, search=request.diagnose)
+    estimate, wiring = _diagnose(estimate, data, how, smoothed, context, search=request.diagnose)
     smoothed.clear()  # its memory is needed below
     gains = None
     if request.load_mass_kg is not None:
@@ -216,6 +216,7 @@ def _diagnose(
     data: tuple[RunData, ...],
     how: EstimationJob,
     smoothed: list[SmoothedSignals],
+    context: Context,
     *,
     search: bool,
 ) -> tuple[Estimate, WiringDiagnosis]:
@@ -227,9 +228,14 @@ def _diagnose(
     if how.options.model.kind == "external" or not empty:
         return estimate, WiringDiagnosis()
     signals = signals_for_diagnosis(data, how, data[0].robot, smoothed)
-    wiring = diagnose_wiring(signals, empty[0], estimate, search=search)
-    if search:
+    if not search:
+        return estimate, diagnose_wiring(signals, empty[0], estimate, search=False)
+    with context.progress("Searching for mistakes", None, "steps") as shown:
+        shown.update(0.0, "next: wiring, units and files")
+        wiring = diagnose_wiring(signals, empty[0], estimate)
+        shown.update(1.0, "next: error on held-out parts")
         estimate = replace(estimate, held_out_share=held_out_share(signals))
+        shown.update(2.0, "done")
     return estimate, wiring
 
 

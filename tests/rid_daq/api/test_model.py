@@ -256,6 +256,12 @@ def test_progress_is_reported_and_nothing_is_printed(
     assert capfd.readouterr() == ("", "")
 
 
+def test_the_search_for_mistakes_reports_progress(arm: Arm) -> None:
+    done: list[float] = []
+    identify(arm.recording(6, 6.0), progress=lambda _step, amount, _total: done.append(amount))
+    assert done == [0.0, 1.0, 2.0]
+
+
 def test_a_robot_description_with_other_joints_is_refused(train: Recording, arm: Arm) -> None:
     with raises_code(ConfigError, "RID-ROBOT-OTHER", "joint1"):
         identify(train, robot=Robot.load("ur10e"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from compensation.loops.loop_file import write_loops
 from compensation.loops.velocity_loop import VelocityLoop
 from config.errors import ConfigError, DataQualityError, EstimationError, LimitError
+from config.formats.yaml_tree import dump_yaml as to_yaml_text
 from config.load import load_cell
 from rid_daq.api import (
     Model,
@@ -49,6 +51,30 @@ def test_an_excitation_of_a_robot_keeps_its_limits_and_is_saved(arm: Arm, tmp_pa
     np.testing.assert_array_equal(again.position, motion.position)
     with raises_code(ConfigError, "RID-OUTPUT-EXISTS"):
         motion.save(tmp_path / "motion.yaml")
+
+
+def test_a_planned_trajectory_is_loaded_like_a_motion(tmp_path: Path) -> None:
+    u = np.linspace(0.0, 1.0, 9)[:, None]
+    q = POSES[0] + np.subtract(POSES[2], POSES[0]) * (10 * u**3 - 15 * u**4 + 6 * u**5)
+    points = [
+        {"positions": row, "time_from_start": {"secs": second, "nsecs": 0}}
+        for second, row in enumerate(q.tolist())
+    ]
+    names = ["axis1", "axis2", "axis3"]
+    message = {"joint_trajectory": {"joint_names": names, "points": points}}
+    table = [",".join(map(str, [second, *row])) for second, row in enumerate(q.tolist())]
+    files = {
+        "plan.json": json.dumps(message),
+        "plan.yaml": to_yaml_text(message),
+        "plan.csv": "\n".join([",".join(["time_s", *names]), *table, ""]),
+    }
+    for name, content in files.items():
+        (tmp_path / name).write_text(content)
+        motion = Motion.load(tmp_path / name, cell="ir361")
+        np.testing.assert_allclose(motion.position[[0, -1]], [POSES[0], POSES[2]], atol=1e-12)
+    (tmp_path / "other.yaml").write_text("cycle_time_s: 0.01\n")
+    with raises_code(ConfigError, "RID-FILE-VALUE", "kind"):
+        Motion.load(tmp_path / "other.yaml", cell="ir361")
 
 
 def test_a_design_reports_its_starts() -> None:

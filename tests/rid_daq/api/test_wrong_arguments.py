@@ -109,6 +109,7 @@ def test_points_that_are_no_path_are_refused(points: Any, speed: float, place: s
         (lambda m, r: identify_payload(r, options={"known": ()}), "options: known"),
         (lambda m, r: m.with_payload(None), "payload None"),
         (lambda m, r: retime("path.yaml", m), "motion: "),
+        (lambda m, r: retime(Motion.through(POINTS, cell="ir361"), "model.json"), "'model.json'"),
         (lambda m, r: compensate("path.yaml", m, "loops.json"), "motion: "),
         (lambda m, r: design("ir361", options={"excitation": 3}), "options: "),
         (lambda m, r: design("ir361", model="model.json"), "model: "),

@@ -1,0 +1,57 @@
+"""A recording from arrays: errors and notes name the arrays and their rows."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from config.errors import ConfigError, DataQualityError
+from rid_daq.api import Recording, plot
+from tests.builders.raised_codes import raises_code
+from tests.rid_daq.api.conftest import Arm
+
+
+def test_rows_that_are_left_out_are_noted(arm: Arm) -> None:
+    time_s, q, v, a = arm.motion(5, 10.0)
+    torque_nm = arm.torque_nm(q, v, a)
+    torque_nm[5:9, 2] = np.nan
+    recording = Recording.from_arrays(time_s, q, torque_nm, robot=arm.robot)
+    assert len(recording) == len(time_s) - 4
+    report = recording.run.import_report
+    assert report is not None
+    assert report.rows_damaged == 4
+    assert len(report.notes) == 2
+    assert recording.notes[:2] == report.notes
+    assert str(recording).splitlines()[1:3] == list(report.notes)
+
+
+def test_an_error_names_the_array_and_not_a_file(arm: Arm) -> None:
+    time_s, q, v, a = arm.motion(5, 10.0)
+    with raises_code(DataQualityError, "RID-IMPORT-UNITS", "velocity[:, 0]", "mine") as raised:
+        Recording.from_arrays(
+            1e3 * time_s, q, arm.torque_nm(q, v, a), velocity=v, robot=arm.robot, name="mine"
+        )
+    assert ".csv" not in str(raised.value)
+    assert "column" not in str(raised.value)
+
+
+def test_a_result_without_a_plot_is_refused_with_those_that_have_one(arm: Arm) -> None:
+    with raises_code(ConfigError, "RID-API-ARGUMENT", "Recording", "Model"):
+        plot(arm.robot)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("missing", [0, 1000])
+def test_missing_values_are_counted(arm: Arm, missing: int) -> None:
+    time_s, q, v, a = arm.motion(5, 10.0)
+    torque_nm = arm.torque_nm(q, v, a)
+    torque_nm[:missing, 2] = np.nan
+    if not missing:
+        stated = Recording.from_arrays(
+            time_s, q, torque_nm, robot=arm.robot, torques="motor_torque"
+        )
+        assert stated.notes == ()
+        (note,) = Recording.from_arrays(time_s, q, torque_nm, robot=arm.robot).notes
+        assert "`torques`" in note
+        return
+    with raises_code(DataQualityError, "RID-IMPORT-ROWS", "1000"):
+        Recording.from_arrays(time_s, q, torque_nm, robot=arm.robot)
