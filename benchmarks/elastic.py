@@ -19,6 +19,7 @@ The exit code is 1 if a requirement is not met.
 
 from __future__ import annotations
 
+import argparse
 import json
 import sys
 from collections.abc import Iterable
@@ -273,11 +274,17 @@ def deflection_holds(quick: bool) -> tuple[bool, dict[str, Any]]:
 
 def main() -> int:
     """Measure, and print the figures; the last line is one JSON object."""
-    quick = "--quick" in sys.argv
-    numbers = [int(word) for word in sys.argv[1:] if word.isdigit()]
-    cells = numbers[0] if numbers else 3 if quick else CELLS
-    straight, paths = deflection_holds(quick)
-    stiff, gears = stiffness_holds(cells, quick)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--quick", action="store_true", help="measure a short form")
+    parser.add_argument(
+        "cells", nargs="?", type=int, help=f"number of cells (default: {CELLS}, or 3 with --quick)"
+    )
+    options = parser.parse_args()
+    cells = options.cells or (3 if options.quick else CELLS)
+    straight, paths = deflection_holds(options.quick)
+    stiff, gears = stiffness_holds(cells, options.quick)
     result = {
         "name": "elastic",
         "value": paths["circle"]["reduction"],

@@ -12,7 +12,7 @@ import pytest
 
 from benchmarks.thesis.__main__ import DOCS, PAGE, PICTURES, RESULTS, main
 from benchmarks.thesis.page import page_text
-from benchmarks.thesis.payload_experiment import friction_curve
+from benchmarks.thesis.payload_experiment import friction_curve, wrong_prediction_results
 from benchmarks.thesis.records import load_facts, load_results
 from benchmarks.thesis.relations import relations
 from config.load import load_cell
@@ -90,6 +90,37 @@ def test_a_relation_that_does_not_hold_is_found(
     broken = [each for each in relations(facts, results | {"path": path}) if each.is_unexplained]
     assert {each.section for each in broken} == {"path"}
     assert len(broken) == 3
+
+
+def test_an_error_that_is_not_larger_at_low_speed_is_noticed(
+    facts: dict[str, Any], results: dict[str, Any]
+) -> None:
+    def holds(predicted: Any) -> bool:
+        combined = robot["combined"] | {"excitation": curves | {"predicted": predicted}}
+        changed = results | {"robot": robot | {"combined": combined}}
+        (found,) = (each for each in relations(facts, changed) if each.section == "reversals")
+        return found.holds
+
+    robot = results["robot"]
+    curves = robot["combined"]["excitation"]
+    assert holds(curves["predicted"])
+    assert not holds(1.01 * np.array(curves["measured"]))  # the error follows the torque
+
+
+def test_a_large_error_of_the_torque_with_wrong_assumptions_is_noticed(
+    facts: dict[str, Any], results: dict[str, Any]
+) -> None:
+    stored = results["wrong_prediction"]
+    for key in ("error_nm", "percent"):
+        changed = results | {"wrong_prediction": stored | {key: [10.0, *stored[key][1:]]}}
+        broken = [each.section for each in relations(facts, changed) if each.is_unexplained]
+        assert broken == ["wrong_prediction"]
+
+
+def test_the_wrong_prediction_is_that_of_the_program(results: dict[str, Any]) -> None:
+    own = wrong_prediction_results()
+    for key, values in results["wrong_prediction"].items():
+        assert np.allclose(own[key], values, rtol=1e-3, atol=1e-9)
 
 
 def test_a_tracking_error_without_a_bend_is_noticed(

@@ -2,7 +2,7 @@
 
 Run it with ``python -m benchmarks.thesis [--quick] [--only PART,...] [--page] [--results FILE]``.
 
-- The experiments have six parts: robot (chapters 3, 4 and 6), reversal (figure 6.6), friction,
+- The experiments have five parts: robot (chapters 3, 4 and 6), friction,
   payload, warming (section 5.6.3) and sensitivity. With `--only`, the stored results of the other
   parts are kept.
 - The results are stored in `docs/thesis.json`, part by part. Then the page and its pictures are
@@ -31,6 +31,7 @@ from benchmarks.thesis.payload_experiment import (
     friction_results,
     payload_results,
     sensitivity_results,
+    wrong_prediction_results,
 )
 from benchmarks.thesis.pictures import write_pictures
 from benchmarks.thesis.records import Tree, load_facts, load_results, write_results
@@ -58,7 +59,10 @@ PARTS: Final[dict[str, Callable[[Path, bool], Tree]]] = {
     "friction": lambda folder, _quick: {"friction": friction_results(folder)},
     "payload": lambda folder, quick: {"payload": payload_results(folder, quick)},
     "warming": lambda folder, quick: {"warming": warming_results(folder, quick)},
-    "sensitivity": lambda folder, _quick: {"sensitivity": sensitivity_results(folder)},
+    "sensitivity": lambda folder, _quick: {
+        "sensitivity": sensitivity_results(folder),
+        "wrong_prediction": wrong_prediction_results(),
+    },
 }
 """Experiments by the names of their parts."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import textwrap
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from operator import itemgetter
 from pathlib import Path
 from typing import Final
@@ -13,7 +13,7 @@ import jinja2
 import numpy as np
 
 from benchmarks.thesis.records import Tree
-from benchmarks.thesis.relations import Relation, relations
+from benchmarks.thesis.relations import PLATE_MODELS, Relation, relations
 from identification.choices import REPORTED
 
 Row = Sequence[str | float]
@@ -73,7 +73,7 @@ def wrapped(block: str) -> str:
 def duration_text(results: Tree) -> str:
     """Return sentences with the durations of the parts, and the short parts."""
     minutes = ", ".join(f"{name} {each:g}" for name, each in results["minutes"].items())
-    text = f"The parts took, in minutes: {minutes}."
+    text = f"Measured durations of parts, in minutes: {minutes}."
     if results["short"]:
         text += (
             f" These parts were short experiments (`--quick`): {', '.join(results['short'])}. Their"
@@ -137,11 +137,29 @@ def robot_tables(facts: Tree, robot: Tree) -> dict[str, str]:
                 for name in ("internal", "combined")
             ),
         ),
-        "wrench_table": table(
-            ("model", "Fx [N]", "Fy [N]", "Fz [N]", "Mx [N m]", "My [N m]", "Mz [N m]"),
-            *((name, *_with_percent(robot[name])) for name in ("external", "combined")),
+        "excitation_wrench_table": wrench_table(
+            (
+                name,
+                robot[name]["excitation_wrench"]["rms"],
+                robot[name]["excitation_wrench"]["percent"],
+            )
+            for name in PLATE_MODELS
+        ),
+        "wrench_table": wrench_table(
+            (name, robot[name]["wrench"], robot[name]["wrench_percent"]) for name in PLATE_MODELS
         ),
     }
+
+
+def wrench_table(models: Iterable[tuple[str, Sequence[float], Sequence[float]]]) -> str:
+    """Return the errors of the base wrench of some models, absolute and in percent."""
+    return table(
+        ("model", "Fx [N]", "Fy [N]", "Fz [N]", "Mx [N m]", "My [N m]", "Mz [N m]"),
+        *(
+            (name, *(f"{e:.3g} ({p:.2g} %)" for e, p in zip(errors, percent, strict=True)))
+            for name, errors, percent in models
+        ),
+    )
 
 
 def friction_table(friction: Tree) -> str:
@@ -254,11 +272,6 @@ def path_tables(facts: Tree, path: Tree) -> dict[str, str]:
             *((words, each["mean_mm"], each["max_mm"]) for words, each in rows),
         ),
     }
-
-
-def _with_percent(model: Tree) -> list[str]:
-    pairs = zip(model["wrench"], model["wrench_percent"], strict=True)
-    return [f"{error:.3g} ({percent:.2g} %)" for error, percent in pairs]
 
 
 def _with_torque(found: Tree) -> list[str]:

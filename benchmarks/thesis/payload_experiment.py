@@ -10,8 +10,18 @@ import numpy as np
 from acquisition.motion.kinds.constant_velocity import ConstantVelocityMotion
 from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from benchmarks.loaded import Workplace
-from benchmarks.thesis.records import Tree, numbers, rounded
+from benchmarks.thesis.records import Tree, curve, numbers, rounded, run_result, torque_curves
 from config.load import LoadedCell, load_cell, to_yaml
+from dynamics.model.robot_model import RobotModel
+from dynamics.model.true_parameters import true_parameters
+from identification.payload.body import PayloadBody
+from identification.sensitivity.cases import OTHER_PHASES, SHARE, thesis_motion
+from identification.sensitivity.problem import (
+    Assumptions,
+    SensitivityProblem,
+    prediction_error,
+    root_mean_square,
+)
 
 PERIOD_S: Final = 30.0
 HIGH: Final = 20
@@ -199,6 +209,8 @@ def payload_results(folder: Path, quick: bool) -> Tree:
             "error_nm": numbers([axis["rms_error"] for axis in axes]),
             "torque_nm": numbers([axis["rms_torque"] for axis in axes]),
         }
+        if procedure == "difference":
+            found["other_curves"] = torque_curves(run_result(folder, "other"), first_axis=2)
     return found
 
 
@@ -231,4 +243,36 @@ def sensitivity_results(folder: Path) -> Tree:
             "torque_percent": numbers([each for each in row["torque_percent"] if each is not None]),
         }
         for row in document["rows"]
+    }
+
+
+def wrong_prediction_results() -> Tree:
+    """Return the torque of another motion predicted with wrong assumptions (figure 5.4).
+
+    The torque constants of axes 3 to 6 and the links' parameters are wrong, as in the thesis.
+    """
+    loaded = load_cell("kr15")
+    plant, robot = loaded.plant, loaded.robot
+    assert plant is not None
+    body = plant.payloads["medium"]
+    wrist = range(2, len(robot.joints))
+    problem = SensitivityProblem(
+        robot,
+        true_parameters(RobotModel.from_description(robot), robot, plant),
+        PayloadBody.of_reported(np.array([body.mass_kg, *body.centre_m, *body.inertia_kg_m2])),
+        thesis_motion(robot, wrist),
+        np.array([axis.torque_noise_nm for axis in plant.axes]),
+    )
+    wrong = 1.0 + SHARE
+    assumed = Assumptions(gains=(1.0, 1.0, *(wrong,) * len(wrist)), links=wrong)
+    other = thesis_motion(robot, wrist, OTHER_PHASES)
+    error, torque = prediction_error(problem, assumed, "model", other)
+    moving = slice(wrist.start, None)
+    return {
+        "percent": numbers(100.0 * (root_mean_square(error) / root_mean_square(torque))[moving]),
+        "noise_nm": numbers(problem.noise_nm[moving]),
+        "error_nm": numbers(root_mean_square(error)[moving]),
+        "time_s": curve(np.arange(len(torque)) * PERIOD_S / len(torque)),
+        "measured": [curve(each) for each in torque.T[moving]],
+        "predicted": [curve(each) for each in (torque - error).T[moving]],
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -41,12 +42,22 @@ def write_pictures(results: Tree, folder: Path) -> None:
     """Write all pictures into a folder."""
     folder.mkdir(parents=True, exist_ok=True)
     robot, path, friction = results["robot"], results["path"], results["friction"]
+    combined = robot["combined"]
     with mpl.rc_context(STYLE):
         pictures = {
-            "excitation": _excitation(robot["excitation"]),
-            "torque": _torque(robot),
+            "excitation": _positions(robot["excitation"]),
+            "points": _positions(robot["points"]),
+            "rotors": _errors(
+                (robot["without_rotors"]["excitation"], robot["internal"]["excitation"]),
+                ("without rotor inertia", "with rotor inertia"),
+            ),
             "friction": _friction(friction),
-            "reaction": _reaction(robot["combined"]["curves"]),
+            "torque": _prediction(combined["excitation"]),
+            "wrench": _reaction(combined["excitation_wrench"]),
+            "validation": _prediction(combined["points"]),
+            "reaction": _reaction(combined["points_wrench"]),
+            "assumptions": _prediction(results["wrong_prediction"], first_axis=3),
+            "payload": _prediction(results["payload"]["other_curves"], first_axis=3),
             "warming": _warming(results["warming"]),
             "loop": _loop(path["loop"]),
             "tracking": _tracking(path["curves"]),
@@ -64,7 +75,7 @@ def _figure(rows: int, columns: int, height: float, **options: Any) -> tuple[Fig
     return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
-def _excitation(found: Tree) -> Figure:
+def _positions(found: Tree) -> Figure:
     figure, ((axes,),) = _figure(1, 1, 2.4)
     for j, values in enumerate(found["position_rad"]):
         axes.plot(found["time_s"], values, color=COLOURS[j], label=f"axis {j + 1}")
@@ -74,20 +85,36 @@ def _excitation(found: Tree) -> Figure:
     return figure
 
 
-def _torque(robot: Tree) -> Figure:
-    figure, grid = _figure(3, 2, 5.0, sharex=True)
-    for column, (name, title) in enumerate(
-        (("without_rotors", "without rotor inertia"), ("internal", "with rotor inertia"))
-    ):
-        curves = robot[name]["curves"]
+def _errors(models: Sequence[Tree], titles: Sequence[str]) -> Figure:
+    """Return measured torque and error of the prediction, one column for each model."""
+    figure, grid = _figure(3, len(models), 5.0, sharex=True, sharey="row")
+    for column, (curves, title) in enumerate(zip(models, titles, strict=True)):
         for j in range(3):
             axes = grid[j][column]
             measured, predicted = (np.array(curves[key][j]) for key in ("measured", "predicted"))
             axes.plot(curves["time_s"], measured, color=COLOURS[0], label="measured")
             axes.plot(curves["time_s"], measured - predicted, color=COLOURS[1], label="error")
-            axes.set_ylabel(f"axis {j + 1} [N m]")
+            grid[j][0].set_ylabel(f"axis {j + 1} [N m]")
         grid[0][column].set_title(title)
         grid[2][column].set_xlabel("time [s]")
+    figure.legend(*grid[0][0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
+    return figure
+
+
+def _prediction(curves: Tree, first_axis: int = 1) -> Figure:
+    """Return measured and predicted torque on the left, and the error on the right."""
+    count = len(curves["measured"])
+    figure, grid = _figure(count, 2, 1.4 * count + 0.6, sharex=True)
+    for j, (left, right) in enumerate(grid):
+        measured, predicted = (np.array(curves[key][j]) for key in ("measured", "predicted"))
+        left.plot(curves["time_s"], measured, color=COLOURS[0], label="measured")
+        left.plot(curves["time_s"], predicted, color=COLOURS[1], linestyle="--", label="predicted")
+        right.plot(curves["time_s"], measured - predicted, color=COLOURS[2])
+        left.set_ylabel(f"axis {j + first_axis} [N m]")
+    grid[0][0].set_title("measured and predicted torque")
+    grid[0][1].set_title("error of the prediction")
+    for axes in grid[-1]:
+        axes.set_xlabel("time [s]")
     figure.legend(*grid[0][0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
     return figure
 
@@ -118,15 +145,14 @@ def _reaction(curves: Tree) -> Figure:
     figure, grid = _figure(3, 2, 5.0, sharex=True)
     for i, name in enumerate(("Fx", "Fy", "Fz", "Mx", "My", "Mz")):
         axes = grid[i % 3][i // 3]
-        measured, predicted = (
-            np.array(curves[f"wrench_{key}"][i]) for key in ("measured", "predicted")
-        )
-        axes.plot(curves["wrench_time_s"], measured, color=COLOURS[0], label="measured")
-        axes.plot(curves["wrench_time_s"], measured - predicted, color=COLOURS[1], label="error")
+        measured, predicted = (np.array(curves[key][i]) for key in ("measured", "predicted"))
+        axes.plot(curves["time_s"], measured, color=COLOURS[0], label="measured")
+        axes.plot(curves["time_s"], predicted, color=COLOURS[1], linestyle="--", label="predicted")
+        axes.plot(curves["time_s"], measured - predicted, color=COLOURS[2], label="error")
         axes.set_ylabel(f"{name} [{'N' if name[0] == 'F' else 'N m'}]")
     for axes in grid[2]:
         axes.set_xlabel("time [s]")
-    figure.legend(*grid[0][0].get_legend_handles_labels(), loc="outside upper right", ncols=2)
+    figure.legend(*grid[0][0].get_legend_handles_labels(), loc="outside upper right", ncols=3)
     return figure
 
 

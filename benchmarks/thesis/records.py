@@ -1,4 +1,4 @@
-"""`Facts` of the thesis and `Results` of the simulated experiments, as trees of numbers."""
+"""Numbers of the thesis and results of the simulated experiments, as trees of numbers."""
 
 from __future__ import annotations
 
@@ -59,3 +59,32 @@ def curve(values: ArrayLike) -> list[float]:
     """Return a curve with at most `CURVE_POINTS` points and few digits."""
     array = np.asarray(values, dtype=float)
     return numbers(array[:: max(1, -(-len(array) // CURVE_POINTS))])
+
+
+def run_result(folder: Path, label: str) -> Tree:
+    """Return the results of the run with a label."""
+    for manifest in (folder / "runs").glob("*/manifest.json"):
+        if json.loads(manifest.read_text(encoding="utf-8"))["label"] == label:
+            found: Tree = json.loads(manifest.with_name("result.json").read_text(encoding="utf-8"))
+            return found
+    raise SystemExit(f"{folder}: no run {label!r}")
+
+
+def torque_curves(result: Tree, first_axis: int = 0) -> Tree:
+    """Return measured and predicted torque of the axes from one on, from the results of a run."""
+    torque = result["curves"]["torque"]
+    axes = torque["axes"][first_axis:]
+    return {
+        "time_s": curve(torque["time_s"]),
+        "measured": [curve(axis["measured"]) for axis in axes],
+        "predicted": [curve(axis["predicted"]) for axis in axes],
+    }
+
+
+def wrench_curves(reaction: Tree) -> Tree:
+    """Return the measured and predicted base wrench from the results of a run."""
+    return {
+        "time_s": curve(reaction["time_s"]),
+        "measured": [curve(part["measured"]) for part in reaction["components"]],
+        "predicted": [curve(part["predicted"]) for part in reaction["components"]],
+    }

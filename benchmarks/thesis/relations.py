@@ -33,6 +33,11 @@ SLIGHT_PERCENT: Final = 1.0
 LONGEST_AFTER_S: Final = 0.1
 """Largest time after a velocity reversal that counts as near it [s]."""
 
+LOW_SPEED: Final = 0.2
+"""Fraction of an axis's largest speed up to which its speed counts as low."""
+
+PLATE_MODELS: Final = ("external", "combined")
+
 ILL: Final = 10.0
 """Ratio of condition numbers from which the larger one counts as bad."""
 
@@ -69,6 +74,7 @@ def relations(facts: Tree, results: Tree) -> list[Relation]:
         *_plate(results["robot"]),
         *_friction(results["friction"]),
         *_sensitivity(results["sensitivity"]),
+        *_wrong_prediction(results["wrong_prediction"]),
         *_payload(facts, results["payload"], is_short="payload" in results["short"]),
         *_warming(results["warming"]),
         *_path(facts, results["path"]),
@@ -129,6 +135,26 @@ def _plate(robot: Tree) -> Iterator[Relation]:
         " model is fitted to the torques alone, and the combined model also to the reaction. The"
         " simulated robot has effects that neither model contains, so both fits differ.",
     )
+    torque, slow, fast = _errors_by_speed(robot)
+    yield Relation(
+        "reversals",
+        "The error of the predicted torque is small, except at velocity reversals, because friction"
+        f" at low velocity is not modelled accurately. At speeds above {100.0 * LOW_SPEED:g} % of"
+        f" the largest, it is {_values(fast)} N m for axes 1 to 3"
+        f" ({_values(100.0 * fast / torque)} % of the torque), and below {_values(slow)} N m.",
+        bool(np.all(fast < SMALL * torque) and np.all(slow > fast)),
+    )
+    external, combined = (
+        np.array(robot[name]["excitation_wrench"]["rms"]) for name in PLATE_MODELS
+    )
+    gain = float(np.max(1.0 - combined / external))
+    yield Relation(
+        "excitation_wrench",
+        "The combined model does not improve the prediction of the reaction significantly: no error"
+        f" decreases by more than {100.0 * SMALL:g} % (changes"
+        f" {_percent_list(combined / external - 1.0)}).",
+        gain <= SMALL,
+    )
     change = _largest(_changes(robot["combined"]["wrench"], robot["external"]["wrench"]))
     yield Relation(
         "wrench",
@@ -136,6 +162,29 @@ def _plate(robot: Tree) -> Iterator[Relation]:
         f" than {100.0 * SMALL:g} % (largest difference {100.0 * change:.1f} %).",
         change <= SMALL,
     )
+    noise = robot["combined"]["excitation_wrench"]["noise_percent"]
+    yield Relation(
+        "wrench_noise",
+        "The noise of the reaction forces is high in proportion to the forces, compared with the"
+        f" moments: in one period up to {max(noise[:3]):.2g} % of a force, and up to"
+        f" {max(noise[3:]):.2g} % of a moment.",
+        max(noise[:3]) > max(noise[3:]),
+    )
+
+
+def _errors_by_speed(robot: Tree) -> FloatArray:
+    """Return RMS torque, and RMS errors of the combined model at low and other speeds, (3, n)."""
+    curves, motion = robot["combined"]["excitation"], robot["excitation"]
+    time_s = np.array(curves["time_s"])
+    found = []
+    for measured, predicted, position in zip(
+        curves["measured"], curves["predicted"], motion["position_rad"], strict=True
+    ):
+        speed = np.abs(np.gradient(np.interp(time_s, motion["time_s"], position), time_s))
+        is_slow = speed <= LOW_SPEED * speed.max()
+        error = np.subtract(measured, predicted)
+        found.append([_rms(measured), _rms(error[is_slow]), _rms(error[~is_slow])])
+    return np.array(found).T
 
 
 def _friction(friction: Tree) -> Iterator[Relation]:
@@ -194,6 +243,17 @@ def _sensitivity(table: Tree) -> Iterator[Relation]:
         reason="Gear losses grow with the transmitted torque, which depends on links, poses and"
         " motion. Those of the thesis are unknown. With an efficiency of 95 %, our mass changes by"
         f" {slight['efficiency 95 %']:.1f} %.",
+    )
+
+
+def _wrong_prediction(found: Tree) -> Iterator[Relation]:
+    error, noise = np.array(found["error_nm"]), np.array(found["noise_nm"])
+    yield Relation(
+        "wrong_prediction",
+        "The error of the predicted torque is small compared with the noise and with the torque:"
+        f" at most {np.max(error / noise):.2g} times the noise and {max(found['percent']):.1f} % of"
+        " the torque.",
+        bool(np.all(error < noise)) and max(found["percent"]) < 100.0 * SMALL,
     )
 
 
@@ -310,12 +370,20 @@ def _reversal(found: Tree) -> Iterator[Relation]:
     )
 
 
+def _rms(values: ArrayLike) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
 def _changes(new: ArrayLike, old: ArrayLike) -> FloatArray:
     return np.asarray(np.array(new) / np.array(old) - 1.0)
 
 
 def _largest(changes: FloatArray) -> float:
     return float(np.max(np.abs(changes)))
+
+
+def _values(values: FloatArray) -> str:
+    return ", ".join(f"{each:.2g}" for each in values)
 
 
 def _percent_list(changes: FloatArray) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,9 +14,20 @@ from acquisition.motion.samples import Phase
 from acquisition.runs.catalogue import find_run
 from benchmarks.loaded import Workplace
 from benchmarks.paths import CIRCLES, FIRST, circle_text
-from benchmarks.thesis.records import Tree, curve, numbers, rounded
+from benchmarks.thesis.records import (
+    Tree,
+    curve,
+    numbers,
+    rounded,
+    run_result,
+    torque_curves,
+    wrench_curves,
+)
 from config.load import load_cell, to_yaml
-from rid_daq.runs.motion_runs import read_motion_run
+from identification.estimation.file import read_estimate
+from identification.sensitivity.problem import root_mean_square
+from identification.validation.base_wrench_validation import validate_base_wrench
+from rid_daq.runs.motion_runs import MotionRun, read_motion_run
 
 CELL: Final = "ir361_thesis"
 PERIOD_S: Final = 9.6
@@ -41,6 +51,9 @@ def robot_results(folder: Path, quick: bool) -> Tree:
     Path(work.path("points.yaml")).write_text(yaml.safe_dump(points))
     work.record("excitation", "excitation")
     work.record("points", "points")
+    excited, through = (
+        read_motion_run(find_run(folder / "runs", n)) for n in ("excitation", "points")
+    )
     assert loaded.plant.unmodelled.kinematics is not None
     calibrated = loaded.robot.model_copy(update={"kinematics": loaded.plant.unmodelled.kinematics})
     (folder / "calibrated_robot.yaml").write_text(to_yaml(calibrated))
@@ -51,6 +64,11 @@ def robot_results(folder: Path, quick: bool) -> Tree:
     known.record("points", "calibrated points")
     found: Tree = {"periods": periods}
     found["excitation"] = excitation(Path(work.path("excitation.yaml")), loaded.robot)
+    planned = through.samples()
+    found["points"] = {
+        "time_s": curve(planned.sample_period_s * np.arange(len(planned))),
+        "position_rad": [curve(each) for each in planned.position.T],
+    }
     models: Tree = {}
     for name, run, options in (
         ("internal", "excitation", ()),
@@ -61,13 +79,19 @@ def robot_results(folder: Path, quick: bool) -> Tree:
     ):
         words = ("identify", run, *options, "-o", work.path(f"{name}.json"), "--no-diagnose")
         document = work(*words, codes=(0, 6))
+        fitted = run_result(folder, run)
         judged = "calibrated points" if name == "calibrated" else "points"
         other = work("validate", work.path(f"{name}.json"), judged, codes=(0, 1))
         models[name] = model_results(document, other)
+        if name in ("internal", "without_rotors", "combined"):
+            models[name]["excitation"] = torque_curves(fitted)
+        if name in ("external", "combined"):
+            models[name]["excitation_wrench"] = mean_wrench(excited, work.path(f"{name}.json"))
         if name == "combined":
             models["deviations"] = deviations(document["plate"]["improvement"]["parameters"])
-        if name in ("internal", "without_rotors", "combined"):
-            models[name]["curves"] = curves(folder, judged, with_wrench=name == "combined")
+            judged_result = run_result(folder, judged)
+            models[name]["points"] = torque_curves(judged_result)
+            models[name]["points_wrench"] = wrench_curves(judged_result["reaction"])
     return found | models
 
 
@@ -115,30 +139,35 @@ def deviations(parameters: list[Tree]) -> list[Tree]:
     return kept
 
 
-def curves(folder: Path, label: str, with_wrench: bool) -> Tree:
-    """Return measured and predicted torque of a run, from its report."""
-    result = run_result(folder, label)
-    torque = result["curves"]["torque"]
-    found: Tree = {
-        "time_s": curve(torque["time_s"]),
-        "measured": [curve(axis["measured"]) for axis in torque["axes"]],
-        "predicted": [curve(axis["predicted"]) for axis in torque["axes"]],
+def mean_wrench(run: MotionRun, model: str) -> Tree:
+    """Return measured and predicted base wrench of the excitation, means of all measured periods.
+
+    Args:
+        run: The excitation run.
+        model: File of an external or combined model.
+    """
+    recording = run.data.recording
+    rows = recording.samples_per_period
+    assert rows is not None
+    compared = validate_base_wrench(read_estimate(Path(model)), recording)
+    main_s = recording.time_s[recording.phase == Phase.MAIN]
+    periods = len(main_s) // rows
+    last = int(np.searchsorted(compared.time_s, main_s[-1], side="right"))
+    whole = slice(last - periods * rows, last)
+    measured, predicted = (
+        each[whole].reshape(periods, rows, 6).mean(axis=0)
+        for each in (compared.measured, compared.predicted)
+    )
+    error, size = root_mean_square(measured - predicted), root_mean_square(measured)
+    assert compared.noise is not None
+    return {
+        "rms": numbers(error),
+        "percent": numbers(100.0 * error / size),
+        "noise_percent": numbers(100.0 * compared.noise / size),
+        "time_s": curve(np.arange(rows) * PERIOD_S / rows),
+        "measured": [curve(each) for each in measured.T],
+        "predicted": [curve(each) for each in predicted.T],
     }
-    if with_wrench:
-        found["wrench_time_s"] = curve(result["reaction"]["time_s"])
-        for key in ("measured", "predicted"):
-            parts = result["reaction"]["components"]
-            found[f"wrench_{key}"] = [curve(part[key]) for part in parts]
-    return found
-
-
-def run_result(folder: Path, label: str) -> Tree:
-    """Return the results of the run with a label."""
-    for manifest in (folder / "runs").glob("*/manifest.json"):
-        if json.loads(manifest.read_text(encoding="utf-8"))["label"] == label:
-            found: Tree = json.loads(manifest.with_name("result.json").read_text(encoding="utf-8"))
-            return found
-    raise SystemExit(f"{folder}: no run {label!r}")
 
 
 def path_results(folder: Path, quick: bool) -> Tree:

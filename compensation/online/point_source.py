@@ -35,6 +35,7 @@ PAUSE_S: Final = 0.0005
 LONGEST_STREAM_S: Final = 3600.0
 
 _WHAT: Final = {
+    path.TORQUE_LIMIT: ("model torque", ""),
     path.POSITION_LIMIT: ("position", ""),
     path.SPEED_LIMIT: ("speed", "/s"),
     path.ACCELERATION_LIMIT: ("acceleration", "/s^2"),
@@ -347,14 +348,12 @@ class PointSource:
         joint = self._feedforward.robot.joints[int(counts[path.REASON_JOINT])]
         why, point = int(counts[path.REASON]), int(counts[path.REASON_POINT])
         found, allowed = float(pace[path.FOUND]), float(pace[path.ALLOWED])
-        base = joint.unit
+        base = joint.torque_unit if why == path.TORQUE_LIMIT else joint.unit
         where = f"point {point}, joint {joint.name}"
         limits: dict[str, Any] = {"joint": joint.name, "value": found, "limit": allowed}
         if why == path.NOT_FINITE:
             text = f"{where}: the position is not a number"
             limits = {"joint": joint.name}
-        elif why == path.TORQUE_LIMIT:
-            text = f"{where}: the model needs a torque of {found:.4g}, the limit is {allowed:.4g}"
         else:
             quantity, per = _WHAT[why]
             text = (

@@ -99,7 +99,7 @@ def fit_arm(
     else:
         raise EstimationError(
             f"{poses.name}: the fit does not converge: check that joint positions, points and"
-            " robot file belong together",
+            " robot file belong together, and the signs and units",
             code="RID-KINEMATICS-POSES",
         )
     slopes = arm.slopes(poses.position, poses.load_kg, parameters) / sigma[:, None, None]

@@ -17,6 +17,7 @@ from identification.sensitivity.problem import (
     deviation_percent,
     estimate_under_assumption,
     prediction_error,
+    root_mean_square,
 )
 
 SHARE: Final = 0.1
@@ -186,7 +187,7 @@ def sensitivity_row(
     percent = deviation_percent(problem, estimate_under_assumption(problem, case.assumed, against))
     axes = problem.motion.moving.tolist()
     other = thesis_motion(problem.robot, axes, OTHER_PHASES)
-    error, size = prediction_error(problem, case.assumed, against, other)
+    error, size = map(root_mean_square, prediction_error(problem, case.assumed, against, other))
     return SensitivityRow(
         case,
         against,

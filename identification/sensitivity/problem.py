@@ -295,7 +295,7 @@ def prediction_error(
     against: Comparison,
     other: SampledMotion,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the torque error of a payload estimate on another motion, as in figure 5.4.
+    """Return error and torque of a payload estimate on another motion, as in figure 5.4.
 
     Assumed robot, estimated payload and estimated friction predict the loaded robot's torque. If
     `against` is "difference", the unloaded robot's torque on the other motion is known too.
@@ -304,8 +304,8 @@ def prediction_error(
         other: Motion of the same axes that was not used for the estimate.
 
     Returns:
-        RMS error and RMS torque of the loaded robot, of shape (n,) each; the error of an axis at
-        rest is 0 [N m or N].
+        Error of the prediction, and torque of the loaded robot, of shape (samples, n) each; the
+        error of an axis at rest is 0 [N m or N].
 
     Raises:
         EstimationError: A motion does not determine all ten parameters, or the motions move
@@ -322,7 +322,7 @@ def prediction_error(
     error = MotionEstimator.of(judged, assumed, against).residual(
         compared_torque(judged, assumed, against), values
     )
-    return root_mean_square(error), root_mean_square(judged.torque(assumed, True))
+    return error, judged.torque(assumed, True)
 
 
 def root_mean_square(values: FloatArray) -> FloatArray:

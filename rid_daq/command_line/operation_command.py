@@ -61,6 +61,25 @@ class OperationCommand(click.Command):
             help=operation.request.__doc__,
         )
 
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Parse the arguments; refuse a second input file for an option that takes one file.
+
+        Raises:
+            ConfigError: The option is given twice, so one of the files would have no effect.
+        """
+        if not ctx.resilient_parsing:
+            _, _, order = self.make_parser(ctx).parse_args(list(args))
+            for each in order:
+                shown = next(iter(self._fields.get(each.name or "", ())), None)
+                takes_file = shown is not None and shown.option.file == "input"
+                if takes_file and each.nargs == 1 and not each.multiple and order.count(each) > 1:
+                    raise ConfigError(
+                        f"{each.opts[0]} is given {order.count(each)} times, but takes one file:"
+                        " leave the others out",
+                        code="RID-OPTION-EXCLUSIVE",
+                    )
+        return super().parse_args(ctx, args)
+
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write arguments and options in the sections of their fields."""
         arguments: list[tuple[str, str]] = []

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from acquisition.runs.catalogue import find_file_or_run
-from config.errors import ConfigError, EstimationError
+from config.errors import ConfigError, EstimationError, LimitError
 from config.formats.approved_files import sha256_of
 from config.formats.json_file import read_content
 from config.formats.yaml_tree import parse_yaml
@@ -22,6 +22,7 @@ from identification.payload.carried import (
     without_payload,
 )
 from identification.payload.file import LARGEST_FILE_BYTES, payload_content, refuse_failed
+from identification.payload.rating import refuse_heavier
 from identification.payload.verdict import PayloadResult
 from rid_daq.operations.cell_files import refuse_other_robot
 from rid_daq.terminal.choices import NO_PAYLOAD, PAYLOAD, PAYLOAD_OF_MODEL
@@ -121,11 +122,18 @@ def model_with_content(estimate: Estimate, content: bytes, path: Path) -> Estima
     Raises:
         ConfigError: The content is invalid, or belongs to another robot.
         EstimationError: As raised by `state_payload`.
+        LimitError: The bodies on the last link are heavier than the robot's largest payload.
     """
     if not content.startswith(_BODIES):
         return model_with_payload(estimate, payload_content(content, path), path)
     carried = CarriedBodies.model_validate_json(content[len(_BODIES) : -1])
     refuse_missing_link(path, carried.bodies, estimate.robot)
+    last = len(estimate.robot.joints)
+    at_flange_kg = sum(each.mass_kg for each in carried.bodies.values() if each.link == last)
+    try:
+        refuse_heavier(estimate.robot, at_flange_kg)
+    except LimitError as error:
+        raise LimitError(f"{path}: {error}", code=error.refusal) from None
     return carry_bodies(estimate, carried.bodies)
 
 

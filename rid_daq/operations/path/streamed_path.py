@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Final
 
 from acquisition.motion.samples import MotionSamples
 from acquisition.runs.manifest import require_label
@@ -15,6 +16,7 @@ from compensation.operating_temperature import at_operating_temperature
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
 from config.load import LoadedCell, load_cell
+from identification.elasticity.gear_torque import has_stiffness
 from rid_daq.operations.cell_files import (
     read_loops_for,
     read_motion_and_bytes,
@@ -23,7 +25,7 @@ from rid_daq.operations.cell_files import (
 from rid_daq.operations.operation import Context
 from rid_daq.operations.path.model_doubts import model_doubts
 from rid_daq.operations.path.stream import StreamRequest
-from rid_daq.operations.rigid_gears import rigid_gears_notes
+from rid_daq.operations.rigid_gears import RIGID_GEARS, rigid_gears_notes
 from rid_daq.operations.stated_loads import StatedLoads, state_loads
 from rid_daq.preflight.axis_test import AxisTestRule
 from rid_daq.recording.recorded_run import RecordedRun
@@ -33,6 +35,11 @@ from rid_daq.runs.changed_load import LOAD_CHANGES, load_changes_bytes
 from rid_daq.runs.run_data import MOTION, ONLINE_LOOPS, ONLINE_MODEL, ONLINE_PAYLOAD
 from rid_daq.session.scenario import Scenario, constant_load_notes, load_transfers
 from rid_daq.session.session import as_label
+
+RIGID_STREAM: Final = (
+    "`stream` computes the torques of rigid gears and does not correct the deflection of the gears;"
+    " for a motion file, `compensate` and `record --feedforward` do"
+)
 
 
 def stream_path(request: StreamRequest, context: Context) -> tuple[RecordedRun, tuple[str, ...]]:
@@ -61,12 +68,11 @@ def stream_path(request: StreamRequest, context: Context) -> tuple[RecordedRun, 
     position = None if samples is None else samples.whole().position
     doubts = model_doubts(request.model, warm.estimate, position)
     constant = constant_load_notes(loads.changes, loaded.config)
-    rigid = rigid_gears_notes(
-        request.model,
-        estimate,
-        "`stream` computes the torques of rigid gears and does not correct the deflection of the"
-        " gears",
-    )
+    rigid = rigid_gears_notes(request.model, estimate, RIGID_STREAM)
+    if not rigid and has_stiffness(loaded.robot):
+        rigid = [
+            f"robot {loaded.robot.name} has stiffness_nm_rad, but {RIGID_STREAM} ({RIGID_GEARS})"
+        ]
     notes = (*measured.notes, *warm.notes, *doubts, *rigid, *constant)
     for note in notes:
         context.say(f"note: {note}")

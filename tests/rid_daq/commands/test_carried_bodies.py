@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from config.errors import LimitError
 from identification.estimation.file import read_estimate, write_estimate
 from rid_daq.app import run
 from rid_daq.operations.stated_loads import state_loads
@@ -15,6 +17,7 @@ from tests.builders.identified_run import arm_in_motion, identified_run
 from tests.builders.json_output import document
 from tests.builders.known_body import bodies_text, link_parameters
 from tests.builders.known_model import joint_path, write_path_files
+from tests.builders.raised_codes import raises_code
 
 SHARE = 0.4  # of link 2: the body of the loaded run
 LINK_2 = link_parameters(2)
@@ -85,6 +88,32 @@ def test_bodies_are_taken_up_during_a_motion(root: Path) -> None:
     np.testing.assert_array_equal(later.values, carried.estimate.values)
     assert loads.stated is not None
     assert len(loads.stated.changes.changes[0].payload) == 64
+
+
+def test_bodies_on_the_last_link_that_are_heavier_than_the_rated_payload_are_refused(
+    root: Path, tmp_path: Path
+) -> None:
+    model = read_estimate(root / "model.json")
+    rated = replace(model, robot=model.robot.model_copy(update={"rated_payload_kg": 5.0}))
+    for link, masses_kg, is_refused in (
+        (3, (4.9,), False),
+        (3, (2.6, 2.5), True),
+        (2, (40.0,), False),  # a counterweight
+    ):
+        file = tmp_path / "bodies.yaml"
+        file.write_text(
+            "bodies:\n"
+            + "".join(
+                f"  part{number}: {{link: {link}, mass_kg: {mass}, centre_m: [0.1, 0.0, 0.0],"
+                " inertia_kg_m2: [0.01, 0.01, 0.01, 0.0, 0.0, 0.0]}\n"
+                for number, mass in enumerate(masses_kg)
+            )
+        )
+        if is_refused:
+            with raises_code(LimitError, "RID-PAYLOAD-HEAVY"):
+                state_payload(rated, "model.json", str(file), root / "runs")
+        else:
+            state_payload(rated, "model.json", str(file), root / "runs")
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from config.load import load_cell
+from config.load import load_cell, to_yaml
 from identification.estimation.file import write_estimate
 from tests.builders.elastic_model import links_model
 from tests.builders.known_model import joint_path, write_path_files
@@ -53,6 +53,24 @@ def test_a_model_that_was_fitted_to_the_motors_needs_no_note(
     monkeypatch.chdir(folder)
     document, shown = both_outputs(COMMANDS[command].replace("MODEL", "alone.json").split())
     assert CODE not in f"{document['notes']}{shown}"
+
+
+def test_stream_says_that_a_stated_stiffness_has_no_effect(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(folder)
+    loaded = load_cell("ir361")
+    soft = tuple(
+        joint.model_copy(update={"stiffness_nm_rad": 5e4}) for joint in loaded.robot.joints
+    )
+    Path("soft.yaml").write_text(to_yaml(loaded.robot.model_copy(update={"joints": soft})))
+    config = loaded.config.model_copy(update={"robot": str(folder / "soft.yaml")})
+    Path("cell.yaml").write_text(to_yaml(config))
+    words = COMMANDS["stream"].replace("MODEL", "alone.json").replace("ir361", "cell.yaml")
+    document, shown = both_outputs(words.split())
+    (note,) = [note for note in document["notes"] if CODE in note]
+    assert "stiffness_nm_rad" in note
+    assert CODE in shown
 
 
 def test_without_correction_on_request_nothing_is_said(

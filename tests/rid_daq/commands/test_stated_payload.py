@@ -97,6 +97,16 @@ def test_the_payload_of_a_model_that_has_none_is_refused(
     assert not [*folder.glob("out*")]
 
 
+@pytest.mark.parametrize("name", COMMANDS)
+def test_two_payloads_are_refused(
+    folder: Path, name: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = [*COMMANDS[name].format(folder, "alone").split(), "--payload", "none"]
+    assert run([*words, "--payload", str(folder / "payload.json")]) == 2
+    assert "RID-OPTION-EXCLUSIVE" in capsys.readouterr().err
+    assert not [*folder.glob("out*")]
+
+
 def feedforward(folder: Path, model: str, *words: str) -> FloatArray:
     out = folder / f"ff {model} {len(words)}.json"
     command_words = COMMANDS["compensate"].format(folder, model).split()[:-1]
