@@ -21,10 +21,10 @@ from config.robot.kinematic_table import KinematicRow, Kinematics
 from config.robot.robot import Joint, JointLimits, RobotDescription
 from drivers.canopen.frames import Frame
 from drivers.cell import Cell
+from drivers.data_sheets.eds_check import eds_findings
 from drivers.interfaces.servo_axes import EventKind
 from drivers.ports.can_link import CanLink
 from drivers.servo.drive_settings import restore_drive
-from drivers.servo.eds_check import eds_findings
 from drivers.servo.sdo_port import SdoPort
 from drivers.servo.watchdog_test import WatchdogResult, require_watchdogs, run_watchdog_test
 from drivers.settings.write_log import WriteLog, read_write_log
