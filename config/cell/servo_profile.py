@@ -33,6 +33,7 @@ Mode = Literal[
 VelocityUnit = Literal["increments_per_s", "rpm", "0.1rpm"]
 Watch = Literal["heartbeat", "life_guarding"]
 RatingObject = Literal["6073h", "6075h", "6076h", "608Fh", "60E0h", "60E1h", "6410h"]
+ErrorCode = Annotated[int, Field(gt=0, le=0xFFFF)]
 Units = Annotated[Positive, Plausible(1e-9, 1e9, "")]
 
 BY_POSITION: Final[tuple[Mode, ...]] = ("cyclic_position", "interpolated_position")
@@ -169,6 +170,9 @@ class ServoProfile(ConfigModel):
         watch: How drive and computer detect each other's failure: by heartbeats (1016h, 1017h) or,
             for a drive without 1016h, by life guarding (100Ch, 100Dh), in which its state is
             requested.
+        lost_connection_codes: Error codes (603Fh, emergency message) by which the drive reports
+            that this computer is silent. The watchdog test accepts and resets only faults with
+            these codes.
         digital_inputs: True if the drive sends its digital inputs (60FDh) in every cycle, in TPDO
             2. A drive with fixed PDOs sends them if `pdos` carry the signal `inputs`.
         settings: Further objects that must hold a value; a simulated drive has them too.
@@ -201,6 +205,7 @@ class ServoProfile(ConfigModel):
     not_compared: tuple[RatingObject, ...] = ()
     referenced: ReferencedBits | None = None
     watch: Watch = "heartbeat"
+    lost_connection_codes: Annotated[tuple[ErrorCode, ...], Field(min_length=1)] = (0x8130,)
     digital_inputs: bool = False
     settings: tuple[ExtraSetting, ...] = ()
     lacks: tuple[FamilyObject, ...] = ()

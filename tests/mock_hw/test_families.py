@@ -14,7 +14,7 @@ import pytest
 
 from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety
 from config.cell.servo_profile import Mode, ServoProfile, TorqueObject
-from config.errors import PreflightError
+from config.errors import DeviceFaultError, PreflightError
 from config.formats.eds import parse_eds
 from config.load import bundled_names, load_bundled_or_path
 from config.robot.kinematic_table import KinematicRow, Kinematics
@@ -251,9 +251,7 @@ def test_the_watchdog_test_of_a_guarded_drive_with_a_fault_is_completed(
             drive._fault(0x3210)
 
         monkeypatch.setattr(drive, "_lose_master", fail_otherwise)
-        with raises_code(
-            PreflightError, "RID-PREFLIGHT-RED", "3210h"
-        ):  # the fault has another cause than the test
+        with raises_code(DeviceFaultError, "RID-DRIVE-FAULT", "3210h"):
             run_watchdog_test(open_cell.axes, open_cell.clock, cell)
 
 
