@@ -8,6 +8,7 @@ result is `NOT_AVAILABLE` and not an agreement.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from decimal import Decimal
@@ -32,6 +33,7 @@ torque limit. The ratio of real motors is 0.1 to 3. If a rating in mN m is read 
 1000 times as large and is detected.
 """
 LEAST_INCREMENTS = 4
+FEED, SHAFT_REVOLUTIONS = (0x6092, 1), (0x6092, 2)
 NOT_AVAILABLE: Final = "not available"
 CONTRADICTED: Final = "RID-DRIVE-RATING"
 
@@ -224,6 +226,47 @@ def compare_torque_constants(
         name = "torque constant, gear included"
         stated = _Source("robot file", of_robot, name, "N m/A", RATED_TORQUE)
         yield _constant_setting(axis, stated, at_joint, f"{source}, times the gear ratio")
+
+
+def position_scale_setting(
+    port: SdoPort, axis: DriveAxis, profile: ServoProfile, increments: float, gear_ratio: float
+) -> DriveSetting | None:
+    """Return the check result for the feed constant (6092h), which can change the unit of 6064h.
+
+    Without scaling, 6092h is 1 (never set) or repeats the encoder's increments, per revolution of
+    the motor or of the gear's output. With any other value, positions and velocities are in units
+    that 608Fh does not describe; then the cell file must state `encoder_increments`.
+
+    Args:
+        port, axis, profile: The drive, its axis and its profile.
+        increments: Units of 6064h per motor revolution that would be used.
+        gear_ratio: Motor radians per joint radian.
+
+    Returns:
+        The result; None if the drive does not have 6092h.
+
+    Raises:
+        DeviceTimeoutError, TransportError: The drive does not answer, or the bus is lost.
+    """
+    try:
+        feed = port.read_int(*FEED) / max(1, port.read_int(*SHAFT_REVOLUTIONS))
+    except SdoAbort:
+        return None
+    unscaled = (1.0, increments, increments * abs(gear_ratio))
+    stated = profile.encoder_increments is not None
+    good = stated or any(math.isclose(feed, each, rel_tol=1e-6) for each in unscaled)
+    return DriveSetting(
+        axis.joint,
+        axis.node_id,
+        object_name(*FEED),
+        "position units per revolution",
+        "" if stated else f"1, {increments:.10g} or {unscaled[2]:.10g}: no scaling of positions",
+        f"{feed:.10g}",
+        "shown" if stated else "ok" if good else "red",
+        "state encoder_increments (units of 6064h per motor revolution) and not_compared: [608Fh]"
+        " in the axis's servo, or reset 6092h with the manufacturer's tool",
+        "" if good else "RID-DRIVE-POSITION-UNIT",
+    )
 
 
 def _held_rating(port: SdoPort, address: tuple[int, int]) -> float | None:

@@ -40,6 +40,7 @@ from drivers.servo.cia402 import (
 from drivers.servo.motor_ratings import (
     compare_stated_ratings,
     compare_torque_constants,
+    position_scale_setting,
     rating_requirements,
     ratings_of,
     torque_setting,
@@ -106,7 +107,7 @@ class DriveSetup:
     ) -> None:
         self._axis = axis
         self._joint = joint
-        self._cell = cell
+        self._cell = cell.model_copy(update={"drive_safety": cell.safety_of(axis)})
         self._reach = reach
         self._profile = cell.servo_of(axis)
         self._undefined_reactions: list[str] = []
@@ -195,6 +196,11 @@ class DriveSetup:
         if gear is None or not all(known):
             return None, None
         motor = ratings_of(self._profile, self._values)
+        scale = position_scale_setting(
+            self._port, self._axis, self._profile, motor.increments, gear
+        )
+        if scale is not None:
+            self._settings.append(scale)
         try:
             units = AxisUnits.of_motor(
                 motor, self._profile, gear, self._axis.direction, self._axis.position_zero_counts

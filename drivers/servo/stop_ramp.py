@@ -85,9 +85,12 @@ def quick_stop_decelerations(cell: CellConfig, robot: RobotDescription) -> list[
     For a drive whose 6085h cannot be written, the deceleration is the `deceleration_rad_s2` of its
     axis in the cell file. For all other drives it is the value that is written to them.
     """
-    stated = {axis.joint: cell.servo_of(axis).deceleration_rad_s2 for axis in cell.axes}
-    written = cell.drive_safety.quick_stop_deceleration_rad_s2
-    return [stated[name] or written for name in robot.joint_names]
+    found = {
+        axis.joint: cell.servo_of(axis).deceleration_rad_s2
+        or cell.safety_of(axis).quick_stop_deceleration_rad_s2
+        for axis in cell.axes
+    }
+    return [found[name] for name in robot.joint_names]
 
 
 def longest_ramp_s(cell: CellConfig, robot: RobotDescription) -> float:

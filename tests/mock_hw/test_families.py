@@ -12,7 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety
+from config.cell.cell import CanBusConfig, CellConfig, DriveAxis
+from config.cell.drive_safety import DriveSafety
 from config.cell.servo_profile import Mode, ServoProfile, TorqueObject
 from config.errors import DeviceFaultError, PreflightError
 from config.formats.eds import parse_eds

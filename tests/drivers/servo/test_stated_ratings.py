@@ -219,3 +219,29 @@ def test_torques_from_a_current_are_judged_by_their_torque_constant(
         bench.axes.bring_up()
     found = [line for line in bench.axes.settings() if line.name == "rated torque at the joint"]
     assert found[0].verdict == verdict
+
+
+@pytest.mark.parametrize(
+    ("feed", "verdict"), [(1, "ok"), (4096, "ok"), (409600, "ok"), (360, "red"), (1000, "red")]
+)
+def test_a_drive_that_scales_its_positions_is_refused(
+    bench: Bench, feed: int, verdict: str
+) -> None:
+    for drive in bench.drives:
+        drive.objects[0x6092, 1] = feed.to_bytes(4, "little")
+        drive.objects[0x6092, 2] = (1).to_bytes(4, "little")
+    refused = raises_code(PreflightError, "RID-DRIVE-POSITION-UNIT", "6092h:01", f"{feed}")
+    with nullcontext() if verdict == "ok" else refused:
+        bench.axes.bring_up()
+    assert bench.found("6092h:01").verdict == verdict
+
+
+def test_scaled_positions_are_accepted_if_the_cell_file_states_their_unit(
+    make_stating: Callable[[ServoProfile], Bench],
+) -> None:
+    bench = make_stating(ServoProfile(encoder_increments=1000.0, not_compared=("608Fh",)))
+    for drive in bench.drives:
+        drive.objects[0x6092, 1] = (1000).to_bytes(4, "little")
+        drive.objects[0x6092, 2] = (1).to_bytes(4, "little")
+    bench.axes.bring_up()
+    assert bench.found("6092h:01").verdict == "shown"
