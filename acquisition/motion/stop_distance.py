@@ -2,7 +2,7 @@
 
 At every row of the motion a stop can begin: a stop that is ordered, or the drives' own stop after
 this computer has failed. From the row's position each motor continues at the row's velocity until
-its drive begins to stop, and then decelerates as in a quick stop. Where it comes to rest must still
+its drive begins to stop, and then decelerates as in a quick stop. Its position at rest must still
 be within the limits, otherwise a stop moves the joint against its mechanical end.
 """
 
@@ -28,7 +28,7 @@ ROWS_AT_ONCE = 200
 def rest_positions(
     samples: MotionSamples, cell: CellConfig, robot: RobotDescription, delay_s: float
 ) -> FloatArray:
-    """Return where the joints come to rest if the motion is stopped at each of its rows.
+    """Return the joints' positions at rest if the motion is stopped at each of its rows.
 
     In a robot with a coupled wrist, each motor stops by its own ramp.
 
@@ -73,10 +73,10 @@ def verify_stops(
     for first in range(0, len(end), ROWS_AT_ONCE):
         distance = clearances.nearest(end[first : first + ROWS_AT_ONCE])
         if (distance < 0.0).any():
-            row, pair = np.unravel_index(int(np.argmin(distance)), distance.shape)
+            row, pair = map(int, np.unravel_index(int(np.argmin(distance)), distance.shape))
             raise PreflightError(
                 f"a stop {(first + row) * samples.sample_period_s:.2f} s after the motion's start"
-                f" would end with {clearances.names[int(pair)]} in contact; nothing was moved."
+                f" would end with {clearances.names[pair]} in contact; nothing was moved."
                 " Plan a motion that is slower near this place",
                 code="RID-MOTION-STOP",
             )

@@ -1,4 +1,4 @@
-"""Data sheets (EDS) of CiA 402 drives: comparison with what rid-daq needs, and proposed keys.
+"""EDS files of CiA 402 drives: comparison with the required objects, and keys.
 
 No module contacts a drive. Begin with `eds_check.py`.
 """

@@ -1,4 +1,4 @@
-"""Ratings of a motor: where they come from, and comparisons between cell file, drive and robot.
+"""Ratings of a motor: sources, and comparisons between cell file, drive and robot file.
 
 Rated torque, rated current and torque constant scale every measured torque. A cell file that
 contradicts its drive by more than `RATING_TOLERANCE` is therefore refused. A smaller difference
