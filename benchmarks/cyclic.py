@@ -46,7 +46,8 @@ from benchmarks.bare_exchange import compile_exchange
 from benchmarks.cyclic_bus import BITRATE, HEARTBEAT_S, Scenario, serve_bus
 from benchmarks.lateness import calm_p99
 from benchmarks.short_form import is_short
-from config.cell.cell import CanBusConfig, DriveSafety
+from config.cell.cell import CanBusConfig
+from config.cell.drive_safety import DriveSafety
 from drivers.canopen.frames import heartbeat_cob_id, rpdo_cob_id, tpdo_cob_id
 from drivers.ports.can_link import open_can
 from drivers.servo.cia402 import AxisUnits

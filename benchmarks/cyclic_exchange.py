@@ -22,7 +22,7 @@ import can
 import numpy as np
 
 from benchmarks.short_form import is_short
-from config.cell.cell import DriveSafety
+from config.cell.drive_safety import DriveSafety
 from drivers.ports.can_link import CanLink
 from drivers.servo.cia402 import AxisUnits
 from drivers.servo.cyclic_exchange import CyclicExchange

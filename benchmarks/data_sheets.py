@@ -29,7 +29,7 @@ from config.errors import ConfigError
 from config.formats.eds import ElectronicDataSheet, parse_eds
 from config.formats.eds_object import EdsObject
 from config.load import bundled_names, load_bundled_or_path, load_cell
-from drivers.servo.eds_fit import EdsFit, fit_eds, torque_objects
+from drivers.data_sheets.eds_fit import EdsFit, fit_eds, torque_objects
 
 SERVO_DRIVE = 402
 WORDS: Final = ((0x6040, 0), (0x6041, 0))

@@ -17,6 +17,7 @@ from acquisition.motion.collision import refuse_collision
 from acquisition.motion.known_pose import KnownPose
 from acquisition.motion.limits import verify_limits
 from acquisition.motion.samples import MotionSamples
+from acquisition.motion.stop_distance import verify_stops
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING
 from acquisition.session.cycle_recorder import run_recorder
@@ -237,6 +238,7 @@ def _check_motion(cell: CellConfig, robot: RobotDescription, samples: MotionSamp
         raise PreflightError(f"{error}; nothing was moved", code=error.refusal) from error
     clearances = Clearances.of(robot, cell.workspace)
     refuse_collision(clearances, samples.position, samples.sample_period_s, "the motion")
+    verify_stops(samples, cell, robot, clearances)
 
 
 def _start_plate(

@@ -70,6 +70,8 @@ def _check_stops(tree: YamlTree, cell: CellConfig, robot: RobotDescription) -> N
         (("drive_safety", key), cell.drive_safety.quick_stop_deceleration_rad_s2)
     ]
     for number, axis in enumerate(cell.axes):
+        if axis.quick_stop_deceleration_rad_s2 is not None:
+            stated.append((("axes", number, key), axis.quick_stop_deceleration_rad_s2))
         own = cell.servo_of(axis).deceleration_rad_s2
         if own is not None:
             stated.append((("axes", number, "servo", "deceleration_rad_s2"), own))

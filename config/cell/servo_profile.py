@@ -32,7 +32,8 @@ Mode = Literal[
 ]
 VelocityUnit = Literal["increments_per_s", "rpm", "0.1rpm"]
 Watch = Literal["heartbeat", "life_guarding"]
-RatingObject = Literal["6075h", "6076h", "608Fh"]
+RatingObject = Literal["6073h", "6075h", "6076h", "608Fh", "60E0h", "60E1h", "6410h"]
+ErrorCode = Annotated[int, Field(gt=0, le=0xFFFF)]
 Units = Annotated[Positive, Plausible(1e-9, 1e9, "")]
 
 BY_POSITION: Final[tuple[Mode, ...]] = ("cyclic_position", "interpolated_position")
@@ -145,6 +146,7 @@ class ServoProfile(ConfigModel):
         rated_torque_nm: Rated torque of the motor; replaces 6076h.
         rated_torque_units: Counts of 6076h per N m.
         rated_current_a: Rated current of the motor; replaces 6075h.
+        rated_current_object: Object that holds the rated current [mA].
         torque_constant_nm_per_a: Torque constant of the motor, needed if the drive reports a
             current instead of a torque.
         torque: The measured torque or current, part of every cycle's answer.
@@ -161,13 +163,16 @@ class ServoProfile(ConfigModel):
             brakes and precharge.
         follows_bit: False if the drive never sets bit 12 of 6041h (drive follows the command
             value).
-        not_compared: Objects of the drive's ratings whose values are known to be wrong. Any other
-            rating in the cell file is refused if the drive states another value.
+        not_compared: Objects of the drive's ratings and torque limits whose values are known to be
+            wrong. Any other rating in the cell file is refused if the drive states another value.
         referenced: Bits that report that the drive has been homed. A drive whose bits report the
             opposite is refused. Without this key, the program does not know if the drive was homed.
         watch: How drive and computer detect each other's failure: by heartbeats (1016h, 1017h) or,
             for a drive without 1016h, by life guarding (100Ch, 100Dh), in which its state is
             requested.
+        lost_connection_codes: Error codes (603Fh, emergency message) by which the drive reports
+            that this computer is silent. The watchdog test accepts and resets only faults with
+            these codes.
         digital_inputs: True if the drive sends its digital inputs (60FDh) in every cycle, in TPDO
             2. A drive with fixed PDOs sends them if `pdos` carry the signal `inputs`.
         settings: Further objects that must hold a value; a simulated drive has them too.
@@ -186,6 +191,7 @@ class ServoProfile(ConfigModel):
     rated_torque_nm: Annotated[Positive, Plausible(1e-3, 5e3, "N m")] | None = None
     rated_torque_units: Units = 1000.0
     rated_current_a: Annotated[Positive, Plausible(1e-2, 2e3, "A")] | None = None
+    rated_current_object: ObjectName = "6075h:00"
     torque_constant_nm_per_a: Annotated[Positive, Plausible(1e-3, 50.0, "N m/A")] | None = None
     torque: TorqueObject = TorqueObject(object="6077h:00")
     torque_limit: TorqueObject | None = TorqueObject(object="6072h:00")
@@ -199,6 +205,7 @@ class ServoProfile(ConfigModel):
     not_compared: tuple[RatingObject, ...] = ()
     referenced: ReferencedBits | None = None
     watch: Watch = "heartbeat"
+    lost_connection_codes: Annotated[tuple[ErrorCode, ...], Field(min_length=1)] = (0x8130,)
     digital_inputs: bool = False
     settings: tuple[ExtraSetting, ...] = ()
     lacks: tuple[FamilyObject, ...] = ()

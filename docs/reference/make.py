@@ -94,11 +94,11 @@ def drive_objects() -> str:
     """Return the guide's table of drive objects, with the remedy if a drive lacks one."""
     from config.load import load_cell
     from drivers.servo.cia402 import AxisUnits, MotorRatings
+    from drivers.servo.motor_ratings import rating_requirements
     from drivers.servo.requirements import (
         Requirement,
         cyclic_pdos,
         kind_requirements,
-        rating_requirements,
         safety_requirements,
     )
     from rid_daq.preflight.drive_advice import REPLACED_BY

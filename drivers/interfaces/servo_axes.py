@@ -86,6 +86,7 @@ class DriveSetting:
         next_action: What to do if the verdict is red; empty if this is clear from the object.
         code: Error code (RID-…) of the refusal if the verdict is red; empty for settings that have
             no code of their own.
+        headline: Name under which a summary shows the result even if it is not red.
     """
 
     joint: str
@@ -97,6 +98,7 @@ class DriveSetting:
     verdict: Literal["ok", "red", "allowed", "shown"]
     next_action: str = ""
     code: str = ""
+    headline: str = ""
 
 
 @dataclass(eq=False, slots=True)

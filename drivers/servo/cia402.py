@@ -7,12 +7,8 @@ from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal
 
-from config.cell.cell import DriveAxis
 from config.cell.servo_profile import Mode, ServoProfile, TorqueObject
 from config.errors import ConfigError
-from config.robot.robot import Joint
-from drivers.canopen.sdo import object_name
-from drivers.interfaces.servo_axes import DriveSetting
 from drivers.servo.position_counter import BITS_32, PositionCounter
 
 MAKERS_OWN = -1
@@ -23,13 +19,6 @@ CYCLIC_SYNCHRONOUS_VELOCITY = 9
 DRIVE_PROFILE = 402
 FOLLOWS_COMMAND = 0x1000
 VOLTAGE_ENABLED = 0x0010
-RATING_TOLERANCE = 0.05
-"""Largest accepted difference between a rating in the cell file and in the drive, as a fraction."""
-PLAUSIBLE_RATED_TORQUE = (0.01, 30.0)
-"""Smallest and largest accepted rated torque of a motor at the joint, relative to the joint's
-torque limit. The ratio of real motors is 0.1 to 3. If a rating in mN m is read as N m, the ratio is
-1000 times as large and is detected.
-"""
 
 
 class PowerState(IntEnum):
@@ -338,57 +327,3 @@ class AxisUnits:
     def torque_nm(self, units: int) -> float:
         """Return the joint torque for a value of the torque object [N m], without gear losses."""
         return units * self.nm_per_torque_unit
-
-
-def torque_setting(
-    axis: DriveAxis, joint: Joint, rated_nm: float, at_joint_nm: float
-) -> DriveSetting:
-    """Return the check result that compares a motor's rated torque with the joint's torque limit.
-
-    Args:
-        axis, joint: The drive, and the joint that it moves.
-        rated_nm, at_joint_nm: The motor's rated torque without and with its gear [N m].
-    """
-    limit = joint.limits.torque
-    least, most = (share * limit for share in PLAUSIBLE_RATED_TORQUE)
-    good = least <= at_joint_nm <= most
-    return DriveSetting(
-        axis.joint,
-        axis.node_id,
-        object_name(0x6076, 0),
-        "rated torque at the joint",
-        f"{least:.3g} to {most:.3g} N m",
-        f"{at_joint_nm:.4g} N m",
-        "ok" if good else "red",
-        f"the motor's rated torque is read as {rated_nm:.4g} N m; correct rated_torque_nm"
-        " (N m, not mN m), rated_torque_units or torque_constant_nm_per_a in the axis's servo, or"
-        f" the joint's torque limit, {limit:g} N m, in the robot file",
-    )
-
-
-def rating_setting(
-    axis: DriveAxis, object_name: str, name: str, stated: int, held: float, *, compared: bool
-) -> DriveSetting:
-    """Return the check result that compares a rating in the cell file with that in the drive.
-
-    Args:
-        axis: The drive's axis.
-        object_name, name: Object of the rating, and its name with the unit of the counts.
-        stated, held: The rating in the cell file and in the drive [counts].
-        compared: False if the cell file says that the drive's value is not used.
-    """
-    good = abs(stated - held) <= RATING_TOLERANCE * abs(held)
-    accepted = f"{stated} ± {100.0 * RATING_TOLERANCE:.0f} %, as in the cell file"
-    return DriveSetting(
-        axis.joint,
-        axis.node_id,
-        object_name,
-        name,
-        accepted if compared else "",
-        f"{held:.10g}",
-        "ok" if good and compared else "red" if compared else "shown",
-        "the cell file and the drive state different motors: remove the axis's servo key to use the"
-        " drive's value, or correct it by the motor's data sheet; if the drive's value is known to"
-        f" be wrong, add {object_name[:5]} to not_compared in the axis's servo",
-        "" if good or not compared else "RID-DRIVE-RATING",
-    )

@@ -8,7 +8,8 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from config.cell.cell import DriveAxis, DriveSafety
+from config.cell.cell import DriveAxis
+from config.cell.drive_safety import DriveSafety
 from config.errors import LockedError
 from drivers.canopen.emcy import parse_emcy
 from drivers.canopen.frames import (

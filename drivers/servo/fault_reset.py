@@ -6,7 +6,7 @@ before the cyclic exchange. It enables no drive: a motion needs the complete bri
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass
 
 from config.cell.cell import DriveAxis
@@ -53,7 +53,10 @@ class FaultReset:
 
 
 def reset_fault(
-    link: CanLink, axis: DriveAxis, others: Callable[[Frame, float], None]
+    link: CanLink,
+    axis: DriveAxis,
+    others: Callable[[Frame, float], None],
+    codes: Collection[int] | None = None,
 ) -> FaultReset:
     """Reset a drive's fault, if it has one.
 
@@ -61,6 +64,7 @@ def reset_fault(
         link: The bus.
         axis: The drive.
         others: Handler of frames that are not this drive's SDO answers, with their time [s].
+        codes: Error codes (603Fh) of the faults to reset; None to reset every fault.
 
     Raises:
         DeviceTimeoutError: The drive does not answer.
@@ -77,6 +81,8 @@ def reset_fault(
         unknown = PowerState.NOT_READY_TO_SWITCH_ON
         return FaultReset(joint, node, unknown, unknown, refusal=abort_text(abort.code))
     error = f"{code_text(code)} ({code:04X}h)"
+    if codes is not None and code not in codes:
+        return FaultReset(joint, node, before, before, error, "not the fault to reset")
     try:
         for word in (ControlWord.DISABLE_VOLTAGE, ControlWord.FAULT_RESET):
             port.write(0x6040, 0, word.to_bytes(2, "little"))

@@ -127,7 +127,14 @@ def reference_setting(
             else "not known"
         )
         return DriveSetting(
-            axis.joint, axis.node_id, object_name(*_POSITION), REFERENCED, "", found, "shown"
+            axis.joint,
+            axis.node_id,
+            object_name(*_POSITION),
+            REFERENCED,
+            "",
+            found,
+            "shown",
+            headline=REFERENCED,
         )
     address = object_address(referenced.object)
     mask, value = referenced.mask, referenced.referenced_value
@@ -151,6 +158,7 @@ def reference_setting(
         "ok" if good else "red",
         "" if good else advice,
         "" if good else NOT_REFERENCED,
+        REFERENCED,
     )
 
 

@@ -34,7 +34,7 @@ from drivers.servo.cia402 import (
 from drivers.servo.stop_ramp import (
     PROFILE_DECELERATION,
     QUICK_STOP_DECELERATION,
-    Held,
+    further_torque_limits,
     uses_profile_deceleration,
 )
 
@@ -48,7 +48,7 @@ MODES: Final[dict[Mode, int]] = {
 }
 INCREMENTS, REVOLUTIONS = (0x608F, 1), (0x608F, 2)
 GUARD_TIME, LIFE_TIME_FACTOR = (0x100C, 0), (0x100D, 0)
-RATED_TORQUE, RATED_CURRENT = (0x6076, 0), (0x6075, 0)
+RATED_TORQUE = (0x6076, 0)
 
 _MILLI = 1000.0
 _STEEPER = 4.0
@@ -140,55 +140,6 @@ def kind_requirements(profile: ServoProfile) -> tuple[Requirement, ...]:
             mask=bit, write=False, hexadecimal=True, lack="shown",
         ),
     )  # fmt: skip
-
-
-def rating_requirements(profile: ServoProfile) -> tuple[Requirement, ...]:
-    """Return the requirements to read the motor's ratings.
-
-    A rating that the profile states has its value [counts]. A drive may lack this object.
-    """
-    used, limit = {profile.torque.of}, profile.torque_limit
-    if limit is not None:
-        used.add(limit.of)
-    in_amperes = limit is not None and limit.of == "ampere" and profile.torque_limit_written
-    ratings = []
-    if profile.encoder_increments is None:
-        ratings += [
-            Requirement(*INCREMENTS, 4, "encoder increments", write=False),
-            Requirement(*REVOLUTIONS, 4, "per motor revolutions", write=False),
-        ]
-    elif not profile.sets_increments:
-        ratings.append(_rating(INCREMENTS, "encoder increments", profile.encoder_increments, 1.0))
-    if "rated_torque" in used:
-        units = profile.rated_torque_units
-        name = f"rated motor torque [{'mN m' if units == _MILLI else f'1/{units:g} N m'}]"
-        ratings.append(_rating(RATED_TORQUE, name, profile.rated_torque_nm, units))
-    if "rated_current" in used or in_amperes:
-        current_a = profile.rated_current_a
-        ratings.append(_rating(RATED_CURRENT, "rated motor current [mA]", current_a, _MILLI))
-    return tuple(ratings)
-
-
-def _rating(at: tuple[int, int], name: str, stated: float | None, units: float) -> Requirement:
-    if stated is None:
-        return Requirement(*at, 4, name, write=False)
-    return Requirement(*at, 4, name, round(stated * units), write=False, lack="shown")
-
-
-def ratings_of(profile: ServoProfile, held: Held) -> MotorRatings:
-    """Return the motor's ratings, from the profile or from the values `held` by its drive."""
-    increments = profile.encoder_increments
-    if increments is None:
-        increments = held[INCREMENTS] / held[REVOLUTIONS]
-    torque, current = profile.rated_torque_nm, profile.rated_current_a
-    if torque is None and RATED_TORQUE in held:
-        torque = held[RATED_TORQUE] / profile.rated_torque_units
-    if current is None and RATED_CURRENT in held:
-        current = held[RATED_CURRENT] / _MILLI
-    constant = profile.torque_constant_nm_per_a
-    if constant is None and torque is not None and current is not None:
-        constant = torque / current
-    return MotorRatings(increments, torque, current, constant)
 
 
 def signal_object(profile: ServoProfile, signal: Signal) -> tuple[int, int]:
@@ -292,6 +243,10 @@ def safety_requirements(
         Requirement(0x6066, 0, 2, "following-error time [ms]", safety.following_error_timeout_ms,
                     lack="shown"),
         *_torque_limit(cell, profile, motor),
+        *(
+            Requirement(*object_address(limit.object), 2, name, lack="shown")
+            for name, limit in further_torque_limits(profile)
+        ),
         Requirement(0x607D, 1, 4, "software position limit, low", signed=True, lack="shown"),
         Requirement(0x607D, 2, 4, "software position limit, high", signed=True, lack="shown"),
         Requirement(0x607E, 0, 1, "polarity", 0, mask=0xC0, write=False, lack="shown",

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from config.cell.cell import CellConfig, DriveAxis
 from config.errors import DeviceTimeoutError
 from drivers.canopen.nmt import NmtCommand, nmt_frame
+from drivers.canopen.sdo import SdoAbort
 from drivers.ports.can_link import CanLink
 from drivers.ports.clock import Clock
 from drivers.servo.bring_up import listen_for_masters
-from drivers.servo.cia402 import PowerState, state_of
+from drivers.servo.cia402 import ControlWord, PowerState, state_of
 from drivers.servo.drive_settings import read_objects
 from drivers.servo.drive_watch import DriveWatch
 from drivers.servo.fault_reset import FaultReset, reset_fault
@@ -76,8 +77,14 @@ class DriveService:
                 for address, value in read_objects(port, COMMUNICATION_SETTINGS):
                     port.log_change(self._write_log, address, value, None)
 
-    def reset_faults(self) -> tuple[FaultReset, ...]:
+    def reset_faults(
+        self, codes: Sequence[Collection[int]] | None = None
+    ) -> tuple[FaultReset, ...]:
         """Reset the drives that are in fault, on a user's request; no drive gets power.
+
+        Args:
+            codes: For each drive, the error codes (603Fh) of the faults to reset; None to reset
+                all faults.
 
         Raises:
             LockedError: Another master is active on the bus.
@@ -85,7 +92,11 @@ class DriveService:
             TransportError: The bus is lost.
         """
         self.claim_bus()
-        return tuple(reset_fault(self._link, axis, self._watch.handle) for axis in self._axes)
+        each = [None] * len(self._axes) if codes is None else codes
+        return tuple(
+            reset_fault(self._link, axis, self._watch.handle, only)
+            for axis, only in zip(self._axes, each, strict=True)
+        )
 
     def power_states(self) -> tuple[PowerState, ...]:
         """Return every drive's power state.
@@ -94,6 +105,35 @@ class DriveService:
             DeviceTimeoutError, TransportError: A drive does not answer, or the bus is lost.
         """
         return tuple(state_of(port.read_int(0x6041, 0)) for port in self.ports())
+
+    def switch_off(self) -> tuple[str, ...]:
+        """Switch every drive's power off by SDO, which also reaches drives outside the exchange.
+
+        Returns:
+            The joints whose drive still has power.
+
+        Raises:
+            DeviceTimeoutError, TransportError: A drive does not answer, or the bus is lost.
+        """
+        for port in self.ports():
+            with contextlib.suppress(SdoAbort):
+                port.write(0x6040, 0, ControlWord.DISABLE_VOLTAGE.to_bytes(2, "little"))
+        states = zip(self._axes, self.power_states(), strict=True)
+        return tuple(axis.joint for axis, state in states if state.powered)
+
+    def error_codes(self) -> tuple[int, ...]:
+        """Return every drive's last error code (603Fh); 0 for a drive that does not report it.
+
+        Raises:
+            DeviceTimeoutError, TransportError: A drive does not answer, or the bus is lost.
+        """
+        found = []
+        for port in self.ports():
+            try:
+                found.append(port.read_int(0x603F, 0))
+            except SdoAbort:
+                found.append(0)
+        return tuple(found)
 
     def silence_drives(self, clock: Clock) -> tuple[float, ...]:
         """Switch off the drives' heartbeats until the next bring-up, to test their monitoring.

@@ -35,21 +35,24 @@ from drivers.servo.cia402 import (
     AxisUnits,
     MotorRatings,
     PowerState,
-    rating_setting,
     state_of,
+)
+from drivers.servo.motor_ratings import (
+    compare_stated_ratings,
+    compare_torque_constants,
+    position_scale_setting,
+    rating_requirements,
+    ratings_of,
     torque_setting,
 )
 from drivers.servo.position_counter import counter_setting, read_counter, reference_setting
 from drivers.servo.requirements import (
     INCREMENTS,
     LIFE_TIME_FACTOR,
-    REVOLUTIONS,
     Requirement,
     cyclic_pdos,
     identity_requirement,
     kind_requirements,
-    rating_requirements,
-    ratings_of,
     safety_requirements,
 )
 from drivers.servo.sdo_port import SdoPort, explain_abort, is_missing
@@ -57,7 +60,6 @@ from drivers.servo.stop_ramp import QUICK_STOP_DECELERATION, stop_settings
 from drivers.settings.write_log import WriteLog
 
 GEAR_TOLERANCE = 1e-4
-LEAST_INCREMENTS = 4
 
 Verdict = Literal["ok", "red", "allowed", "shown"]
 
@@ -105,7 +107,7 @@ class DriveSetup:
     ) -> None:
         self._axis = axis
         self._joint = joint
-        self._cell = cell
+        self._cell = cell.model_copy(update={"drive_safety": cell.safety_of(axis)})
         self._reach = reach
         self._profile = cell.servo_of(axis)
         self._undefined_reactions: list[str] = []
@@ -187,15 +189,18 @@ class DriveSetup:
     def _read_units(self) -> tuple[MotorRatings | None, AxisUnits | None]:
         wanted = rating_requirements(self._profile)
         known = [self._positive(requirement) for requirement in wanted if requirement.value is None]
-        for requirement in wanted:
-            if requirement.value is not None:
-                self._compare_rating(requirement, requirement.value)
+        self._settings += compare_stated_ratings(self._port, self._axis, self._profile)
         if self._profile.encoder_increments is None and all(known):
             known.append(self._describes_encoder())
         gear = self._gear_ratio()
         if gear is None or not all(known):
             return None, None
         motor = ratings_of(self._profile, self._values)
+        scale = position_scale_setting(
+            self._port, self._axis, self._profile, motor.increments, gear
+        )
+        if scale is not None:
+            self._settings.append(scale)
         try:
             units = AxisUnits.of_motor(
                 motor, self._profile, gear, self._axis.direction, self._axis.position_zero_counts
@@ -208,6 +213,9 @@ class DriveSetup:
         if rated_nm is not None:
             at_joint = rated_nm * abs(gear)
             self._settings.append(torque_setting(self._axis, self._joint, rated_nm, at_joint))
+        self._settings += compare_torque_constants(
+            self._port, self._axis, self._joint, self._profile, gear
+        )
         return motor, self._with_counter(units)
 
     def _with_counter(self, units: AxisUnits) -> AxisUnits:
@@ -242,21 +250,6 @@ class DriveSetup:
             index, subindex, name, "" if good else "above 0", str(value), "shown" if good else "red"
         )
         return good
-
-    def _compare_rating(self, requirement: Requirement, stated: int) -> None:
-        """Compare a rating that the cell file states with that of the drive, if it holds one."""
-        name = object_name(requirement.index, requirement.subindex)
-        least = 1
-        try:
-            held = float(self._port.read_int(requirement.index, requirement.subindex))
-            if (requirement.index, requirement.subindex) == INCREMENTS:
-                held, least = held / max(1, self._port.read_int(*REVOLUTIONS)), LEAST_INCREMENTS
-        except SdoAbort:
-            return
-        compared = held >= least and name[:5] not in self._profile.not_compared
-        self._settings.append(
-            rating_setting(self._axis, name, requirement.name, stated, held, compared=compared)
-        )
 
     def _gear_ratio(self) -> float | None:
         """Return the gear ratio in the robot file; None if the drive's 6091h contradicts it.

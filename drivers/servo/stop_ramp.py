@@ -9,12 +9,13 @@ following error, an axis could run through its whole range before the stop begin
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final, NamedTuple
 
 from config.cell.cell import CellConfig, DriveAxis
 from config.cell.fixed_pdo import object_address
+from config.cell.servo_profile import ServoProfile, TorqueObject
 from config.errors import ConfigError
 from config.robot.robot import Joint, RobotDescription
 from drivers.interfaces.servo_axes import DriveSetting
@@ -28,6 +29,13 @@ QUICK_STOP_DECELERATION = (0x6085, 0)
 FOLLOWING_ERROR_WINDOW = (0x6065, 0)
 FOLLOWING_ERROR_TIME_MS = (0x6066, 0)
 
+_FURTHER_LIMITS: Final = (
+    ("current limit [0.1 %]", TorqueObject(object="6073h:00", of="rated_current")),
+    ("torque limit, positive direction [0.1 %]", TorqueObject(object="60E0h:00")),
+    ("torque limit, negative direction [0.1 %]", TorqueObject(object="60E1h:00")),
+)
+
+_TORQUE_FRACTION = "drive_safety.torque_limit_fraction"
 _QUICK_STOPS_BY_PROFILE = (1, 5)
 _FAULT_REACTION_BY_PROFILE = 1
 _WINDOW_OFF = 0xFFFF_FFFF
@@ -77,9 +85,12 @@ def quick_stop_decelerations(cell: CellConfig, robot: RobotDescription) -> list[
     For a drive whose 6085h cannot be written, the deceleration is the `deceleration_rad_s2` of its
     axis in the cell file. For all other drives it is the value that is written to them.
     """
-    stated = {axis.joint: cell.servo_of(axis).deceleration_rad_s2 for axis in cell.axes}
-    written = cell.drive_safety.quick_stop_deceleration_rad_s2
-    return [stated[name] or written for name in robot.joint_names]
+    found = {
+        axis.joint: cell.servo_of(axis).deceleration_rad_s2
+        or cell.safety_of(axis).quick_stop_deceleration_rad_s2
+        for axis in cell.axes
+    }
+    return [found[name] for name in robot.joint_names]
 
 
 def longest_ramp_s(cell: CellConfig, robot: RobotDescription) -> float:
@@ -126,18 +137,49 @@ def stop_settings(
     if ramp is not None:
         yield _check_ordered_stop(cell, axis, joint, ramp)
         yield _check_fault_stop(cell, axis, joint, units, held, ramp)
-    limit = cell.servo_of(axis).torque_limit
-    if limit is None or object_address(limit.object) not in held:
-        return
+    profile = cell.servo_of(axis)
+    limits = [limit for _, limit in further_torque_limits(profile)]
+    if profile.torque_limit is not None:
+        limits = [profile.torque_limit, *limits]
+    for limit in limits:
+        if object_address(limit.object) in held:
+            yield _check_torque_limit(axis, joint, motor, limit, held, profile.not_compared)
+
+
+def further_torque_limits(profile: ServoProfile) -> Iterator[tuple[str, TorqueObject]]:
+    """Yield the limits of CiA 402 that act besides `torque_limit`, each with its name.
+
+    A drive applies the smallest of all its limits.
+    """
+    own = profile.torque_limit
+    for name, limit in _FURTHER_LIMITS:
+        if own is None or own.object != limit.object:
+            yield name, limit
+
+
+def _check_torque_limit(
+    axis: DriveAxis,
+    joint: Joint,
+    motor: MotorRatings,
+    limit: TorqueObject,
+    held: Held,
+    not_compared: Sequence[str],
+) -> DriveSetting:
+    """Check that a limit in the drive allows the torque that a stop needs."""
+    value = held[object_address(limit.object)]
     try:
-        nm_per_unit = abs(joint.gear_ratio) * motor.nm_per_unit(limit)
+        allowed_nm = abs(joint.gear_ratio) * motor.nm_per_unit(limit) * value
     except ConfigError as error:
-        found = f"{held[object_address(limit.object)]}: {error}"
-        yield DriveSetting(
-            joint.name, axis.node_id, limit.object, "torque for a stop", "", found, "shown"
-        )
-        return
-    yield _check_torque(axis, joint, limit.object, nm_per_unit * held[object_address(limit.object)])
+        if motor.rated_nm is None or limit.of == "ampere":
+            return DriveSetting(
+                joint.name, axis.node_id, limit.object, "torque for a stop", "",
+                f"{value}: {error}", "shown",
+            )  # fmt: skip
+        allowed_nm = abs(joint.gear_ratio) * motor.rated_nm * value / limit.units
+    checked = _check_torque(axis, joint, limit.object, allowed_nm)
+    if limit.object[:5] in not_compared:
+        return replace(checked, required="", verdict="shown", next_action="")
+    return checked
 
 
 def _ramp(
@@ -242,6 +284,8 @@ def _check_torque(axis: DriveAxis, joint: Joint, limit: str, allowed: float) -> 
     """Check that the drive's torque limit `allowed` is enough for a stop [N m or N]."""
     wanted = LEAST_TORQUE_FRACTION * joint.limits.torque
     good = allowed >= wanted
+    by_tool = any(limit == each.object for _, each in _FURTHER_LIMITS)
+    raising = "the limit with the manufacturer's tool" if by_tool else _TORQUE_FRACTION
     return DriveSetting(
         joint.name,
         axis.node_id,
@@ -252,8 +296,8 @@ def _check_torque(axis: DriveAxis, joint: Joint, limit: str, allowed: float) -> 
         "ok" if good else "red",
         ""
         if good
-        else "raise drive_safety.torque_limit_fraction, or lower the joint's"
-        " limits.torque in the robot file to the drive's torque",
+        else f"raise {raising}, or lower the joint's limits.torque in the robot file to the drive's"
+        " torque",
     )
 
 

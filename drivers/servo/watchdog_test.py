@@ -9,17 +9,21 @@ exchange continues: each drive must react by itself, by a quick stop if it has p
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection
 from dataclasses import dataclass
 
 from config.cell.cell import CellConfig
-from config.errors import PreflightError
-from drivers.interfaces.servo_axes import EventKind
+from config.errors import DeviceFaultError, PreflightError
+from drivers.canopen.emcy import code_text
+from drivers.interfaces.servo_axes import DriveEvent, EventKind
 from drivers.ports.clock import Clock
 from drivers.servo.axes import CanServoAxes
 from drivers.servo.cia402 import ControlWord, PowerState
 
-HEARTBEAT_LOST = 0x8130
+EARLIEST_REACTION = 0.8
+"""Earliest unexplained loss of power that counts as a reaction, as a fraction of the timeout."""
+
+_REACTIONS = (EventKind.EMERGENCY, EventKind.NOT_OPERATIONAL)
 
 
 @dataclass(frozen=True, slots=True)
@@ -109,10 +113,90 @@ def reaction_limit_s(cell: CellConfig) -> float:
     return 1e-3 * cell.drive_safety.master_heartbeat_timeout_ms + 2.0 * cell.cycle_time_s
 
 
+class _Reports:
+    """Reports of the drives during a part of the test, by cause.
+
+    Attributes:
+        codes: For each joint, the error codes of its emergency messages.
+        lost_s: For each joint, the time of its first report that this computer is silent [s]; NaN
+            without one.
+        left_s: For each joint, the time of its first report of any kind [s]; NaN without one.
+    """
+
+    def __init__(self, axes: CanServoAxes, cell: CellConfig) -> None:
+        self._axes = axes
+        by_joint = {axis.joint: axis for axis in cell.axes}
+        self._profiles = {joint: cell.servo_of(by_joint[joint]) for joint in axes.joint_names}
+        self.codes: dict[str, set[int]] = {joint: set() for joint in axes.joint_names}
+        self.lost_s = dict.fromkeys(axes.joint_names, math.nan)
+        self.left_s = dict.fromkeys(axes.joint_names, math.nan)
+        self._other: list[str] = []
+
+    def lost_connection_codes(self, joint: str) -> tuple[int, ...]:
+        """Return the error codes by which a joint's drive reports that this computer is silent."""
+        return self._profiles[joint].lost_connection_codes
+
+    def is_guarded(self, joint: str) -> bool:
+        """Return True if a joint's drive uses life guarding."""
+        return self._profiles[joint].watch == "life_guarding"
+
+    def add(self, event: DriveEvent, *, expected: Collection[EventKind]) -> None:
+        """Add a report; one of a kind that is not `expected` ends the test (`refuse_others`)."""
+        if event.joint and math.isnan(self.left_s[event.joint]):
+            self.left_s[event.joint] = event.time_s
+        if event.kind is EventKind.EMERGENCY:
+            self.codes[event.joint].add(event.code)
+            lost = event.code in self.lost_connection_codes(event.joint)
+            if lost and math.isnan(self.lost_s[event.joint]):
+                self.lost_s[event.joint] = event.time_s
+        guarded = bool(event.joint) and self.is_guarded(event.joint)
+        silent = guarded and event.kind is EventKind.HEARTBEAT_LOST
+        if event.kind.is_fault and not silent and event.kind not in expected:
+            self._other.append(event.text)
+
+    def end_part(self) -> tuple[PowerState, ...]:
+        """Switch the power off, and reset the faults that the test has caused.
+
+        Returns:
+            The power states before.
+
+        Raises:
+            DeviceFaultError: A drive has another fault, which is not reset, or its power is still
+                on.
+        """
+        axes = self._axes
+        states, codes = axes.service.power_states(), axes.service.error_codes()
+        if axes.disable() and (powered := axes.service.switch_off()):
+            raise DeviceFaultError(
+                f"the drives did not switch their power off: {', '.join(powered)}; use the"
+                " emergency stop",
+                code="RID-DRIVE-NOT-STOPPED",
+            )
+        accepted = [self.lost_connection_codes(joint) for joint in axes.joint_names]
+        others = list(self._other)
+        each = zip(axes.joint_names, states, codes, accepted, strict=True)
+        for joint, state, code, own in each:
+            found = self.codes[joint] | ({code} if state.faulty else set())
+            others += [
+                f"{joint}: {code_text(other)} ({other:04X}h)" for other in sorted(found - set(own))
+            ]
+        if others:
+            raise DeviceFaultError(
+                f"a fault that the watchdog test did not cause: {'; '.join(others)}. It was not"
+                " reset; find its cause, then begin again. If the drive reports a lost connection"
+                " by this code, add the code to lost_connection_codes in the axis's servo",
+                code="RID-DRIVE-FAULT",
+            )
+        if any(state.faulty for state in states):
+            axes.service.reset_faults(accepted)
+        return states
+
+
 def _silence_drives(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> dict[str, float]:
     """Switch off the drives' heartbeats; return the time until each silence was detected [s]."""
     noticed = dict.fromkeys(axes.joint_names, math.nan)
-    reported: dict[str, set[int]] = {joint: set() for joint in axes.joint_names}
+    reports = _Reports(axes, cell)
+    axes.disable()
     axes.bring_up()
     axes.start()
     since_s = dict(zip(axes.joint_names, axes.service.silence_drives(clock), strict=True))
@@ -124,24 +208,11 @@ def _silence_drives(axes: CanServoAxes, clock: Clock, cell: CellConfig) -> dict[
         axes.send_heartbeat(clock.now_s(), asking=False)
         axes.quick_stop()  # prevents the drives' command timeout, without motion
         for event in axes.take_events():
+            reports.add(event, expected=(EventKind.EMERGENCY, EventKind.HEARTBEAT_LOST))
             if event.kind is EventKind.HEARTBEAT_LOST and math.isnan(noticed[event.joint]):
                 noticed[event.joint] = event.time_s - since_s[event.joint]
-            elif event.kind is EventKind.EMERGENCY:
-                reported[event.joint].add(event.code)
-    _reset_unguarded(axes, reported)
+    reports.end_part()
     return noticed
-
-
-def _reset_unguarded(axes: CanServoAxes, reported: Mapping[str, set[int]]) -> None:
-    """Reset the drives in fault, if the only cause is that they got no request of life guarding.
-
-    If a drive has any other fault, no drive is reset, so that the next `bring_up` reports the
-    fault.
-    """
-    states = zip(axes.joint_names, axes.service.power_states(), strict=True)
-    faulty = [reported[joint] for joint, state in states if state.faulty]
-    if faulty and all(codes == {HEARTBEAT_LOST} for codes in faulty):
-        axes.service.reset_faults()
 
 
 def _withhold_heartbeat(
@@ -149,49 +220,64 @@ def _withhold_heartbeat(
 ) -> dict[str, tuple[float, str]]:
     """Stop this computer's heartbeat; return each drive's reaction time [s] and reaction.
 
-    The reaction is a drive's stop if the drives have power, and its emergency message if not.
+    The reaction is a drive's stop if the drives have power, and its emergency message if not. A
+    drive that lost its power without a report, long before its timeout, did not react to the
+    silence: an emergency stop, for example, also switches the power off.
+
+    Raises:
+        DeviceFaultError: A drive has a fault that the silence did not cause.
     """
+    reports = _Reports(axes, cell)
     axes.start()
     due_s = axes.enable() if powered else clock.now_s()
     since_s = axes.last_heartbeat_s
-    until_s = since_s + 3e-3 * cell.drive_safety.master_heartbeat_timeout_ms
+    timeout_s = 1e-3 * cell.drive_safety.master_heartbeat_timeout_ms
+    until_s = since_s + 3.0 * timeout_s
     if not powered:
-        emergency_s = _await_emergencies(axes, clock, cell, due_s, until_s)
+        _await_emergencies(axes, clock, cell, due_s, until_s, reports)
+        reports.end_part()
         return {
-            joint: (time_s - since_s, "nothing" if math.isnan(time_s) else "emergency 8130h")
-            for joint, time_s in emergency_s.items()
+            joint: (time_s - since_s, "nothing")
+            if math.isnan(time_s)
+            else (time_s - since_s, f"emergency {min(reports.codes[joint]):04X}h")
+            for joint, time_s in reports.lost_s.items()
         }
-    left_s = _observe_stops(axes, clock, cell, due_s, until_s)
-    states = dict(zip(axes.joint_names, axes.service.power_states(), strict=True))
-    axes.disable()
-    if any(state.faulty for state in states.values()):
-        axes.service.reset_faults()
-    return {
-        joint: (
-            math.nan if state is PowerState.OPERATION_ENABLED else left_s[joint] - since_s,
-            state.words,
-        )
-        for joint, state in states.items()
-    }
+    left_s = _observe_stops(axes, clock, cell, due_s, until_s, reports)
+    states = dict(zip(axes.joint_names, reports.end_part(), strict=True))
+    found: dict[str, tuple[float, str]] = {}
+    for joint, state in states.items():
+        reacted_s = left_s[joint] - since_s
+        reported = reports.lost_s[joint] <= left_s[joint] + cell.cycle_time_s
+        early = reacted_s < EARLIEST_REACTION * timeout_s and not reported
+        if state is PowerState.OPERATION_ENABLED or early:
+            reacted_s = math.nan
+        found[joint] = reacted_s, state.words + ", before the timeout" * early
+    return found
 
 
 def _await_emergencies(
-    axes: CanServoAxes, clock: Clock, cell: CellConfig, due_s: float, until_s: float
-) -> dict[str, float]:
-    """Run cycles until each drive has sent 8130h, or until `until_s`; return times [s] or NaN."""
-    emergency_s = dict.fromkeys(axes.joint_names, math.nan)
-    while clock.now_s() < until_s and any(map(math.isnan, emergency_s.values())):
+    axes: CanServoAxes,
+    clock: Clock,
+    cell: CellConfig,
+    due_s: float,
+    until_s: float,
+    reports: _Reports,
+) -> None:
+    """Run cycles until each drive has reported the silence, or until `until_s` [s]."""
+    while clock.now_s() < until_s and any(map(math.isnan, reports.lost_s.values())):
         due_s = _cycle(axes, clock, cell, due_s)
         for event in axes.take_events():
-            lost = event.kind is EventKind.EMERGENCY and event.code == HEARTBEAT_LOST
-            if lost and math.isnan(emergency_s[event.joint]):
-                emergency_s[event.joint] = event.time_s
+            reports.add(event, expected=_REACTIONS)
         axes.quick_stop()
-    return emergency_s
 
 
 def _observe_stops(
-    axes: CanServoAxes, clock: Clock, cell: CellConfig, due_s: float, until_s: float
+    axes: CanServoAxes,
+    clock: Clock,
+    cell: CellConfig,
+    due_s: float,
+    until_s: float,
+    reports: _Reports,
 ) -> dict[str, float]:
     """Run cycles until all drives have stopped, or until `until_s`; return the times [s] or NaN.
 
@@ -200,14 +286,13 @@ def _observe_stops(
     not answer. Only drives whose answer shows this get Disable Voltage. No drive gets a quick stop
     from this computer, because its effect could be mistaken for the drive's own reaction.
     """
-    left_s = dict.fromkeys(axes.joint_names, math.nan)
+    left_s = reports.left_s
     words = dict.fromkeys(axes.joint_names, ControlWord.ENABLE_OPERATION)
     follow = True
     while follow and clock.now_s() < until_s:
         due_s = _cycle(axes, clock, cell, due_s)
         for event in axes.take_events():
-            if event.joint and math.isnan(left_s[event.joint]):
-                left_s[event.joint] = event.time_s
+            reports.add(event, expected=_REACTIONS)
         follow = False
         answers = zip(axes.joint_names, axes.answers.received, axes.answers.enabled, strict=True)
         for joint, received, enabled in answers:

@@ -26,6 +26,7 @@ from drivers.canopen.pdo import (
 from drivers.canopen.sdo import object_name
 from drivers.servo.cia402 import DRIVE_PROFILE, AxisUnits, MotorRatings
 from drivers.servo.requirements import MODES
+from drivers.servo.stop_ramp import further_torque_limits
 from mock_hw.drive.object_dictionary import Mirror, ObjectEntry
 
 ERROR_REGISTER = (0x1001, 0)
@@ -76,6 +77,7 @@ ON_REQUEST = 253
 _PDO_TYPES = frozenset((*range(241), 254, 255))
 _CIA402 = ServoProfile()
 _NM_PER_A = 0.1
+_HIGHEST_LIMIT = 6500  # of current and torque [0.1 %]
 _LARGEST = 3.0  # torque limit, times the rated torque
 _CIA402_AREA = 0x6000
 _CODES = {8: "B", 16: "H", 32: "I"}
@@ -92,6 +94,7 @@ class SimulatedIdentity:
         rated_torque_mnm: Rated torque of the motor [mN m].
         profile: Profile of the drive's family, with its objects and units.
         referenced: True if the drive has been homed.
+        nm_per_a: Torque constant of the motor [N m/A]; None if it follows from the profile.
     """
 
     node_id: int
@@ -100,6 +103,7 @@ class SimulatedIdentity:
     rated_torque_mnm: int
     profile: ServoProfile = _CIA402
     referenced: bool = True
+    nm_per_a: float | None = None
 
     def __post_init__(self) -> None:
         largest = max(self.gear.numerator, self.gear.denominator)
@@ -126,7 +130,7 @@ class SimulatedIdentity:
         The gear ratio of a prismatic joint (rad/m) cannot be stored in 6091h, which then contains
         1:1.
         """
-        gear = Fraction(1)
+        gear, at_joint = Fraction(1), joint.torque_constant_nm_per_a
         if joint.type == "revolute":
             gear = Fraction(abs(joint.gear_ratio)).limit_denominator(1_000_000)
         return cls(
@@ -136,13 +140,13 @@ class SimulatedIdentity:
             round(1000.0 * simulated.rated_motor_torque_nm),
             cell.servo_of(axis),
             simulated.referenced,
+            at_joint and at_joint / abs(joint.gear_ratio),
         )
 
     @property
     def referenced_bits(self) -> int:
         """Bits with which the drive reports whether it is referenced; 0 if it has no such bits."""
-        bits = self.profile.referenced
-        if bits is None:
+        if (bits := self.profile.referenced) is None:
             return 0
         return bits.referenced_value if self.referenced else ~bits.referenced_value & bits.mask
 
@@ -151,7 +155,7 @@ class SimulatedIdentity:
         """Ratings of the motor that are stored in the drive."""
         torque = 1e-3 * self.rated_torque_mnm
         current = self.profile.rated_current_a
-        constant = self.profile.torque_constant_nm_per_a
+        constant = self.profile.torque_constant_nm_per_a or self.nm_per_a
         constant = constant or (_NM_PER_A if current is None else torque / current)
         return MotorRatings(self.encoder_increments, torque, current or torque / constant, constant)
 
@@ -265,10 +269,11 @@ def _manufacturer_entries(identity: SimulatedIdentity) -> Iterator[ObjectEntry]:
         yield ObjectEntry(
             *object_address(limit.object), "torque or current limit", code, value, access
         )
-    if any(each.of != "rated_torque" for each in (torque, limit) if each is not None):
-        yield ObjectEntry(
-            0x6075, 0, "rated current [mA]", "I", round(1e3 * (motor.current_a or 0.0))
-        )
+    rated = object_address(profile.rated_current_object)
+    milliamperes = min(round(1e3 * (motor.current_a or 0.0)), 2**32 - 1)
+    yield ObjectEntry(*rated, "rated current [mA]", "I", milliamperes)
+    for name, further in further_torque_limits(profile):
+        yield ObjectEntry(*object_address(further.object), name, "H", _HIGHEST_LIMIT, "rw")
     if profile.by_position:
         yield ObjectEntry(*TARGETS[profile.mode], "target position", "i", 0, "rw", "r")
     if profile.by_ramp:

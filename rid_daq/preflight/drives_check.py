@@ -10,7 +10,6 @@ from config.errors import DriverError, PreflightError, RidDaqError
 from config.robot.robot import RobotDescription
 from drivers.cell import Cell, open_cell
 from drivers.interfaces.servo_axes import DriveSetting
-from drivers.servo.position_counter import REFERENCED
 from drivers.settings.write_log import WriteLog
 from rid_daq.preflight.bus_check import sender_lines, watchdog_lines
 from rid_daq.preflight.check_line import CheckLine
@@ -76,7 +75,7 @@ def _setting_line(setting: DriveSetting) -> CheckLine:
         next_action=next_action(setting) if setting.verdict == "red" else "",
         of_drive=True,
         code=setting.code,
-        headline=setting.name if setting.name == REFERENCED else "",
+        headline=setting.headline,
     )
 
 

@@ -7,8 +7,8 @@ from config.cell.servo_profile import ServoProfile
 from config.errors import PreflightError
 from config.formats.eds import ElectronicDataSheet
 from config.load import LoadedCell, bundled_names, load_bundled_or_path
-from drivers.servo.eds_check import EdsFinding, eds_findings
-from drivers.servo.eds_fit import fit_eds
+from drivers.data_sheets.eds_check import EdsFinding, eds_findings
+from drivers.data_sheets.eds_fit import fit_eds
 from rid_daq.preflight.check_line import CheckLine
 
 MOST_LISTED = 4

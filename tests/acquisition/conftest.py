@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import MotionSamples
-from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety, Supervision
+from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, Supervision
+from config.cell.drive_safety import DriveSafety
 from config.robot.kinematic_table import KinematicRow, Kinematics
 from config.robot.robot import Joint, JointLimits, RobotDescription
 from drivers.interfaces.servo_axes import Answers, DriveEvent, DriveSetting

@@ -19,7 +19,8 @@ from acquisition.task.control_block import ControlBlock
 from acquisition.task.cyclic_task import CyclicTask
 from acquisition.task.ring import Ring
 from acquisition.task.stop_orders import StopOrders
-from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety
+from config.cell.cell import CanBusConfig, CellConfig, DriveAxis
+from config.cell.drive_safety import DriveSafety
 from config.errors import RidDaqError
 from config.robot.kinematic_table import KinematicRow, Kinematics
 from config.robot.robot import Joint, JointLimits, RobotDescription

@@ -13,7 +13,8 @@ import can
 import numpy as np
 import pytest
 
-from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety
+from config.cell.cell import CanBusConfig, CellConfig, DriveAxis
+from config.cell.drive_safety import DriveSafety
 from config.robot.kinematic_table import KinematicRow, Kinematics
 from config.robot.robot import Joint, JointLimits, RobotDescription
 from drivers.canopen.emcy import Emergency, emcy_frame
@@ -248,10 +249,9 @@ class ScriptedDrive:
         self.bus.at(self.bus.now_s + period_ms / 1000.0, lambda: self.beat(generation))
 
     def mapped(self, index: int) -> tuple[MappedObject, ...]:
-        count = self.objects[index, 0][0]
+        subs = range(1, self.objects[index, 0][0] + 1)
         return tuple(
-            MappedObject.parse(int.from_bytes(self.objects[index, sub], "little"))
-            for sub in range(1, count + 1)
+            MappedObject.parse(int.from_bytes(self.objects[index, sub], "little")) for sub in subs
         )
 
     def status(self) -> int:

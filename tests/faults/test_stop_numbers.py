@@ -15,7 +15,8 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 from acquisition.motion.limits import position_bounds
-from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety, Supervision
+from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, Supervision
+from config.cell.drive_safety import DriveSafety
 from config.robot.kinematic_table import KinematicRow, Kinematics
 from config.robot.robot import Joint, JointLimits, RobotDescription
 from tests.builders.obedient_cell import Outcome

@@ -12,19 +12,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety
+from config.cell.cell import CanBusConfig, CellConfig, DriveAxis
+from config.cell.drive_safety import DriveSafety
 from config.cell.servo_profile import Mode, ServoProfile, TorqueObject
-from config.errors import PreflightError
+from config.errors import DeviceFaultError, PreflightError
 from config.formats.eds import parse_eds
 from config.load import bundled_names, load_bundled_or_path
 from config.robot.kinematic_table import KinematicRow, Kinematics
 from config.robot.robot import Joint, JointLimits, RobotDescription
 from drivers.canopen.frames import Frame
 from drivers.cell import Cell
+from drivers.data_sheets.eds_check import eds_findings
 from drivers.interfaces.servo_axes import EventKind
 from drivers.ports.can_link import CanLink
 from drivers.servo.drive_settings import restore_drive
-from drivers.servo.eds_check import eds_findings
 from drivers.servo.sdo_port import SdoPort
 from drivers.servo.watchdog_test import WatchdogResult, require_watchdogs, run_watchdog_test
 from drivers.settings.write_log import WriteLog, read_write_log
@@ -251,9 +252,7 @@ def test_the_watchdog_test_of_a_guarded_drive_with_a_fault_is_completed(
             drive._fault(0x3210)
 
         monkeypatch.setattr(drive, "_lose_master", fail_otherwise)
-        with raises_code(
-            PreflightError, "RID-PREFLIGHT-RED", "3210h"
-        ):  # the fault has another cause than the test
+        with raises_code(DeviceFaultError, "RID-DRIVE-FAULT", "3210h"):
             run_watchdog_test(open_cell.axes, open_cell.clock, cell)
 
 

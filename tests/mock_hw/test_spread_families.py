@@ -10,8 +10,8 @@ import pytest
 from config.cell.servo_profile import ServoProfile
 from config.errors import PreflightError
 from config.formats.eds import parse_eds
+from drivers.data_sheets.eds_check import eds_findings
 from drivers.servo.bring_up import bus_load
-from drivers.servo.eds_check import eds_findings
 from mock_hw.drive.eds import drive_eds
 from mock_hw.drive.objects import SimulatedIdentity
 from tests.builders.raised_codes import raises_code

@@ -11,6 +11,7 @@ from acquisition.motion.load_changes import LoadChanges
 from acquisition.motion.motion_file import AnyMotion
 from acquisition.motion.rehearsal import SLOWER, rehearsal
 from acquisition.motion.samples import MotionSamples
+from acquisition.motion.stop_distance import late_stop_note
 from acquisition.runs.manifest import require_label
 from acquisition.session.frame_recorder import require_listenable
 from acquisition.supervision.commanded import commanded_motion, verify_command
@@ -115,7 +116,8 @@ def record_motion_file(request: RecordRequest, context: Context) -> RecordedMoti
             " the speed would reach these times at other places: leave --rehearse out",
             code="RID-OPTION-EXCLUSIVE",
         )
-    for note in constant_load_notes(changes, loaded.config):
+    late = late_stop_note(samples, loaded.config, loaded.robot)
+    for note in (*constant_load_notes(changes, loaded.config), *([late] if late else [])):
         context.say(f"note: {note}")
     accuracy = None
     if request.until or samples.samples_per_period is not None:

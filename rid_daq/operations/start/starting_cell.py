@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety, Supervision
+from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, Supervision
+from config.cell.drive_safety import DriveSafety
 from config.quantities import Direction
 from config.robot.robot import RobotDescription
 from config.robot.urdf_motors import UrdfMotor

@@ -78,6 +78,15 @@ def test_a_motion_beyond_the_limits_is_refused(try_to_record: Try, samples: Moti
         try_to_record(far)
 
 
+def test_a_motion_whose_stop_would_end_beyond_a_limit_is_refused(
+    try_to_record: Try, samples: MotionSamples
+) -> None:
+    safety = {"quick_stop_deceleration_rad_s2": 0.02}
+    slow = LOADED.config.drive_safety.model_copy(update=safety)
+    with raises_code(PreflightError, "RID-MOTION-STOP", "axis"):
+        try_to_record(samples, LOADED.config.model_copy(update={"drive_safety": slow}))
+
+
 def test_a_motion_too_fast_for_a_motor_of_a_coupled_wrist_is_refused(
     try_to_record: Try, samples: MotionSamples
 ) -> None:

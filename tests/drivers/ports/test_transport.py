@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import can
 import pytest
 
-from config.cell.cell import CanBusConfig, CellConfig, DriveSafety
+from config.cell.cell import CanBusConfig, CellConfig
+from config.cell.drive_safety import DriveSafety
 from config.errors import TransportError
 from drivers.canopen.frames import SYNC, Frame
 from drivers.canopen.heartbeat import guard_request

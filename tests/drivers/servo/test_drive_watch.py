@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from config.cell.cell import DriveSafety
+from config.cell.drive_safety import DriveSafety
 from drivers.canopen.frames import Frame
 from drivers.interfaces.servo_axes import EventKind
 from drivers.servo.drive_watch import MOST_EVENTS, DriveWatch

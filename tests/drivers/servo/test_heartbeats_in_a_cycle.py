@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from config.cell.cell import DriveSafety
+from config.cell.drive_safety import DriveSafety
 from drivers.interfaces.servo_axes import EventKind
 from drivers.ports.can_link import CanLink
 from drivers.ports.can_ports import Arrival

@@ -7,7 +7,8 @@ from __future__ import annotations
 import pytest
 from pydantic import ValidationError
 
-from config.cell.cell import CanBusConfig, CellConfig, DriveAxis, DriveSafety
+from config.cell.cell import CanBusConfig, CellConfig, DriveAxis
+from config.cell.drive_safety import DriveSafety
 from config.cell.servo_profile import ReferencedBits, ServoProfile
 from config.errors import PreflightError
 from config.robot.kinematic_table import KinematicRow, Kinematics

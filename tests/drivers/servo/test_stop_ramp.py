@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from config.cell.cell import CellConfig, DriveSafety, Supervision
+from config.cell.cell import CellConfig, Supervision
+from config.cell.drive_safety import DriveSafety
 from config.errors import PreflightError
 from drivers.servo.stop_ramp import LONGEST_STOP_S, StopRamp
 from tests.builders.raised_codes import raises_code
@@ -136,3 +137,18 @@ def test_a_torque_limit_below_that_of_motions_is_refused(
     bench = make_bench(with_numbers(cell, torque_limit_fraction=2.0))
     with raises_code(PreflightError, "RID-PREFLIGHT-RED", "400", "required", "450"):
         bench.axes.bring_up()
+
+
+def test_an_axis_with_its_own_deceleration_gets_it(
+    make_bench: Callable[[CellConfig], Bench], cell: CellConfig
+) -> None:
+    axes = [
+        axis.model_copy(update={"quick_stop_deceleration_rad_s2": 40.0})
+        if axis.node_id == 2
+        else axis
+        for axis in cell.axes
+    ]
+    bench = make_bench(cell.model_copy(update={"axes": tuple(axes)}))
+    bench.axes.bring_up()
+    base, shoulder = (int.from_bytes(bench.drives[n].objects[0x6085, 0], "little") for n in (0, 1))
+    assert shoulder == pytest.approx(4 * base, rel=1e-3)

@@ -18,7 +18,7 @@ from config.errors import ConfigError
 from config.formats.eds import ElectronicDataSheet, parse_eds
 from config.formats.eds_object import INTEGER_BITS, Access, DataType, EdsObject, EdsValue
 from config.load import load_cell
-from drivers.servo.eds_check import eds_findings
+from drivers.data_sheets.eds_check import eds_findings
 from mock_hw.drive.eds import drive_eds
 from mock_hw.drive.object_dictionary import ObjectDictionary
 from mock_hw.drive.objects import SimulatedIdentity, drive_entries

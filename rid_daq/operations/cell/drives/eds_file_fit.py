@@ -11,7 +11,7 @@ from config.formats.bounded_file import read_file
 from config.formats.eds import ElectronicDataSheet, parse_eds
 from config.formats.eds_text import MAX_BYTES
 from config.load import bundled_names, load_bundled_or_path, load_cell
-from drivers.servo.eds_fit import EdsFit, fit_eds
+from drivers.data_sheets.eds_fit import EdsFit, fit_eds
 
 
 @dataclass(frozen=True)

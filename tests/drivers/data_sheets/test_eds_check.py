@@ -6,7 +6,7 @@ import pytest
 
 from config.cell.cell import CellConfig
 from config.formats.eds import parse_eds
-from drivers.servo.eds_check import EdsFinding, eds_findings
+from drivers.data_sheets.eds_check import EdsFinding, eds_findings
 
 COMMUNICATION = {
     "1000": "7 ro 0", "1001": "5 ro 1", "1005": "7 rw 0", "1017": "6 rw 0", "1016sub1": "7 rw 0",

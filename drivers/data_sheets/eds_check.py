@@ -18,11 +18,11 @@ from drivers.canopen.pdo import COB_ID_MASK, MappedObject, PdoMapping
 from drivers.canopen.sdo import object_name
 from drivers.device_text import printable
 from drivers.servo.cia402 import AxisUnits, MotorRatings
+from drivers.servo.motor_ratings import rating_requirements
 from drivers.servo.requirements import (
     Requirement,
     cyclic_pdos,
     kind_requirements,
-    rating_requirements,
     safety_requirements,
 )
 

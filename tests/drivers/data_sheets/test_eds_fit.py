@@ -7,8 +7,8 @@ import pytest
 from benchmarks.data_sheets import kind_of
 from config.cell.cell import CellConfig
 from config.formats.eds import ElectronicDataSheet, parse_eds
-from drivers.servo.eds_fit import EdsFit, fit_eds
-from tests.drivers.servo.test_eds_check import COMMUNICATION, PROFILE
+from drivers.data_sheets.eds_fit import EdsFit, fit_eds
+from tests.drivers.data_sheets.test_eds_check import COMMUNICATION, PROFILE
 
 SERVO, STEPPER, SEVERAL = "0x20192", "0x40192", "0xFFFF0192"
 MAKERS = {"2000": "6 rw 0"}

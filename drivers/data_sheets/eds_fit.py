@@ -19,7 +19,7 @@ from config.formats.eds_object import EdsObject, is_signed
 from config.formats.yaml_tree import dump_yaml
 from config.refusals import PLACEHOLDER
 from drivers.canopen.sdo import object_name
-from drivers.servo.eds_check import EdsFinding, eds_findings
+from drivers.data_sheets.eds_check import EdsFinding, eds_findings
 from drivers.servo.requirements import GUARD_TIME, LIFE_TIME_FACTOR
 
 MOST_LINES = 10
