@@ -98,7 +98,7 @@ def test_a_payload_is_in_the_tool_frame_of_its_own_robot_file() -> None:
     """A robot file with another tool frame gives the payload other numbers, but equal torques."""
     alone = known_estimate(load_cell("ir361"), {})
     payload = estimate_of(load_cell("ir361"), ())
-    offset = np.array(payload.robot.tool_offset_m) + [0.1, -0.2, 0.3]
+    offset = np.add(payload.robot.tool_offset_m, (0.1, -0.2, 0.3))
     shifted = payload.robot.model_copy(
         update={"tool_offset_m": tuple(offset), "tool_rpy_rad": (0.4, -0.5, 0.6)}
     )
