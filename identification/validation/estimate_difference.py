@@ -78,10 +78,10 @@ def compare_estimates(first: Estimate, second: Estimate) -> EstimateDifference:
     """
     names = [(each.robot.name, *each.robot.joint_names) for each in (first, second)]
     if names[0] != names[1]:
-        one, other = (f"{robot} ({', '.join(joints)})" for robot, *joints in names)
+        robots = [f"{robot} ({', '.join(joints)})" for robot, *joints in names]
         raise EstimationError(
-            f"the first model is of robot {one}, but the second is of {other}: compare models of"
-            " the same robot",
+            f"the first model is of robot {robots[0]}, but the second is of {robots[1]}: compare"
+            " models of the same robot",
             code="RID-ROBOT-OTHER",
         )
     one, other = _entries(first), _entries(second)

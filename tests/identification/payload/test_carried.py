@@ -102,8 +102,8 @@ def test_a_payload_is_in_the_tool_frame_of_its_own_robot_file() -> None:
     shifted = payload.robot.model_copy(
         update={"tool_offset_m": tuple(offset), "tool_rpy_rad": (0.4, -0.5, 0.6)}
     )
-    new_to_old = np.linalg.solve(flange_pose(payload.robot), flange_pose(shifted))
-    values = np.linalg.solve(parameters_to_parent(new_to_old), payload.values)
+    old_to_new = np.linalg.inv(flange_pose(shifted)) @ flange_pose(payload.robot)
+    values = parameters_to_parent(np.asarray(old_to_new, dtype=np.float64)) @ payload.values
     np.testing.assert_allclose(
         predict(carry(alone, replace(payload, robot=shifted, values=values)), *motion()),
         predict(carry(alone, payload), *motion()),
