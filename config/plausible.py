@@ -27,6 +27,8 @@ ZERO_CELSIUS_K: Final = 273.15
 
 _DEGREE: Final = math.pi / 180.0
 _GYRATION: Final = "m (root of moments of inertia over twice the mass)"
+SPEED_UP_UNIT: Final = "s (velocity over acceleration)"
+SLIDE_UP_UNIT: Final = "s (velocity over acceleration of a prismatic joint)"
 _OTHER_UNITS: Final[dict[str, dict[str, float]]] = {
     "rad": {"degrees": _DEGREE},
     "rad/s": {"degrees/s": _DEGREE, "rpm": math.pi / 30.0},
@@ -49,6 +51,8 @@ _OTHER_UNITS: Final[dict[str, dict[str, float]]] = {
     "rev": {"degrees": 1.0 / 360.0, "rad": 0.5 / math.pi},
     "mm": {"m": 1e3, "µm": 1e-3},
     "pC/N": {"nC/N": 1e3},
+    SPEED_UP_UNIT: {"with an acceleration in degrees/s²": 1.0 / _DEGREE},
+    SLIDE_UP_UNIT: {"with an acceleration in mm/s²": 1e3},
     _GYRATION: {
         "with a mass in g": 1e3**0.5,
         "with an inertia in kg cm²": 1e-2,
@@ -205,7 +209,7 @@ def _ranges(value: object, path: Path, prismatic: bool) -> Iterator[tuple[Path, 
     if isinstance(value, Derived):
         for name, (size, found) in value.derived().items():
             parts = (int(part) if part.isdigit() else part for part in name.split("."))
-            yield (*path, *parts), size, found
+            yield (*path, *parts), size, (found.prismatic if prismatic else None) or found
     for name, field in type(value).model_fields.items():
         inner = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
         yield from _ranges_within(

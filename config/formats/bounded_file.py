@@ -124,6 +124,14 @@ def encoding_of(beginning: bytes) -> str:
     return "utf-8-sig"
 
 
+def encoding_hint(text: bytes) -> str:
+    """Return the end of a message on bytes that are not UTF-8: what to do about them."""
+    encoding = encoding_of(text[:BEGINNING_BYTES])
+    if encoding.startswith(("utf-16", "utf-32")):
+        return f": it is {encoding[:6].upper()} text; save it as UTF-8"
+    return "; is it the right file?"
+
+
 def _size(count: int) -> str:
     """Return a number of bytes in GB, MB or kB."""
     for unit, factor in (("GB", 10**9), ("MB", 10**6)):

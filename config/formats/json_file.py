@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Final, NoReturn, TypeVar, get_args
 from pydantic import BaseModel, ValidationError
 
 from config.errors import ConfigError, system_errors
-from config.formats.bounded_file import read_file
+from config.formats.bounded_file import encoding_hint, read_file
 from config.formats.file_kinds import document_kind, kind_of_text
 
 if TYPE_CHECKING:
@@ -43,7 +43,8 @@ def parse_json(data: bytes | str) -> Any:
         )
     except UnicodeDecodeError as error:
         raise ConfigError(
-            f"not UTF-8 text (byte {error.start}); is it the right file?", code="RID-FILE-TYPE"
+            f"not UTF-8 text (byte {error.start}){encoding_hint(error.object)}",
+            code="RID-FILE-TYPE",
         ) from None
     except json.JSONDecodeError as error:
         raise ConfigError(

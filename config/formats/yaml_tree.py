@@ -18,6 +18,7 @@ from typing import Any
 import yaml
 
 from config.errors import ConfigError
+from config.formats.bounded_file import encoding_hint
 from config.formats.file_kinds import kind_of_text, way_from
 
 MAX_BYTES = 1_000_000
@@ -83,7 +84,7 @@ def parse_yaml(text: bytes, name: str) -> YamlTree:
         kind = kind_of_text(text)
         what = "not UTF-8 text" if kind is None else f"this is {kind}, not UTF-8 text"
         raise ConfigError(
-            f"{name}: {what} (byte {error.start}); is it the right file?", code="RID-FILE-TYPE"
+            f"{name}: {what} (byte {error.start}){encoding_hint(text)}", code="RID-FILE-TYPE"
         ) from None
     except yaml.MarkedYAMLError as error:
         kind = kind_of_text(text, by_keys=False)

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from config.model import ConfigModel
-from config.plausible import Derived, PhysicalFile, Plausible
+from config.plausible import SLIDE_UP_UNIT, SPEED_UP_UNIT, Derived, PhysicalFile, Plausible
 from config.quantities import (
     MOST_JOINTS,
     NonNegative,
@@ -32,9 +32,11 @@ JointAcceleration = Annotated[
 ]
 JointTorque = Annotated[Positive, Plausible(1e-2, 2e5, "N m", Plausible(0.1, 5e5, "N"))]
 
-FAST: Final = 100.0
-"""Acceleration [rad/s^2 or m/s^2] above which a joint that is at once at its speed is implausible.
-Its acceleration is probably in degrees/s^2 or mm/s^2."""
+SPEED_UP: Final = Plausible(0.04, 60.0, SPEED_UP_UNIT, Plausible(0.005, 60.0, SLIDE_UP_UNIT))
+"""Time in which a joint reaches its largest velocity.
+
+Robots need 0.05 s to 2 s. An acceleration that was entered in degrees/s^2 (or mm/s^2) gives 0.001 s
+to 0.035 s (or at most 0.002 s)."""
 WORST_COUPLING: Final = 1e6
 CouplingElement = Annotated[float, Plausible(1e-3, 100.0, "")]
 
@@ -82,10 +84,7 @@ class JointLimits(Derived):
                 self.position_max - self.position_min,
                 Plausible(1e-3, 1e4, "rad or m"),
             ),
-            "acceleration_time_s": (
-                self.velocity / self.acceleration,
-                Plausible(0.02 if self.acceleration > FAST else 1e-3, 60.0, "s"),
-            ),
+            "acceleration_time_s": (self.velocity / self.acceleration, SPEED_UP),
         }
 
 

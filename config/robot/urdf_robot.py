@@ -208,7 +208,8 @@ def _refuse_implausible(tree: UrdfTree, robot: RobotDescription) -> None:
     """
     lines = [
         f"{tree.file}: implausible robot: {key_name(path)}: {why.split('. Correct')[0]}."
-        " A URDF uses m, rad and kg; correct it there"
+        " A URDF uses m, rad and kg, and so do --range, --velocity and --acceleration; correct it"
+        " there"
         for path, why in implausible(robot.model_copy(update={"cad": None}))
     ]
     if lines:

@@ -54,7 +54,8 @@ def carry(estimate: Estimate, payload: PayloadEstimate) -> Estimate:
 
     Args:
         estimate: The robot; a payload that was identified together with it is replaced.
-        payload: The payload on its flange; the motion must have determined all ten parameters.
+        payload: The payload, in the tool frame of the robot file with which it was identified; the
+            motion must have determined all ten parameters.
 
     Raises:
         EstimationError: A parameter of the payload is not determined.
@@ -67,7 +68,7 @@ def carry(estimate: Estimate, payload: PayloadEstimate) -> Estimate:
             " payload with a motion that determines all",
             code="RID-MOTION-UNINFORMATIVE",
         )
-    at_flange = parameters_to_parent(flange_pose(estimate.robot))
+    at_flange = parameters_to_parent(flange_pose(payload.robot))
     turned = estimate.base.combination[:, _last_link(estimate)] @ at_flange
     more = turned @ payload.covariance @ turned.T
     return replace(

@@ -70,16 +70,18 @@ def compare_estimates(first: Estimate, second: Estimate) -> EstimateDifference:
     """Compare two estimates.
 
     Args:
-        first, second: Estimates of robots with the same joints; their models may differ.
+        first, second: Estimates of one robot; their models may differ.
 
     Raises:
-        EstimationError: The joints differ, or the estimates have no common parameter.
+        EstimationError: The names of robot or joints differ, or the estimates have no common
+            parameter.
     """
-    joints = first.robot.joint_names
-    if second.robot.joint_names != joints:
+    names = [(each.robot.name, *each.robot.joint_names) for each in (first, second)]
+    if names[0] != names[1]:
+        robots = [f"{robot} ({', '.join(joints)})" for robot, *joints in names]
         raise EstimationError(
-            f"the first model has joints {', '.join(joints)}, but the second has"
-            f" {', '.join(second.robot.joint_names)}: compare models of the same robot",
+            f"the first model is of robot {robots[0]}, but the second is of {robots[1]}: compare"
+            " models of the same robot",
             code="RID-ROBOT-OTHER",
         )
     one, other = _entries(first), _entries(second)

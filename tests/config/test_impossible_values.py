@@ -57,6 +57,14 @@ IMPOSSIBLE = [
     ("cell", "[1.0019,", "[-7.5,", "fx12", "-7.5"),
     ("robot", "velocity: 2.6", "velocity: 55.0", "joints.0.motor_speed_rad_s", "6655"),
     ("robot", "acceleration: 10.0", "acceleration: 573.0", "joints.0.limits.acceleration_time_s"),
+    (
+        *("robot", "acceleration: 10.0", "acceleration: 100.0"),  # degrees/s^2, of a slow robot
+        *("joints.0.limits.acceleration_time_s", "0.026", "0.04", "degrees/s²", "1.49"),
+    ),
+    (
+        *("robot", "acceleration: 10.0, torque: 450.0}", "acceleration: 900.0, torque: 450.0}"),
+        "joints.0.limits.acceleration_time_s",
+    ),
     ("robot", "acceleration: 10.0", "acceleration: 0.02", "joints.0.limits.acceleration_time_s"),
     ("robot", "position_max: 2.7", "position_max: -2.6999", "joints.0.limits.position_range"),
     ("robot", "gear_ratio: 121.0", "gear_ratio: 121.0\n    efficiency: 0.01", "efficiency"),
@@ -82,6 +90,17 @@ def test_an_impossible_value_is_refused_with_its_key(
     path = write_cell((right, wrong), kind=kind)
     with raises_code(ConfigError, "RID-FILE-VALUE", f"{kind}.yaml:", *values):
         load_cell(path)
+
+
+def test_a_linear_joint_may_reach_its_speed_sooner_than_a_turning_one(write_cell: Write) -> None:
+    slides = "name: axis3\n    type: prismatic"
+    fast = ("velocity: 3.0, acceleration: 14.0", "velocity: 3.0, acceleration: 300.0")
+    load_cell(write_cell(("name: axis3", slides), fast, kind="robot"))
+    millimetres = (fast[0], "velocity: 2.0, acceleration: 450.0")
+    with raises_code(ConfigError, "RID-FILE-VALUE", "joints.2.limits.acceleration_time_s", "mm/s²"):
+        load_cell(write_cell(("name: axis3", slides), millimetres, kind="robot"))
+    with raises_code(ConfigError, "RID-FILE-VALUE", "joints.2.limits.acceleration_time_s"):
+        load_cell(write_cell(fast, kind="robot"))
 
 
 def test_a_profile_in_its_own_file_has_the_same_ranges(write_cell: Write, tmp_path: Path) -> None:

@@ -29,6 +29,9 @@ MOST_FACTOR: Final = 5.0
 """Largest accepted ratio between the velocities of a table and the rates of its positions."""
 STILL: Final = 1e-3
 """Fraction of a joint's velocity limit up to which the velocities of a table count as zero."""
+SLOWEST: Final = (1e-5, 1e-3)
+"""Largest speed of a table, as a fraction of the velocity limit, that suggests times in ms: with
+times in s, the table would reach 0.01 to 1 times the limit. A table at rest is slower still."""
 STOPPING: Final = 5.77
 """Largest acceleration of a quintic from rest to rest, divided by distance / time^2."""
 POSITIONS: Final = Plausible(0.0, 50.0, "rad or m")
@@ -175,8 +178,8 @@ def _curve(
     """Return the curve through the rows of a table.
 
     Raises:
-        ConfigError: Times do not increase, positions exceed the limits, an end is not at rest, or
-            velocities contradict the positions.
+        ConfigError: Times do not increase or are in ms, positions exceed the limits, an end is not
+            at rest, or velocities contradict the positions.
     """
     rows = [position] if velocity is None else [position, velocity]
     values = np.hstack([time_s[:, np.newaxis], *rows])
@@ -184,6 +187,7 @@ def _curve(
     _check_times(time_s, kept)
     _check_positions(position, robot)
     time_s, position = time_s[kept], position[kept]
+    _check_unit_of_time(time_s, position, robot)
     fewest = FEWEST_ROWS if velocity is None else 2
     if len(time_s) < fewest:
         raise ConfigError(
@@ -211,6 +215,23 @@ def _check_times(time_s: FloatArray, kept: BoolArray) -> None:
         raise ConfigError(
             f"row {row} of the table is at {time_s[row - 1]:g} s, not later than the previous"
             " row: its time must increase",
+            code="RID-TABLE-INVALID",
+        )
+
+
+def _check_unit_of_time(time_s: FloatArray, position: FloatArray, robot: RobotDescription) -> None:
+    """Check that the table is not so slow that its times must be in milliseconds."""
+    if len(time_s) < 2:
+        return
+    limits = np.array([joint.limits.velocity for joint in robot.joints])
+    speed = np.abs(np.diff(position, axis=0)) / np.diff(time_s)[:, np.newaxis]
+    share = float((speed / limits).max())
+    if SLOWEST[0] <= share <= SLOWEST[1]:
+        raise ConfigError(
+            f"the table lasts {time_s[-1] - time_s[0]:g} s, and its fastest joint reaches only"
+            f" {100.0 * share:.2g} % of its velocity limit; with times in ms it would be"
+            f" {1e5 * share:.2g} %: give the times in s (for slower motions use `kind:"
+            " constant_velocity`)",
             code="RID-TABLE-INVALID",
         )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,6 +14,7 @@ from identification.elasticity.gear_torque import describe_gear_torque
 from identification.estimation.estimate import Estimate
 from identification.validation.estimate_difference import EstimateDifference, compare_estimates
 from identification.validation.torque_prediction import common_relative_errors, validate_torques
+from rid_daq.operations.cell_files import refuse_other_robot
 from rid_daq.operations.identify.compare import CompareRequest
 from rid_daq.operations.stated_payload import state_payload
 from rid_daq.runs.measured_torques import require_torques
@@ -58,7 +60,7 @@ def compare_models(request: CompareRequest) -> ComparedModels:
     """Compare two estimates, and predict the torques of runs with both.
 
     Raises:
-        ConfigError: A run has no model, or the two estimates are of different robots.
+        ConfigError: A run has no model, or models and runs are of different robots.
         RidDaqError: A run or a model cannot be used.
     """
     first, first_estimate, first_run = _load_side(request, request.first)
@@ -70,6 +72,10 @@ def compare_models(request: CompareRequest) -> ComparedModels:
         predicted_runs = [RunData.load(folder, unfinished=request.unfinished)]
     notes = all_defects(predicted_runs)
     notes += _gear_notes([(first, first_estimate), (second, second_estimate)])
+    for data, (name, estimate) in itertools.product(
+        predicted_runs, [(first, first_estimate), (second, second_estimate)]
+    ):
+        refuse_other_robot(Path(name), estimate.robot, data.robot)
     require_torques(predicted_runs)
     if predicted_runs or request.payload is not None:
         first_estimate, second_estimate = (

@@ -33,6 +33,7 @@ from rid_daq.operations.estimation.run_estimation import (
     cross_check_estimate,
     estimate_drive_gains,
     estimate_runs,
+    require_one_robot,
     smoothed_runs,
 )
 from rid_daq.operations.estimation.wiring_diagnosis import (
@@ -92,6 +93,7 @@ def identify_robot(
     """
     request.refuse_contradictions()
     data = with_stated_gears(data, request.gears)
+    require_one_robot(data)
     how = _estimation_job(request, data)
     rounded = find_rounded_positions(data, how.options.band_hz)
     if rounded is not None:

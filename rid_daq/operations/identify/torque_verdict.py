@@ -121,6 +121,8 @@ def validate_together(
     """
     refuse_unused(request, ("base", "mass_kg"), "with several runs")
     refuse_repeated_imports(runs)
+    for each in runs:
+        refuse_other_robot(request.model, estimate.robot, each.robot)
     external = estimate.options.kind == "external"
     limits = {None if external else _torque_limits_percent(request.limits, each) for each in runs}
     if len(limits) > 1:

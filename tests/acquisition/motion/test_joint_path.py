@@ -115,6 +115,11 @@ def test_a_table_in_a_csv_file_is_followed_and_stored_in_the_motion(tmp_path: Pa
             "RID-MOTION-LIMIT",
             ("velocity of joint", "9.37388 rad/s", "2.6"),
         ),
+        (
+            csv([(a, 1e3 * t, b, c) for a, t, b, c in table()]),  # ms
+            "RID-TABLE-INVALID",
+            ("2000 s", "0.018 %", "18 %", " ms "),
+        ),
     ],
 )
 def test_an_invalid_table_is_refused_with_its_row(

@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from config.errors import ConfigError
+from config.formats.json_file import parse_json
 from config.formats.yaml_tree import MAX_BYTES, MAX_DEPTH, MAX_NODES, dump_yaml, parse_yaml
 from tests.builders.raised_codes import raises_code
 
@@ -65,6 +66,15 @@ def test_a_yaml_trap_is_refused_with_its_position(
     with raises_code(ConfigError, code, value) as caught:
         parse_yaml(text, "cell.yaml")
     assert str(caught.value).startswith(f"cell.yaml:{position}: ")
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-32"])
+def test_the_encoding_of_a_file_that_is_not_utf_8_is_named(encoding: str) -> None:
+    name = encoding[:6].upper()
+    with raises_code(ConfigError, "RID-FILE-TYPE", "cell.yaml: ", name, "UTF-8"):
+        parse_yaml("name: ir361\n".encode(encoding), "cell.yaml")
+    with raises_code(ConfigError, "RID-FILE-TYPE", name, "UTF-8"):
+        parse_json('{"name": "ir361", "runs": []}'.encode(encoding))
 
 
 def test_an_alias_bomb_is_refused_before_expansion() -> None:

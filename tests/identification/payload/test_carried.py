@@ -13,6 +13,7 @@ import pytest
 from config.arrays import FloatArray
 from config.errors import ConfigError, EstimationError
 from config.load import load_cell
+from dynamics.geometry.kinematics import flange_pose
 from dynamics.terms.conditions import Conditions
 from identification.estimation.estimate import (
     Estimate,
@@ -20,6 +21,7 @@ from identification.estimation.estimate import (
     predict,
     predict_base_wrench,
 )
+from identification.payload.body import parameters_to_parent
 from identification.payload.carried import carry, carry_own, without_payload
 from tests.builders.certified import estimate_of
 from tests.builders.known_model import estimate_with_terms, known_estimate, with_payload_columns
@@ -90,6 +92,24 @@ def test_a_separate_payload_gives_the_torques_of_a_payload_identified_with_the_r
     exact = carry(alone, replace(payload, covariance=np.zeros((10, 10))))
     assert np.all(torque_variance(found) > torque_variance(exact))
     assert found.run_ids == ("loaded run",)
+
+
+def test_a_payload_is_in_the_tool_frame_of_its_own_robot_file() -> None:
+    """A robot file with another tool frame gives the payload other numbers, but equal torques."""
+    alone = known_estimate(load_cell("ir361"), {})
+    payload = estimate_of(load_cell("ir361"), ())
+    offset = np.add(payload.robot.tool_offset_m, (0.1, -0.2, 0.3))
+    shifted = payload.robot.model_copy(
+        update={"tool_offset_m": tuple(offset), "tool_rpy_rad": (0.4, -0.5, 0.6)}
+    )
+    old_to_new = np.linalg.inv(flange_pose(shifted)) @ flange_pose(payload.robot)
+    values = parameters_to_parent(np.asarray(old_to_new, dtype=np.float64)) @ payload.values
+    np.testing.assert_allclose(
+        predict(carry(alone, replace(payload, robot=shifted, values=values)), *motion()),
+        predict(carry(alone, payload), *motion()),
+        rtol=1e-9,
+        atol=1e-7,
+    )
 
 
 def test_another_payload_replaces_the_one_in_the_model() -> None:

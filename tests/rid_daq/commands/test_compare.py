@@ -97,6 +97,31 @@ def test_another_robot_is_refused(monday: Estimate) -> None:
         compare_estimates(monday, stranger)
 
 
+def test_a_robot_with_the_same_joints_but_another_name_is_refused(monday: Estimate) -> None:
+    renamed = monday.robot.model_copy(update={"name": "another_arm"})
+    with raises_code(EstimationError, "RID-ROBOT-OTHER", "another_arm"):
+        compare_estimates(monday, replace(monday, robot=renamed))
+
+
+@pytest.mark.usefixtures("monday")
+@pytest.mark.parametrize("on", [[], ["--on", "monday"]])
+def test_a_run_is_not_predicted_with_a_model_of_another_robot(
+    root: Path,
+    monday: Estimate,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    on: list[str],
+) -> None:
+    """The joints have the same names, but the robot files differ."""
+    turned = monday.robot.model_copy(update={"gravity_m_s2": (0.0, 0.0, -9.81)})
+    write_estimate(tmp_path / "other.json", replace(monday, robot=turned))
+    models = [str(tmp_path / "other.json")] * 2 if on else ["monday", str(tmp_path / "other.json")]
+    assert run(["compare", *models, *on, "--runs", str(root)]) == 2
+    error = capsys.readouterr().err
+    assert "RID-ROBOT-OTHER" in error
+    assert "gravity_m_s2" in error
+
+
 @pytest.mark.usefixtures("monday", "tuesday")
 def test_compare_predicts_both_runs_with_both_models(
     root: Path, capsys: pytest.CaptureFixture[str]

@@ -11,12 +11,14 @@ from acquisition.imports.read import import_csv
 from acquisition.maps.import_map import ImportMap
 from acquisition.runs.folder import RunFolder
 from config.arrays import FloatArray
+from config.errors import ConfigError
 from config.load import load_robot
 from dynamics.model.robot_model import RobotModel, torque
 from rid_daq.api.console import SilentConsole
 from rid_daq.operations.identify.identified_robot import IdentifiedRobot, identify_robot
 from rid_daq.operations.identify.identify import IdentifyRequest
 from rid_daq.runs.run_data import RunData
+from tests.builders.raised_codes import raises_code
 
 PERIOD_S = 10.0
 STEP_S = 0.01
@@ -40,8 +42,8 @@ def rows(step_deg: float, periods: int) -> FloatArray:
     return np.column_stack([time_s, step_deg * np.round(np.rad2deg(q) / step_deg), torque_nm])
 
 
-def identified(folder: Path, step_deg: float, periodic: bool, band_hz: float) -> IdentifiedRobot:
-    """Import rounded positions and identify the robot."""
+def imported(folder: Path, step_deg: float, periodic: bool) -> RunData:
+    """Import rounded positions."""
     np.savetxt(folder / "log.csv", rows(step_deg, 4), delimiter=",", fmt="%.9g")
     layout: dict[str, object] = {
         "name": "rounded",
@@ -57,10 +59,19 @@ def identified(folder: Path, step_deg: float, periodic: bool, band_hz: float) ->
     if periodic:
         layout["period_s"] = PERIOD_S
     recording, report = import_csv(folder / "log.csv", ImportMap.model_validate(layout), ROBOT)
-    data = RunData.of(RunFolder(folder, "log"), recording, ROBOT, report)
+    return RunData.of(RunFolder(folder, "log"), recording, ROBOT, report)
+
+
+def identified(folder: Path, step_deg: float, periodic: bool, band_hz: float) -> IdentifiedRobot:
+    """Import rounded positions and identify the robot."""
+    return identified_from(imported(folder, step_deg, periodic), band_hz=band_hz)
+
+
+def identified_from(*data: RunData, band_hz: float) -> IdentifiedRobot:
+    """Identify the robot of some runs."""
     asked = {"names": ["log"], "diagnose": False, "how": {"options": {"band_hz": band_hz}}}
     request = IdentifyRequest.of(asked, shown="identify")
-    return identify_robot(request, (data,), SilentConsole())
+    return identify_robot(request, data, SilentConsole())
 
 
 @pytest.mark.parametrize("periodic", [True, False])
@@ -85,3 +96,10 @@ def test_a_stated_band_stays_and_a_better_one_is_advised(tmp_path: Path) -> None
 
 def test_positions_with_many_digits_are_not_reported(tmp_path: Path) -> None:
     assert identified(tmp_path, 0.001, False, 10.0).section.rounded_positions is None
+
+
+def test_a_run_of_a_robot_with_more_joints_is_refused(tmp_path: Path) -> None:
+    rounded = imported(tmp_path, 0.5, False)
+    other = RunData.of(RunFolder(tmp_path, "other"), rounded.recording, load_robot("kr15"), None)
+    with raises_code(ConfigError, "RID-ROBOT-OTHER", "kr15", "ir361"):
+        identified_from(other, rounded, band_hz=10.0)
