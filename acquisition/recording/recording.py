@@ -9,7 +9,7 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from acquisition.recording.reaction import Reaction
-from config.arrays import BoolArray, FloatArray, IntArray, PhaseArray, freeze
+from config.arrays import BoolArray, FloatArray, IntArray, PhaseArray, freeze, release
 from config.cell.torque_filter import ButterworthFilter
 from config.errors import RecordingError
 
@@ -117,8 +117,10 @@ class Recording:
 
     def pieces(self) -> Iterator[Recording]:
         """Yield the recording in parts of at most `PIECE_ROWS` rows, without the force plate."""
+        columns = [getattr(self, name) for name in _COLUMNS]
         for first in range(0, max(len(self), 1), PIECE_ROWS):
             yield self.part(slice(first, first + PIECE_ROWS))
+            release(*(values for values in columns if values is not None))
 
     @property
     def joint_valid(self) -> BoolArray:
