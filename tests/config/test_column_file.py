@@ -67,7 +67,7 @@ def test_a_locked_table_is_frozen_without_a_copy():
 
 def test_more_rows_than_announced_are_refused():
     file = ColumnFile(1, 1)
-    with pytest.raises(ValueError):
+    with pytest.raises(ValueError, match="1 rows"):
         file.append(np.zeros((2, 1)))
 
 
