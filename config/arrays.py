@@ -26,11 +26,22 @@ PIECE_ROWS: Final = 65_536
 def release(*arrays: NDArray[Any]) -> None:
     """Return the memory of mapped files to the system; their values stay in the file."""
     for array in arrays:
-        base: Any = array
-        while isinstance(base, np.ndarray):
-            base = base.base
-        if isinstance(base, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
-            base.madvise(mmap.MADV_DONTNEED)
+        memory = _memory(array)
+        if isinstance(memory, mmap.mmap) and hasattr(mmap, "MADV_DONTNEED"):
+            memory.madvise(mmap.MADV_DONTNEED)
+
+
+def is_mapped(array: NDArray[Any]) -> bool:
+    """Return True if an array is the mapping of a file."""
+    return isinstance(_memory(array), mmap.mmap)
+
+
+def _memory(array: NDArray[Any]) -> Any:
+    """Return the object that owns an array's memory; None if numpy owns it."""
+    base: Any = array
+    while isinstance(base, np.ndarray):
+        base = base.base
+    return base
 
 
 def lock(array: NDArray[Any]) -> NDArray[Any]:

@@ -15,7 +15,7 @@ from config.formats.file_kinds import kind_of_text
 
 _JSON: Final = re.compile(rb'(\xef\xbb\xbf)?\s*(\{\s*"|\[\s*[{\[])')
 
-LARGEST_FILE_BYTES = 10_000_000_000
+LARGEST_FILE_BYTES = 4_000_000_000
 BLOCK_CHARACTERS: Final = 1 << 19
 SEPARATORS = {",": ",", ";": ";", "tab": "\t", "space": None}
 """Values of `delimiter` in an import map, and the arguments of `str.split` for them."""

@@ -8,11 +8,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from config import column_file
 from config.arrays import lock, read_only, release
 from config.column_file import ColumnFile, each_column, has_few_values, selected_rows
 from config.errors import ConfigError
 
 ROWS = 200_000
+
+
+@pytest.fixture(autouse=True, params=[0, column_file.MEMORY_BYTES])
+def memory_bytes(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> int:
+    """Keep all tables in files, or small ones in memory."""
+    most: int = request.param
+    monkeypatch.setattr(column_file, "MEMORY_BYTES", most)
+    return most
 
 
 def resident_bytes() -> int:
@@ -67,7 +76,7 @@ def test_a_locked_table_is_frozen_without_a_copy():
 
 def test_more_rows_than_announced_are_refused():
     file = ColumnFile(1, 1)
-    with pytest.raises(ValueError, match="1 rows"):
+    with pytest.raises(IndexError):
         file.append(np.zeros((2, 1)))
 
 
