@@ -19,6 +19,7 @@ import numpy as np
 from acquisition.clock.samples import WIDE_S, Samples, smallest_step
 from acquisition.processing.smoothing import GAP_STEPS
 from config.arrays import BoolArray, FloatArray, IntArray
+from config.column_file import ColumnFile, each_column
 
 ROUNDS: Final = 4
 DETERMINED: Final = 0.05
@@ -72,9 +73,8 @@ class Times:
 
 @dataclass(frozen=True, eq=False)
 class _Motion:
-    """Positions, velocities and displacements between rows; they are the same in each iteration."""
+    """Positions and velocities, (rows, joints); they are the same in each iteration."""
 
-    moved: FloatArray
     velocity: FloatArray
     position: FloatArray
 
@@ -84,7 +84,7 @@ class _Motion:
         position, velocity = samples.position, samples.velocity
         if joints != tuple(range(position.shape[1])):
             position, velocity = (each.T[list(joints)].T for each in (position, velocity))
-        return cls(np.diff(position, axis=0), velocity, position)
+        return cls(velocity, position)
 
 
 def estimate_times(
@@ -117,13 +117,13 @@ def estimate_times(
             # too small to correct: stamp errors that depend on the interval look the same
             delay_s = 0.0
         left = [
-            np.median(np.abs(y - length * x)[seen]) for x, y in zip(mean.T, moved.T, strict=True)
+            np.median(np.abs(y - length * x)[seen])
+            for x, y in zip(each_column(mean), each_column(moved), strict=True)
         ]
         noise = np.maximum(_MAD * np.array(left), least)
         length = _shrink_to_usual_length(length, sigma, seen, repeats, usual)
         length = np.where(gap, given, np.maximum(length, SHORTEST * usual))
         now = _times_from_intervals(stamps[0], length)
-        del mean, moved  # their memory is needed in the next round
     length, sigma = _interval_lengths(*_calibrate_velocities(motion, now, delay_s), noise)
     tick_s = _common_tick(length[~gap], sigma[~gap], usual)
     rate, kept = _duration_ratio(given, np.diff(now), repeats, seen)
@@ -155,8 +155,10 @@ def _smallest_noise(motion: _Motion, usual: float) -> FloatArray:
     It is computed from the resolution of the position and the noise of the velocity. The residuals
     alone do not show the noise: they vanish for a joint that determines the intervals.
     """
-    steps = np.array([max(smallest_step(q), 1e-9) for q in motion.position.T])
-    fast = [np.median(np.abs(v[1:-1] - (v[2:] + v[:-2]) / 2.0)) for v in motion.velocity.T]
+    steps = np.array([max(smallest_step(q), 1e-9) for q in each_column(motion.position)])
+    fast = [
+        np.median(np.abs(v[1:-1] - (v[2:] + v[:-2]) / 2.0)) for v in each_column(motion.velocity)
+    ]
     velocity_noise = _MAD * np.array(fast) / np.sqrt(1.5)
     return np.asarray(np.hypot(steps / np.sqrt(6.0), usual * velocity_noise / np.sqrt(2.0)))
 
@@ -180,13 +182,11 @@ def _calibrate_velocities(
         late += delay_s - float(np.median(late))
         sound = (scale > 0.5) & (scale < 2.0) & (np.abs(late) < WIDE_S)
         scale, late = np.where(sound, scale, 1.0), np.where(sound, late, 0.0)
-    mean *= scale
-    moved = np.empty_like(mean)
-    for column, velocity, way, by in zip(
-        moved.T, motion.velocity.T, motion.moved.T, late, strict=True
-    ):
-        column[:] = way - by * np.diff(velocity)
-    return mean, moved
+    for column, factor in zip(each_column(mean), scale, strict=True):
+        column *= factor
+    ways = zip(each_column(motion.position), each_column(motion.velocity), late, strict=True)
+    moved = (np.diff(position) - by * np.diff(velocity) for position, velocity, by in ways)
+    return mean, ColumnFile.of_columns(moved, len(late), len(mean))
 
 
 def _common_delay(motion: _Motion, stamps: FloatArray) -> float:
@@ -203,11 +203,14 @@ def _common_delay(motion: _Motion, stamps: FloatArray) -> float:
 def _mean_velocity(motion: _Motion, time_s: FloatArray) -> FloatArray:
     """Return the mean velocity of each interval, (intervals, joints)."""
     h = np.diff(time_s)
-    mean = np.empty_like(motion.moved)
-    for column, velocity in zip(mean.T, motion.velocity.T, strict=True):
+
+    def mean(velocity: FloatArray) -> FloatArray:
         rate = np.gradient(velocity, time_s)
-        column[:] = (velocity[1:] + velocity[:-1]) / 2.0 + h * (rate[:-1] - rate[1:]) / 12.0
-    return mean
+        correction = h * (rate[:-1] - rate[1:]) / 12.0
+        return np.asarray((velocity[1:] + velocity[:-1]) / 2.0 + correction)
+
+    joints = motion.velocity.shape[1]
+    return ColumnFile.of_columns(map(mean, each_column(motion.velocity)), joints, len(h))
 
 
 def _scale_and_delay(
@@ -230,7 +233,8 @@ def _scale_and_delay(
     spacing = max(1, stride // WINDOWS_PER_STRIDE)
     first = near[::spacing]
     found = []
-    for speed, velocity, position in zip(mean.T, motion.velocity.T, motion.position.T, strict=True):
+    columns = map(each_column, (mean, motion.velocity, motion.position))
+    for speed, velocity, position in zip(*columns, strict=True):
         path = np.concatenate([[0.0], np.cumsum(speed * h)])
         ways = (path, velocity, position)
         x, change, y = (values[first + stride] - values[first] for values in ways)
@@ -267,7 +271,7 @@ def _interval_lengths(
     """Return the length of each interval and its standard deviation."""
     weight = noise**-2.0
     information, length = np.zeros(len(mean)), np.zeros(len(mean))
-    for of_joint, x, y in zip(weight, mean.T, moved.T, strict=True):
+    for of_joint, x, y in zip(weight, each_column(mean), each_column(moved), strict=True):
         information += of_joint * x**2
         length += of_joint * x * y
     information = np.maximum(information, 1e-12)

@@ -22,6 +22,7 @@ from acquisition.clock.samples import Samples
 from acquisition.clock.torque_test import torque_gain
 from acquisition.processing.smoothing import GAP_STEPS
 from config.arrays import BoolArray, FloatArray
+from config.column_file import each_column
 from config.robot.robot import RobotDescription
 
 UNEVEN: Final = 0.2
@@ -149,7 +150,7 @@ def _rebuild_times(
         doubt = replace(report, clock=ClockState.UNKNOWN, doubt=why)
         return None, doubt if doubtful else report
 
-    if not np.isfinite(samples.velocity).all(axis=0).any():
+    if not any(np.isfinite(velocity).all() for velocity in each_column(samples.velocity)):
         return keep_stamps("no velocities were recorded from which the times could be estimated")
     if velocity_changes_in_repeats(samples, repeated) or velocity_depends_on_stamps(samples):
         return keep_stamps(

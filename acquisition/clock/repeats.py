@@ -11,12 +11,14 @@ Then the joint's position cannot have been constant during the run.
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import Final
 
 import numpy as np
 
 from acquisition.clock.samples import WIDE_S, Samples, smallest_step
 from config.arrays import BoolArray, FloatArray, IntArray
+from config.column_file import each_column
 
 FEWEST_ROWS: Final = 100
 MOST_STEPS: Final = 3.0
@@ -44,15 +46,17 @@ def repeated_rows(samples: Samples) -> BoolArray:
     if len(samples) < FEWEST_ROWS:
         return np.zeros(len(samples), dtype=np.bool_)
     same = np.ones(len(samples) - 1, dtype=np.bool_)
-    for column in (*samples.position.T, *samples.torque.T):
+    for column in chain(each_column(samples.position), each_column(samples.torque)):
         same &= column[1:] == column[:-1]
     repeated = np.zeros(len(samples), dtype=np.bool_)
-    for joint in samples.position.T:
+    for joint in each_column(samples.position):
         repeated |= _contradicts_motion(joint, same, samples.period_s)
     if not repeated.any():
         return repeated
-    stands = np.concatenate([[False], np.all(np.diff(samples.position, axis=0) == 0.0, axis=1)])
-    stands &= ~repeated
+    stands = ~repeated
+    stands[0] = False
+    for joint in each_column(samples.position):
+        stands[1:] &= joint[1:] == joint[:-1]
     equal = np.concatenate([[False], same]) & ~repeated
     firsts, lasts = _runs_of_equal_rows(~equal[1:])
     short = lasts - firsts < longest_run(repeated)
@@ -73,7 +77,10 @@ def repeated_positions(samples: Samples) -> BoolArray:
     Args:
         samples: Rows without repeats.
     """
-    held = [_contradicts_motion(q, q[1:] == q[:-1], samples.period_s) for q in samples.position.T]
+    held = [
+        _contradicts_motion(q, q[1:] == q[:-1], samples.period_s)
+        for q in each_column(samples.position)
+    ]
     return np.stack(held, axis=1)
 
 

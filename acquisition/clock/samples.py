@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 
 from config.arrays import BoolArray, FloatArray
+from config.column_file import each_column, selected_rows
 
 STANDSTILL_SPEED: Final = 0.02
 """Lowest speed at which a joint is used to judge a clock [rad/s or m/s]."""
@@ -36,9 +37,10 @@ class Samples:
 
     def part(self, rows: slice | BoolArray) -> Samples:
         """Return the selected rows; without a copy if these are all rows."""
-        if isinstance(rows, np.ndarray) and rows.all():
-            return self
-        return Samples(*(getattr(self, field.name)[rows] for field in fields(self)))
+        columns = [getattr(self, field.name) for field in fields(self)]
+        if isinstance(rows, slice):
+            return Samples(*(values[rows] for values in columns))
+        return self if rows.all() else Samples(*(selected_rows(each, rows) for each in columns))
 
     @cached_property
     def period_s(self) -> float:
@@ -48,8 +50,8 @@ class Samples:
     def moving(self) -> tuple[int, ...]:
         """Return the indices of the joints that move and have a velocity."""
         span_s = float(self.time_s[-1] - self.time_s[0])
-        way = np.abs(np.diff(self.position, axis=0)).sum(axis=0)
-        has_velocity = np.isfinite(self.velocity).all(axis=0)
+        way = np.array([np.abs(np.diff(q)).sum() for q in each_column(self.position)])
+        has_velocity = [np.isfinite(v).all() for v in each_column(self.velocity)]
         return tuple(np.flatnonzero(has_velocity & (way > STANDSTILL_SPEED * span_s)).tolist())
 
 

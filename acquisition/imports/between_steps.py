@@ -17,6 +17,7 @@ import numpy as np
 from acquisition.imports.columns import ImportRows
 from acquisition.processing.smoothing import GAP_STEPS
 from config.arrays import FloatArray
+from config.column_file import ColumnFile, each_column
 
 MOST_STEPS: Final = 100
 """Largest change of a position from which the step size is computed [steps]; rounding errors add up
@@ -34,7 +35,7 @@ def position_steps(rows: ImportRows) -> tuple[float | None, ...]:
     Args:
         rows: The recording.
     """
-    return tuple(_quantisation_step(position) for position in rows.position.T)
+    return tuple(_quantisation_step(position) for position in each_column(rows.position))
 
 
 def _quantisation_step(position: FloatArray) -> float | None:
@@ -85,20 +86,21 @@ def refine_between_steps(rows: ImportRows, steps: tuple[float | None, ...]) -> F
         rows: The recording.
         steps: Result of `position_steps` for these rows.
     """
-    position = rows.position.copy()
     spans = np.diff(rows.time_s)
     cuts = np.flatnonzero(spans > GAP_STEPS * np.median(spans)) + 1
     edges = [0, *cuts.tolist(), len(rows.time_s)]
-    for j, step in enumerate(steps):
-        velocity = rows.velocity[:, j]
+
+    def refine(column: FloatArray, velocity: FloatArray, step: float | None) -> FloatArray:
         if step is None or np.isnan(velocity).any():
-            continue
+            return column
+        refined = column.copy()
         for own in map(slice, edges, edges[1:]):
             if own.stop - own.start > 1:
-                position[own, j] = _refine_stretch(
-                    rows.time_s[own], rows.position[own, j], velocity[own], step
-                )
-    return position
+                refined[own] = _refine_stretch(rows.time_s[own], column[own], velocity[own], step)
+        return refined
+
+    columns = map(refine, each_column(rows.position), each_column(rows.velocity), steps)
+    return ColumnFile.of_columns(columns, len(steps), len(rows.time_s))
 
 
 def _refine_stretch(

@@ -13,7 +13,8 @@ from acquisition.maps.import_joint import ImportJoint
 from acquisition.maps.import_map import ImportMap
 from acquisition.maps.import_units import RATED
 from acquisition.maps.time_column import numbered
-from config.arrays import BoolArray, FloatArray, IntArray
+from config.arrays import PIECE_ROWS, BoolArray, FloatArray, IntArray, release
+from config.column_file import ColumnFile, each_column, selected_rows
 from config.errors import ConfigError
 from config.plausible import ZERO_CELSIUS_K
 from config.robot.robot import Joint, RobotDescription
@@ -60,7 +61,7 @@ class ImportRows:
         """Return the selected rows; without a copy if these are all rows."""
         if mask.all():
             return self
-        return ImportRows(*(getattr(self, field.name)[mask] for field in fields(self)))
+        return ImportRows(*(selected_rows(getattr(self, each.name), mask) for each in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,22 +151,25 @@ class ImportColumns:
         )
 
     def rows(self, table: ImportTable, joints: int) -> ImportRows:
-        """Return the rows of a table, converted to SI units; a column is contiguous in memory."""
+        """Return the rows of a table, converted to SI units in its own memory."""
         warmth = 3 * joints + self.temperatures
-        edges = (0, joints, 2 * joints, 3 * joints, warmth, len(self.columns))
-        parts = []
-        for own in map(slice, edges, edges[1:]):
-            values = np.empty((len(self.factors[own]), len(table.values)))
-            with np.errstate(over="ignore", invalid="ignore"):
-                np.multiply(table.values[:, own].T, self.factors[own, np.newaxis], out=values)
-                values += self.offsets[own, np.newaxis]
-            parts.append(values.T)
-        position, torque, velocity, temperature, command = parts
+        with np.errstate(over="ignore", invalid="ignore"):
+            for number, column in enumerate(each_column(table.values)):
+                column *= self.factors[number]
+                column += self.offsets[number]
+        ends = (joints, 2 * joints, 3 * joints, warmth)
+        position, torque, velocity, temperature, command = np.split(table.values, ends, axis=1)
         return ImportRows(table.row, table.time_s, position, velocity, torque, temperature, command)
 
     def joint_positions(self, read: FloatArray) -> FloatArray:
         """Return joint positions for positions of the file, (samples, n): q = C alpha (5.18)."""
-        return read if self.coupling is None else np.asarray(read @ self.coupling.T)
+        if self.coupling is None:
+            return read
+        file = ColumnFile(len(self.coupling), len(read))
+        for first in range(0, len(read), PIECE_ROWS):
+            file.append(read[first : first + PIECE_ROWS] @ self.coupling.T)
+            release(read)
+        return file.table()
 
 
 def _unit_value(unit: str, fixed: Mapping[str, float], of_joint: float | None) -> float:

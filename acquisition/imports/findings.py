@@ -14,13 +14,20 @@ import numpy as np
 
 from acquisition.imports.causes import BEYOND_LIMIT, likely_cause_of_positions
 from acquisition.imports.columns import ImportColumns, ImportRows
+from acquisition.imports.torque_findings import (
+    STANDSTILL,
+    clipped_torque_findings,
+    large_torque_findings,
+    refuse_wrapped_torques,
+    stuck_torque_findings,
+)
 from acquisition.maps.import_map import ImportMap
 from acquisition.processing.smoothing import GAP_STEPS
-from config.arrays import FloatArray
+from config.arrays import BoolArray, FloatArray
+from config.column_file import each_column
 from config.errors import DataQualityError
-from config.robot.robot import RobotDescription
+from config.robot.robot import Joint, RobotDescription
 
-STANDSTILL = 1e-3
 STANDSTILL_SPEED = 0.02
 COMPARED_OVER_S = 0.1
 RATIO_TOLERANCE = 0.03
@@ -29,19 +36,8 @@ STUCK = 1e-4
 SELDOM_S = 0.2
 """Longest step between rows without a finding [s]. With longer steps, rows show motion only below
 about 2 Hz, but identification uses up to 10 Hz."""
-STUCK_ROWS = 100
-STUCK_SHARE = 0.2
 JUMP_TIMES = 5.0
 GLITCH_ROWS = 10
-WRAP_SPEED = 0.3
-WRAP_SHARE = 0.9
-FEWEST_WRAPS = 4
-WRAP_ROWS = 3
-CLIPPED_VALUES = 50
-CLIPPED_NEAR = 5
-CLIPPED_ROWS = 20
-CLIPPED_TIMES = 10
-"""A torque is clipped if its extreme value is this often as frequent as each of the next values."""
 _FACTORS = (
     (math.pi / 180.0, "degrees are read as radians"),
     (180.0 / math.pi, "radians are read as degrees"),
@@ -93,15 +89,15 @@ def check_rows(
     """
     ratios, sigmas = _velocity_ratios(rows, import_map)
     position = columns.joint_positions(rows.position)
-    static = bool(np.ptp(position, axis=0).max() < STANDSTILL)
+    static = max(float(np.ptp(column)) for column in each_column(position)) < STANDSTILL
     sentences = [*_rate_findings(rows, import_map), *_velocity_findings(ratios, sigmas, import_map)]
-    _refuse_wrapped_torques(rows, import_map)
-    sentences += _stuck_torque_findings(rows, import_map)
-    sentences += _clipped_torque_findings(rows, import_map)
+    refuse_wrapped_torques(rows, import_map)
+    sentences += stuck_torque_findings(rows, import_map)
+    sentences += clipped_torque_findings(rows, import_map)
     if robot is not None:
         sentences += _limit_findings(replace(rows, position=position), robot, import_map)
         _refuse_moved_zeros(rows.time_s, position, robot)
-        sentences += _torque_findings(rows.torque, robot)
+        sentences += large_torque_findings(rows.torque, robot)
     if static:
         sentences.append(
             "Static: no joint moves, so that the torques contain only gravity and nothing can be"
@@ -145,12 +141,14 @@ def _velocity_ratios(
     overlapping = len(time_s) * float(np.median(time_s)) / max(float(np.ptp(rows.time_s)), 1e-9)
     ratios: list[float | None] = [None] * len(import_map.joints)
     sigmas = [0.0] * len(ratios)
-    for number, joint in enumerate(import_map.joints):
+    columns = zip(each_column(rows.position), each_column(rows.velocity), strict=True)
+    for number, (joint, (position, speed)) in enumerate(
+        zip(import_map.joints, columns, strict=True)
+    ):
         if joint.velocity is None or len(time_s) < 10:
             continue
-        speed = rows.velocity[:, number]
         path = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2.0 * steps)])
-        a, b = change(rows.position[:, number]), change(path)
+        a, b = change(position), change(path)
         moved, recorded = (float(np.sqrt(np.square(x / time_s).mean())) for x in (a, b))
         if max(moved, recorded) < STANDSTILL_SPEED:
             continue
@@ -236,58 +234,6 @@ def _velocity_findings(
             )
 
 
-def _stuck_torque_findings(rows: ImportRows, import_map: ImportMap) -> Iterator[str]:
-    """Yield a finding for each torque that is constant while its joint moves."""
-    for number, joint in enumerate(import_map.joints):
-        torque, position = rows.torque[:, number], rows.position[:, number]
-        travel = float(np.ptp(position))
-        if travel < STANDSTILL:
-            continue
-        edges = np.flatnonzero(np.diff(torque) != 0.0) + 1
-        starts, stops = np.concatenate([[0], edges]), np.concatenate([edges, [len(torque)]])
-        longest = int(np.argmax(stops - starts))
-        first, last = int(starts[longest]), int(stops[longest]) - 1
-        if last - first + 1 < STUCK_ROWS:
-            continue
-        moved = float(np.ptp(position[first : last + 1]))
-        if moved > STUCK_SHARE * travel:
-            column = joint.torque if joint.current is None else joint.current
-            yield (
-                f"{joint.joint}: its torque (column {column}) is constant at {torque[first]:.4g}"
-                f" from row {rows.row[first]} to row {rows.row[last]} while the joint moves by"
-                f" {moved:.3g}. The joint's parameters cannot be identified from these rows:"
-                " correct the column, or leave these rows out"
-            )
-
-
-def _clipped_torque_findings(rows: ImportRows, import_map: ImportMap) -> Iterator[str]:
-    """Yield a finding for each torque whose largest value is far more frequent than the next.
-
-    Only rows in which the joint moves count: at rest the torque is constant.
-    """
-    for number, joint in enumerate(import_map.joints):
-        step = np.abs(np.gradient(rows.position[:, number]))
-        torque = rows.torque[step > 0.1 * float(np.sqrt(np.square(step).mean())), number]
-        values, counts = np.unique(torque, return_counts=True)
-        if len(values) < CLIPPED_VALUES:
-            continue
-        ends = []
-        for end, inner in ((-1, counts[-1 - CLIPPED_NEAR : -1]), (0, counts[1 : CLIPPED_NEAR + 1])):
-            times = np.count_nonzero(np.diff(torque == values[end]))  # one stuck stretch has two
-            if times > 2 and counts[end] > max(CLIPPED_ROWS, CLIPPED_TIMES * int(inner.max())):
-                ends.append((float(values[end]), int(counts[end])))
-        if ends:
-            share = sum(count for _, count in ends) / len(torque)
-            column = joint.torque if joint.current is None else joint.current
-            where = " and ".join(f"{value:.4g}" for value, _ in ends)
-            yield (
-                f"{joint.joint}: its torque (column {column}) is exactly {where} in"
-                f" {100.0 * share:.2g} % of the rows in motion. If this is not the drive's own"
-                " limit, the logger clips the torque, and the model will be wrong:"
-                " enlarge its range"
-            )
-
-
 def _refuse_moved_zeros(time_s: FloatArray, position: FloatArray, robot: RobotDescription) -> None:
     """Refuse a position that jumps at one row, far faster than its joint can move.
 
@@ -296,55 +242,32 @@ def _refuse_moved_zeros(time_s: FloatArray, position: FloatArray, robot: RobotDe
     Raises:
         DataQualityError: The zero of a position has moved.
     """
-    steps = np.abs(np.diff(position, axis=0))
-    step_s = np.maximum(np.diff(time_s), float(np.median(np.diff(time_s))))[:, np.newaxis]
-    limits = np.array([joint.limits.velocity for joint in robot.joints])
-    usual = np.percentile(steps, 99.0, axis=0)
-    far = (steps > JUMP_TIMES * limits * step_s) & (steps > JUMP_TIMES * usual)
-    alone = far & (np.sum(steps > 2.0 * usual, axis=1) == 1)[:, np.newaxis]
-    for number, joint in enumerate(robot.joints):
-        for row in np.flatnonzero(alone[:, number]).tolist():
+    step_s = np.diff(time_s)
+    np.maximum(step_s, float(np.median(step_s)), out=step_s)
+    joints_that_jump = np.zeros(len(step_s), dtype=np.int64)
+    jumps: list[tuple[Joint, FloatArray, BoolArray]] = []
+    for joint, column in zip(robot.joints, each_column(position), strict=True):
+        size = np.abs(np.diff(column))
+        usual = float(np.percentile(size, 99.0))
+        joints_that_jump += size > 2.0 * usual
+        far = (size > JUMP_TIMES * joint.limits.velocity * step_s) & (size > JUMP_TIMES * usual)
+        jumps.append((joint, column, far))
+    for joint, column, far in jumps:
+        for row in np.flatnonzero(far & (joints_that_jump == 1)).tolist():
             near = slice(max(row - GLITCH_ROWS, 0), row + GLITCH_ROWS + 1)
-            moved = (np.diff(position[:, number])[near] * far[near, number]).sum()
-            if abs(moved) < 0.5 * steps[row, number]:  # the position is wrong only in a few rows
+            steps = np.diff(column[near.start : near.stop + 1])
+            moved, step = (
+                float((steps * far[near]).sum()),
+                abs(float(column[row + 1] - column[row])),
+            )
+            if abs(moved) < 0.5 * step:  # the position is wrong only in a few rows
                 continue
             raise DataQualityError(
-                f"the position of {joint.name} jumps by {steps[row, number]:.4g} {joint.unit} at"
+                f"the position of {joint.name} jumps by {step:.4g} {joint.unit} at"
                 f" {time_s[row + 1]:.6g} s, which needs"
-                f" {steps[row, number] / step_s[row, 0] / limits[number]:.2g} times its velocity"
+                f" {step / step_s[row] / joint.limits.velocity:.2g} times its velocity"
                 " limit: its zero has moved, or its encoder lost counts. Leave out the rows before"
                 " or after the jump (--rows)",
-                code="RID-IMPORT-UNITS",
-            )
-
-
-def _refuse_wrapped_torques(rows: ImportRows, import_map: ImportMap) -> None:
-    """Refuse a torque that often jumps by its whole range while its joint moves.
-
-    The number of bits of its counter is too small. Friction also jumps, but only at standstill.
-
-    Raises:
-        DataQualityError: A torque wraps.
-    """
-    for number, joint in enumerate(import_map.joints):
-        torque, step = rows.torque[:, number], np.abs(np.diff(rows.position[:, number]))
-        jumps = np.abs(np.diff(torque))
-        moves = step > WRAP_SPEED * float(np.sqrt(np.square(step).mean()))
-        span = float(np.ptp(torque))
-        wraps = np.flatnonzero(moves & (jumps > WRAP_SHARE * span))
-        wraps = wraps[np.diff(wraps, prepend=-WRAP_ROWS) >= WRAP_ROWS]
-        wraps = wraps[(wraps > 0) & (wraps < len(jumps) - 1)]
-        steps = np.diff(torque)
-        # before and after a wrap, the torque changes in the direction opposite to the jump
-        back = -np.sign(steps[wraps])
-        continued = (back * steps[wraps - 1] > 0.0) & (back * steps[wraps + 1] > 0.0)
-        if len(wraps) >= FEWEST_WRAPS and continued.mean() >= WRAP_SHARE:
-            column = joint.torque if joint.current is None else joint.current
-            raise DataQualityError(
-                f"the torque of {joint.joint} (column {column}) jumps {len(wraps)} times by its"
-                f" whole range of {span:.4g} while the joint moves (first in row"
-                f" {rows.row[wraps[0] + 1]}): its counter has too few bits, so that large values"
-                " wrap. Record it with more bits, or correct the column",
                 code="RID-IMPORT-UNITS",
             )
 
@@ -354,9 +277,10 @@ def _limit_findings(
 ) -> Iterator[str]:
     """Yield findings for positions and speeds beyond the robot's limits."""
     change = change_over_window(rows.time_s)
-    time_s, position = change(rows.time_s), rows.position
-    for number, joint in enumerate(robot.joints):
-        limits, q = joint.limits, position[:, number]
+    time_s = change(rows.time_s)
+    columns = zip(robot.joints, each_column(rows.position), strict=True)
+    for number, (joint, q) in enumerate(columns):
+        limits = joint.limits
         low, high = float(q.min()), float(q.max())
         span = limits.position_max - limits.position_min
         beyond = max(limits.position_min - low, high - limits.position_max)
@@ -369,7 +293,7 @@ def _limit_findings(
         if beyond > BEYOND_LIMIT * span:
             raise DataQualityError(
                 f"{range_text}, but {limit_text}:"
-                f" {likely_cause_of_positions(position, robot, import_map, number)}",
+                f" {likely_cause_of_positions(rows.position, robot, import_map, number)}",
                 code="RID-IMPORT-UNITS",
             )
         if beyond > 0.0:
@@ -385,16 +309,4 @@ def _limit_findings(
             yield (
                 f"{joint.name} moves at {speed:.4g} {joint.unit}/s, but the robot file's limit is"
                 f" {limits.velocity:g} {joint.unit}/s: check units, clock and limit"
-            )
-
-
-def _torque_findings(torque: FloatArray, robot: RobotDescription) -> Iterator[str]:
-    """Yield a finding for each torque beyond the robot's limits."""
-    for joint, values in zip(robot.joints, np.abs(torque).T, strict=True):
-        most = float(np.percentile(values, 99.0))
-        if most > 1.1 * joint.limits.torque:
-            yield (
-                f"{joint.name}: its torque reaches {most:.4g}, but the robot file's limit is"
-                f" {joint.limits.torque:g}: its torque constant or unit is probably too large by"
-                f" a factor of {most / joint.limits.torque:.2g} or more"
             )

@@ -16,7 +16,8 @@ import numpy as np
 from acquisition.imports.lines import SEPARATORS, read_lines, split_cells
 from acquisition.imports.table import ImportTable
 from acquisition.maps.import_map import ImportMap
-from config.arrays import FloatArray, IntArray
+from config.arrays import PIECE_ROWS, FloatArray, IntArray
+from config.column_file import each_column
 from config.errors import DataQualityError
 
 FEWEST_GROUPED: Final = 50
@@ -42,7 +43,7 @@ def refuse_grouped_digits(
     width = import_map.first_columns[1]
     suspects = [
         column
-        for column, values in zip(columns, table.values.T, strict=True)
+        for column, values in zip(columns, each_column(table.values), strict=True)
         if column < width and _may_be_grouped(values)
     ]
     if suspects:
@@ -55,16 +56,21 @@ def _may_be_grouped(values: FloatArray) -> bool:
     These are at least 1, and their fraction has three digits at most. There are numbers without a
     fraction, too.
     """
-    values = values[np.isfinite(values)]
-    grouped = values != np.round(values)
-    thousands = 1e3 * values[grouped]
-    return bool(
-        np.count_nonzero(grouped) >= FEWEST_GROUPED
-        and np.count_nonzero(~grouped) >= FEWEST_PLAIN
-        and (np.abs(values[grouped]) >= 1.0).all()
-        and (np.abs(values) < 1e3).all()
-        and np.allclose(thousands, np.round(thousands), rtol=0.0, atol=1e-6)
-    )
+    fractions = plain = 0
+    for first in range(0, len(values), PIECE_ROWS):
+        piece = values[first : first + PIECE_ROWS]
+        piece = piece[np.isfinite(piece)]
+        grouped = piece[piece != np.round(piece)]
+        thousands = 1e3 * grouped
+        if (
+            (np.abs(grouped) < 1.0).any()
+            or (np.abs(piece) >= 1e3).any()
+            or not np.allclose(thousands, np.round(thousands), rtol=0.0, atol=1e-6)
+        ):
+            return False
+        fractions += len(grouped)
+        plain += len(piece) - len(grouped)
+    return fractions >= FEWEST_GROUPED and plain >= FEWEST_PLAIN
 
 
 def _refuse_confirmed(

@@ -15,7 +15,7 @@ from config.formats.file_kinds import kind_of_text
 
 _JSON: Final = re.compile(rb'(\xef\xbb\xbf)?\s*(\{\s*"|\[\s*[{\[])')
 
-LARGEST_FILE_BYTES = 500_000_000
+LARGEST_FILE_BYTES = 4_000_000_000
 BLOCK_CHARACTERS: Final = 1 << 19
 SEPARATORS = {",": ",", ";": ";", "tab": "\t", "space": None}
 """Values of `delimiter` in an import map, and the arguments of `str.split` for them."""
@@ -59,6 +59,20 @@ def split_by_delimiters(line: str) -> dict[str, list[str]]:
         except csv.Error:
             found[delimiter] = []
     return found
+
+
+def most_lines(path: Path) -> int:
+    """Return the number of lines of a text file of any encoding, or a larger number.
+
+    Raises:
+        ConfigError: The file cannot be read, or is too large.
+    """
+    with (
+        system_errors(ConfigError, f"cannot read {path}", code="RID-FILE-READ"),
+        open_file(path, LARGEST_FILE_BYTES) as file,
+    ):
+        pieces = iter(lambda: file.read(BLOCK_CHARACTERS), b"")
+        return 1 + sum(piece.count(b"\n") + piece.count(b"\r") for piece in pieces)
 
 
 def read_lines(path: Path) -> Iterator[tuple[int, str]]:

@@ -16,6 +16,7 @@ from acquisition.imports.report import DamagedRow
 from acquisition.imports.table import ImportTable, find_unordered
 from acquisition.processing.smoothing import GAP_STEPS
 from config.arrays import BoolArray, FloatArray
+from config.column_file import selected_rows
 from config.errors import DataQualityError
 
 NO_NEIGHBOUR = "without a value of every other topic near its time"
@@ -38,7 +39,7 @@ def merge_topics(
     if not columns or not np.isnan(table.values[:, columns]).any():
         return table
     kept = np.isfinite(table.values[:, columns[0]]) & np.isfinite(table.time_s)
-    at_s, values = table.time_s[kept], table.values[kept]
+    at_s, values = table.time_s[kept], selected_rows(table.values, kept)
     filled = int(np.count_nonzero(np.isnan(values[:, columns]).any(axis=1)))
     near = np.ones(len(at_s), dtype=np.bool_)
     for column, name in zip(columns, names, strict=True):
@@ -71,7 +72,7 @@ def merge_topics(
         table,
         row=rows[near],
         time_s=at_s[near],
-        values=values[near],
+        values=selected_rows(values, near),
         rows_read=table.rows_read - other,
         notes=notes,
     )

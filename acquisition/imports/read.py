@@ -37,7 +37,9 @@ from acquisition.maps.torque_meaning import torque_findings
 from acquisition.motion.samples import Phase
 from acquisition.processing.smoothing import GAP_STEPS, resample_periods
 from acquisition.recording.recording import Recording
+from config.arrays import lock
 from config.cell.torque_filter import ButterworthFilter
+from config.column_file import each_column
 from config.errors import DataQualityError
 from config.robot.robot import RobotDescription
 
@@ -153,7 +155,7 @@ def import_csv(
         step_median_s=float(np.median(steps)),
         step_max_s=float(steps.max()),
         gaps=int(np.count_nonzero(steps > GAP_STEPS * np.median(steps))),
-        travel=tuple(np.ptp(position, axis=0).tolist()),
+        travel=tuple(float(np.ptp(column)) for column in each_column(position)),
         velocity_ratio=findings.velocity_ratio,
         refined_step=tuple(
             step if measured else None
@@ -177,11 +179,11 @@ def import_csv(
     )
     recording = Recording(
         joint_names=import_map.joint_names,
-        time_s=rows.time_s,
-        position=position,
-        torque_nm=rows.torque,
-        temperature_k=rows.temperature if rows.temperature.size else None,
-        velocity_command=columns.joint_positions(rows.command) if rows.command.size else None,
+        time_s=lock(rows.time_s),
+        position=lock(position),
+        torque_nm=lock(rows.torque),
+        temperature_k=lock(rows.temperature) if rows.temperature.size else None,
+        velocity_command=lock(columns.joint_positions(rows.command)) if rows.command.size else None,
         valid=np.ones(used, dtype=np.bool_),
         phase=np.full(used, Phase.MAIN, dtype=np.uint8),
         sample_index=np.full(used, -1, dtype=np.int64),

@@ -20,9 +20,11 @@ from acquisition.imports.report import DamagedRow
 from acquisition.maps.import_map import ImportMap
 from acquisition.maps.time_column import Stamps
 from config.arrays import FloatArray, IntArray
+from config.column_file import ColumnFile
 from config.errors import ConfigError
 from config.formats.number import parse_number
 
+_MOST_PLACES = 20_000  # numbers of rows read one by one that are kept in memory
 _NO_NUMBER = (ConfigError, ValueError, OverflowError)
 
 
@@ -38,6 +40,7 @@ class RowReader:
         roles: Role of each column, for messages.
         stamps: Collects the time stamps; None without a column of time.
         damaged: List to which the dropped rows are appended.
+        most_rows: Largest number of rows that the file can have.
 
     Attributes:
         last_row: Number of the last row that was seen.
@@ -53,13 +56,16 @@ class RowReader:
         roles: Mapping[int, str],
         stamps: Stamps | None,
         damaged: list[DamagedRow],
+        most_rows: int,
     ) -> None:
         self._map = import_map
         self._width = width
         self._wanted, self._may_be_empty = wanted, may_be_empty
         self._roles = roles
         self._stamps, self._damaged = stamps, damaged
-        self._numbers, self._rows, self._counts = array("d"), array("q"), array("q")
+        self._numbers = ColumnFile(len(wanted), most_rows)
+        self._places = ColumnFile(2, most_rows, np.int64)
+        self._line_numbers, self._line_places = array("d"), array("q")
         self._count = self.found = self.last_row = 0
         self._blocks = None
         whole = () if stamps is None else stamps.whole_columns
@@ -68,17 +74,16 @@ class RowReader:
             self._blocks = NumberBlocks(import_map, width, (*wanted, *more), whole)
 
     def numbers(self) -> FloatArray:
-        """Return the wanted columns, shape (rows, wanted); no row may be added afterwards."""
-        values = np.frombuffer(self._numbers, dtype=np.float64)
-        return values.reshape(len(self._rows), len(self._wanted))
+        """Return the wanted columns, shape (rows, wanted)."""
+        return self._numbers.table()
 
     def rows(self) -> IntArray:
         """Return the number of each row in the file, from 1."""
-        return np.array(self._rows, dtype=np.int64)
+        return self._places.table()[:, 0]
 
     def counts(self) -> FloatArray:
         """Return the number of each row among the non-empty rows after the header, from 1."""
-        return np.array(self._counts, dtype=np.float64)
+        return self._places.table()[:, 1].astype(np.float64)
 
     def add_block(self, first: int, text: str, begin: int, last: float) -> None:
         """Read the rows of a block.
@@ -95,13 +100,23 @@ class RowReader:
         for row, line in lines_of_block(first, text):
             self.last_row = row
             if row > last:
-                return
+                break
             if row <= self._map.header_rows:
                 continue
             self._count += 1
             if row >= begin:
                 self.found += 1
                 self._add_line(row, line)
+            if len(self._line_places) >= _MOST_PLACES:
+                self._append_lines()
+        self._append_lines()
+
+    def _append_lines(self) -> None:
+        """Append the rows that were read one by one."""
+        numbers = np.frombuffer(self._line_numbers).reshape(-1, len(self._wanted))
+        self._numbers.append(numbers)
+        self._places.append(np.frombuffer(self._line_places, np.int64).reshape(-1, 2))
+        self._line_numbers, self._line_places = array("d"), array("q")
 
     def _add_plain_block(self, first: int, text: str) -> bool:
         """Read a block at once; read nothing and return False if a row must be read alone."""
@@ -112,9 +127,9 @@ class RowReader:
         width, lines = len(self._wanted), len(floats)
         if self._stamps is not None and not self._stamps.extend(floats[:, width:], whole):
             return False
-        self._numbers.frombytes(floats[:, :width].tobytes())
-        self._rows.frombytes(np.arange(first, first + lines).tobytes())
-        self._counts.frombytes(np.arange(self._count + 1, self._count + lines + 1).tobytes())
+        self._numbers.append(floats[:, :width])
+        number = np.arange(lines)
+        self._places.append(np.stack([first + number, self._count + 1 + number], axis=1))
         self._count += lines
         self.found += lines
         self.last_row = first + lines - 1
@@ -145,9 +160,8 @@ class RowReader:
                 text = ", ".join(_describe(each, fields[each]) for each in self._stamps.columns)
                 self._damaged.append(DamagedRow(row, "without a time stamp", text))
                 return
-        self._numbers.extend(read)
-        self._rows.append(row)
-        self._counts.append(self._count)
+        self._line_numbers.extend(read)
+        self._line_places.extend((row, self._count))
 
 
 def _split(line: str, import_map: ImportMap) -> tuple[list[str], Callable[[str], float]]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import chain
+
 import numpy as np
 
 from acquisition.clock.repeats import repeated_rows
@@ -11,6 +13,8 @@ from acquisition.imports.report import DamagedRow
 from acquisition.imports.table import find_unordered
 from acquisition.maps.import_map import ImportMap
 from acquisition.processing.smoothing import GAP_STEPS
+from config.arrays import BoolArray
+from config.column_file import each_column, has_few_values
 
 JUMP_FACTOR = 1.5
 JUMP_SLACK = 1e-3
@@ -35,7 +39,7 @@ def drop_copies(rows: ImportRows) -> ImportRows:
     measured = (rows.position, rows.velocity, rows.torque, rows.temperature, rows.command)
     fresh = np.ones(len(rows.row), dtype=np.bool_)
     fresh[1:] = rows.time_s[1:] != rows.time_s[:-1]
-    for column in (column for values in measured for column in values.T):
+    for column in (column for values in measured for column in each_column(values)):
         if fresh.all():
             break
         values = np.nan_to_num(column)
@@ -72,8 +76,7 @@ def drop_unsound_rows(
     # After repeated rows, the position jumps at the source's next update; such a jump is not
     # damage.
     fresh = ~repeated_rows(Samples(rows.time_s, rows.position, rows.velocity, rows.torque))
-    reached, notes = _drop_jumps(rows.keep(fresh), import_map, damaged)
-    sound = np.isin(rows.row[fresh], reached.row)
+    sound, notes = _rows_without_jumps(rows.keep(fresh), import_map, damaged)
     return rows.keep(sound[np.cumsum(fresh) - 1]), notes
 
 
@@ -89,24 +92,27 @@ def _drop_absurd_rows(
     )
     rows = rows.keep(sound)
     sound = np.ones(len(rows.row), dtype=np.bool_)
-    has_velocity = np.array([joint.velocity is not None for joint in import_map.joints])
-    velocity = np.where(has_velocity, rows.velocity, 0.0)
+    has_velocity = [joint.velocity is not None for joint in import_map.joints]
     for quantity, key, values, low, high in (
         ("position", ".position", rows.position, -plausible.position, plausible.position),
-        ("velocity", ".speed", velocity, -plausible.speed, plausible.speed),
+        ("velocity", ".speed", rows.velocity, -plausible.speed, plausible.speed),
         ("torque", ".torque", rows.torque, -plausible.torque, plausible.torque),
         ("velocity command", ".speed", rows.command, -plausible.speed, plausible.speed),
         ("temperature", "", rows.temperature, COLDEST_K, HOTTEST_K),
     ):
-        bad = ~((values >= low) & (values <= high))
-        for row in np.flatnonzero(bad.any(axis=1) & sound):
-            joint = int(np.argmax(bad[row]))
-            detail = (
-                f"{quantity} of {import_map.joint_names[joint]} is {values[row, joint]:.6g},"
-                f" plausible{key} is {low:g} to {high:g}"
-            )
-            damaged.append(DamagedRow(int(rows.row[row]), "with an absurd value", detail))
-        sound &= ~bad.any(axis=1)
+        found: list[DamagedRow] = []
+        for joint, column in enumerate(each_column(values)):
+            if quantity == "velocity" and not has_velocity[joint]:
+                continue
+            bad = sound & ~((column >= low) & (column <= high))
+            for row in np.flatnonzero(bad):
+                detail = (
+                    f"{quantity} of {import_map.joint_names[joint]} is {column[row]:.6g},"
+                    f" plausible{key} is {low:g} to {high:g}"
+                )
+                found.append(DamagedRow(int(rows.row[row]), "with an absurd value", detail))
+            sound &= ~bad
+        damaged.extend(sorted(found, key=lambda each: each.row))
     return rows.keep(sound)
 
 
@@ -118,14 +124,13 @@ def _drop_missing_torques(
     Such a number, often 0 or 9999, stands for a value that the source did not have.
     """
     sound = np.ones(len(rows.row), dtype=np.bool_)
-    for number, name in enumerate(import_map.joint_names):
-        torque = rows.torque[:, number]
-        if len(torque) < STUCK_ROWS or len(np.unique(torque)) < FINE_VALUES:
+    for name, torque in zip(import_map.joint_names, each_column(rows.torque), strict=True):
+        if len(torque) < STUCK_ROWS or has_few_values(torque, FINE_VALUES):
             continue
         least = MISSING_SHARE * float(np.subtract(*np.percentile(torque, [95.0, 5.0])))
         steps = np.diff(torque)
-        back = (steps[:-1] * steps[1:] < 0.0) & (np.abs(steps) > least)[:-1]
-        jumps = np.flatnonzero(back & (np.abs(steps) > least)[1:]) + 1
+        large = np.abs(steps) > least
+        jumps = np.flatnonzero(large[:-1] & large[1:] & (steps[:-1] * steps[1:] < 0.0)) + 1
         values, counts = np.unique(torque[jumps], return_counts=True)
         others = np.sort(counts)[:-2]
         usual = float(np.percentile(others, 90.0)) if len(others) else 0.0
@@ -154,17 +159,21 @@ def _drop_stuck_rows(
     sound = np.ones(len(rows.row), dtype=np.bool_)
     if len(rows.row) < STUCK_ROWS:
         return rows
-    others = np.any(np.diff(np.column_stack([rows.position, rows.torque]), axis=0) != 0.0, axis=1)
-    for number, name in enumerate(import_map.joint_names):
-        steps = np.abs(np.diff(rows.position[:, number]))
-        speed = steps / np.diff(rows.time_s)
-        moved = np.flatnonzero(steps != 0.0)
-        if not len(moved):
+    others = np.zeros(len(rows.row) - 1, dtype=np.bool_)
+    for column in chain(each_column(rows.position), each_column(rows.torque)):
+        others |= column[1:] != column[:-1]
+    for name, position in zip(import_map.joint_names, each_column(rows.position), strict=True):
+        moved = np.flatnonzero(position[1:] != position[:-1])
+        constant = np.diff(moved, prepend=-1) - 1  # number of rows without motion before each move
+        ends = moved[constant >= STUCK_ROWS]
+        if not len(ends):
             continue
+        steps = np.abs(np.diff(position))
+        speed = steps / np.diff(rows.time_s)
         fastest = float(np.percentile(speed[moved], FAST_PERCENTILE))
-        firsts = np.concatenate([[0], moved[:-1] + 1])  # rows from which the position is constant
-        jumps = (moved - firsts >= STUCK_ROWS) & (speed[moved] > STUCK_TIMES * fastest)
-        for first, last in zip(firsts[jumps].tolist(), moved[jumps].tolist(), strict=True):
+        ends = ends[speed[ends] > STUCK_TIMES * fastest]
+        for last in ends.tolist():
+            first = last - int(constant[np.searchsorted(moved, last)])
             if np.count_nonzero(others[first:last]) < STUCK_ROWS:
                 continue
             sound[first + 1 : last + 1] = False
@@ -176,10 +185,10 @@ def _drop_stuck_rows(
     return rows.keep(sound)
 
 
-def _drop_jumps(
+def _rows_without_jumps(
     rows: ImportRows, import_map: ImportMap, damaged: list[DamagedRow]
-) -> tuple[ImportRows, tuple[str, ...]]:
-    """Drop rows that the joints cannot have reached, or whose stamps are far from all others.
+) -> tuple[BoolArray, tuple[str, ...]]:
+    """Return False for rows that the joints cannot have reached, or with stamps far from others.
 
     A run is a series of rows, each of which the joints can have reached from the previous one, and
     whose stamps are near each other. The longest run is sound. Starting from it, the other runs are
@@ -190,12 +199,14 @@ def _drop_jumps(
       was wrong, not a position.
     """
     if len(rows.row) < 2:
-        return rows, ()
+        return np.ones(len(rows.row), dtype=np.bool_), ()
     steps = np.diff(rows.time_s)
     leap_s = LEAP_STEPS * float(np.median(steps))
     speed = import_map.plausible.speed
     reach = JUMP_FACTOR * speed
-    distances = np.abs(np.diff(rows.position, axis=0)).max(axis=1)
+    distances = np.zeros(len(steps))
+    for column in each_column(rows.position):
+        np.maximum(distances, np.abs(np.diff(column)), out=distances)
     cuts = np.flatnonzero((distances > reach * steps + JUMP_SLACK) | (steps > leap_s)) + 1
     starts = [0, *cuts.tolist()]
     stops = [*cuts.tolist(), len(rows.row)]
@@ -241,4 +252,4 @@ def _drop_jumps(
             f" of position (first {jumps[0]}); the rows on both sides are used. Raise"
             " plausible.speed if a joint is that fast"
         ]
-    return rows.keep(sound), tuple(jumps)
+    return sound, tuple(jumps)

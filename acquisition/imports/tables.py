@@ -9,13 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
-from acquisition.imports.lines import read_blocks
+from acquisition.imports.lines import most_lines, read_blocks
 from acquisition.imports.merged_topics import merge_topics, rows_near
 from acquisition.imports.report import DamagedRow
 from acquisition.imports.row_reader import RowReader
 from acquisition.imports.table import ImportTable, find_unordered
 from acquisition.maps.import_map import ImportMap, RowRange
 from acquisition.maps.time_column import Stamps, numbered
+from config.arrays import PIECE_ROWS
+from config.column_file import ColumnFile, selected_rows
 from config.errors import ConfigError, DataQualityError
 
 
@@ -79,8 +81,9 @@ def read_table(
     merged = import_map.empty_cells == "interpolate"
     may_be_empty = [merged or columns[i] in optional for i in here]
     row_range = import_map.rows if number == 0 else RowRange()
-    last = row_range.last or math.inf
-    reader = RowReader(import_map, end - begin, wanted, may_be_empty, roles, stamps, damaged)
+    most = most_lines(path)  # lines that another program appends from now on are not read
+    last = min(row_range.last or math.inf, most)
+    reader = RowReader(import_map, end - begin, wanted, may_be_empty, roles, stamps, damaged, most)
     for first, text in read_blocks(path):
         reader.add_block(first, text, row_range.first, last)
         if reader.last_row > last:
@@ -96,8 +99,13 @@ def read_table(
     if here == list(range(len(columns))):
         values = numbers
     else:
-        values = np.full((len(numbers), len(columns)), np.nan)
-        values[:, here] = numbers
+        file = ColumnFile(len(columns), len(numbers))
+        for first in range(0, len(numbers), PIECE_ROWS):
+            piece = numbers[first : first + PIECE_ROWS]
+            wide = np.full((len(piece), len(columns)), np.nan)
+            wide[:, here] = piece
+            file.append(wide)
+        values = file.table()
     if stamps is None:
         time_s, origin = (reader.counts() - 1.0) / (import_map.rate_hz or math.nan), 0
     else:
@@ -139,7 +147,7 @@ def _append_columns(
         DamagedRow(int(row), reason, f"its time stamp is {stamp:.9g} s")
         for row, stamp in zip(first.row[~near], first.time_s[~near], strict=True)
     )
-    values = first.values[near]
+    values = selected_rows(first.values, near)
     for column in np.flatnonzero(np.isfinite(read).any(axis=0)):
         values[:, column] = np.interp(first.time_s[near], stamps, read[:, column])
     return replace(

@@ -9,6 +9,7 @@ import numpy as np
 from acquisition.imports.table import ImportTable
 from acquisition.maps.import_map import ImportMap
 from config.arrays import FloatArray
+from config.column_file import each_column, has_few_values
 
 _FEWEST_PLACES: Final = 10
 """Number of different positions from which on a joint moves; a joint at rest has a few."""
@@ -32,7 +33,9 @@ def without_missing_velocities(
     """
     n = len(import_map.joints)
     position, velocity = table.values[:, :n], table.values[:, 2 * n : 3 * n]
-    share = np.isnan(velocity).mean(axis=0) if len(table.row) else np.zeros(n)
+    share = np.zeros(n)
+    if len(table.row):
+        share = np.array([np.isnan(column).mean() for column in each_column(velocity)])
     lacks: dict[str, str] = {}
     for number, joint in enumerate(import_map.joints):
         if joint.velocity is None:
@@ -55,4 +58,4 @@ def without_missing_velocities(
 
 
 def _moves(position: FloatArray) -> bool:
-    return len(np.unique(position)) > _FEWEST_PLACES
+    return not has_few_values(position, _FEWEST_PLACES + 1)

@@ -95,6 +95,13 @@ class CycleReader:
             self._last_s = float(part.time_s[-1])
             yield part
 
+    @property
+    def most_rows(self) -> int:
+        """Largest number of rows that the present file can have; known once a row was read."""
+        joints = len(self.header.joint_names)
+        size = packed_dtype(MESSAGES[self.header.layout][1], joints).itemsize
+        return self.path.stat().st_size // size
+
     def _as_rows(self, payloads: list[bytes], header: JournalHeader) -> NDArray[Any]:
         joints = len(header.joint_names)
         dtype = packed_dtype(MESSAGES[header.layout][1], joints)

@@ -18,6 +18,7 @@ from acquisition.journal.mcap_reader import JournalDamage
 from acquisition.journal.mcap_writer import ROWS_AT_ONCE, JournalFile
 from acquisition.journal.row_layout import message_text, packed_dtype
 from acquisition.recording.recording import Recording
+from config.arrays import release
 
 TOPIC = "/cycle"
 
@@ -77,6 +78,8 @@ def write_imported(path: Path, recording: Recording) -> None:
             for name, *_ in fields:
                 values = getattr(recording, name)
                 rows[name] = np.nan if values is None else values[part]
+                if values is not None:
+                    release(values)
             writer.append_array(rows)
 
 

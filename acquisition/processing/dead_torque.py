@@ -6,6 +6,7 @@ import numpy as np
 
 from acquisition.processing.periods import PeriodAverage
 from acquisition.recording.recording import Recording
+from config.column_file import each_column
 
 MOVES = 0.01
 SAME = 1e-9
@@ -17,14 +18,14 @@ def dead_torques(measured: Recording | PeriodAverage) -> dict[str, float]:
     No robot moves by more than 0.01 rad or m with a constant torque [N m or N]: the column is
     wrong, or nothing was logged.
     """
-    whole = measured.valid if isinstance(measured, Recording) else slice(None)
-    position, torque_nm = measured.position[whole], measured.torque_nm[whole]
+    position, torque_nm = measured.position, measured.torque_nm
+    if isinstance(measured, Recording):
+        position, torque_nm = measured.valid_rows("position"), measured.valid_rows("torque_nm")
     if not len(position):
         return {}
-    moved = np.ptp(position, axis=0) > MOVES
-    same = np.ptp(torque_nm, axis=0) <= SAME * np.abs(torque_nm).max(axis=0)
+    columns = each_column(position), each_column(torque_nm)
     return {
-        name: float(torque_nm[0, j])
-        for j, name in enumerate(measured.joint_names)
-        if moved[j] and same[j]
+        name: float(torque[0])
+        for name, q, torque in zip(measured.joint_names, *columns, strict=True)
+        if np.ptp(q) > MOVES and np.ptp(torque) <= SAME * max(abs(torque.min()), abs(torque.max()))
     }

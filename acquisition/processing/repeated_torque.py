@@ -14,6 +14,7 @@ import numpy as np
 
 from acquisition.recording.recording import Recording
 from config.arrays import FloatArray, IntArray, freeze
+from config.column_file import each_column
 from config.errors import DataQualityError
 
 FEWEST_CHANGES: Final = 20
@@ -51,7 +52,7 @@ def find_repeated_torques(position: FloatArray, torque_nm: FloatArray) -> Repeat
     Args:
         position, torque_nm: Shape (samples, n). Valid rows only.
     """
-    held = np.array([_rows_per_update(position, own) for own in torque_nm.T])
+    held = np.array([_rows_per_update(position, own) for own in each_column(torque_nm)])
     if np.all(held == 1):
         return None
     update_row = np.repeat(np.arange(len(torque_nm))[:, np.newaxis], torque_nm.shape[1], axis=1)
@@ -67,13 +68,11 @@ def find_repeated_torques(position: FloatArray, torque_nm: FloatArray) -> Repeat
 
 def repeated_torque_sentence(recording: Recording) -> str:
     """Return a sentence on held torques, their rates and the consequence, or an empty text."""
-    position, torque_nm = recording.position, recording.torque_nm
-    if not recording.valid.all():
-        position, torque_nm = position[recording.valid], torque_nm[recording.valid]
+    position, torque_nm = recording.valid_rows("position"), recording.valid_rows("torque_nm")
     found = find_repeated_torques(position, torque_nm)
     if found is None:
         return ""
-    step_s = float(np.median(np.diff(recording.time_s[recording.valid])))
+    step_s = float(np.median(np.diff(recording.valid_rows("time_s"))))
     own = [
         f"{name} at {1.0 / (rows * step_s):.3g} Hz"
         for name, rows in zip(recording.joint_names, found.rows.tolist(), strict=True)
@@ -94,14 +93,15 @@ def repeated_torque_sentence(recording: Recording) -> str:
 
 def _rows_per_update(position: FloatArray, torque_nm: FloatArray) -> int:
     """Return the number of rows for which a joint's torque is held; 1 if it is not held."""
-    steps = np.diff(torque_nm)
-    changed = np.flatnonzero(steps)
+    changed = np.flatnonzero(torque_nm[1:] != torque_nm[:-1])
     if len(changed) < FEWEST_CHANGES:
         return 1
     lengths = np.diff(changed)
-    shortest = int(np.quantile(lengths, SELDOM_SHARE))
+    if int(np.quantile(lengths, SELDOM_SHARE)) < 2:
+        return 1
+    steps = np.diff(torque_nm)
     sizes = np.abs(steps[changed])
-    if shortest < 2 or np.median(sizes) < COARSE_STEPS * np.quantile(sizes, SELDOM_SHARE):
+    if np.median(sizes) < COARSE_STEPS * np.quantile(sizes, SELDOM_SHARE):
         return 1
     held = int(np.bincount(lengths).argmax())
     usual = np.repeat(lengths <= 2 * held, lengths)  # at rest a torque may stay constant for longer

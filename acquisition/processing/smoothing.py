@@ -23,8 +23,9 @@ from acquisition.processing.unfiltered import (
     smoothing_width,
 )
 from acquisition.recording.recording import Recording
-from acquisition.signals.splines import quintic_derivatives
-from config.arrays import FloatArray, IntArray, freeze
+from acquisition.signals.splines import quintic_derivatives, spline_at
+from config.arrays import FloatArray, IntArray, freeze, lock, release
+from config.column_file import ColumnFile, each_column, stored, stored_columns, stored_rows
 from config.errors import ConfigError, DataQualityError
 
 FILTER_ORDER = 4
@@ -78,6 +79,12 @@ class SmoothedSignals:
     def __len__(self) -> int:
         return len(self.time_s)
 
+    def release(self) -> None:
+        """Return the memory of all arrays to the system; their values stay in files."""
+        for source in (self, self.unfiltered):
+            own = () if source is None else vars(source).values()
+            release(*(values for values in own if isinstance(values, np.ndarray)))
+
 
 class _Segment(NamedTuple):
     time_s: FloatArray
@@ -119,6 +126,11 @@ def low_pass(values: FloatArray, sample_period_s: float, cutoff_hz: float) -> Fl
     longer[padding + len(values) :] = 2.0 * values[-1:] - values[-2 : -padding - 2 : -1]
     filter_both_ways(sections, start, longer.reshape(len(longer), -1))
     return longer[padding : padding + len(values)]
+
+
+def _low_passed(values: FloatArray, sample_period_s: float, cutoff_hz: float) -> FloatArray:
+    """Return `low_pass` of a table, column by column, in a file."""
+    return stored_columns(lambda column: low_pass(column, sample_period_s, cutoff_hz), values)
 
 
 @lru_cache(maxsize=64)
@@ -165,18 +177,14 @@ def smooth_nonperiodic(
         ConfigError: The cut-off does not fit the sampling rate.
         DataQualityError: No segment is long enough.
     """
-    from scipy.interpolate import CubicSpline  # a slow import that few commands need
-
-    time_s = recording.time_s[recording.valid]
+    time_s = recording.valid_rows("time_s")
     if len(time_s) < 2:
         raise DataQualityError(
             f"the recording has {len(time_s)} valid rows, but smoothing needs at least 2: record"
             " longer",
             code="RID-RECORDING-SHORT",
         )
-    position, torque = recording.position, recording.torque_nm
-    if not recording.valid.all():
-        position, torque = position[recording.valid], torque[recording.valid]
+    position, torque = recording.valid_rows("position"), recording.valid_rows("torque_nm")
     step_s = float(np.median(np.diff(time_s)))
     cuts = np.flatnonzero(np.diff(time_s) > GAP_STEPS * step_s) + 1
     width_s = smoothing_width(position, step_s)
@@ -193,10 +201,14 @@ def smooth_nonperiodic(
         grid = stamps[0] + step_s * np.arange(math.ceil(_steps(stamps[-1] - stamps[0], step_s)))
         edge = math.floor(_steps(2.0 / cutoff_hz, step_s)) + 1
         inside = slice(edge, len(grid) - edge)
-        raw_position, raw_torque = np.empty((2, len(grid), position.shape[1]))
-        for j in range(position.shape[1]):  # one joint at a time, to limit the memory
-            both = np.stack([position[rows, j], torque[rows, j]], axis=1)
-            raw_position[:, j], raw_torque[:, j] = CubicSpline(stamps, both)(grid).T
+        raw_position, raw_torque = (
+            ColumnFile.of_columns(
+                (spline_at(stamps, column[rows], grid) for column in each_column(values)),
+                values.shape[1],
+                len(grid),
+            )
+            for values in (position, torque)
+        )
         before = sum(len(piece.time_s) for piece in rough)
         inner.append(np.arange(inside.start, inside.stop) + before)
         if held is not None:
@@ -206,12 +218,13 @@ def smooth_nonperiodic(
             renewed.append(before + _rows_at(grid, stamps)[own])
         motion = (raw_position, *quintic_derivatives(raw_position, step_s))
         if torque_limit_hz is not None:
-            raw_torque = low_pass(raw_torque, step_s, torque_limit_hz)
+            raw_torque = _low_passed(raw_torque, step_s, torque_limit_hz)
         signals = (smooth_gaussian(values, step_s, width_s) for values in (*motion, raw_torque))
         rough.append(_Segment(grid, *signals))
-        smooth_position = low_pass(raw_position, step_s, cutoff_hz)
+        smooth_position = _low_passed(raw_position, step_s, cutoff_hz)
         motion = (smooth_position, *quintic_derivatives(smooth_position, step_s))
-        signals = (values[inside] for values in (*motion, low_pass(raw_torque, step_s, cutoff_hz)))
+        smooth_torque = _low_passed(raw_torque, step_s, cutoff_hz)
+        signals = (values[inside] for values in (*motion, smooth_torque))
         segments.append(_Segment(grid[inside], *signals))
     if not segments:
         raise DataQualityError(
@@ -224,7 +237,7 @@ def smooth_nonperiodic(
     return SmoothedSignals(
         joint_names=recording.joint_names,
         **joined._asdict(),
-        segment=_numbers(segments),
+        segment=stored(_numbers(segments)),
         sample_period_s=step_s,
         cutoff_hz=cutoff_hz,
         temperature_k=(
@@ -232,13 +245,13 @@ def smooth_nonperiodic(
         ),
         unfiltered=UnfilteredSignals(
             **_join(rough)._asdict(),
-            segment=_numbers(rough),
+            segment=stored(_numbers(rough)),
             sample_period_s=step_s,
             smoothing_s=width_s,
             torque_limit_hz=torque_limit_hz,
             torque_row=np.concatenate(renewed) if renewed else None,
         ),
-        unfiltered_row=np.concatenate(inner),
+        unfiltered_row=stored(np.concatenate(inner)),
     )
 
 
@@ -250,14 +263,7 @@ def _rows_at(stamps: FloatArray, time_s: FloatArray) -> IntArray:
 
 def _join(segments: Sequence[_Segment]) -> _Segment:
     """Return the segments as one, with read-only arrays, which `freeze` does not copy."""
-    if len(segments) > 1:
-        segments = [_Segment(*map(np.concatenate, zip(*segments, strict=True)))]
-    for values in segments[0]:
-        own: object = values
-        while isinstance(own, np.ndarray):
-            own.setflags(write=False)
-            own = own.base
-    return segments[0]
+    return _Segment(*(stored_rows(parts) for parts in zip(*segments, strict=True)))
 
 
 def _numbers(segments: Sequence[_Segment]) -> IntArray:
@@ -269,8 +275,12 @@ def _temperature_at(recording: Recording, time_s: FloatArray) -> FloatArray:
     """Return the drives' temperatures at other times, (times, joints); no columns if unknown."""
     if recording.temperature_k is None:
         return np.empty((len(time_s), 0))
-    stamps, measured = recording.time_s[recording.valid], recording.temperature_k[recording.valid]
-    return np.stack([np.interp(time_s, stamps, joint) for joint in measured.T], axis=1)
+    stamps, valid = recording.valid_rows("time_s"), recording.valid
+    columns = (
+        np.interp(time_s, stamps, joint[valid]) for joint in each_column(recording.temperature_k)
+    )
+    n = len(recording.joint_names)
+    return lock(ColumnFile.of_columns(columns, n, len(time_s)))
 
 
 def resample_periods(recording: Recording, period_s: float) -> Recording:

@@ -15,6 +15,7 @@ from typing import Final
 import numpy as np
 
 from config.arrays import FloatArray, IntArray, freeze
+from config.column_file import each_column, stored_columns
 from config.errors import DataQualityError
 
 WINDOW_PERIODS: Final = 0.72
@@ -93,7 +94,7 @@ def smoothing_width(position: FloatArray, step_s: float) -> float:
         position: Shape (samples, joints). Recorded positions.
         step_s: Time between rows [s].
     """
-    step = max(max(_resolution(own), np.sqrt(12.0) * _noise(own)) for own in position.T)
+    step = max(max(_resolution(q), np.sqrt(12.0) * _noise(q)) for q in each_column(position))
     width_s = min(WIDTH_STEPS * float(step) / SLOW_RAD_S, WIDEST_SMOOTHING_S)
     return width_s if width_s > step_s else 0.0
 
@@ -104,11 +105,14 @@ def smooth_gaussian(values: FloatArray, step_s: float, width_s: float) -> FloatA
         return values
     from scipy import ndimage
 
-    return np.asarray(
-        ndimage.gaussian_filter1d(
-            values, width_s / step_s, axis=0, mode="nearest", truncate=SMOOTHING_REACH
+    def smooth(column: FloatArray) -> FloatArray:
+        return np.asarray(
+            ndimage.gaussian_filter1d(
+                column, width_s / step_s, mode="nearest", truncate=SMOOTHING_REACH
+            )
         )
-    )
+
+    return stored_columns(smooth, values)
 
 
 def window_reach(step_s: float, cutoff_hz: float) -> int:

@@ -9,8 +9,9 @@ from typing import Any, Final, Literal
 import numpy as np
 
 from acquisition.recording.reaction import Reaction
-from config.arrays import BoolArray, FloatArray, IntArray, PhaseArray, freeze
+from config.arrays import BoolArray, FloatArray, IntArray, PhaseArray, freeze, lock, release
 from config.cell.torque_filter import ButterworthFilter
+from config.column_file import ColumnFile, selected_rows
 from config.errors import RecordingError
 
 PIECE_ROWS: Final = 10_000
@@ -117,8 +118,15 @@ class Recording:
 
     def pieces(self) -> Iterator[Recording]:
         """Yield the recording in parts of at most `PIECE_ROWS` rows, without the force plate."""
+        columns = [getattr(self, name) for name in _COLUMNS]
         for first in range(0, max(len(self), 1), PIECE_ROWS):
             yield self.part(slice(first, first + PIECE_ROWS))
+            release(*(values for values in columns if values is not None))
+
+    def valid_rows(self, name: Literal["time_s", "position", "torque_nm"]) -> FloatArray:
+        """Return a column's valid rows, without a copy if all rows are valid."""
+        values: FloatArray = getattr(self, name)
+        return values if self.valid.all() else lock(selected_rows(values, self.valid))
 
     @property
     def joint_valid(self) -> BoolArray:
@@ -132,6 +140,37 @@ _COLUMNS = (
     *("time_s", "position", "torque_nm", "valid", "phase", "sample_index"),
     *("target_position", "velocity_command", "temperature_k", "answered"),
 )
+
+
+def stored_recording(parts: Iterable[Recording], most_rows: int) -> Recording:
+    """Return one recording, in files, from consecutive parts without force-plate readings.
+
+    Args:
+        parts: At least one; values that are not arrays are taken from the first part.
+        most_rows: Largest number of rows of all parts together.
+
+    Raises:
+        RecordingError: There is no part, or the times of the parts do not increase.
+    """
+    first: Recording | None = None
+    files: dict[str, ColumnFile] = {}
+    for part in parts:
+        first = first or part
+        for name in _COLUMNS:
+            values = getattr(part, name)
+            if values is None:
+                continue
+            table = values.reshape(len(part), -1)
+            if name not in files:
+                files[name] = ColumnFile(table.shape[1], most_rows, values.dtype)
+            files[name].append(table)
+    if first is None:
+        raise RecordingError("recording: contains no rows", code="RID-RECORDING-EMPTY")
+    whole: dict[str, Any] = {}
+    for name, file in files.items():
+        table = lock(file.table())
+        whole[name] = table[:, 0] if getattr(first, name).ndim == 1 else table
+    return replace(first, **whole)
 
 
 def concatenate_recordings(parts: Iterable[Recording]) -> Recording:

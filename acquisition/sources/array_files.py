@@ -9,13 +9,14 @@ from typing import Any, Final, TypeGuard
 import numpy as np
 import numpy.typing as npt
 
-from acquisition.imports.lines import LARGEST_FILE_BYTES
 from config.errors import ConfigError, RidDaqError, missing_library, system_errors
 from config.formats.bounded_file import open_file
 
 ARRAY_ENDINGS: Final = (".mat", ".npz", ".h5", ".hdf5", ".parquet")
 
 Array = npt.NDArray[Any]
+LARGEST_FILE_BYTES: Final = 500_000_000
+"""Largest size of a file; such files are read as a whole."""
 _HDF5_MARK = b"\x89HDF\r\n\x1a\n"
 _NUMBERS = "biuf"
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from acquisition.processing.smoothing import SmoothedSignals
 from config.arrays import BoolArray, FloatArray, IntArray
+from config.column_file import ArrayFile, ArrayPlace
 from dynamics.geometry.kinematics import Chain
 from dynamics.model.robot_model import RobotModel
 from dynamics.terms.conditions import Conditions
@@ -28,7 +29,7 @@ from identification.model.torque_columns import (
     torque_structure,
 )
 
-MOST_BYTES: Final = 2**27
+MOST_BYTES: Final = 2**31
 """Largest size of a recording's cache; columns that do not fit in it are computed every time."""
 CHUNK_ROWS: Final = 512
 """Rows whose columns are computed at a time: more would not fit in the cache of a processor."""
@@ -36,30 +37,39 @@ CHUNK_ROWS: Final = 512
 
 @dataclass(eq=False)
 class ColumnCache:
-    """Cache of a recording's columns that do not depend on nonlinear parameters, block by block.
+    """Cache, in a file, of a recording's columns that do not depend on nonlinear parameters.
 
     Attributes:
         chain: Kinematic chain of the model; it stays the same object when nonlinear parameters
             change.
         names: Names of the columns.
-        blocks: For each first row and stride: mask of the columns that are not zero, and their
-            values.
+        blocks: For each first row and stride: mask of the columns that are not zero, and the place
+            of their values in the file.
     """
 
     chain: Chain | None = None
     names: tuple[str, ...] = ()
-    blocks: dict[tuple[int, int], tuple[BoolArray, FloatArray]] = field(default_factory=dict)
+    blocks: dict[tuple[int, int], tuple[BoolArray, ArrayPlace]] = field(default_factory=dict)
+    _file: ArrayFile | None = None
 
     def begin(self, chain: Chain, names: tuple[str, ...]) -> None:
         """Clear the cache if it belongs to another model or to other columns."""
         if self.chain is not chain or self.names != names:
-            self.chain, self.names = chain, names
+            self.chain, self.names, self._file = chain, names, None
             self.blocks.clear()
 
     def keep(self, place: tuple[int, int], seen: BoolArray, values: FloatArray) -> None:
         """Store a block of columns in the cache if the cache has room for it."""
-        if values.nbytes + sum(kept.nbytes for _, kept in self.blocks.values()) <= MOST_BYTES:
-            self.blocks[place] = seen, values
+        self._file = self._file or ArrayFile()
+        if self._file.size_bytes + values.nbytes <= MOST_BYTES:
+            self.blocks[place] = seen, self._file.append(values)
+
+    def of(self, place: tuple[int, int]) -> tuple[BoolArray, FloatArray] | None:
+        """Return a block of columns: mask and values; None if it is not in the cache."""
+        if self._file is None or place not in self.blocks:
+            return None
+        seen, where = self.blocks[place]
+        return seen, self._file.read(where)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,14 +103,13 @@ class LowPassedColumns:
         names = tuple(name for name, own in zip(self.base.names, fixed, strict=True) if own)
         self.kept.begin(self.model.chain, names)
         place = (rows.start, stride)
-        if place not in self.kept.blocks:
+        block = self.kept.of(place)
+        if block is None:
             seen = self._seen[:, : len(self.base)]
             columns = self._flat(wide, seen & fixed, linear=True)
             seen = seen[:, fixed]
             block = seen, self._filter(columns, seen, wide, inner)
             self.kept.keep(place, *block)
-        else:
-            block = self.kept.blocks[place]
         if fixed.all() and self.standard is None:
             return _expand_columns(*block)
         moving = changing_torque_columns(

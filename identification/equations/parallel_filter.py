@@ -18,7 +18,7 @@ import numpy as np
 
 from acquisition.processing.smoothing import SmoothedSignals, low_pass
 from acquisition.processing.unfiltered import UnfilteredSignals, window_mean, window_reach
-from config.arrays import BoolArray, FloatArray, IntArray
+from config.arrays import PIECE_ROWS, BoolArray, FloatArray, IntArray
 from dynamics.model.memory import (
     presliding_of_model,
     samples_with_known_friction,
@@ -57,9 +57,11 @@ class ParallelFilter:
         return signals.unfiltered.torque_limit_hz
 
     def motion(self, rows: slice) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return q, v and a of some rows of the source."""
+        """Return q, v and a of some rows of the source, as kernels need them: in C order."""
         source = self.source
-        return source.position[rows], source.velocity[rows], source.acceleration[rows]
+        motion = (source.position, source.velocity, source.acceleration)
+        q, v, a = (np.ascontiguousarray(values[rows]) for values in motion)
+        return q, v, a
 
     def conditions(self, model: RobotModel, own: Conditions) -> Conditions:
         """Return the conditions of the source's rows, including presliding hysteresis.
@@ -162,7 +164,13 @@ class ParallelFilter:
         """
         signals, source = self.signals, self.source
         of_rows = moving_actuators if signals.unfiltered is None else moving_without_reversal
-        moves = of_rows(model, source.velocity, standstill_rad_s)
+        moves = np.empty(source.velocity.shape, dtype=np.bool_)
+        for first in range(0, len(moves), PIECE_ROWS):
+            before = min(first, 1)  # a row depends on the rows beside it
+            velocity = source.velocity[first - before : first + PIECE_ROWS + 1]
+            own = of_rows(model, velocity, standstill_rad_s)[before : before + PIECE_ROWS]
+            moves[first : first + PIECE_ROWS] = own
+            signals.release()
         known, reach = moves, 0
         if signals.unfiltered is not None:
             reach = signals.unfiltered.reach(signals.cutoff_hz)
@@ -217,9 +225,13 @@ def _rows_near(marked: BoolArray, segment: IntArray, ahead: int, behind: int) ->
     near = np.zeros_like(marked)
     edges = (np.flatnonzero(np.diff(segment)) + 1).tolist()
     for first, end in pairwise([0, *edges, len(marked)]):
-        rows = np.arange(end - first)
-        before, after = np.maximum(rows - behind, 0), np.minimum(rows + ahead + 1, end - first)
-        for j in range(marked.shape[1]):  # one joint at a time, to limit the memory
-            counts = np.concatenate([[0], np.cumsum(marked[first:end, j])])
-            near[first:end, j] = counts[after] > counts[before]
+        for start in range(first, end, PIECE_ROWS):  # piece by piece, to limit the memory
+            stop = min(start + PIECE_ROWS, end)
+            begin, beyond = max(start - behind, first), min(stop + ahead, end)
+            counts = np.zeros((beyond - begin + 1, marked.shape[1]), dtype=np.int64)
+            np.cumsum(marked[begin:beyond], axis=0, out=counts[1:])
+            rows = np.arange(start, stop)
+            before = np.maximum(rows - behind, begin) - begin
+            after = np.minimum(rows + ahead + 1, beyond) - begin
+            near[start:stop] = counts[after] > counts[before]
     return near

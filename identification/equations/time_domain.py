@@ -188,6 +188,7 @@ def time_blocks(
                 event=event[rows],
                 time_s=signals.time_s[rows],
             )
+            signals.release()
 
 
 def count_rows(model: RobotModel, run: TimeRun) -> int:

@@ -12,6 +12,7 @@ import numpy as np
 
 from acquisition.processing.torque_channel import TorqueChannel
 from config.arrays import FloatArray, freeze
+from config.column_file import each_column
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from dynamics.model.memory import with_presliding_history
@@ -232,8 +233,11 @@ class TorqueModel(Protocol):
 
 def position_range(positions: Sequence[FloatArray]) -> FloatArray:
     """Return the lowest and highest position of each joint in some motions, (n, 2)."""
-    whole = np.concatenate(positions)
-    return np.stack([whole.min(axis=0), whole.max(axis=0)], axis=1)
+    ranges = [
+        [(column.min(), column.max()) for column in each_column(position)] for position in positions
+    ]
+    ends = np.array(ranges)
+    return np.stack([ends[:, :, 0].min(axis=0), ends[:, :, 1].max(axis=0)], axis=1)
 
 
 def predict(

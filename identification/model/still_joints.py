@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 
 from config.arrays import FloatArray
+from config.column_file import each_column
 from config.errors import EstimationError
 from dynamics.model.robot_model import RobotModel
 from dynamics.model.standstill import standstill_speed
@@ -70,9 +71,11 @@ def still_joints(
     still = np.ones(model.chain.n, dtype=bool)
     positions: list[list[float]] = [[] for _ in range(model.chain.n)]
     for q, v in motions:
-        still &= np.mean(np.abs(v) >= slowest, axis=0) <= moving_share
-        still &= np.ptp(q, axis=0) < SAME_POSITION
-        for known, position in zip(positions, q.mean(axis=0).tolist(), strict=True):
+        columns = zip(each_column(q), each_column(v), positions, strict=True)
+        for j, (path, velocity, known) in enumerate(columns):
+            still[j] &= np.mean(np.abs(velocity) >= slowest[j]) <= moving_share
+            still[j] &= np.ptp(path) < SAME_POSITION
+            position = float(path.mean())
             if all(abs(position - other) >= SAME_POSITION for other in known):
                 known.append(position)
     return tuple(

@@ -10,6 +10,7 @@ import numpy as np
 
 from acquisition.processing.smoothing import SmoothedSignals
 from config.arrays import BoolArray, FloatArray, freeze
+from config.column_file import each_column
 from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from config.robot.wrist_coupling import WristCoupling
@@ -56,8 +57,11 @@ class WiredSignals:
         coupling = WristCoupling.of_robot(robot)
 
         def together(name: str) -> FloatArray:
-            parts = zip(signals, kept, strict=True)
-            values = np.concatenate([getattr(run, name)[rows] for run, rows in parts])
+            thinned = [
+                [column[rows].copy() for column in each_column(getattr(run, name))]
+                for run, rows in zip(signals, kept, strict=True)
+            ]
+            values = np.concatenate([np.stack(columns, axis=1) for columns in thinned])
             moved = coupling is not None and name != "torque_nm"
             return coupling.to_motors(values) if coupling is not None and moved else values
 

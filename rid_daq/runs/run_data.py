@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 
 from acquisition.clock.repeat_counter import RepeatCounter
 from acquisition.clock.report import ClockReport
@@ -30,7 +31,7 @@ from acquisition.processing.periods import PeriodAverage, average_table
 from acquisition.processing.plate_alignment import with_plate
 from acquisition.processing.recording_tally import RecordingTally
 from acquisition.processing.repeated_torque import repeated_torque_sentence
-from acquisition.recording.recording import Recording, concatenate_recordings
+from acquisition.recording.recording import Recording, stored_recording
 from acquisition.runs.catalogue import list_runs
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RECORDING, RunStatus
@@ -153,7 +154,8 @@ class RunData:
             assert first is not None  # a journal with a header has at least one row
             if first.source == "import":
                 report = ImportReport.from_json(folder.read(IMPORT), str(folder.file(IMPORT)))
-                recording = _with_imported_plate(folder, concatenate_recordings([first, *parts]))
+                whole = stored_recording(chain([first], parts), reader.most_rows)
+                recording = _with_imported_plate(folder, whole)
                 data = cls.of(folder, recording, robot, report)
                 return replace(data, damage=reader.damage.notes)
             monitor, cold = read_run_temperatures(first, folder.path)
@@ -185,7 +187,7 @@ class RunData:
     @cached_property
     def recording(self) -> Recording:
         """The whole recording, for callers that cannot use `parts`; the file is read again."""
-        return concatenate_recordings(self.parts()) if self.held is None else self.held
+        return stored_recording(self.parts(), self.tally.rows) if self.held is None else self.held
 
     @cached_property
     def cell(self) -> CellConfig | None:
