@@ -58,7 +58,8 @@ class Direction:
             the chosen terms, on moving and on all samples.
         judged: Errors of each predicted run with the chosen terms, by `judge_rows`.
         peer: Error of figaroh on moving samples; empty without it.
-        consistent: True if the chosen model's parameters are physically consistent.
+        consistent: True if the data do not refute that the chosen model's parameters are
+            physically consistent.
         values: Value and standard deviation of each rigid base parameter.
     """
 
@@ -91,7 +92,7 @@ def command(*words: str) -> dict[str, Any]:
     """Run a command with `--json` and return its document; exit 1 and 6 are verdicts.
 
     Raises:
-        CommandError: It ended without a document.
+        CommandError: It ended with an error, or without a document.
     """
     done = subprocess.run(
         [sys.executable, "-m", "rid_daq", *words, "--json"],
@@ -104,6 +105,8 @@ def command(*words: str) -> dict[str, Any]:
     except ValueError:
         message = (done.stderr.strip().splitlines() or ["no message"])[-1]
         raise CommandError(f"{words[0]}, exit {done.returncode}: {message}") from None
+    if "error" in document:
+        raise CommandError(f"{words[0]}, exit {done.returncode}: {document['error']['message']}")
     return document
 
 
@@ -148,8 +151,7 @@ def evaluate_direction(way: str, train: Sequence[str], judge: Sequence[str]) -> 
             for each in document["estimate"]["parameters"]
             if not each["name"].endswith(tuple(f"_{joint}" for joint in joints))
         }
-        findings = " ".join(document["estimate"]["findings"])
-        result.consistent = "are physically consistent" in findings
+        result.consistent = document["estimate"]["consistency"]["consistent"]
     return result
 
 
@@ -228,7 +230,7 @@ def judge_robot(place: Path, split: JudgeSplit, peer: str | None) -> dict[str, A
         print(f"  {'':5}  chosen terms, all samples         {percent_row(direction.every)}")
         if direction.peer:
             print(f"  {'':5}  figaroh, moving                   {percent_row(direction.peer)}")
-        print(f"  {'':5}  physically consistent: {'yes' if direction.consistent else 'not shown'}")
+        print(f"  {'':5}  physically consistent: {'not refuted' if direction.consistent else 'no'}")
     agree, of = count_agreements(*result.values())
     print(f"  {agree} of {of} rigid base parameters agree between the directions (95 % intervals)")
     first = result["first"]

@@ -154,25 +154,43 @@ class RoundedPositions:
             recordings: The recordings.
             estimate_again: Function that repeats the estimate for other recordings.
         """
-        more = np.zeros_like(estimate.covariance_residual)
-        of_nonlinear = np.zeros_like(estimate.nonlinear_covariance)
         moves = ~np.isin(self.robot.joint_names, [each.joint for each in estimate.still])
-        for seed in range(ROUNDINGS):
-            random = np.random.default_rng(seed)
-            other = estimate_again(
-                [
-                    round_again(recording, own * moves, self.band_hz, random)
-                    for recording, own in zip(recordings, self.steps, strict=True)
-                ]
-            )
-            moved = other.values - estimate.values
-            more += np.outer(moved, moved) / ROUNDINGS
-            bent = other.model.nonlinear_values - estimate.model.nonlinear_values
-            of_nonlinear += np.outer(bent, bent) / ROUNDINGS
-        wider = estimate.add_covariance(more)
-        wider = replace(wider, nonlinear_covariance=wider.nonlinear_covariance + of_nonlinear)
-        grown = wider.sigma / np.maximum(estimate.sigma, 1e-300)
-        return wider, replace(self, widening=float(grown.max()))
+        wider, widening = with_rounding(
+            estimate,
+            [
+                estimate_again(
+                    [
+                        round_again(recording, own * moves, self.band_hz, random)
+                        for recording, own in zip(recordings, self.steps, strict=True)
+                    ]
+                )
+                for random in map(np.random.default_rng, range(ROUNDINGS))
+            ],
+        )
+        return wider, replace(self, widening=widening)
+
+
+def with_rounding(estimate: Estimate, others: Sequence[Estimate]) -> tuple[Estimate, float]:
+    """Return an estimate whose intervals contain the effect of rounding.
+
+    Args:
+        estimate: The estimate.
+        others: Estimates from the same data, rounded once more.
+
+    Returns:
+        The estimate, and the largest factor by which an interval became wider.
+    """
+    more = np.zeros_like(estimate.covariance_residual)
+    of_nonlinear = np.zeros_like(estimate.nonlinear_covariance)
+    for other in others:
+        moved = other.values - estimate.values
+        more += np.outer(moved, moved) / len(others)
+        bent = other.model.nonlinear_values - estimate.model.nonlinear_values
+        of_nonlinear += np.outer(bent, bent) / len(others)
+    wider = estimate.add_covariance(more)
+    wider = replace(wider, nonlinear_covariance=wider.nonlinear_covariance + of_nonlinear)
+    grown = wider.sigma / np.maximum(estimate.sigma, 1e-300)
+    return wider, float(grown.max())
 
 
 def rounding_noise_share(recording: Recording, steps: FloatArray, limit_hz: float) -> float:
@@ -214,12 +232,29 @@ def round_again(
         band_hz: Upper limit of the band [Hz].
         random: Source of the origins.
     """
+    errors = further_errors(recording.position, recording, steps, band_hz, random)
+    return replace(recording, position=recording.position + errors)
+
+
+def further_errors(
+    values: FloatArray,
+    recording: Recording,
+    steps: FloatArray,
+    band_hz: float,
+    random: np.random.Generator,
+) -> FloatArray:
+    """Return the errors of low-passed values that are rounded to a grid with a random origin.
+
+    Args:
+        values: Shape (rows, n). Rounded positions or torques of the recording.
+        recording, steps, band_hz, random: As for `round_again`.
+    """
     step_s = float(np.median(np.diff(recording.time_s)))
-    smooth = low_pass(recording.position, step_s, min(band_hz, HIGHEST_SHARE / step_s))
+    smooth = low_pass(values, step_s, min(band_hz, HIGHEST_SHARE / step_s))
     origin = random.uniform(-0.5, 0.5, len(steps)) * steps
     size = np.where(steps > 0.0, steps, 1.0)
     error = np.round((smooth + origin) / size) * size - smooth - origin
-    return replace(recording, position=recording.position + np.where(steps > 0.0, error, 0.0))
+    return np.where(steps > 0.0, error, 0.0)
 
 
 def _in_user_unit(step: float, unit: str) -> str:

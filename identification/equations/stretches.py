@@ -23,19 +23,24 @@ STRETCH_S: Final = 30.0
 """Duration of a stretch of a longer recording [s]."""
 
 
-def smoothed_stretches(recordings: Sequence[Recording], band_hz: float) -> list[SmoothedSignals]:
+def smoothed_stretches(
+    recordings: Sequence[Recording], band_hz: float
+) -> list[list[SmoothedSignals]]:
     """Return recordings as low-passed signals, thinned to `COMPARED_HZ` or a slightly higher rate.
+
+    There is one list for each recording.
 
     If they last longer than `COMPARED_S` together, evenly spaced stretches of `STRETCH_S` are used.
     A stretch with too few samples, as in a gap, is left out.
     """
     total_s = sum(float(each.time_s[-1] - each.time_s[0]) for each in recordings)
     share = min(1.0, COMPARED_S / max(total_s, COMPARED_S))
-    signals: list[SmoothedSignals] = []
+    signals: list[list[SmoothedSignals]] = []
     for recording in recordings:
+        signals.append([])
         for part in stretches(recording, share):
             with suppress(DataQualityError):
-                signals.append(smoothed_recording(_thinned_recording(part), band_hz))
+                signals[-1].append(smoothed_recording(_thinned_recording(part), band_hz))
     return signals
 
 

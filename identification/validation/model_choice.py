@@ -22,7 +22,6 @@ from config.robot.robot import RobotDescription
 from identification.equations.block_grams import (
     PLAIN,
     Grams,
-    Terms,
     columns_of_terms,
     speeds_of,
     term_of_column,
@@ -30,6 +29,7 @@ from identification.equations.block_grams import (
 from identification.equations.bus_delay import RefusedChannel
 from identification.equations.candidate_equations import CandidateEquations
 from identification.equations.friction_columns import FLEXIBLE
+from identification.equations.gear_load import with_gear_load
 from identification.equations.segments import thin_rows
 from identification.equations.warming import Warming
 from identification.estimation.fitted_signals import fit_smoothed
@@ -243,7 +243,7 @@ def _first_channel(
     n, terms = equations.joints, (PLAIN,) * equations.joints
     block_s = float(np.clip(equations.duration_s / BLOCKS, SHORTEST_BLOCK_S, BLOCK_S))
     grams = _grams(equations, TorqueChannel.none(n), block_s)
-    equations = _with_gear_load(equations, grams, terms)
+    equations = with_gear_load(equations, grams, terms, TorqueChannel.none(n), block_s)
     return equations, block_s, choose_channel(equations, [FLEXIBLE] * n, block_s, kinds)
 
 
@@ -258,10 +258,11 @@ def _channel_and_friction(
     rounds = 0
     while True:
         rounds += 1
-        equations = _with_gear_load(equations, _grams(equations, channel, block_s), terms)
+        grams = _grams(equations, channel, block_s)
+        equations = with_gear_load(equations, grams, terms, channel, block_s)
         grams = _grams(equations, channel, block_s)
         friction = choose_terms(grams)
-        equations = _with_gear_load(equations, grams, friction.terms)
+        equations = with_gear_load(equations, grams, friction.terms, channel, block_s)
         columns = [columns_of_terms(own) for own in friction.terms]
         before, channel = channel, choose_channel(equations, columns, block_s, kinds, channel)
         settled = channel.kind == before.kind and friction.terms == terms
@@ -280,17 +281,6 @@ def _grams(equations: CandidateEquations, channel: TorqueChannel, block_s: float
             " motion that moves every joint",
             code="RID-MOTION-UNINFORMATIVE",
         ) from None
-
-
-def _with_gear_load(
-    equations: CandidateEquations, grams: Grams, terms: Sequence[Terms]
-) -> CandidateEquations:
-    """Return the equations with the gears' load computed from a fit of some terms."""
-    fit = grams.fit(terms)
-    values = np.zeros(len(equations.base))
-    values[grams.rigid] = fit.values[: len(grams.rigid)]
-    rotor = np.array([name.startswith(("Ia", "Im")) for name in equations.base.names])
-    return equations.with_gear_load(np.where(rotor, 0.0, values))
 
 
 def _choice(

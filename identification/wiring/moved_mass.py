@@ -3,14 +3,14 @@
 If gravity loads a prismatic joint equally in every pose, no fit separates this load from a friction
 offset. The force that accelerates the joint shows the moving mass, rotor included. Therefore the
 force that holds the joint is compared with the weight of this mass: it must be positive, and at
-most `LARGEST_HELD` times this weight. With `cad`, the moving mass is also compared with the drawn
-one.
+most `LARGEST_HELD` times this weight. A joint also moves the links of all later joints. Therefore
+its mass is compared with theirs and, with `cad`, with the drawn one.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -31,6 +31,22 @@ moving mass; otherwise friction hides it."""
 WIDEST_HELD: Final = 0.1
 """Half the widest interval of the ratio that shows a missing weight; slow motion widens it."""
 LEAST_SLOPE_M_S2: Final = 0.1
+FORCE_ERRORS: Final = 1.25
+"""Largest plausible ratio of the force constants of two joints to the stated ratio."""
+
+
+@dataclass(frozen=True)
+class CarriedMass:
+    """Mass of the links that a later prismatic joint moves, without the inertia of its rotor.
+
+    Attributes:
+        joint: Name of the later joint.
+        mass_kg, sigma_kg: The mass and its standard deviation.
+    """
+
+    joint: str
+    mass_kg: float
+    sigma_kg: float
 
 
 @dataclass(frozen=True)
@@ -48,6 +64,8 @@ class MovedMass:
         drawn_sigma: Standard deviation of `drawn`.
         plausible: Smallest and largest plausible value of `drawn`.
         hidden: True if friction is too large to judge a small `held`.
+        has_rotor: True if `mass_kg` contains the inertia of a rotor.
+        carried: Largest mass of the links that a later joint moves; None if it is not known.
     """
 
     joint: str
@@ -59,6 +77,17 @@ class MovedMass:
     drawn_sigma: float | None
     plausible: tuple[float, float]
     hidden: bool
+    has_rotor: bool
+    carried: CarriedMass | None = None
+
+    @property
+    def links(self) -> CarriedMass | None:
+        """Mass of the links alone; None if it is not known."""
+        if self.held is not None and self.held_sigma is not None:
+            return CarriedMass(self.joint, self.held * self.mass_kg, self.held_sigma * self.mass_kg)
+        if self.has_rotor:
+            return None
+        return CarriedMass(self.joint, self.mass_kg, self.sigma_kg)
 
     @property
     def is_plausible(self) -> bool:
@@ -111,6 +140,16 @@ class MovedMass:
                     " wrong unit or constant of its force, a wrong unit of its position, or wrong"
                     " masses in `cad`"
                 )
+        if self.carried is not None:
+            least_kg = (self.carried.mass_kg - 2.0 * self.carried.sigma_kg) / FORCE_ERRORS
+            if self.mass_kg + 2.0 * self.sigma_kg < least_kg:
+                return (
+                    f"{mass} is smaller than that of the links that {self.carried.joint} moves"
+                    f" ({self.carried.mass_kg:.3g} kg), although {self.joint} moves these links"
+                    " too: look for a wrong unit or constant of one of these forces, or a wrong"
+                    " unit of one of these positions; if the motors have rotors, write `armature:"
+                    " true` for the joints in the robot file"
+                )
         return ""
 
 
@@ -128,7 +167,19 @@ def moved_masses(signals: WiredSignals) -> tuple[MovedMass, ...]:
     equations = CondensedEquations.of(signals)
     shares = equations.held_out(np.eye(len(robot.joints))).residual_share
     explained = [j for j in joints if shares[j] < EXPLAINED_SHARE]
-    return tuple(_moved_masses(signals, plain_model(signals), equations, explained))
+    found = list(_moved_masses(signals, plain_model(signals), equations, explained))
+    links = [each.links for each in found]
+    return tuple(
+        replace(
+            each,
+            carried=max(
+                (own for own in links[number + 1 :] if own is not None),
+                key=lambda own: own.mass_kg,
+                default=None,
+            ),
+        )
+        for number, each in enumerate(found)
+    )
 
 
 def _moved_masses(
@@ -171,11 +222,12 @@ def _moved_masses(
             held_sigma=held_sigma,
             drawn=drawn,
             drawn_sigma=drawn_sigma,
-            plausible=(low, high if _has_no_rotor(robot, j) else float("inf")),
+            plausible=(low, float("inf") if _has_rotor(robot, j) else high),
             hidden=friction > LOWEST_FRICTION * abs(weight),
+            has_rotor=_has_rotor(robot, j),
         )
 
 
-def _has_no_rotor(robot: RobotDescription, j: int) -> bool:
-    """Return True if the robot file says nothing about the inertia of the joint's rotor."""
-    return robot.joints[j].rotor is None and not robot.joints[j].armature
+def _has_rotor(robot: RobotDescription, j: int) -> bool:
+    """Return True if the robot file states that the joint's motor has a rotor."""
+    return robot.joints[j].rotor is not None or robot.joints[j].armature

@@ -139,7 +139,7 @@ def judge_torques(
 
 
 def _wired_signals(recording: Recording, robot: RobotDescription) -> WiredSignals:
-    parts = smoothed_stretches([recording], BAND_HZ)
+    [parts] = smoothed_stretches([recording], BAND_HZ)
     if not parts:
         raise DataQualityError(
             "no part of the recording is long enough to judge its torques: record longer",

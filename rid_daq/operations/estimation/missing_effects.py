@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from acquisition.processing.smoothing import SmoothedSignals
+from config.errors import EstimationError
+from identification.accuracy.torque_drift import find_torque_drifts
 from identification.elasticity.elastic_fit import rigid_averages
 from identification.equations.late_torques import find_late_torques
-from identification.equations.segments import period_signals
+from identification.equations.segments import period_signals, thin_rows
 from identification.equations.stretches import smoothed_stretches
 from identification.estimation.estimate import Estimate
+from identification.estimation.fitted_signals import fit_smoothed
 from identification.validation.further_terms import further_term_findings
 from identification.validation.model_choice import ModelChoice
 from identification.validation.torque_filters import channel_findings
@@ -28,7 +32,8 @@ def find_missing_effects(
     Args:
         comparison: The model chosen by `--choose`; None without it.
     """
-    coarse = _coarse_signals(estimate, data, how)
+    stretches = _coarse_signals(estimate, data, how)
+    coarse = [run for own in stretches for run in own]
     if not coarse:
         return [], ()
     options = how.options
@@ -36,7 +41,7 @@ def find_missing_effects(
     late = find_late_torques(
         estimate.robot, coarse, options.model, options.standstill_rad_s, channel
     )
-    findings: list[str] = []
+    findings = [] if data[0].is_periodic else _drift_findings(estimate, data, how, stretches)
     if comparison is None:
         findings += further_term_findings(estimate.robot, coarse, options)
     findings += [each.sentence for each in late]
@@ -50,15 +55,40 @@ def find_missing_effects(
 
 def _coarse_signals(
     estimate: Estimate, data: Sequence[RunData], how: EstimationJob
-) -> list[SmoothedSignals]:
+) -> list[list[SmoothedSignals]]:
     """Return runs as low-passed signals, to compare an estimate with richer models.
 
-    The result is empty for runs with a payload, without torques in the model, or with a joint at
-    rest.
+    There is one list for each run. The result is empty for runs with a payload, without torques in
+    the model, or with a joint at rest.
     """
     if how.loaded or how.bodies or how.options.model.kind != "internal" or estimate.still:
         return []
     if data[0].is_periodic:
         averages = rigid_averages(estimate, period_averages(data))
-        return [period_signals(average, how.options.band_hz) for average in averages]
+        return [[period_signals(average, how.options.band_hz)] for average in averages]
     return smoothed_stretches([item.recording for item in data], how.options.band_hz)
+
+
+def _drift_findings(
+    estimate: Estimate,
+    data: Sequence[RunData],
+    how: EstimationJob,
+    stretches: Sequence[Sequence[SmoothedSignals]],
+) -> list[str]:
+    """Return a finding for each torque that drifts, unless the model contains warming."""
+    if estimate.warming is not None:
+        return []
+    runs = [
+        (number, thin_rows(replace(run, channel=estimate.channel)))
+        for number, own in enumerate(stretches)
+        for run in own
+    ]
+    options = replace(how.options, model=estimate.options)
+    try:
+        fitted = fit_smoothed(estimate.robot, [run for _, run in runs], options)
+    except EstimationError:  # stretches of a long recording do not determine the parameters
+        return []
+    if fitted.base.names != estimate.base.names:
+        return []
+    drifts = find_torque_drifts(fitted, estimate.sigma, [number for number, _ in runs])
+    return [f"Run {data[each.recording].folder.run_id}: {each.sentence}." for each in drifts]

@@ -1,12 +1,13 @@
-"""Effect of coarsely rounded positions on an estimate: a lower band, and wider intervals."""
+"""Effect of coarsely rounded positions and torques on an estimate: wider intervals."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from acquisition.recording.recording import Recording
 from config.robot.robot import RobotDescription
 from identification.accuracy.rounded_positions import RoundedPositions
+from identification.accuracy.rounded_torques import RoundedTorques
 from identification.estimation.estimate import Estimate
 from identification.validation.model_choice import ModelChoice
 from rid_daq.operations.estimation.run_estimation import EstimationJob, estimate_runs
@@ -51,6 +52,43 @@ def add_rounding_uncertainty(
         estimate: Result of `estimate_runs` with `data`, `how`, `robot` and `chosen`.
         rounded: Result of `find_rounded_positions`.
     """
+    again = _estimate_again(data, how, robot, chosen)
+    return rounded.widen(estimate, [item.recording for item in data], again)
+
+
+def add_torque_rounding_uncertainty(
+    estimate: Estimate,
+    data: Sequence[RunData],
+    how: EstimationJob,
+    robot: RobotDescription | None,
+    chosen: ModelChoice | None,
+) -> tuple[Estimate, list[str]]:
+    """Return an estimate whose intervals contain the effect of rounded torques, and a finding.
+
+    The estimate is repeated with torques that were rounded once more, if imported torques have so
+    few digits that this has an effect.
+
+    Args:
+        estimate: Result of `estimate_runs` with `data`, `how`, `robot` and `chosen`.
+    """
+    if how.options.model.kind == "external" or any(item.import_report is None for item in data):
+        return estimate, []
+    recordings = [item.recording for item in data]
+    rounded = RoundedTorques.of(data[0].robot, recordings, how.options.band_hz)
+    if rounded is None:
+        return estimate, []
+    again = _estimate_again(data, how, robot, chosen)
+    estimate, rounded = rounded.widen(estimate, recordings, again)
+    return estimate, [rounded.sentence] if rounded.is_material else []
+
+
+def _estimate_again(
+    data: Sequence[RunData],
+    how: EstimationJob,
+    robot: RobotDescription | None,
+    chosen: ModelChoice | None,
+) -> Callable[[Sequence[Recording]], Estimate]:
+    """Return a function that repeats `estimate_runs` for other recordings of the same runs."""
 
     def estimate_again(recordings: Sequence[Recording]) -> Estimate:
         other = [
@@ -59,4 +97,4 @@ def add_rounding_uncertainty(
         ]
         return estimate_runs(other, how, robot=robot, chosen=chosen).estimate
 
-    return rounded.widen(estimate, [item.recording for item in data], estimate_again)
+    return estimate_again

@@ -24,6 +24,7 @@ from rid_daq.operations.estimation.estimate_findings import (
 from rid_daq.operations.estimation.missing_effects import find_missing_effects
 from rid_daq.operations.estimation.rounded_runs import (
     add_rounding_uncertainty,
+    add_torque_rounding_uncertainty,
     find_rounded_positions,
 )
 from rid_daq.operations.estimation.run_estimation import (
@@ -116,6 +117,7 @@ def identify_robot(
             estimate, rounded, data, how, robot, comparison
         )
         rounded = rounded if rounded.is_material else None
+    estimate, of_torques = add_torque_rounding_uncertainty(estimate, data, how, robot, comparison)
     if how.bodies:
         estimate = add_mass_uncertainty(estimate, data, how)
     estimate, wiring = _diagnose(estimate, data, how, smoothed, context, search=request.diagnose)
@@ -142,6 +144,7 @@ def identify_robot(
         *estimate_findings(estimate, data, weight),
         consistency_words,
         *([] if rounded is None else [rounded.sentence]),
+        *of_torques,
         *load_findings(how.bodies, run_ids, bool(how.empty_runs(data))),
         *contradictions_of_torque_meaning(data, wiring),
         *([] if comparison is None else comparison.refused.findings(comparison.joint_names)),

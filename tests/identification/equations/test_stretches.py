@@ -46,5 +46,5 @@ def test_stretches_in_a_gap_are_left_out() -> None:
     since_s = whole.time_s - whole.time_s[0]
     sparse = np.isin(since_s.round(3), (505.0, 510.0, 515.0))
     cut = whole.part((since_s < 400.0) | sparse | (since_s > 600.0))
-    signals = smoothed_stretches([cut], 1.0)
+    [signals] = smoothed_stretches([cut], 1.0)
     assert [round(each.time_s[0]) for each in signals] == [7, 1007, 1507]

@@ -68,6 +68,13 @@ def test_load_and_stribeck_friction_are_found_together() -> None:
     assert choice.stribeck_rad_s == pytest.approx([0.08] * 3, rel=0.5)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [7, 11])
+def test_the_load_without_rotors_needs_no_stribeck_friction(seed: int) -> None:
+    choice = choose_model(robot(), signals(Case("three", "load", "none", seed)))
+    assert [set(terms) for terms in friction(choice)] == [{*PLAIN, "load"}] * 3
+
+
 def test_delays_are_found_before_friction_with_an_interval() -> None:
     case = Case("three", "plain", "delay", 1)
     choice = choose_model(robot(), signals(case))

@@ -179,6 +179,34 @@ def test_half_of_one_force_is_shown_but_possible(joint: int) -> None:
     assert moved.drawn < 0.8
 
 
+@pytest.mark.parametrize("joint", [0, 1])
+def test_a_joint_is_at_least_as_heavy_as_the_links_that_a_later_joint_moves(joint: int) -> None:
+    sound = simulated(gantry(drawn=False, rotors=False), rotors_kg=(0.0, 0.0, 0.0)).signals
+    less = with_force(sound, tuple(0.25 if j == joint else 1.0 for j in range(3)))
+    assert is_doubted(less)
+    found = mass_of(less, "xyz"[joint])
+    assert not found.is_plausible
+    assert found.carried is not None
+    assert found.carried.joint == "yz"[joint]
+    assert found.carried.mass_kg == pytest.approx((40.0, 15.0)[joint], rel=0.05)
+
+
+def test_of_a_joint_with_a_rotor_only_the_weight_shows_the_mass_of_the_links() -> None:
+    sound = simulated(gantry(drawn=False)).signals
+    carried = mass_of(sound, "x").carried
+    assert carried is not None
+    assert carried.joint == "z"
+    assert carried.mass_kg == pytest.approx(15.0, rel=0.05)
+    assert is_doubted(with_force(sound, (0.08, 1.0, 1.0)))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_force_constants_a_tenth_wrong_are_no_contradiction_of_light_carriages(seed: int) -> None:
+    robot = gantry(drawn=False, rotors=False)
+    sound = simulated(robot, rotors_kg=(-58.0, -23.0, 0.0), seed=seed).signals  # 42, 17 and 15 kg
+    assert not is_doubted(with_force(sound, (0.95, 1.05, 1.1)))
+
+
 @pytest.mark.parametrize("drawn", [True, False])
 def test_a_reversed_vertical_joint_is_found(drawn: bool) -> None:
     signals = simulated(gantry(drawn=drawn)).signals
