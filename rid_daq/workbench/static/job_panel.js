@@ -64,7 +64,7 @@ export class JobPanel {
   // job, or with null if the user cancels or the service refuses; the panel shows the refusal.
   /** @template {Api.JobKind} Kind @param {Kind} kind @param {Api.Requests[Kind]} [request] @param {{ moves?: boolean }} [options] @returns {Promise<Api.Job | null>} */
   async begin(kind, request = /** @type {Api.Requests[Kind]} */ ({}), { moves = false } = {}) {
-    const lost = moves ? await confirmClear(kindWords(kind), { held: kind === "jog" || kind === "axes" }) : "stop";
+    const lost = moves ? await confirmClear(kindWords(kind), { held: now.status?.held_kinds.includes(kind) }) : "stop";
     if (lost === null) return null;
     try {
       const job = await ask("POST", `${CELL}/jobs`, { kind, request: { ...request }, cleared: moves, on_lost_client: lost }, BEGIN_MS);
