@@ -23,6 +23,13 @@ const over = (job) => job.state in ENDS;
 /** @type {(job: Api.Job, document: Record<string, unknown> | undefined) => EndedJob} */
 export const withResult = (job, document) => /** @type {EndedJob} */ ({ ...job, document });
 
+// Return the next step after a check on a page with a motion: its start on the same page, or the failed lines.
+/** @type {(job: EndedJob, start: Part) => Part[]} */
+export function afterCheck(job, start) {
+  if (job.kind !== "check" || job.state !== "done") return [];
+  return [job.document?.passed ? start : html`<a class="button main" href="${CELL}#preflight-title">Show the failed lines</a>`];
+}
+
 // State of the panel for one job; a new state is created when another job is shown.
 /** @type {() => JobView} */
 const emptyView = () => ({
