@@ -1,10 +1,15 @@
-"""`LoopMeasurement`: the loops of all axes that a multisine run excites, identified in two passes.
+"""`LoopMeasurement`: the loops of all axes that a multisine run excites, identified in passes.
 
 Commands are linear between samples, so their spectrum has images of each line around the multiples
-of the cycle frequency. The axis follows these images slightly. Sampling then folds this motion back
-onto the line: about 0.1 % of the velocity error at a sixth of the cycle frequency. The first pass
-neglects the images and fits the loops. The second pass computes the images with these loops and
-removes them.
+of the cycle frequency. The axis follows these images slightly. Sampling then folds this motion and
+its torque back onto the line. At a sixth of the cycle frequency this is about 0.1 % of the velocity
+error for a slow loop. It is 12 % of the torque for a loop that is faster than the cycle, if no
+filter removes the images from the measured torque. The first pass neglects the images and fits the
+loops. Each further pass computes the images with the loops of the previous pass and removes them.
+
+The images look like a delay. A controller with this delay would predict a loop that is nearly
+unstable at the images' frequencies, and the passes would diverge. Therefore the controllers of the
+first pass have no delay and no lag.
 """
 
 from __future__ import annotations
@@ -29,10 +34,18 @@ from compensation.loops.multisine_spectra import (
     MultisineSpectra,
     multisine_spectra,
 )
-from compensation.loops.velocity_loop import VelocityLoop, fit_velocity_loop
+from compensation.loops.velocity_loop import (
+    CHOICES,
+    PLAIN,
+    Extra,
+    VelocityLoop,
+    fit_velocity_loop,
+)
 from config.robot.robot import RobotDescription
 
 IMAGES: Final = (-2, -1, 1, 2)
+PASSES_WITHOUT_IMAGES: Final = 3
+"""The gains of loops of 600 rad/s at a cycle of 8 ms then change by less than 0.2 %."""
 
 
 @dataclass(frozen=True)
@@ -89,10 +102,12 @@ def measure_spectra(spectra: MultisineSpectra, position_gain_per_s: float) -> Lo
     Raises:
         EstimationError: As for `measure_loops`.
     """
-    first = _measure(spectra, position_gain_per_s)
     if spectra.timing.interpolation == "none":
-        return first  # sampled set-points contain no images
-    return _measure(without_images(spectra, first.cascades), position_gain_per_s)
+        return _measure(spectra, position_gain_per_s)  # sampled set-points contain no images
+    found = _measure(spectra, position_gain_per_s, (PLAIN,))
+    for _ in range(PASSES_WITHOUT_IMAGES):
+        found = _measure(without_images(spectra, found.cascades), position_gain_per_s)
+    return found
 
 
 def without_images(spectra: MultisineSpectra, cascades: Sequence[Cascade]) -> MultisineSpectra:
@@ -127,14 +142,18 @@ def without_images(spectra: MultisineSpectra, cascades: Sequence[Cascade]) -> Mu
     return replace(spectra, torque=torque, error=error, velocity=velocity)
 
 
-def _measure(spectra: MultisineSpectra, position_gain_per_s: float) -> LoopMeasurement:
+def _measure(
+    spectra: MultisineSpectra,
+    position_gain_per_s: float,
+    choices: Sequence[tuple[Extra, ...]] = CHOICES,
+) -> LoopMeasurement:
     controllers, mechanics = controller_responses(spectra), mechanics_responses(spectra)
     return LoopMeasurement(
         controllers=controllers,
         mechanics=mechanics,
         cascades=tuple(
             Cascade(
-                fit_velocity_loop(controller),
+                fit_velocity_loop(controller, choices),
                 fit_axis_mechanics(axis),
                 position_gain_per_s,
                 spectra.cycle_time_s,

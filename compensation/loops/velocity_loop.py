@@ -14,7 +14,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import chain, combinations
 from typing import TYPE_CHECKING, Final, Literal
 
 import numpy as np
@@ -29,6 +28,8 @@ if TYPE_CHECKING:
 
 Extra = Literal["delay", "lag"]
 EXTRAS: Final[tuple[Extra, ...]] = ("delay", "lag")
+PLAIN: Final[tuple[Extra, ...]] = ()
+CHOICES: Final[tuple[tuple[Extra, ...], ...]] = (PLAIN, ("delay",), ("lag",), EXTRAS)
 FEWEST_LINES: Final = 4
 WHITENESS_LAGS: Final = 5
 CLEARLY_SHORTER: Final = 4.0
@@ -124,8 +125,13 @@ class VelocityLoop:
         return control.TransferFunction(*_fraction(self.gain, self.integral_time_s, self.lag_s))
 
 
-def fit_velocity_loop(measured: FrequencyResponse) -> VelocityLoop:
+def fit_velocity_loop(
+    measured: FrequencyResponse, choices: Sequence[tuple[Extra, ...]] = CHOICES
+) -> VelocityLoop:
     """Fit a velocity controller to its frequency response.
+
+    Args:
+        choices: The choices of terms that are compared.
 
     Raises:
         EstimationError: There are too few lines, or the fitted gain or times are not positive.
@@ -137,7 +143,7 @@ def fit_velocity_loop(measured: FrequencyResponse) -> VelocityLoop:
             f" controller needs at least {FEWEST_LINES}: excite it at more frequencies",
             code="RID-LOOP-WEAK",
         )
-    fits = [_fit(measured, extras) for extras in _choices()]
+    fits = [_fit(measured, extras) for extras in choices]
     trials = tuple(_trial(measured, extras, cost) for extras, _, _, cost in fits)
     best = _choose_trial(trials)
     extras, values, covariance, cost = fits[best]
@@ -233,11 +239,6 @@ def _chance_of_cost(measured: FrequencyResponse, cost: float, parameters: int) -
     left = lines - 0.5 * parameters
     scale = variance / mean
     return _chi_squared_tail(2.0 * left * mean / scale, 2.0 * cost / scale)
-
-
-def _choices() -> list[tuple[Extra, ...]]:
-    sizes = range(len(EXTRAS) + 1)
-    return list(chain.from_iterable(combinations(EXTRAS, size) for size in sizes))
 
 
 def _trial(measured: FrequencyResponse, extras: tuple[Extra, ...], cost: float) -> LoopTrial:

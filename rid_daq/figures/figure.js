@@ -6,6 +6,7 @@ const DASHES = { solid: [], dashed: [7, 4], dotted: [1.5, 3], dotdash: [7, 3, 1.
 const FONT = "12px system-ui, sans-serif";
 const BAND = 0.2; // opacity of intervals and areas
 const MARKER_PX = 6;
+const LOW_PX = 120, SPACE_PX = 30, LEAST_SPACE_PX = 16; // height of a low panel, and distance of the numbers at the y axis: a low panel with wider distances would show only one number [px]
 const ROW_PX = 24; // height of a row of spans (named ranges of x) [px]
 const LEAST_DRAG_PX = 8;
 const ALONG_PX = 16; // values within this distance of the pointer along x are shown
@@ -231,7 +232,7 @@ class Panel {
             ...marks(item.x),
             ...(isNamed ? { ...named(item.bars.map(({ name }) => name)), rotate: 35 } : {}),
           },
-          { ...axis, size: this.room - 20, label: rows.length ? " " : item.y.text, values: numbers(item.y.isLog), ...marks(item.y), ...(rows.length ? named(rows) : {}) },
+          { ...axis, space: (_, __, ___, ____, length) => (length < LOW_PX ? LEAST_SPACE_PX : SPACE_PX), size: this.room - 20, label: rows.length ? " " : item.y.text, values: numbers(item.y.isLog), ...marks(item.y), ...(rows.length ? named(rows) : {}) },
         ],
         series: [{}, { scale: "y", paths: () => null, points: { show: false } }],
         cursor: {

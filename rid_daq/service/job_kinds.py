@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
+from typing import Final
 
 from rid_daq.operations.catalogue import OF_KINDS, operation
 from rid_daq.operations.operation import Operation
@@ -19,3 +20,7 @@ class JobKind(StrEnum):
     def operation(self) -> Operation:
         """Declaration of the operation."""
         return operation(OF_KINDS[self.value])
+
+
+HELD_KINDS: Final = tuple(kind for kind in JobKind if kind.operation.is_held)
+"""Kinds of jobs in which the robot moves only while a key is held."""

@@ -8,7 +8,7 @@ from typing import Annotated, Final, Literal
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 from rid_daq.preflight.check_line import CheckLine
-from rid_daq.service.job_kinds import JobKind
+from rid_daq.service.job_kinds import HELD_KINDS, JobKind
 
 MOST_CHARACTERS: Final = 200
 """Maximum length of names, notes and other texts that every answer repeats."""
@@ -176,8 +176,9 @@ class CellStatus(Record):
     """Public status of a cell; every answer contains `simulated`.
 
     `preflight_age_s` is None without a valid preflight. `not_ready_because` is the obstacle to
-    motions in general. `not_held_because` is the obstacle to axis test and jog, for which a key is
-    held: they do not require an earlier axis test. `files_hash` changes with the cell's files.
+    motions in general. `not_held_because` is the obstacle to jobs of the `held_kinds`, for which a
+    key is held: they do not require an earlier axis test. `files_hash` changes with the cell's
+    files.
     """
 
     cell: str
@@ -192,6 +193,7 @@ class CellStatus(Record):
     preflight_limit_s: float
     not_ready_because: str = ""
     not_held_because: str = ""
+    held_kinds: tuple[JobKind, ...] = HELD_KINDS
     job: Job | None = None
     lease: Lease | None = None
 

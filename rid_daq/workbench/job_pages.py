@@ -9,6 +9,7 @@ from fastapi import APIRouter, Query
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import HTMLResponse
 
+from config.robot.friction_terms import FRICTION_TERM_WORDS
 from rid_daq.service.api.context import OfCell, Service
 from rid_daq.service.api.runs import run_folder
 from rid_daq.service.folder_files import folder_files
@@ -37,7 +38,12 @@ async def identify_page(visit: Visitor) -> HTMLResponse:
     """Show the steps from runs to a model."""
     from rid_daq.operations.identify.export import ENDINGS
 
-    return visit.page("identify.html", files=await cell_files(visit), endings=ENDINGS)
+    return visit.page(
+        "identify.html",
+        files=await cell_files(visit),
+        endings=ENDINGS,
+        friction_terms=FRICTION_TERM_WORDS,
+    )
 
 
 @router.get("/identify/check")

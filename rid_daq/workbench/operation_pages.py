@@ -42,7 +42,14 @@ async def operation_page(visit: Visitor, kind: str) -> HTMLResponse:
         "operation.html",
         operation=shown,
         description=str(inspect.getdoc(shown.request)).replace("`", "").split("\n\n"),
-        needs="ready" if shown.moves else "lease" if shown.opens_cell else "role",
+        needs=_needs(shown),
         sections=form_sections(shown),
         known=[each for group in lists for each in group],
     )
+
+
+def _needs(shown: Operation) -> str:
+    """Return the requirement of the form's button, as `shell.js` knows it."""
+    if shown.moves:
+        return "held" if shown.is_held else "ready"
+    return "lease" if shown.opens_cell else "role"

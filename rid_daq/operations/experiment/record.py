@@ -37,8 +37,8 @@ if TYPE_CHECKING:
 
 SINGLE_PERIODS: Final = (
     "The running estimate uses the rows of single periods, with their noise and reversals. Its"
-    " residual therefore differs from the one that `identify` prints: `identify` uses the mean of"
-    " the periods, and does not use the torque near reversals."
+    " residual therefore differs from that of the identification, which uses the mean of the"
+    " periods, and does not use the torque near reversals."
 )
 
 

@@ -16,6 +16,10 @@ export function element(tag, attributes = {}, ...children) {
   return made;
 }
 
+// Return a name as parts of a text that can break after each underscore.
+/** @type {(name: string) => (Node | string)[]} */
+export const breakable = (name) => name.split(/(?<=_)/).flatMap((part, i) => (i ? [element("wbr"), part] : [part]));
+
 // Return the part of an address that names a file of the service's folder.
 /** @type {(file: string) => string} */
 export const addressOf = (file) => file.split("/").map(encodeURIComponent).join("/");

@@ -1,6 +1,6 @@
 // Page Experiment: choose or design a motion, show it, rehearse it and record it.
 import { addressOf, find } from "./dom.js";
-import { JobPanel } from "./job_panel.js";
+import { JobPanel, afterCheck } from "./job_panel.js";
 import { html, render } from "./lit.js";
 import { showChosenPlan } from "./planned_view.js";
 import { newest } from "./requests.js";
@@ -26,7 +26,9 @@ const step = (address, words, kind) => html`<a class="button ${kind || ""}" href
 
 const panel = new JobPanel(find("job"), {
   next: (job) => {
-    if (job.state === "done" && job.kind === "design") return [html`<a class="button main" href="#drive-title">Record this motion</a>`];
+    const record = html`<a class="button main" href="#drive-title">Record this motion</a>`;
+    if (job.kind === "check") return afterCheck(job, record);
+    if (job.state === "done" && job.kind === "design") return [record];
     if (job.state !== "done" || !job.run) return [];
     const run = encodeURIComponent(job.run);
     if (job.kind !== "record") return [];

@@ -109,8 +109,10 @@ function modelWords() {
   const many = checked === null ? "" : `${checked.parameters} base parameters. `;
   if (friction() === "data") return `${many}The friction terms of each joint are selected from the data.`;
   if (friction() === "terms") return `${many}Friction of every joint: ${terms().join(", ").replaceAll("_", " ")}.`;
-  const each = checked === null ? "" : `: ${Object.entries(checked.friction).map(([joint, own]) => `${joint} ${own.join(", ") || "none"}`).join("; ")}`;
-  return `${many}Friction terms of the robot file${each}.`;
+  const each = Object.entries(checked?.friction ?? {}).map(([joint, own]) => ({ joint, own: own.join(", ").replaceAll("_", " ") || "none" }));
+  const [first] = each;
+  const words = each.every(({ own }) => own === first.own) ? `: ${first?.own}, for every joint` : `: ${each.map(({ joint, own }) => `${joint} ${own}`).join("; ")}`;
+  return `${many}Friction terms of the robot file${first ? words : ""}.`;
 }
 
 const replacing = newest();

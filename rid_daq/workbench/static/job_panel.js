@@ -23,6 +23,13 @@ const over = (job) => job.state in ENDS;
 /** @type {(job: Api.Job, document: Record<string, unknown> | undefined) => EndedJob} */
 export const withResult = (job, document) => /** @type {EndedJob} */ ({ ...job, document });
 
+// Return the next step after a check on a page with a motion: its start on the same page, or the failed lines.
+/** @type {(job: EndedJob, start: Part) => Part[]} */
+export function afterCheck(job, start) {
+  if (job.kind !== "check" || job.state !== "done") return [];
+  return [job.document?.passed ? start : html`<a class="button main" href="${CELL}#preflight-title">Show the failed lines</a>`];
+}
+
 // State of the panel for one job; a new state is created when another job is shown.
 /** @type {() => JobView} */
 const emptyView = () => ({
@@ -64,7 +71,7 @@ export class JobPanel {
   // job, or with null if the user cancels or the service refuses; the panel shows the refusal.
   /** @template {Api.JobKind} Kind @param {Kind} kind @param {Api.Requests[Kind]} [request] @param {{ moves?: boolean }} [options] @returns {Promise<Api.Job | null>} */
   async begin(kind, request = /** @type {Api.Requests[Kind]} */ ({}), { moves = false } = {}) {
-    const lost = moves ? await confirmClear(kindWords(kind), { held: kind === "jog" || kind === "axes" }) : "stop";
+    const lost = moves ? await confirmClear(kindWords(kind), { held: now.status?.held_kinds.includes(kind) }) : "stop";
     if (lost === null) return null;
     try {
       const job = await ask("POST", `${CELL}/jobs`, { kind, request: { ...request }, cleared: moves, on_lost_client: lost }, BEGIN_MS);

@@ -1,5 +1,5 @@
 // Table of the joints next to the 3-D view; it shows the same pose as numbers.
-import { element } from "./dom.js";
+import { breakable, element } from "./dom.js";
 
 const DEGREES = 180 / Math.PI;
 const PERIOD_MS = 200; // time between updates of the table: faster ones could not be read, and would cost time for the layout
@@ -27,7 +27,7 @@ export class JointRows {
       const [factor, unit] = scaleOf(kind);
       const [low, high] = limits.map((value) => (factor * value).toFixed(0));
       const range = element("td", { class: "number soft" }, `${low} to ${high} ${unit}`);
-      const cells = [element("th", { scope: "row" }, name), this.cells[i], range];
+      const cells = [element("th", { scope: "row" }, ...breakable(name)), this.cells[i], range];
       if (preview) cells.push(element("td", {}, this.button(i, kind, name, preview)));
       return element("tr", {}, ...cells);
     });

@@ -3,7 +3,7 @@ import { blockParts } from "./blocks.js";
 import { find, parseNumber, timeOf } from "./dom.js";
 import { forgetEntries } from "./entries.js";
 import { doubtField } from "./fields.js";
-import { JobPanel, withResult } from "./job_panel.js";
+import { JobPanel, afterCheck, withResult } from "./job_panel.js";
 import { html, render } from "./lit.js";
 import { followPose } from "./live_pose.js";
 import { RobotView } from "./robot_view.js";
@@ -26,7 +26,7 @@ on("cell", ({ job }) => {
 });
 /** @type {(job: EndedJob) => Part[]} */
 function next(job) {
-  if (job.kind !== "payload_session") return [];
+  if (job.kind !== "payload_session") return afterCheck(job, html`<a class="button main" href="#prepare">Start the session</a>`);
   if (job.state === "done") return [html`<a class="button main" href="#papers">Create the certificate</a>`];
   return job.document?.session ? [html`<a class="button main" href="#values">What to do</a>`] : [];
 }
@@ -158,13 +158,18 @@ function request() {
   return asks;
 }
 
-// Show a warning as soon as a mass is entered that the robot can hardly carry; the service would refuse it.
+// Show a warning as soon as a mass is entered that the robot can hardly carry, which the service would refuse, or that
+// a simulated flange without payload cannot have.
 function doubtMass() {
   const { mostKg, mostWords } = find("mass").dataset;
   const tooHeavy = mostKg && parseNumber(find("mass").value) > Number(mostKg);
-  doubtField(find("mass"), tooHeavy ? `This mass is larger than ${mostWords}, ${Number(mostKg)} kg: correct the mass.` : "");
+  const isNothing = find("mass").value.trim() !== "" && find("payload")?.value === "";
+  let text = tooHeavy ? `This mass is larger than ${mostWords}, ${Number(mostKg)} kg: correct the mass.` : "";
+  if (isNothing) text = "The simulated flange carries nothing: choose a payload, or leave this field empty.";
+  doubtField(find("mass"), text);
 }
 find("mass").addEventListener("input", doubtMass);
+find("payload")?.addEventListener("change", doubtMass);
 doubtMass();
 
 press("begin", panel, "payload_session", () => {

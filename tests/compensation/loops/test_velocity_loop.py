@@ -321,3 +321,21 @@ def test_one_realisation_without_empty_odd_lines_is_refused(cell: LoadedCell, dr
     with pytest.raises(DataQualityError) as refused:
         frequency_responses(recording, motion, cell.robot)
     assert refused.value.refusal == "RID-LOOP-ONE-REALISATION"
+
+
+def test_loops_faster_than_the_cycle_are_identified_without_a_torque_filter(
+    cell: LoadedCell,
+) -> None:
+    """The sampled torque contains images of the commands at frequencies that the loop follows."""
+    assert cell.plant is not None
+    last = cell.plant.axes[2].model_copy(update={"velocity_gain_nm_s": 2200.0})
+    truth = cell.plant.model_copy(update={"axes": (*cell.plant.axes[:2], last)})
+    cell = replace(cell, config=cell.config.model_copy(update={"torque_filter": None}))
+    motion = multisine_motion(cell.robot, cell.config, MultisineOptions())
+    recording = closed_loop(cell, truth, motion.plan(cell.robot, cell.config.cycle_time_s), seed=1)
+    loops = measure_loops(recording, motion, cell.robot, 15.0).loops
+    for axis, loop in zip(truth.axes, loops, strict=True):
+        assert loop.gain == pytest.approx(axis.velocity_gain_nm_s, rel=0.02)
+        assert loop.integral_time_s == pytest.approx(axis.velocity_integral_time_s, rel=0.03)
+        assert loop.delay_s + loop.lag_s < 0.001
+        assert loop.p_value > 1e-3

@@ -25,6 +25,7 @@ LONG = Line("long", (1.0, 10_000.0), (20.0, 21.0), "orange", width=4.0)
 NOISE = Line("noise", (1.0, 100.0), (0.0018826, 17.42), "blue", width=4.0)
 """With the margin, its range begins at 0.00099."""
 PERIODS = Line("power", (1.0, 2.0, 3.0), (20.0, 21.0, 22.0), "blue")
+RESIDUAL = Line("residual", (0.0, 1.0, 2.0), (-0.27, 0.1, 0.3), "orange")
 PLOT = Plot(
     name="gains",
     panels=(
@@ -32,14 +33,15 @@ PLOT = Plot(
         Panel(x=FREQUENCY, y=Axis("loss", "dB"), lines=(SHORT,), zooms_with_previous=True),
         Panel(x=FREQUENCY, y=Axis("torque", "N m", log=True), lines=(NOISE,)),
         Panel(x=Axis("period", counts=True), y=Axis("power", "W"), lines=(PERIODS,)),
+        Panel(x=Axis("time", "s"), y=Axis("residual", "N m"), lines=(RESIDUAL,), height_px=150),
     ),
 )
 
-RECORD_TEXTS = """() => {
+RECORD_TEXTS = """(panel) => {
   const { prototype } = CanvasRenderingContext2D, { fillText } = prototype;
   window.written = [];
   prototype.fillText = function (text, ...rest) {
-    if (this.canvas === document.querySelectorAll("canvas")[3]) window.written.push(text);
+    if (this.canvas === document.querySelectorAll("canvas")[panel]) window.written.push(text);
     fillText.call(this, text, ...rest);
   };
 }"""
@@ -90,13 +92,22 @@ def test_a_logarithmic_axis_can_begin_just_below_a_power_of_ten(page: Page) -> N
     assert shows_blue(page.locator("canvas").nth(2))
 
 
-def test_an_axis_that_counts_marks_whole_numbers_only(page: Page) -> None:
-    page.evaluate(RECORD_TEXTS)
-    page.set_viewport_size({"width": 1300, "height": 900})  # draws the figure again
+def written_texts(page: Page, panel: int) -> list[str]:
+    """Return the texts that a panel writes when the figure is drawn again."""
+    page.evaluate(RECORD_TEXTS, panel)
+    page.set_viewport_size({"width": 1300, "height": 900})
     while not (written := page.evaluate("window.written")):
         page.wait_for_timeout(20)
-    numbers = {text for text in written if text.replace(".", "").isdigit()}
+    return list(written)
+
+
+def test_an_axis_that_counts_marks_whole_numbers_only(page: Page) -> None:
+    numbers = {text for text in written_texts(page, 3) if text.replace(".", "").isdigit()}
     assert {text for text in numbers if float(text) < 10.0} == {"1", "2", "3"}
+
+
+def test_a_low_panel_has_numbers_beside_zero_at_its_y_axis(page: Page) -> None:
+    assert {"-0.2", "0.0", "0.2"} <= set(written_texts(page, 4))
 
 
 @pytest.mark.parametrize("turn", [-100, 100])

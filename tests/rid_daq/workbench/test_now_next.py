@@ -53,6 +53,21 @@ def test_state_and_next_step_stay_visible_wherever_the_page_is_scrolled(
     give_back(page)
 
 
+@pytest.mark.parametrize(
+    ("tab", "target"), [("Experiment", "#drive-title"), ("Payload", "#prepare")]
+)
+def test_a_check_leads_to_the_start_of_the_motion_on_the_same_page(
+    open_page: OpenPage, tab: str, target: str
+) -> None:
+    page = open_page()
+    take_cell(page)
+    go_to(page, tab)
+    page.locator("#check").click()
+    expect(page.locator("#now-next")).to_contain_text("Check: done")
+    expect(page.locator("#now-next a.main")).to_have_attribute("href", target)
+    give_back(page)
+
+
 def test_a_page_without_the_job_shows_its_progress_and_leads_to_it(
     open_page: OpenPage, served_pages: ServedProcess, program_lease: str
 ) -> None:

@@ -157,3 +157,14 @@ def _sent_request(page: Page, kind: str) -> object:
     (request,) = requests
     assert request["kind"] == kind
     return request["request"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "needs"), [("axes", "held"), ("jog", "held"), ("record", "ready"), ("check", "lease")]
+)
+def test_a_form_of_a_held_motion_does_not_require_an_earlier_axis_test(
+    open_page: OpenPage, kind: str, needs: str
+) -> None:
+    page = open_page()
+    page.goto(f"{page.url.split('?')[0]}/operations/{kind}")
+    expect(page.locator("#begin")).to_have_attribute("data-needs", needs)

@@ -7,12 +7,14 @@ import html
 import re
 import shlex
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
 from acquisition.motion.fourier import samples_of_period
 from acquisition.runs.folder import RunFolder
 from config.load import load_cell
+from config.robot.friction_terms import FRICTION_TERM_WORDS, FrictionTerm
 from identification.choices import LoadFormat
 from rid_daq.service.api.app import make_api
 from rid_daq.service.api.runs import run_folder
@@ -126,6 +128,15 @@ def test_the_settings_show_the_commands_of_a_new_cell(tmp_path: Path) -> None:
     assert init == ["rid-daq", "init", new, "--urdf", "ROBOT.urdf"]
     cells = ["ir361", "kr15", f"{new}/cell.yaml"]
     assert serve == ["rid-daq", "serve", *cells, "--folder", str(folder)]
+
+
+def test_the_model_can_have_every_friction_term_and_each_is_explained(tmp_path: Path) -> None:
+    service = CellService(tmp_path, [ServedCell("ir361", 20.0)])
+    api = Api(service)
+    api.app = make_api(service, api.door, PAGES)
+    page = api.ask(Role.VIEWER, "GET", "/cells/ir361/identify").text
+    offered = re.findall(r'name="term" value="(\w+)"[^>]*> [\w ]+ <span class="soft">\(\w', page)
+    assert offered == [*get_args(FrictionTerm)] == [*FRICTION_TERM_WORDS]
 
 
 def test_the_usual_periods_of_a_motion_are_whole_cycles(tmp_path: Path) -> None:
