@@ -54,7 +54,7 @@ def test_a_cell_file_that_contradicts_the_drive_is_refused(stated: ServoProfile)
 
 
 def test_a_robot_file_that_contradicts_the_drive_is_refused_with_both_numbers() -> None:
-    with raises_code(PreflightError, "RID-DRIVE-RATING", "10 N m/A", "20 N m/A"):
+    with raises_code(PreflightError, "RID-DRIVE-RATING", "10", "20"):
         settings_of(ServoProfile(), ServoProfile(), with_constant(20.0))
 
 

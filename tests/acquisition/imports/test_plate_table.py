@@ -162,7 +162,7 @@ def test_too_few_rows_are_refused(tmp_path: Path) -> None:
 
 
 def test_too_few_increasing_stamps_are_refused_as_such(tmp_path: Path) -> None:
-    with raises_code(DataQualityError, "RID-IMPORT-ROWS", "4 of 400", "time stamps"):
+    with raises_code(DataQualityError, "RID-IMPORT-ROWS", "4", "400"):
         _read(tmp_path, VALUES, digits=0, **CHANNELS)
 
 

@@ -80,7 +80,7 @@ def test_a_rated_current_that_the_drive_contradicts_is_refused(
         bench.axes.bring_up()
     (line,) = ratings(bench, "6075h:00")
     assert line.verdict == "red"
-    assert all(number in line.found for number in ("5 A (5000)", "7 A"))
+    assert all(number in line.found for number in ("5000", "7000"))
 
 
 @pytest.mark.parametrize(
@@ -118,7 +118,7 @@ def test_a_rating_that_no_conversion_uses_is_compared_too(
 ) -> None:
     bench = make_stating(ServoProfile(rated_current_a=7.0))
     set_rated_current(bench, 5000)
-    with raises_code(PreflightError, "RID-DRIVE-RATING", "5 A (5000)", "7 A"):
+    with raises_code(PreflightError, "RID-DRIVE-RATING", "5000", "7"):
         bench.axes.bring_up()
 
 
@@ -129,7 +129,7 @@ def test_a_rated_current_is_read_from_the_object_that_the_profile_names(
     bench = make_stating(stated)
     for drive in bench.drives:
         drive.objects[0x6410, 1] = (5000).to_bytes(2, "little")
-    with raises_code(PreflightError, "RID-DRIVE-RATING", "6410h:01", "5 A (5000)", "7 A"):
+    with raises_code(PreflightError, "RID-DRIVE-RATING", "6410h:01", "5000", "7"):
         bench.axes.bring_up()
 
 
