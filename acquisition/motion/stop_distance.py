@@ -65,7 +65,7 @@ def verify_stops(
         raise PreflightError(
             f"a stop {row * samples.sample_period_s:.2f} s after the motion's start would end with"
             f" {text}; nothing was moved. Plan a motion that is slower near this limit, or raise"
-            f" quick_stop_deceleration_rad_s2 of axis {joint}, if motor and gear allow it",
+            f" quick_stop_deceleration_rad_s2 of {joint}, if motor and gear allow it",
             code="RID-MOTION-STOP",
         )
     if len(clearances) == 0:

@@ -65,7 +65,7 @@ def test_a_far_too_low_deceleration_is_refused_before_power(
     stop = next(x for x in red if "stop from top speed" in x["what"] and "axis1" in x["where"])
     assert found in stop["found"]
     assert "raise drive_safety.quick_stop_deceleration_rad_s2" in stop["next_action"]
-    assert found in refused
+    assert "RID-MOTION-STOP" in refused
     power = [word for word in log.read_text().split() if word.startswith(("201#0F", "202#0F"))]
     assert power == []
     measured(f"{deceleration:g} rad/s²: {found}; allowed 2 s, 5.4 rad: exit 3, 0 motion frames")

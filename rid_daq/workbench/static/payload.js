@@ -163,10 +163,10 @@ function request() {
 function doubtMass() {
   const { mostKg, mostWords } = find("mass").dataset;
   const tooHeavy = mostKg && parseNumber(find("mass").value) > Number(mostKg);
-  const isNothing = find("mass").value.trim() !== "" && find("payload")?.value === "";
-  let text = tooHeavy ? `This mass is larger than ${mostWords}, ${Number(mostKg)} kg: correct the mass.` : "";
-  if (isNothing) text = "The simulated flange carries nothing: choose a payload, or leave this field empty.";
-  doubtField(find("mass"), text);
+  const flange = /** @type {HTMLSelectElement | null} */ (find("payload"));
+  const isNothing = flange && flange.options.length > 1 && !flange.value && find("mass").value.trim();
+  const empty = isNothing ? "The simulated flange carries nothing: choose a payload, or leave this field empty." : "";
+  doubtField(find("mass"), tooHeavy ? `This mass is larger than ${mostWords}, ${Number(mostKg)} kg: correct the mass.` : empty);
 }
 find("mass").addEventListener("input", doubtMass);
 find("payload")?.addEventListener("change", doubtMass);
