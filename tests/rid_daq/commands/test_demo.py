@@ -42,7 +42,7 @@ BOUNDS: dict[str, tuple[float, float, int]] = {
     "without_unmodelled.estimate.condition_number": (10.0, 80.0, 1),
     "without_unmodelled.estimate.parameters.*.deviation_sigmas": (-3.5, 3.5, 23),
     "without_unmodelled.estimate.axes.*.percent": (0.05, 0.5, 3),
-    # 0.9 or up to 1.8, depending on the time at which the exchange begins
+    # 0.9; up to 1.8 if a drive's heartbeat meets SYNC, and delays it by 56 us every 200 ms
     "without_unmodelled.estimate.axes.*.over_noise": (0.7, 2.0, 3),
     "without_unmodelled.validation.axes.*.relative_error_percent": (0.5, 2.0, 3),
     "without_unmodelled.validation.axes.*.error_over_floor": (0.95, 1.05, 3),
