@@ -166,6 +166,7 @@ def listen_for_masters(link: CanLink, cell: CellConfig, watch: DriveWatch) -> No
         frame = link.receive(until_s)
         if frame is not None:
             watch.refuse_foreign_master(frame.cob_id)
+            watch.handle_emergency(frame, link.last_time_s)
 
 
 def _listen(link: CanLink, watch: DriveWatch, duration_s: float, *, until_booted: bool) -> None:

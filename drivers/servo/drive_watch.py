@@ -120,6 +120,11 @@ class DriveWatch:
             return f"SDO requests to node {cob_id - SDO_REQUEST_BASE}"
         return own
 
+    def handle_emergency(self, frame: Frame, now_s: float) -> None:
+        """Process a frame if it is a drive's emergency message."""
+        if (axis := self._emcy.get(frame.cob_id)) is not None:
+            self._emergency_arrived(axis, frame.data, now_s)
+
     def handle(self, frame: Frame, now_s: float) -> None:
         """Process a frame that is not a TPDO of this cell.
 

@@ -165,13 +165,18 @@ class _Reports:
                 on.
         """
         axes = self._axes
-        states, codes = axes.service.power_states(), axes.service.error_codes()
+        states = axes.service.power_states()
         if axes.disable() and (powered := axes.service.switch_off()):
             raise DeviceFaultError(
                 f"the drives did not switch their power off: {', '.join(powered)}; use the"
                 " emergency stop",
                 code="RID-DRIVE-NOT-STOPPED",
             )
+        axes.service.claim_bus()
+        for event in axes.take_events():  # the code of a later fault would hide that of this one
+            if event.kind is EventKind.EMERGENCY:
+                self.add(event, expected=(EventKind.EMERGENCY,))
+        codes = axes.service.error_codes()
         accepted = [self.lost_connection_codes(joint) for joint in axes.joint_names]
         others = list(self._other)
         each = zip(axes.joint_names, states, codes, accepted, strict=True)

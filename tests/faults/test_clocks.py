@@ -14,6 +14,8 @@ from config.load import LoadedCell
 
 T = 0.008
 AT = 230
+FRAME_S = 1e-4
+"""Time by which the bus can delay a heartbeat."""
 Measured = Callable[[str], None]
 
 
@@ -53,7 +55,7 @@ def test_heartbeats_at_half_the_rate_stop_all_axes_within_the_timeout(
     stop_s = max(run.quick_stops().values())
     beats = heartbeat_times_s(run, 1, stop_s)
     assert beats[-1] > run.syncs_s[AT - 1], "the last heartbeat before the fault is in time"
-    assert timeout_s < stop_s - beats[-1] <= timeout_s + T
+    assert timeout_s - FRAME_S < stop_s - beats[-1] <= timeout_s + T
     run.assert_at_rest()
     later_s = next(t for t in heartbeat_times_s(run, 1, np.inf) if t > stop_s)
     assert later_s - beats[-1] == pytest.approx(0.100, abs=1e-3), (

@@ -189,6 +189,6 @@ def test_a_fault_that_comes_before_the_reset_is_not_reset(monkeypatch: pytest.Mo
             claim_bus()
 
         monkeypatch.setattr(service, "claim_bus", fail_before_a_reset)
-        with raises_code(PreflightError, "RID-PREFLIGHT-RED", "3210h"):
+        with raises_code(DeviceFaultError, "RID-DRIVE-FAULT", "3210h"):
             try_it(open_cell, cell)
         assert bus.drives[1].power.state is PowerState.FAULT

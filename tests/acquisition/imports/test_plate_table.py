@@ -37,7 +37,7 @@ def _map(**plate: object) -> ImportMap:
     return ImportMap.model_validate_json(json.dumps(layout))
 
 
-def _read(folder: Path, values: np.ndarray, *, digits: int = 9, **plate: object) -> PlateTable:
+def _read(folder: Path, values: np.ndarray, digits: int = 9, /, **plate: object) -> PlateTable:
     robot, file = folder / "robot.csv", folder / "plate.csv"
     robot.write_text("time,q,tau\n0,0,0\n")
     names = plate.get("channels") or plate["wrench"]
@@ -163,7 +163,7 @@ def test_too_few_rows_are_refused(tmp_path: Path) -> None:
 
 def test_too_few_increasing_stamps_are_refused_as_such(tmp_path: Path) -> None:
     with raises_code(DataQualityError, "RID-IMPORT-ROWS", "4", "400"):
-        _read(tmp_path, VALUES, digits=0, **CHANNELS)
+        _read(tmp_path, VALUES, 0, **CHANNELS)
 
 
 def test_columns_in_two_files_are_refused(tmp_path: Path) -> None:
