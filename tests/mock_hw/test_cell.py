@@ -213,7 +213,9 @@ def test_the_axes_of_a_killed_master_are_at_rest_in_time(loaded: LoadedCell) -> 
     assert np.abs(at_rest.position - before).min() > 0.05, "the axes must have moved before"
     last_sync_s = max(f.time_ns for f in frames if f.can_id == 0x080) * 1e-9
     cut = [f for f in frames if 0x081 <= f.can_id <= 0x083]
-    assert [parse_emcy(f.data).code for f in cut] == [0x8130] * 3
+    codes = [parse_emcy(f.data).code for f in cut]
+    assert codes.count(0x8130) == 3, "each drive misses the heartbeat"
+    assert set(codes) <= {0x8130, 0x8250}, "the set-points may be missing first"
     assert all(f.time_ns * 1e-9 < last_sync_s + 0.100 for f in cut)
     ramp_s = SPEED_RAD_S / loaded.config.drive_safety.quick_stop_deceleration_rad_s2
     assert stopped(at_rest)
