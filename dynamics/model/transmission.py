@@ -26,12 +26,6 @@ class GearLoss:
     kind: Literal["efficiency", "load"]
     parameter: NonlinearParameter
 
-    @property
-    def size(self) -> float:
-        """Size of the loss; 0 for a lossless gear."""
-        value = self.parameter.value
-        return 1.0 - value if self.kind == "efficiency" else value
-
 
 @dataclass(frozen=True)
 class Transmission:
@@ -40,8 +34,8 @@ class Transmission:
     Let s = 1 if the motor drives the load, and s = -1 if the load drives the motor. The torque of
     the load is multiplied by eta^-s (5.16, 5.17), or by 1 + c s for a load-dependent friction c
     |load| sign(v). A gear does not transmit the inertia torque of its own motor's rotor. But if an
-    estimate does not distinguish the rotor's inertia from that of the link, both count as
-    transmitted load (`identification.estimation.lossy_gears`).
+    estimate cannot distinguish the rotor's inertia from that of the link, both count as transmitted
+    load.
     """
 
     losses: tuple[GearLoss, ...] = ()

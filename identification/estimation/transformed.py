@@ -9,7 +9,6 @@ import numpy as np
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
-from identification.estimation.lossy_gears import joints_with_separate_rotors
 from identification.model.base_parameters import base_parameters
 from identification.model.options import ModelOptions
 
@@ -29,10 +28,7 @@ def transform(
         matrix: Shape (p', p). Matrix from the standard parameters of the old model to those of the
             new one.
     """
-    lossy = joints_with_separate_rotors(estimate.model, estimate.base)
-    base = base_parameters(
-        options.build(robot), kind=options.kind, still=estimate.still, lossy=lossy
-    )
+    base = base_parameters(options.build(robot), kind=options.kind, still=estimate.still)
     heads = np.eye(len(estimate.base.standard_names))[list(estimate.base.kept)].T
     turned = base.combination @ matrix @ heads
 

@@ -101,7 +101,6 @@ def base_parameters(
     *,
     kind: ModelKind = "internal",
     still: Sequence[StillJoint] = (),
-    lossy: Sequence[int] = (),
     seed: int = 0,
 ) -> BaseParameters:
     """Find the base parameters of a robot model, from random samples with large excitation.
@@ -109,20 +108,17 @@ def base_parameters(
     Args:
         model: The robot.
         kind: Measured quantities: joint torques (the internal model), the six components of the
-            base wrench (external), or both. If the model contains a payload, half of the samples
-            are with the payload and half are without it.
+            base wrench (external), or both. Gears count as lossless. If the model contains a
+            payload, half of the samples are with the payload and half are without it.
         still: Joints at rest, with their positions. Their torques count as not measured, because
             friction at standstill can have any value.
-        lossy: Joints whose gears have the model's losses; all other gears count as lossless. The
-            loss separates the inertia of the joint's own rotor, whose torque its gear does not
-            transmit, from that of the links.
         seed: Seed of the samples. The positions of all other joints are in -pi..pi [rad or m], so
             that the result is a property of the structure and not of one motion.
 
     Raises:
         EstimationError: No joint moves, no parameter has an effect, or the rank is ambiguous.
     """
-    stacked = random_regressor(model, kind=kind, still=still, lossy=lossy, seed=seed)
+    stacked = random_regressor(model, kind=kind, still=still, seed=seed)
     return independent_columns(stacked, model.parameter_names, model.parameter_units)
 
 
@@ -131,7 +127,6 @@ def random_regressor(
     *,
     kind: ModelKind = "internal",
     still: Sequence[StillJoint] = (),
-    lossy: Sequence[int] = (),
     seed: int = 0,
 ) -> FloatArray:
     """Return the regressor for `base_parameters`, shape (rows, p)."""
@@ -148,17 +143,15 @@ def random_regressor(
             "no joint moves in the runs: record a motion that moves the joints",
             code="RID-MOTION-UNINFORMATIVE",
         )
-    losses = tuple(loss for loss in model.transmission.losses if loss.joint in lossy)
-    model = replace(model, transmission=Transmission(losses))
+    lossless = replace(model, transmission=Transmission())
     temperature = random.uniform(280.0, 350.0, shape)
-    load = random.normal(size=shape) if losses else None
     parts: list[FloatArray] = []
     for payload in (False, True) if "payload" in model.parameter_groups else (False,):
-        conditions = Conditions(temperature_k=temperature, load_nm=load, payload=payload)
+        conditions = Conditions(temperature_k=temperature, payload=payload)
         if kind != "external":
-            parts.append(regressor(model, q, v, a, conditions)[:, measured])
+            parts.append(regressor(lossless, q, v, a, conditions)[:, measured])
         if kind != "internal":
-            parts.append(base_wrench_regressor(model, q, v, a, conditions))
+            parts.append(base_wrench_regressor(lossless, q, v, a, conditions))
     columns = len(model.parameter_names)
     return np.vstack([part.reshape(-1, columns) for part in parts])
 
