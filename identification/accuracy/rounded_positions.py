@@ -134,11 +134,7 @@ class RoundedPositions:
                 f"In the band up to {self.band_hz:g} Hz the errors are so large that the intervals"
                 f" can be too narrow{lower}."
             )
-        if self.widening >= WIDER:
-            found.append(
-                f"The intervals contain this effect; they became up to {self.widening:.2g} times"
-                " wider."
-            )
+        found += widening_sentences(self.widening)
         return " ".join([*found, "Record positions with more digits, or velocities as well."])
 
     def widen(
@@ -168,6 +164,13 @@ class RoundedPositions:
             ],
         )
         return wider, replace(self, widening=widening)
+
+
+def widening_sentences(widening: float) -> list[str]:
+    """Return a sentence on intervals that became much wider; none for other intervals."""
+    if widening < WIDER:
+        return []
+    return [f"The intervals contain this effect; they became up to {widening:.2g} times wider."]
 
 
 def with_rounding(estimate: Estimate, others: Sequence[Estimate]) -> tuple[Estimate, float]:

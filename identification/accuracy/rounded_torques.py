@@ -20,6 +20,7 @@ from identification.accuracy.rounded_positions import (
     ROUNDINGS,
     WIDER,
     further_errors,
+    widening_sentences,
     with_rounding,
 )
 from identification.estimation.estimate import Estimate
@@ -82,11 +83,7 @@ class RoundedTorques:
         found = [
             f"The recorded torques have few digits (steps: {sizes}), which changes the parameters."
         ]
-        if self.widening >= WIDER:
-            found.append(
-                f"The intervals contain this effect; they became up to {self.widening:.2g} times"
-                " wider."
-            )
+        found += widening_sentences(self.widening)
         if self.is_coarse.any():
             names = np.array(self.robot.joint_names)[self.is_coarse.any(axis=0)]
             found.append(
