@@ -9,6 +9,7 @@ the same filter of finite length.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -113,6 +114,11 @@ def smooth_gaussian(values: FloatArray, step_s: float, width_s: float) -> FloatA
         )
 
     return stored_columns(smooth, values)
+
+
+def load_width_s(cutoff_hz: float) -> float:
+    """Return the standard deviation of a Gaussian with -3 dB at a cut-off frequency [s]."""
+    return math.sqrt(math.log(2.0)) / (2.0 * math.pi * cutoff_hz)
 
 
 def window_reach(step_s: float, cutoff_hz: float) -> int:

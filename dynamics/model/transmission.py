@@ -26,6 +26,17 @@ class GearLoss:
     kind: Literal["efficiency", "load"]
     parameter: NonlinearParameter
 
+    @property
+    def size(self) -> float:
+        """Size of the loss; 0 for a lossless gear."""
+        value = self.parameter.value
+        return 1.0 - value if self.kind == "efficiency" else value
+
+    def of_size(self, size: float) -> GearLoss:
+        """Return this loss with another size."""
+        value = 1.0 - size if self.kind == "efficiency" else size
+        return replace(self, parameter=replace(self.parameter, value=value))
+
 
 @dataclass(frozen=True)
 class Transmission:
@@ -34,8 +45,8 @@ class Transmission:
     Let s = 1 if the motor drives the load, and s = -1 if the load drives the motor. The torque of
     the load is multiplied by eta^-s (5.16, 5.17), or by 1 + c s for a load-dependent friction c
     |load| sign(v). A gear does not transmit the inertia torque of its own motor's rotor. But if an
-    estimate cannot distinguish the rotor's inertia from that of the link, both count as transmitted
-    load.
+    estimate does not distinguish the rotor's inertia from that of the link, both count as
+    transmitted load (`identification.estimation.lossy_gears`).
     """
 
     losses: tuple[GearLoss, ...] = ()

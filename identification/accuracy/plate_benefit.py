@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import solve_triangular
@@ -104,7 +104,7 @@ def improvement(fitted: FittedPeriods) -> Improvement:
     both = [part for parts in white for part in parts]
     joints = [part for parts in white for part in parts[:n]]
     plates = [part for parts in white for part in parts[n:]]
-    internal = base_parameters(fitted.model, kind="internal")
+    internal = replace(fitted.options, kind="internal").base_parameters(fitted.robot)
     external = base_parameters(fitted.model, kind="external")
     rows = [(internal, i) for i in range(len(internal))]
     rows += [

@@ -20,6 +20,7 @@ from identification.design.criteria import Condition, Criterion, DOptimal, Goals
 from identification.design.model import design_model
 from identification.design.problem import ExcitationProblem
 from identification.estimation.estimate import Estimate, predict
+from identification.estimation.transformed import with_rotors_in_links
 from identification.model.base_parameters import BaseParameters, base_parameters
 
 EXPECTED_NOISE_SHARE: Final = 0.01
@@ -191,7 +192,7 @@ def _information(base: BaseParameters, given: Sequence[Estimate]) -> FloatArray:
     Friction is left out: it changes from day to day, and is estimated anew (theory: section 4).
     """
     information = np.zeros((len(base), len(base)))
-    for estimate in given:
+    for estimate in map(with_rotors_in_links, given):
         carried = [k for k, rigid in enumerate(_lasting_parameters(estimate)) if rigid]
         words = [estimate.base.expressions[k] for k in carried]
         missing = [text for text in words if text not in base.expressions]

@@ -23,7 +23,7 @@ from acquisition.processing.torque_channel import (
     TorqueChannel,
     with_padding,
 )
-from acquisition.processing.unfiltered import UnfilteredSignals
+from acquisition.processing.unfiltered import UnfilteredSignals, load_width_s, smooth_gaussian
 from config.arrays import BoolArray, FloatArray, IntArray
 from config.errors import EstimationError
 from dynamics.model.robot_model import RobotModel, regressor
@@ -73,6 +73,7 @@ class Piece:
         step_s: Time between rows [s].
         torque: Shape (bins, n). Spectrum of the low-passed torque.
         low_pass: Shape (bins,). Gain of the low-pass.
+        load_width_s: Width of the smoothing of `load_nm`, whose sign must not follow noise [s].
         length: Rows of the padded segment; its period is `length` times `step_s`.
         slow: Shape (rows, n). True if the actuator is too slow for its friction to be known, or
             reverses before the next row or after the previous one.
@@ -86,6 +87,7 @@ class Piece:
     step_s: float
     torque: ComplexArray
     low_pass: FloatArray
+    load_width_s: float
     length: int
     slow: BoolArray
     held: IntArray | None = None
@@ -215,7 +217,7 @@ class CandidateEquations:
         """Return these equations with the gears' load computed from base parameters (b,)."""
         pieces = []
         for piece in self.pieces:
-            load_nm = piece.rigid @ values
+            load_nm = smooth_gaussian(piece.rigid @ values, piece.step_s, piece.load_width_s)
             kept = {key: own for key, own in piece.spectra.items() if key[1] != "load"}
             pieces.append(replace(piece, load_nm=load_nm, spectra=kept))
         return replace(self, pieces=tuple(pieces))
@@ -365,6 +367,7 @@ def _piece(
         step_s=step_s,
         torque=torque[: len(low_pass)] * low_pass[:, np.newaxis] / stride,
         low_pass=low_pass,
+        load_width_s=load_width_s(cutoff_hz) if isinstance(run, UnfilteredSignals) else 0.0,
         length=length,
         slow=~of_rows(model, run.velocity[thin], standstill_rad_s),
         held=None if held is None else np.maximum(held[rows] - rows.start, 0),

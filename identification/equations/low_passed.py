@@ -8,7 +8,7 @@ once, and then reused.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Final
 
@@ -129,7 +129,11 @@ class LowPassedColumns:
         """Return the unfiltered columns of source rows; without derivatives if `linear`."""
         conditions = self.conditions.part(rows)
         standard = None if linear else self.standard
-        motion = ParallelFilter(self.signals).motion(rows)
+        shared = ParallelFilter(self.signals)
+        motion = shared.motion(rows)
+        if standard is not None and self.model.transmission.losses:
+            load = shared.load_nm(self.model, standard, rows, conditions)
+            conditions = replace(conditions, load_nm=load)
         return torque_columns(self.model, self.base, motion, conditions, standard)
 
     @cached_property

@@ -17,14 +17,21 @@ from typing import Final
 import numpy as np
 
 from acquisition.processing.smoothing import SmoothedSignals, low_pass
-from acquisition.processing.unfiltered import UnfilteredSignals, window_mean, window_reach
+from acquisition.processing.unfiltered import (
+    SMOOTHING_REACH,
+    UnfilteredSignals,
+    load_width_s,
+    smooth_gaussian,
+    window_mean,
+    window_reach,
+)
 from config.arrays import PIECE_ROWS, BoolArray, FloatArray, IntArray
 from dynamics.model.memory import (
     presliding_of_model,
     samples_with_known_friction,
     with_presliding_history,
 )
-from dynamics.model.robot_model import RobotModel
+from dynamics.model.robot_model import RobotModel, load_torque
 from dynamics.model.standstill import moving_actuators, moving_without_reversal
 from dynamics.terms.conditions import Conditions
 from identification.equations.torque_kinks import integrable_torque
@@ -62,6 +69,36 @@ class ParallelFilter:
         motion = (source.position, source.velocity, source.acceleration)
         q, v, a = (np.ascontiguousarray(values[rows]) for values in motion)
         return q, v, a
+
+    def load_nm(
+        self, model: RobotModel, standard: FloatArray, rows: slice, own: Conditions
+    ) -> FloatArray:
+        """Return the torque that each gear transmits, whose sign is the direction of its losses.
+
+        The acceleration is smoothed, because the noise of a position's second derivative changes
+        the sign of a small load, and so increases the loss.
+
+        Args:
+            model: The robot.
+            standard: Shape (p,). Its parameters.
+            rows: Rows of the source, of one segment.
+            own: Conditions of these rows.
+
+        Returns:
+            (rows, n) array [N m or N].
+        """
+        q, v, a = self.motion(rows)
+        source = self.signals.unfiltered
+        if source is not None:
+            width_s = load_width_s(self.signals.cutoff_hz)
+            reach = math.ceil(SMOOTHING_REACH * width_s / source.sample_period_s)
+            number = int(source.segment[rows.start])
+            first, end = np.searchsorted(source.segment, [number, number + 1]).tolist()
+            start = max(first, rows.start - reach)
+            near = np.asarray(source.acceleration[start : min(end, rows.stop + reach)])
+            smooth = smooth_gaussian(near, source.sample_period_s, width_s)
+            a = np.ascontiguousarray(smooth[rows.start - start :][: len(q)])
+        return load_torque(model, q, v, a, standard, own)
 
     def conditions(self, model: RobotModel, own: Conditions) -> Conditions:
         """Return the conditions of the source's rows, including presliding hysteresis.

@@ -254,8 +254,8 @@ def predict(
     Args:
         estimate: The identified robot.
         q, v, a: Shape (samples, n). Motion [rad or m, per second, per second squared].
-        conditions: Temperature and payload. The load is computed here; the presliding hysteresis as
-            well, unless it is given.
+        conditions: Temperature and payload. The load and the presliding hysteresis are computed
+            here, unless they are given.
 
     Raises:
         EstimationError: A joint that did not move during the identification is at another
@@ -285,10 +285,11 @@ def base_regressor(
     Args:
         estimate: The identified robot.
         q, v, a: As for `predict`.
-        conditions: Temperature, payload and presliding hysteresis; the load is computed here.
+        conditions: Temperature, payload and presliding hysteresis; the load is computed here,
+            unless it is given.
     """
     model = estimate.model
-    if model.transmission.losses:
+    if model.transmission.losses and (conditions is None or conditions.load_nm is None):
         load = load_torque(model, q, v, a, estimate.standard_values, conditions)
         conditions = replace(conditions or Conditions(), load_nm=load)
     return estimate.base.columns(regressor(model, q, v, a, conditions))

@@ -198,7 +198,7 @@ def _require_room(kind: type[ConfigModel], source: DataclassInstance, *elsewhere
 def estimate_document(estimate: Estimate) -> EstimateDocument:
     """Return an estimate as the content of its file."""
     base, model, plate = estimate.base, estimate.model, estimate.plate
-    _require_room(_Options, estimate.options, "nonlinear")
+    _require_room(_Options, estimate.options, "nonlinear", "separate_rotors")
     _require_room(EstimateDocument, estimate, *_ELSEWHERE)
     noise = estimate.sigma_noise
     return EstimateDocument.from_attributes(
@@ -274,7 +274,7 @@ def _to_estimate(document: EstimateDocument) -> Estimate:
     )
     return document.to_dataclass(
         Estimate,
-        options=options,
+        options=options.fitted(model, base),
         base=base,
         values=[parameter.value for parameter in document.parameters],
         covariance_jackknife=np.array(document.covariance_honest),

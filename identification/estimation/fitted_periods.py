@@ -21,6 +21,7 @@ from identification.equations.bins import BinEquations, mean_motion
 from identification.equations.plate_fit import PlateFit
 from identification.equations.whitened import residual_covariance
 from identification.estimation.estimate import Estimate, position_range
+from identification.estimation.lossy_gears import separate_rotors
 from identification.estimation.nonlinear_parameters import fit_nonlinear
 from identification.estimation.options import EstimationOptions
 from identification.estimation.periodic_fit import PeriodicFit, PeriodicProblem
@@ -66,6 +67,13 @@ class FittedPeriods:
     def base(self) -> BaseParameters:
         """The base parameters, which are the first b values of the solution."""
         return self.problem.base
+
+    @property
+    def sigma(self) -> FloatArray:
+        """Standard deviations of the solution, from the residuals, shape (p,)."""
+        solution = self.fit.solution
+        covariance = residual_covariance(self.fit.white, solution.values, solution.covariance)
+        return np.asarray(np.sqrt(np.diagonal(covariance)))
 
     def estimate(self, cell_name: str = "", run_ids: tuple[str, ...] = ()) -> Estimate:
         """Return the estimate, with the names of the cell and the runs."""
@@ -161,16 +169,40 @@ def fit_periodic(
     problem = replace(problem, inertia=np.array(sizes), base_inertia=np.array(squares))
     problem, fit = _solve_with_delays(problem, model, None, equations)
     if model.nonlinear_names and terms.kind != "external":
+        values = fit.solution.values[fit.of_base]
+        problem, model, equations, fit = _fit_nonlinear(problem, model, values)
+    found = FittedPeriods(robot, terms, model, problem, equations, fit, still)
 
-        def solve(model: RobotModel, standard: FloatArray) -> Solution:
-            return problem.fit(model, standard, problem.equations(model, standard)).solution
+    def refit(separate: BaseParameters) -> tuple[FittedPeriods, FloatArray, FloatArray]:
+        standard = base.to_standard(fit.solution.values[fit.of_base])
+        changed = replace(
+            problem,
+            base=separate,
+            prior=prior_rows(separate, options.prior),
+            known=None if bodies is None else known_values(model, separate, bodies),
+        )
+        fitted = _fit_nonlinear(changed, model, standard[list(separate.kept)])
+        again = FittedPeriods(robot, terms, fitted[1], fitted[0], fitted[2], fitted[3], still)
+        return again, again.fit.solution.values[again.fit.of_base], again.sigma[again.fit.of_base]
 
-        shaped = fit_nonlinear(model, base, fit.solution.values[fit.of_base], solve)
-        model = shaped.model
-        equations = problem.equations(model, shaped.standard)
-        problem, fit = _solve_with_delays(problem, model, shaped.standard, equations)
-    terms = terms.with_nonlinear_of(model)
-    return FittedPeriods(robot, terms, model, problem, equations, fit, still)
+    if fit.nonlinear:
+        sigma = found.sigma[fit.of_nonlinear]
+        found = separate_rotors(model, base, sigma, refit, options=terms, still=still) or found
+    return replace(found, options=terms.fitted(found.model, found.base))
+
+
+def _fit_nonlinear(
+    problem: PeriodicProblem, model: RobotModel, values: FloatArray
+) -> tuple[PeriodicProblem, RobotModel, tuple[BinEquations, ...], PeriodicFit]:
+    """Fit the nonlinear parameters, beginning with the base parameters `values`, shape (b,)."""
+
+    def solve(model: RobotModel, standard: FloatArray) -> Solution:
+        return problem.fit(model, standard, problem.equations(model, standard)).solution
+
+    shaped = fit_nonlinear(model, problem.base, values, solve)
+    equations = problem.equations(shaped.model, shaped.standard)
+    fitted, fit = _solve_with_delays(problem, shaped.model, shaped.standard, equations)
+    return fitted, shaped.model, equations, fit
 
 
 def unsolved_equations(

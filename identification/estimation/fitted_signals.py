@@ -7,7 +7,9 @@ cross-validation, which only predicts torques, uses the fit without intervals.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from acquisition.processing.smoothing import SmoothedSignals
 from config.arrays import FloatArray
@@ -17,11 +19,13 @@ from dynamics.model.robot_model import RobotModel
 from identification.equations.time_domain import count_rows, time_runs
 from identification.estimation.estimate import Estimate, position_range
 from identification.estimation.fitted_periods import build_model
+from identification.estimation.lossy_gears import separate_rotors
 from identification.estimation.options import EstimationOptions
 from identification.estimation.prior import prior_rows
 from identification.estimation.smoothed_fit import (
     SmoothedFit,
     SmoothedProblem,
+    fit_from,
     fit_with_nonlinear,
 )
 from identification.model.base_parameters import BaseParameters
@@ -61,6 +65,11 @@ class FittedSignals:
     def values(self) -> FloatArray:
         """Values of the base parameters, shape (b,)."""
         return self.fit.solution.values[: len(self.base)]
+
+    @property
+    def sigma(self) -> FloatArray:
+        """Standard deviations of the solution, from residuals that count as white, shape (p,)."""
+        return np.asarray(np.sqrt(np.diagonal(self.fit.solution.covariance)))
 
     @property
     def standard_values(self) -> FloatArray:
@@ -143,16 +152,30 @@ def fit_smoothed(
             " motion, or use --model internal",
             code="RID-MODEL-KIND",
         )
-    known = None if bodies is None else known_values(model, base, bodies)
-    problem = SmoothedProblem(
-        base=base,
-        runs=time_runs(model, signals, payload or [False] * len(signals), known),
-        standstill_rad_s=options.standstill_rad_s,
-        weighting=options.weighting,
-        prior=prior_rows(base, options.prior),
-        still=tuple(robot.joint_names.index(each.joint) for each in still),
-    )
+
+    def problem_of(model: RobotModel, base: BaseParameters) -> SmoothedProblem:
+        known = None if bodies is None else known_values(model, base, bodies)
+        return SmoothedProblem(
+            base=base,
+            runs=time_runs(model, signals, payload or [False] * len(signals), known),
+            standstill_rad_s=options.standstill_rad_s,
+            weighting=options.weighting,
+            prior=prior_rows(base, options.prior),
+            still=tuple(robot.joint_names.index(each.joint) for each in still),
+        )
+
+    problem = problem_of(model, base)
     model, standard, fit = fit_with_nonlinear(model, base, problem.fit)
-    return FittedSignals(
-        robot, terms.with_nonlinear_of(model), model, problem, standard, fit, still
-    )
+    found = FittedSignals(robot, terms, model, problem, standard, fit, still)
+
+    def refit(separate: BaseParameters) -> tuple[FittedSignals, FloatArray, FloatArray]:
+        problem = problem_of(model, separate)
+        values = found.standard_values[list(separate.kept)]
+        fitted = fit_from(model, separate, problem.fit, values, fit.scale_nm)
+        again = replace(found, problem=problem, model=fitted[0], standard=fitted[1], fit=fitted[2])
+        return again, again.values, again.sigma[: len(separate)]
+
+    if standard is not None:
+        sigma = found.sigma[len(base) :]
+        found = separate_rotors(model, base, sigma, refit, options=terms, still=still) or found
+    return replace(found, options=terms.fitted(found.model, found.base))

@@ -237,10 +237,19 @@ def fit_with_nonlinear(
     found = fit(model, None, None)
     if not model.nonlinear_names:
         return model, None, found
-    scale = found.scale_nm
-    values = found.solution.values
+    return fit_from(model, base, fit, found.solution.values, found.scale_nm)
+
+
+def fit_from(
+    model: RobotModel, base: BaseParameters, fit: Fit, values: FloatArray, scale_nm: FloatArray
+) -> tuple[RobotModel, FloatArray, SmoothedFit]:
+    """Fit a model with nonlinear parameters, beginning with known base parameters, shape (b,).
+
+    The other arguments and the results are those of `fit_with_nonlinear`; until the last solution,
+    each joint's rows are divided by `scale_nm`, shape (n,).
+    """
     shaped = fit_nonlinear(
-        model, base, values, lambda model, standard: fit(model, standard, scale).solution
+        model, base, values, lambda model, standard: fit(model, standard, scale_nm).solution
     )
     return shaped.model, shaped.standard, fit(shaped.model, shaped.standard, None)
 

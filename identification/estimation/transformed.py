@@ -9,7 +9,6 @@ import numpy as np
 from config.arrays import FloatArray
 from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate
-from identification.model.base_parameters import base_parameters
 from identification.model.options import ModelOptions
 
 
@@ -28,7 +27,7 @@ def transform(
         matrix: Shape (p', p). Matrix from the standard parameters of the old model to those of the
             new one.
     """
-    base = base_parameters(options.build(robot), kind=options.kind, still=estimate.still)
+    base = options.base_parameters(robot, estimate.still)
     heads = np.eye(len(estimate.base.standard_names))[list(estimate.base.kept)].T
     turned = base.combination @ matrix @ heads
 
@@ -46,3 +45,16 @@ def transform(
         covariance_residual=spread(estimate.covariance_residual),
         covariance_jackknife=spread(estimate.covariance_jackknife),
     )
+
+
+def with_rotors_in_links(estimate: Estimate) -> Estimate:
+    """Return an estimate with the base parameters of lossless gears.
+
+    The inertias of separate rotors (`ModelOptions.separate_rotors`) are added to those of the
+    links. The result is for comparisons of parameters, and not for torques: its gears would
+    transmit the torques of these rotors.
+    """
+    options = replace(estimate.options, separate_rotors=())
+    if options == estimate.options:
+        return estimate
+    return transform(estimate, estimate.robot, options, np.eye(len(estimate.base.standard_names)))

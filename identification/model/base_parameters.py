@@ -32,6 +32,7 @@ _RIGID = re.compile(r"(m|s[xyz]|I[xyz]{2})(\d+|L)")
 _KEEP_ORDER = ("Izz", "Ixx", "Ixy", "Ixz", "Iyz", "sx", "sy", "Iyy", "sz", "m")
 _ROUNDING = 1e-10
 _SAMPLES = 300
+_LOSS = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,6 +102,7 @@ def base_parameters(
     *,
     kind: ModelKind = "internal",
     still: Sequence[StillJoint] = (),
+    lossy: Sequence[int] = (),
     seed: int = 0,
 ) -> BaseParameters:
     """Find the base parameters of a robot model, from random samples with large excitation.
@@ -108,17 +110,20 @@ def base_parameters(
     Args:
         model: The robot.
         kind: Measured quantities: joint torques (the internal model), the six components of the
-            base wrench (external), or both. Gears count as lossless. If the model contains a
-            payload, half of the samples are with the payload and half are without it.
+            base wrench (external), or both. If the model contains a payload, half of the samples
+            are with the payload and half are without it.
         still: Joints at rest, with their positions. Their torques count as not measured, because
             friction at standstill can have any value.
+        lossy: Joints whose gears have a loss of any size; all other gears count as lossless. The
+            loss separates the inertia of the joint's own rotor, whose torque its gear does not
+            transmit, from that of the links.
         seed: Seed of the samples. The positions of all other joints are in -pi..pi [rad or m], so
             that the result is a property of the structure and not of one motion.
 
     Raises:
         EstimationError: No joint moves, no parameter has an effect, or the rank is ambiguous.
     """
-    stacked = random_regressor(model, kind=kind, still=still, seed=seed)
+    stacked = random_regressor(model, kind=kind, still=still, lossy=lossy, seed=seed)
     return independent_columns(stacked, model.parameter_names, model.parameter_units)
 
 
@@ -127,6 +132,7 @@ def random_regressor(
     *,
     kind: ModelKind = "internal",
     still: Sequence[StillJoint] = (),
+    lossy: Sequence[int] = (),
     seed: int = 0,
 ) -> FloatArray:
     """Return the regressor for `base_parameters`, shape (rows, p)."""
@@ -143,15 +149,17 @@ def random_regressor(
             "no joint moves in the runs: record a motion that moves the joints",
             code="RID-MOTION-UNINFORMATIVE",
         )
-    lossless = replace(model, transmission=Transmission())
+    losses = tuple(each.of_size(_LOSS) for each in model.transmission.losses if each.joint in lossy)
+    model = replace(model, transmission=Transmission(losses))
     temperature = random.uniform(280.0, 350.0, shape)
+    load = random.normal(size=shape) if losses else None
     parts: list[FloatArray] = []
     for payload in (False, True) if "payload" in model.parameter_groups else (False,):
-        conditions = Conditions(temperature_k=temperature, payload=payload)
+        conditions = Conditions(temperature_k=temperature, load_nm=load, payload=payload)
         if kind != "external":
-            parts.append(regressor(lossless, q, v, a, conditions)[:, measured])
+            parts.append(regressor(model, q, v, a, conditions)[:, measured])
         if kind != "internal":
-            parts.append(base_wrench_regressor(lossless, q, v, a, conditions))
+            parts.append(base_wrench_regressor(model, q, v, a, conditions))
     columns = len(model.parameter_names)
     return np.vstack([part.reshape(-1, columns) for part in parts])
 
@@ -198,6 +206,17 @@ def independent_columns(
         combination=combination,
         unseen=tuple(name for name, known in zip(names, seen, strict=True) if not known),
     )
+
+
+def joints_with_separate_rotors(model: RobotModel, base: BaseParameters) -> tuple[int, ...]:
+    """Return the joints with lossy gears whose rotor's inertia is a base parameter."""
+    lossy = [loss.joint for loss in model.transmission.losses]
+    return tuple(j for j in lossy if not rotor_names(j).isdisjoint(base.names))
+
+
+def rotor_names(joint: int) -> set[str]:
+    """Return the possible names of the inertia of a joint's rotor."""
+    return {f"Ia{joint + 1}", f"Im{joint + 1}"}
 
 
 def _priority(name: str) -> tuple[int, int, int]:

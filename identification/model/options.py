@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from pydantic import ValidationError
@@ -11,7 +12,13 @@ from config.ranges import Coefficient, Ranged, SmoothingRadS
 from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import Joint, RobotDescription
 from dynamics.model.robot_model import RobotModel
-from identification.model.base_parameters import ModelKind
+from identification.model.base_parameters import (
+    BaseParameters,
+    ModelKind,
+    base_parameters,
+    joints_with_separate_rotors,
+)
+from identification.model.still_joints import StillJoint
 
 
 @dataclass(frozen=True)
@@ -20,7 +27,9 @@ class ModelOptions(Ranged):
 
     `kind` selects the measured quantities: the external and the combined model need a force plate.
     `friction_terms` replaces the terms of every joint if it is given, and `nonlinear` the values of
-    the model's nonlinear parameters (`RobotModel.nonlinear_names`).
+    the model's nonlinear parameters (`RobotModel.nonlinear_names`). `separate_rotors` are the
+    joints with lossy gears whose rotor's inertia is a base parameter of its own; None: an estimate
+    finds them (`identification.estimation.lossy_gears`).
     """
 
     kind: ModelKind = "internal"
@@ -31,6 +40,7 @@ class ModelOptions(Ranged):
     friction_terms: tuple[FrictionTerm, ...] | None = None
     payload: bool = False
     nonlinear: tuple[Coefficient, ...] | None = None
+    separate_rotors: tuple[int, ...] | None = None
 
     def build(self, robot: RobotDescription) -> RobotModel:
         """Build the model of a robot with these terms.
@@ -52,9 +62,21 @@ class ModelOptions(Ranged):
         )
         return model if self.nonlinear is None else model.with_nonlinear(self.nonlinear)
 
-    def with_nonlinear_of(self, model: RobotModel) -> ModelOptions:
-        """Return these options with the nonlinear parameters of `model`."""
-        return replace(self, nonlinear=tuple(model.nonlinear_values.tolist()) or None)
+    def base_parameters(
+        self, robot: RobotDescription, still: Sequence[StillJoint] = ()
+    ) -> BaseParameters:
+        """Return the base parameters of a robot with these terms; see `base_parameters`."""
+        return base_parameters(
+            self.build(robot), kind=self.kind, still=still, lossy=self.separate_rotors or ()
+        )
+
+    def fitted(self, model: RobotModel, base: BaseParameters) -> ModelOptions:
+        """Return these options with the nonlinear parameters and separate rotors of a fit."""
+        return replace(
+            self,
+            nonlinear=tuple(model.nonlinear_values.tolist()) or None,
+            separate_rotors=joints_with_separate_rotors(model, base),
+        )
 
 
 def _with_friction(joint: Joint, terms: tuple[FrictionTerm, ...]) -> Joint:

@@ -33,7 +33,7 @@ def torque_columns(
         model: The model, at xi0.
         base: Its base parameters.
         motion: Tuple of (samples, n) arrays. q, v, a.
-        conditions: Temperature and payload.
+        conditions: Temperature and payload. The load is computed here, unless it is given.
         standard: Shape (parameters,). theta0. Without it there are no derivatives, and gears are
             lossless.
 
@@ -43,7 +43,7 @@ def torque_columns(
     if standard is None:
         lossless = replace(model, transmission=Transmission())
         return base.columns(regressor(lossless, *motion, conditions))
-    if model.transmission.losses:
+    if model.transmission.losses and (conditions is None or conditions.load_nm is None):
         load = load_torque(model, *motion, standard, conditions)
         conditions = replace(conditions or Conditions(), load_nm=load)
     phi = regressor(model, *motion, conditions)

@@ -22,7 +22,7 @@ from dynamics.model.robot_model import RobotModel
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.consistency.metric import full_rank_covariance
 from identification.estimation.estimate import Estimate
-from identification.model.base_parameters import BaseParameters, base_parameters
+from identification.model.base_parameters import BaseParameters
 from identification.model.options import ModelOptions
 from identification.payload.body import PARAMETERS, parameters_to_parent
 from identification.regression.least_squares import triangular_factor
@@ -71,7 +71,7 @@ class PayloadModel:
                 code="RID-MODEL-KIND",
             )
         model = options.build(robot)
-        alone = base_parameters(replace(options, payload=False).build(robot))
+        alone = replace(options, payload=False).base_parameters(robot)
         payload = range(len(alone.standard_names), len(model.parameter_names))
         names = tuple(model.parameter_names[j] for j in payload)
         combination = np.zeros((len(alone) + len(names), len(model.parameter_names)))
@@ -104,10 +104,6 @@ class PayloadModel:
     def flange_to_link(self) -> FloatArray:
         """Matrix of payload parameters from the flange's to the last link's frame, (10, 10)."""
         return parameters_to_parent(flange_pose(self.robot))
-
-    def with_nonlinear(self, model: RobotModel) -> PayloadModel:
-        """Return the payload model with the nonlinear parameters of another model."""
-        return replace(self, options=self.options.with_nonlinear_of(model), model=model)
 
 
 @dataclass(frozen=True, eq=False)

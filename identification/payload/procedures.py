@@ -13,6 +13,7 @@ from config.robot.robot import RobotDescription
 from dynamics.terms.rigid_body import PARAMETERS_PER_LINK
 from identification.consistency.metric import full_rank_covariance
 from identification.estimation.estimate import Estimate
+from identification.estimation.transformed import with_rotors_in_links
 from identification.model.options import ModelOptions
 from identification.payload.body import PARAMETERS
 from identification.payload.equations import (
@@ -181,7 +182,7 @@ def equations_of(
         return runs.equations(model, how.procedure, robot=how.robot)
     if how.procedure == "together":
         joint = runs.estimate(described, model.options, runs.loaded)
-        model = model.with_nonlinear(joint.model)
+        model = PayloadModel.of(described, joint.options)
         return runs.equations(model, how.procedure, robot=how.robot, standard=joint.standard_values)
     # A gear's loss depends on its load, so the equations are iterated with the payload's estimate.
     standard = np.zeros(len(model.model.parameter_names))
@@ -286,6 +287,7 @@ def equations_of_two_robots(
     Raises:
         EstimationError: The estimates are of different robots or have different terms.
     """
+    with_payload, alone = map(with_rotors_in_links, (with_payload, alone))
     if with_payload.base.expressions != alone.base.expressions:
         raise EstimationError(
             "the robots with and without payload have different model terms, or are different"

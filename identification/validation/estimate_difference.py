@@ -15,6 +15,7 @@ from scipy.special import ndtri
 from config.arrays import FloatArray
 from config.errors import EstimationError
 from identification.estimation.estimate import Estimate
+from identification.estimation.transformed import with_rotors_in_links
 
 CHANCE: Final = 0.01
 """Probability of a false difference between two estimates."""
@@ -84,6 +85,8 @@ def compare_estimates(first: Estimate, second: Estimate) -> EstimateDifference:
             " models of the same robot",
             code="RID-ROBOT-OTHER",
         )
+    if first.options.separate_rotors != second.options.separate_rotors:
+        first, second = with_rotors_in_links(first), with_rotors_in_links(second)
     one, other = _entries(first), _entries(second)
     both = [key for key in one if key in other]
     if not both:

@@ -26,7 +26,6 @@ from identification.equations.segments import thin_rows
 from identification.equations.time_domain import rows_by_event
 from identification.estimation.fitted_signals import FittedSignals, fit_smoothed
 from identification.estimation.options import EstimationOptions
-from identification.model.base_parameters import base_parameters
 from identification.model.torque_columns import torque_structure
 from identification.validation.held_out import (
     LeftOutParts,
@@ -138,10 +137,10 @@ class TermTrial:
                 terms changes the base parameters.
         """
         part = parts_of_seconds(plain)
+        options = replace(plain.options, nonlinear=None)
         for terms in (tuple(ASKED), tuple(ASKED)[1:]):
             robot = _with_terms(plain.robot, terms)
-            model = replace(plain.options, nonlinear=None).build(robot)
-            base = base_parameters(model, kind=plain.options.kind, still=plain.still)
+            base = options.base_parameters(robot, plain.still)
             if set(plain.base.names) <= set(base.names):  # else an offset acts like gravity
                 break
         else:
@@ -150,7 +149,7 @@ class TermTrial:
                 " terms in the robot file",
                 code="RID-MODEL-TERMS-DIFFER",
             )
-        model, standard = _linearised(plain, model)
+        model, standard = _linearised(plain, options.build(robot))
         problem = replace(plain.problem, base=base)
         structure = torque_structure(model, base, slopes=True)
         width = len(base) + len(model.nonlinear_names)

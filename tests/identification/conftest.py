@@ -84,6 +84,7 @@ def measure(arm: KnownArm) -> Measure:
         periods: int = 8,
         motion: FourierMotion | None = None,
         parameters: NDArray[np.float64] | None = None,
+        model: RobotModel | None = None,
     ) -> Recording:
         trajectory = (motion or arm.motion).trajectory(arm.robot, CYCLE_S)
         samples = trajectory.samples_per_period
@@ -93,7 +94,7 @@ def measure(arm: KnownArm) -> Measure:
             f(times) for f in (trajectory.position, trajectory.velocity, trajectory.acceleration)
         )
         standard = arm.standard if parameters is None else parameters
-        tau = torque(arm.model, q, v, a, standard)
+        tau = torque(model or arm.model, q, v, a, standard)
         if torque_filter is not None:
             b, a_ = signal.butter(
                 torque_filter.order, 2.0 * np.pi * torque_filter.cutoff_hz, analog=True

@@ -52,7 +52,7 @@ def add_rounding_uncertainty(
         estimate: Result of `estimate_runs` with `data`, `how`, `robot` and `chosen`.
         rounded: Result of `find_rounded_positions`.
     """
-    again = _estimate_again(data, how, robot, chosen)
+    again = _estimate_again(data, how.with_rotors_of(estimate), robot, chosen)
     return rounded.widen(estimate, [item.recording for item in data], again)
 
 
@@ -77,7 +77,7 @@ def add_torque_rounding_uncertainty(
     rounded = RoundedTorques.of(data[0].robot, recordings, how.options.band_hz)
     if rounded is None:
         return estimate, []
-    again = _estimate_again(data, how, robot, chosen)
+    again = _estimate_again(data, how.with_rotors_of(estimate), robot, chosen)
     estimate, rounded = rounded.widen(estimate, recordings, again)
     return estimate, [rounded.sentence] if rounded.is_material else []
 

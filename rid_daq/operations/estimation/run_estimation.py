@@ -78,6 +78,12 @@ class EstimationJob(Ranged):
             return None
         return tuple(self.bodies.get(item.folder.run_id, {}) for item in data)
 
+    def with_rotors_of(self, estimate: Estimate) -> EstimationJob:
+        """Return this job with the base parameters of its estimate, for estimates to compare."""
+        rotors = estimate.options.separate_rotors
+        model = replace(self.options.model, separate_rotors=rotors)
+        return replace(self, options=replace(self.options, model=model))
+
     def without_bodies(self, data: Sequence[RunData]) -> tuple[RunData, ...]:
         """Return the runs without known bodies."""
         return tuple(item for item in data if item.folder.run_id not in self.bodies)
@@ -194,6 +200,7 @@ def add_mass_uncertainty(
         for name, body in bodies.items()
         if body.mass_sigma_kg > 0.0
     }
+    how = how.with_rotors_of(estimate)
     more = np.zeros_like(estimate.covariance_residual)
     for name, body in weighed.items():
         heavier = body.model_copy(update={"mass_kg": body.mass_kg + body.mass_sigma_kg})
