@@ -94,8 +94,10 @@ class PlateSession:
                 break
         if self._block.state is PlateState.RECORDING:
             return
-        error = self._block.error
+        error, is_alive = self._block.error, self._process.is_alive
         self.close()
+        what = f"has not started within {START_PATIENCE_S:g} s" if is_alive else "has ended"
         raise error or RecordingError(
-            "the plate recorder did not start; nothing was moved", code="RID-SYSTEM-PROCESS-DIED"
+            f"the plate recorder {what}; nothing was moved: close other programs, and record again",
+            code="RID-SYSTEM-PROCESS-DIED",
         )

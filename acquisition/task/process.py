@@ -145,7 +145,9 @@ def _wait_for_recorder(control: ControlBlock, orders: StopOrders) -> None:
             break
         if time.monotonic() > until_s:
             raise RecordingError(
-                "the recorder did not start; nothing was moved", code="RID-SYSTEM-PROCESS-DIED"
+                f"the recorder has not opened its file within {RECORDER_PATIENCE_S:g} s; nothing"
+                " was moved: close other programs, and record again",
+                code="RID-SYSTEM-PROCESS-DIED",
             )
         time.sleep(PAUSE_S)
     if control.recorder.state is RecorderState.FAILED:
