@@ -140,7 +140,7 @@ class RecordResult:
         return self.recorded.exit_code
 
     def document(self) -> dict[str, object]:
-        """Return the JSON document of the run; of a rehearsal alone, its folder and its end."""
+        """Return the JSON document of the run; for a stopped rehearsal, its folder and the stop."""
         from rid_daq.recording.recorded_run import stop_document
 
         run, accuracy = self.recorded.run, self.recorded.accuracy

@@ -34,7 +34,7 @@ def identify_payload_runs(request: PayloadIdentifyRequest) -> IdentifiedPayload:
     Raises:
         ConfigError: The procedure does not fit the model, or the runs do not belong together.
         DataQualityError, EstimationError: The data do not determine a payload.
-        RecordingError: A run cannot be read, or a file cannot be written.
+        RecordingError, LockedError: A run cannot be read, or a file cannot be written.
     """
     refuse_output(request.output, request.overwrite, made_file.PAYLOAD)
     known = tuple(each.known() for each in request.known)

@@ -25,7 +25,7 @@ class RecoverRequest(Request):
 
     The old one is not changed.
 
-    Only blocks with a correct checksum are copied, so all numbers in the new recording are correct.
+    Only blocks with a correct checksum are copied, so all numbers in it are as recorded.
     Every row that is known to be lost is reported. A run becomes a new run folder that all commands
     can read. The exit code is 0 if no row is known to be lost, 1 if some are lost, and 7 if nothing
     is readable.
