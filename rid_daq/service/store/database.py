@@ -115,7 +115,7 @@ class Database:
             ) from None
 
     def flush(self, patience_s: float) -> bool:
-        """Wait at most `patience_s` until all statements queued now are written; return True then."""
+        """Return True if all statements queued now are written within `patience_s`."""
         with self._changed:
             wanted = self._queued
             return self._changed.wait_for(lambda: self._written >= wanted, patience_s)
