@@ -106,7 +106,7 @@ CATALOGUE: Final = {
     "check": Entry(
         "cell",
         "Cell",
-        "preflight: check every device and safety setting; do not move a cell with a red line",
+        "preflight: check devices and safety settings; do not move a cell with a red line",
     ),
     "reset": Entry(
         "cell", "Cell", "reset the faults of a cell's drives after their causes are removed"
