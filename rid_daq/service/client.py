@@ -305,7 +305,7 @@ class ServiceClient:
         return self.follow(Job.model_validate(begun), watch)
 
     def follow(self, job: Job, watch: Watch = lambda _job, _event: None) -> JobResult:
-        """Wait for the end of a job that has been started."""
+        """Wait for the end of a job that has been started, and return its result."""
         known = 0
         document: dict[str, Any] | None = None
         ended: EndEvent | None = None

@@ -109,7 +109,7 @@ class ConnectionGroups:
             gone.abort()
 
     def leave(self, connection: Connection) -> None:
-        """Remove a connection that has ended."""
+        """Remove a connection from its group."""
         for pool in self._pools:
             if pool.remove(connection):
                 return

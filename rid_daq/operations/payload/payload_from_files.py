@@ -69,7 +69,7 @@ def payload_request_of(
         known: The known quantities in the request.
 
     Raises:
-        ConfigError: The procedure does not fit the model.
+        ConfigError: The procedure needs a model, or the model already defines the terms.
     """
     procedure = request.procedure or ("together" if robot is None else "model")
     if procedure == "model" and robot is None:

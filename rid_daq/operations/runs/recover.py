@@ -67,7 +67,7 @@ class RecoverResult:
         return ExitCode.VERDICT_FAILED if self.recovery.lost_rows else ExitCode.DONE
 
     def document(self) -> dict[str, object]:
-        """Return the copied and lost rows as numbers."""
+        """Return the folders, the lost rows, each recording's repair, and the notes."""
         recovery = self.recovery
         return {
             "source": str(recovery.source),
