@@ -46,6 +46,7 @@ def check_drives(
 
     Raises:
         DriveTrouble: A device failed; it contains the lines so far.
+        LockedError: Another master is active on the bus.
     """
     lines: list[CheckLine] = []
     try:

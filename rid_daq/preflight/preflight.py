@@ -89,7 +89,7 @@ def preflight(
 
     Raises:
         ConfigError, RecordingError: The file with the last pose cannot be used.
-        LockedError: Another program uses the cell.
+        LockedError: Another master is active on the bus.
     """
     eds_files = eds_lines(loaded)
     computer = [*bus_lines(reachable), *time_lines()]

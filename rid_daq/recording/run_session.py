@@ -111,7 +111,6 @@ class RunSession:
             PreflightError, DriverError, RecordingError: Nothing moved, or nothing was recorded
                 (`record_motion`).
             ConfigError: The label is invalid.
-            DataQualityError: The recording contains no usable data.
             RecordingError: The run folder cannot be read or written; the message includes the
                 motion's outcome.
         """
