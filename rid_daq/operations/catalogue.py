@@ -153,7 +153,7 @@ CATALOGUE: Final = {
     "design": Entry(
         "experiment",
         "Experiment",
-        "design an excitation trajectory, check it against the limits, write the motion file",
+        "design a motion for an experiment, check it against the limits, write the motion file",
     ),
     "import": local("experiment", "Experiment", "import a recording of another program as a run"),
     "average": local(

@@ -216,7 +216,7 @@ def next_state(
         state: The state that has ended; `PREPARE` if a session begins or continues.
         request: Options of the session.
         done: Run id by completed step.
-        is_warm: True if the robot was moved until friction settled since the program started.
+        is_warm: True if the robot has performed more than the rehearsal since the program started.
     """
     missing = [name for name in request.measured_steps if name not in done]
     warms_up = request.warm_up_percent > 0.0
