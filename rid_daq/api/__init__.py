@@ -9,18 +9,19 @@
 
 The names in `__all__` are public. Their version is `API_VERSION`, by the rules of semantic
 versioning: a name, a parameter or an attribute is removed or changes its meaning only in a new
-major version. Everything else in rid-daq may change at any time.
+major version. All other Python names of rid-daq may change at any time.
 
-- Arrays of a motion have the shape (samples, joints), joints from base to flange. Names end in
-  their unit; positions are in rad (m for a prismatic joint), their derivatives per second.
-- Every error is a `RidDaqError` with a stable code (`error.refusal`, such as RID-FILE-READ).
-- Nothing is printed. A function that takes long has the parameter `progress`, which is called
-  with the name of the step, the amount done and the total.
+- Arrays of a motion have the shape (samples, joints), joints from base to flange. Positions are in
+  rad (m for a prismatic joint), their derivatives per second. Most other names end in their unit.
+- Wrong arguments, files and data raise a `RidDaqError` with a stable code (`error.refusal`, such
+  as RID-FILE-READ).
+- Nothing is printed. `identify`, `design` and the jobs of a `Cell` have the parameter `progress`,
+  which is called with the name of the step, the amount done and the total.
 - Only `save` and `Cell` write files, apart from temporary ones, which are deleted. Ctrl-C leaves
   no file half-written.
 
 `model.py`, `recording.py` and `robot.py` contain the classes; begin to read with `estimation.py`.
-This package computes nothing itself: it calls `rid_daq.operations` and the packages below.
+This package computes little itself: it calls `rid_daq.operations` and the packages below.
 """
 
 from rid_daq.own_packages import hidden_package

@@ -207,7 +207,8 @@ def refuse_far_positions(
         most_rows: Fraction of the rows that may be far beyond a limit, because they are damaged.
 
     Raises:
-        ConfigError: More positions of a joint are beyond a limit by more than the joint's range.
+        ConfigError: More than `most_rows` of a joint's positions are beyond a limit by more than
+            the joint's range.
     """
     for joint, values in zip(robot.joints, position.T, strict=True):
         low, high = joint.limits.position_min, joint.limits.position_max

@@ -81,7 +81,8 @@ class Cell:
         """Stop every motion in the cell: a quick stop, then power off.
 
         Raises:
-            ServiceError: The service does not answer for 10 s.
+            ServiceError: The service cannot be reached, or has not answered for 10 s.
+            RidDaqError: The service refuses the stop.
         """
         self._client.stop(self.name)
 
@@ -176,7 +177,8 @@ class Cell:
             run: Id or label of the run, or `latest`.
 
         Raises:
-            RidDaqError: The run does not exist, or has no recording.
+            RidDaqError: The run does not exist or has no recording, or the service cannot be
+                reached.
         """
         manifest = self._client.ask("GET", f"/runs/{run}/manifest")
         kept = TemporaryFolder()
@@ -195,8 +197,8 @@ class Cell:
             path: The new file.
 
         Raises:
-            RidDaqError: The service has no such file (RID-FILE-UNKNOWN), or the new file exists
-                already (RID-FILE-EXISTS).
+            RidDaqError: The service cannot be reached or has no such file (RID-FILE-UNKNOWN), or
+                the new file exists already (RID-FILE-EXISTS) or cannot be written.
         """
         write_new(as_path("path", path), self._client.get_file(name))
 

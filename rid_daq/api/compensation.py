@@ -35,8 +35,8 @@ class Feedforward:
 
     Attributes:
         motion: The motion.
-        velocity: Shape (samples, joints). Velocity feedforward, which is added to the output of the
-            drives' position loops [rad/s or m/s].
+        velocity: Shape (samples, joints). Velocity feedforward, which rid-daq adds to the output of
+            its position loops [rad/s or m/s].
         shown: Texts and tables about the feedforward, which `print` shows.
         content: The bytes of the feedforward file.
     """
@@ -54,7 +54,7 @@ class Feedforward:
             overwrite: Replace an existing feedforward file.
 
         Raises:
-            ConfigError: The file exists already (RID-OUTPUT-EXISTS).
+            ConfigError: The file exists already (RID-OUTPUT-EXISTS), or is not a feedforward file.
             RecordingError: The file cannot be written.
         """
         path = as_path("path", path)
@@ -84,15 +84,15 @@ def compensate(
 ) -> Feedforward:
     """Compute the velocity feedforward with which the drives produce the torques of a motion.
 
-    With this feedforward, the drives' velocity loops produce the torques tau = Y(q, v, a) beta of
-    the motion (docs/theory.md 13.2).
+    The torques are those of the model, tau = Y(q, v, a) beta; the feedforward inverts the drives'
+    velocity loops (docs/theory.md 13.2).
 
     Args:
         motion: The motion, planned for the cell that performs it.
         model: The identified robot.
         loops: File of velocity loops that `rid-daq loop` wrote.
-        reference: Run folder of a periodic motion. Scale and delay of each joint's feedforward are
-            tuned to this run.
+        reference: Run folder of a periodic motion. Torque scale and delay of each joint are tuned
+            to this run.
         payload: Payload on the flange: an identified payload, `model` (the model's own payload) or
             `none`; with `load_changes`, the payload before the first change.
         load_changes: Load-change file: payloads that the robot takes up or puts down during the
@@ -101,10 +101,11 @@ def compensate(
             `Model.at_temperature`.
 
     Raises:
-        ConfigError: Motion, model, loops and reference run are of different robots or cells; the
-            model contains a payload, but `payload` is None (RID-PAYLOAD-UNSTATED); or a load
-            changes after the motion's end (RID-LOAD-CHANGE-TIME).
-        EstimationError: The payload did not pass its verdict, or is not fully determined.
+        ConfigError: Motion, model, loops and reference run are of different robots or cells; a
+            file cannot be read; or a load changes after the motion's end (RID-LOAD-CHANGE-TIME).
+        DataQualityError, RecordingError: The reference run cannot be used.
+        EstimationError: The payload did not pass its verdict, or is not fully determined; or the
+            model contains a payload, but `payload` is None (RID-PAYLOAD-UNSTATED).
         LimitError: The motion exceeds the torque limits with the load at some time.
     """
     described = require("motion", motion, Motion).description

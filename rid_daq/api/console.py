@@ -17,7 +17,7 @@ ProgressCallback = Callable[[str, float, float | None], None]
 
 @dataclass(frozen=True)
 class SilentConsole(Console):
-    """A console that writes nothing, asks no one, and reports progress to a callback."""
+    """A console that shows no text, asks no one, and reports progress to a callback."""
 
     as_json: bool = True
     callback: ProgressCallback | None = None

@@ -16,7 +16,10 @@ def curves_plot(
     x: FloatArray,
     parts: tuple[tuple[Axis, FloatArray], ...],
 ) -> Plot:
-    """Return one panel for each quantity, with a line for each joint."""
+    """Return a plot with a panel for each quantity and a line for each joint.
+
+    Long curves are drawn with fewer points.
+    """
     every = slice(None, None, max(1, len(x) // _POINTS))
     return Plot(
         name="curves",

@@ -106,12 +106,11 @@ def validate(
         options: Further fields of the request `validate`, such as {"band_hz": 15.0}.
 
     Raises:
-        ConfigError: The recording is of another robot (RID-ROBOT-OTHER), a limit is invalid, or
-            the cells of the recordings state different limits (RID-OPTION-NEEDS).
+        ConfigError: The recording is of another robot (RID-ROBOT-OTHER); a limit is invalid; the
+            cells of the recordings state different limits (RID-OPTION-NEEDS); or the model contains
+            a payload (RID-PAYLOAD-UNSTATED), see `Model.with_payload`.
         DataQualityError: The model was identified from this recording (RID-VALIDATE-SAME-RUN), or
             the robot moves for less than 5 s, in all recordings together.
-
-    A model that contains a payload is refused (RID-PAYLOAD-UNSTATED): see `Model.with_payload`.
     """
     require("model", model, Model)
     recordings = require_each("recording", recording, Recording)

@@ -127,12 +127,12 @@ class Model:
 
     @property
     def residual_percent(self) -> FloatArray:
-        """Shape (joints,). RMS residual over RMS torque of the identification [%]."""
+        """Shape (joints,). RMS residual of the fit over RMS torque [%]; NaN if unknown."""
         return np.array([np.nan if f.percent is None else f.percent for f in self.estimate.fit])
 
     @property
     def problems(self) -> tuple[str, ...]:
-        """Reasons not to use the model, one sentence each; empty for a good model.
+        """Reasons not to use the model, one sentence each; empty if none was found.
 
         They name joints with unexplained torque, and mistakes in wiring, units or files.
         """

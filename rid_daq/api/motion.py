@@ -60,7 +60,7 @@ _TABLES: Final = (".csv", ".tsv", ".txt")
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """A motion, planned within every limit of a robot, one row per cycle.
+    """A motion, planned within the limits of a robot, one row per cycle.
 
     `print` shows the result of the search for the motion; `plot` draws the motion. `save` writes a
     motion file for `rid-daq record`.
@@ -168,7 +168,7 @@ class Motion:
             overwrite: Replace an existing motion file of rid-daq.
 
         Raises:
-            ConfigError: The file exists already (RID-OUTPUT-EXISTS).
+            ConfigError: The file exists already (RID-OUTPUT-EXISTS), or is not such a motion file.
             RecordingError: The file cannot be written.
         """
         path = as_path("path", path)
@@ -213,7 +213,7 @@ def design(
     options: Mapping[str, object] | None = None,
     progress: ProgressCallback | None = None,
 ) -> Motion:
-    """Choose an excitation trajectory that makes the parameters identifiable, within every limit.
+    """Choose a motion for an identification, within the limits of a robot or cell.
 
     An excitation is a Fourier series for each joint. A search from many starts, with exact
     gradients, maximises the information about the base parameters (docs/theory.md 10). Ramps,
@@ -234,6 +234,7 @@ def design(
 
     Raises:
         ConfigError: No motion keeps every limit (RID-DESIGN-NONE), or an option is invalid.
+        EstimationError: The model contains a payload (RID-PAYLOAD-UNSTATED).
         KeyboardInterrupt: Ctrl-C before any motion was found.
     """
     require("kind", kind, str)
@@ -290,8 +291,10 @@ def retime(
         options: Further fields of the request `retime`, such as {"jerk": (80.0,)}.
 
     Raises:
-        ConfigError: The motion has no path (RID-MOTION-KIND), or is of another robot.
-        EstimationError: The payload did not pass its verdict.
+        ConfigError: The motion has no path (RID-MOTION-KIND) or is of another robot, or an option
+            is invalid.
+        EstimationError: The payload did not pass its verdict; or the model contains a payload, but
+            `payload` is None (RID-PAYLOAD-UNSTATED).
         LimitError: A limit cannot be kept; the text names the joint and the pose.
     """
     described = require("motion", motion, Motion).description
@@ -336,7 +339,7 @@ def cell_reference(cell: Robot | str | Path, folder: Path) -> str:
 
 
 def public_blocks(blocks: Iterator[AnyBlock], folder: Path) -> tuple[AnyBlock, ...]:
-    """Return an operation's blocks, without temporary files and next commands."""
+    """Return an operation's blocks, without next commands and names of temporary files."""
     return tuple(
         each.model_copy(update={"text": without_files(each.text, folder)})
         if isinstance(each, Text)

@@ -9,11 +9,11 @@ from rid_daq.blocks.formats import format_measured
 
 @dataclass(frozen=True)
 class Parameter:
-    """A base parameter, or a nonlinear parameter of friction, with its 95 % interval.
+    """A base parameter, friction parameter or quantity of a payload, with its 95 % interval.
 
     Attributes:
-        name: Name of the first standard parameter of the combination.
-        expression: The combination of standard parameters.
+        name: Name of the quantity, or of the first standard parameter of a combination.
+        expression: The combination of standard parameters; the name if there is no combination.
         unit: Unit of the value.
         value, sigma: The estimate, and its standard deviation, which includes model error.
         is_shown: False if the recordings do not determine the value: its interval is meaningless.

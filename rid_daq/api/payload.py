@@ -70,7 +70,7 @@ class Payload:
             overwrite: Replace an existing payload file.
 
         Raises:
-            ConfigError: The file exists already (RID-OUTPUT-EXISTS).
+            ConfigError: The file exists already (RID-OUTPUT-EXISTS), or is not a payload file.
             RecordingError: The file cannot be written.
         """
         path = as_path("path", path)

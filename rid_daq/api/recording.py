@@ -96,8 +96,8 @@ class Recording:
 
         Raises:
             ConfigError: An array has a wrong shape, or not real numbers; or positions are far
-                beyond the limits, probably in degrees; or the period is not positive
-                (RID-API-ARGUMENT); or the name is invalid (RID-FILE-NAME).
+                beyond the limits, probably in degrees; or `torques` has another value; or the
+                period is not positive (RID-API-ARGUMENT); or the name is invalid (RID-FILE-NAME).
             DataQualityError: Too many rows are damaged, or the values are impossible for a robot.
         """
         robot = as_robot("robot", robot)
@@ -177,6 +177,9 @@ class Recording:
         Args:
             folder: The run folder.
             files: Temporary folder that contains the run folder; it is deleted with the recording.
+
+        Raises:
+            RidDaqError: The run cannot be read, or has no usable recording.
         """
         run = RunData.load(folder)
         report = run.import_report

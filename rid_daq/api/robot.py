@@ -94,6 +94,7 @@ class Robot:
         """Write the robot file (YAML) without meshes; an existing file is replaced.
 
         Raises:
+            ConfigError: The file belongs to a run.
             RecordingError: The file cannot be written.
         """
         path = as_path("path", path)

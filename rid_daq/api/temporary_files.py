@@ -37,7 +37,7 @@ def request_folder() -> Iterator[Path]:
 
 @contextmanager
 def changed_text(change: Callable[[str], str]) -> Iterator[None]:
-    """Change the text of an error.
+    """Change the text of a `RidDaqError`.
 
     Args:
         change: Function that returns the new text.

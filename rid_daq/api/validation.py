@@ -35,7 +35,7 @@ class Validation:
 
     @property
     def passed(self) -> bool:
-        """True if the error of every joint is within its limit."""
+        """False if the error of a joint is above its limit."""
         return self.judged.verdict.passed is not False
 
     @property
@@ -74,7 +74,11 @@ class Validation:
         return self.judged.section.diagnosis or ()
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield the errors, their likely causes, the torques over time, and the verdict."""
+        """Yield the errors, their likely causes, a plot or table, and the verdict.
+
+        The plot shows the torques of one recording over time. Several recordings have a table of
+        their errors instead.
+        """
         yield from validation_blocks(self.judged.section)
         if self.runs:
             yield run_errors_table(self.runs)

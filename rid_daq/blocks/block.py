@@ -1,4 +1,4 @@
-"""Blocks: parts of a result for display, declared once and drawn by every renderer."""
+"""Blocks: parts of a result for display, declared once for all renderers."""
 
 from __future__ import annotations
 

@@ -8,7 +8,7 @@ from config.formats.interval import interval, superscript, with_minus_sign
 
 
 def number(value: float | int | None, digits: int = 4) -> str:
-    """Return a number with `digits` significant digits; a dash for None.
+    """Return a number with `digits` significant digits; words or a dash if there is no number.
 
     Args:
         value: The number.

@@ -33,10 +33,10 @@ def completion_script(shell: str) -> str:
 
 
 def install(shell: str) -> list[Path]:
-    """Install the completion script for this user, and return the changed files.
+    """Install the completion script for this user, and return the written files.
 
-    fish reads its own folder of completions. For bash and zsh a line in `.bashrc` or `.zshrc` reads
-    the script; the line is added only once.
+    fish reads the script from its folder of completions. For bash and zsh, lines in `.bashrc` or
+    `.zshrc` read it; they are added only once.
 
     Args:
         shell: One of `SHELLS`.

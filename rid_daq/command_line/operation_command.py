@@ -65,7 +65,7 @@ class OperationCommand(click.Command):
         """Parse the arguments; refuse a second input file for an option that takes one file.
 
         Raises:
-            ConfigError: The option is given twice, so one of the files would have no effect.
+            ConfigError: Such an option is given more than once.
         """
         if not ctx.resilient_parsing:
             _, _, order = self.make_parser(ctx).parse_args(list(args))

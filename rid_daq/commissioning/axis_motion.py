@@ -15,7 +15,7 @@ from config.robot.robot import RobotDescription
 
 REST_ROWS: Final = 10
 LARGEST_STEP: Final = 100.0
-"""Change of the counts in one row, in usual changes, from which the counter has wrapped."""
+"""A change of the counts that is this many times the median change is a wrap of the counter."""
 
 
 @dataclass(frozen=True)
@@ -27,11 +27,12 @@ class AxisMotion:
         commanded: Displacement of the set-point, in the unit.
         measured: Displacement that the drive has measured, in the unit.
         counts: Change of the drive's position in increments.
-        command_ratio: Integral of the commanded velocity, divided by the measured displacement; 1
-            if velocity unit and encoder resolution in the files are correct.
+        command_ratio: Integral of the commanded velocity, divided by the measured displacement;
+            near 1 if velocity unit and encoder resolution in the files are correct, infinite if the
+            drive measured no motion.
         increments_per_rev: Encoder increments per motor revolution, from the drive's counts and the
-            robot file's gear ratio; None if joint and motor positions differ (coupled wrist, linear
-            axis) or nothing moved.
+            robot file's gear ratio; None for a robot with a coupled wrist, for a linear axis, and
+            if the drive measured no motion.
     """
 
     joint: str

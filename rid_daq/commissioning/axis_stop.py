@@ -1,7 +1,8 @@
-"""`suspected_units`: the cell file's keys that a stopped axis test makes doubtful.
+"""`suspected_units`: keys of the cell file and robot file that a stopped axis test makes doubtful.
 
-An axis test moves one joint slowly, by a small distance. A drive whose units are wrong moves it
-faster or further. The stop then names a limit that the motion itself does not reach.
+An axis test moves one joint slowly, by a small distance. With wrong units, the drive can move it
+faster or further. The motion then stops at a limit that the commanded motion does not reach, or by
+a fault of the drive.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ OF_WRONG_UNITS: Final = frozenset(
         StopCode.TORQUE_LIMIT,
     }
 )
-"""Stops that a joint causes which moves faster or further than commanded."""
+"""Stops that wrong units of a drive can cause."""
 
 _VELOCITIES: Final = "velocity_unit, velocity_units, encoder_increments"
 _POSITIONS: Final = "encoder_increments"
@@ -30,7 +31,7 @@ _TORQUES: Final = "torque, rated_torque_nm, rated_current_a, torque_constant_nm_
 
 
 def suspected_units(stop: StopReason | None, joint: str, cell: CellConfig) -> str:
-    """Return the sentence that names the keys to check first after a stop; empty if none is.
+    """Return a sentence with the keys to check after a stop; empty if units cannot be the cause.
 
     Args:
         stop: Reason of the stop; None if the motion was not stopped.

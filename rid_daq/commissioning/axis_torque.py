@@ -17,8 +17,10 @@ from identification.model.drawn_arm import drawn_parameters, plausible_weight
 from identification.wiring.weight import is_counterbalanced
 
 LEAST_LOAD: Final = 0.05
-"""Smallest weight that is judged, as a fraction of the joint's torque limit. Below it, a tool that
-is not in `cad` can change the sign of the weight."""
+"""Smallest torque of the weight that is judged, as a fraction of the joint's torque limit.
+
+A tool that is not in `cad` can change the sign of a smaller torque.
+"""
 MOST_FRICTION: Final = 0.5
 """Largest friction of a slow joint, as a fraction of its torque limit."""
 
@@ -26,9 +28,12 @@ MOST_FRICTION: Final = 0.5
 def wrong_torque(rows: NDArray[Any], robot: RobotDescription, number: int) -> str:
     """Return the problem if an axis's torque contradicts `cad`, without full stop; empty if none.
 
+    Nothing is compared if the robot file has no `cad`, the wrist is coupled, the joint has a
+    counterbalance, or the motion does not lift the arm enough.
+
     Args:
         rows: Rows of the recording of the axis's motion.
-        robot: The robot; without `cad`, nothing is compared.
+        robot: The robot.
         number: Index of the axis.
     """
     joint = robot.joints[number]

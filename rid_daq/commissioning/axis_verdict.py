@@ -1,7 +1,7 @@
 """Verdict of the axis test: compare the commanded, the measured and the observed motion.
 
-The drive measures the motion, and a person observes it. The verdict names the line of the cell file
-or robot file to change.
+The drive measures the motion, and a person observes it. A failed verdict says what to check, or
+which line of the cell file or robot file to change.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ class ObservedMotion:
 
 @dataclass(frozen=True)
 class AxisVerdict:
-    """Verdict on an axis: the mistakes in the cell file and the robot file that its motion shows.
+    """Verdict on an axis: the mistakes that its motion shows.
 
     Attributes:
         motion: Commanded motion, and the motion that the drive has measured.
         observed: Motion that a person saw.
-        problems: Mistakes, one sentence each with the line to change; empty if the axis passed.
-        code: Code of the mistakes, if they have one.
+        problems: Mistakes, each with what to check or change; empty if the axis passed.
+        code: Code of a wrong torque; empty for other mistakes.
     """
 
     motion: AxisMotion
@@ -56,7 +56,7 @@ class AxisVerdict:
     code: str = ""
 
     def with_torque(self, problem: str) -> AxisVerdict:
-        """Return the verdict with a problem of the torque; it counts if the motion is right."""
+        """Return the verdict with a problem of the torque, unless the motion itself is wrong."""
         if not problem or self.problems:
             return self
         return replace(self, problems=(f"{problem} [{TORQUE_CODE}].",), code=TORQUE_CODE)
@@ -111,10 +111,7 @@ def _axis_of(motion: AxisMotion, cell: CellConfig) -> DriveAxis:
 
 
 def _wrong_joint(motion: AxisMotion, observed: ObservedMotion, cell: CellConfig) -> list[str]:
-    """Return the problem that no joint moved, or that another joint moved.
-
-    None if neither is so.
-    """
+    """Return the problem that no joint moved, or another one; an empty list if neither is so."""
     axis = _axis_of(motion, cell)
     if not observed.joint or observed.amount == 0.0:
         return [
@@ -146,7 +143,7 @@ def _wrong_scale(
 ) -> list[str]:
     """Return the problem if commanded, measured and observed displacement differ in size.
 
-    The problem names the number in the files that explains the difference.
+    If one number in the files explains the difference, the problem names it.
     """
     axis = _axis_of(motion, cell)
     servo = cell.servo_of(axis)
@@ -194,9 +191,10 @@ def _wrong_scale(
 def _wrong_encoder_or_gear(
     motion: AxisMotion, seen_ratio: float, servo: ServoProfile, robot: RobotDescription, where: str
 ) -> str:
-    """Return the problem if only the observed displacement differs: wrong encoder or gear ratio.
+    """Return the problem of a wrong encoder resolution or gear ratio.
 
-    The gear ratio is named only if the drive itself states its encoder resolution (608Fh).
+    `gear_ratio` is named only if the drive itself states its encoder resolution (608Fh) and
+    commanded and measured motion agree.
     """
     seen_size = motion.size_text(seen_ratio * motion.measured)
     found = f"measured by the drive {motion.size_text(motion.measured)}, seen {seen_size}."
@@ -228,8 +226,8 @@ def parse_amount(text: str, motion: AxisMotion, tool_mm: float) -> float:
         tool_mm: Displacement of the tool point by the commanded motion [mm].
 
     Raises:
-        ConfigError: The text is not such a number; or it is a displacement of the tool point, but
-            the tool point is on the axis.
+        ConfigError: The text is not such a number, or not from 0 to less than 10000; or it is a
+            displacement of the tool point, but the tool point is on the axis.
     """
     words = text.strip().lower().replace(",", ".")
     of_tool = words.endswith("mm") and motion.unit == "°"
@@ -243,7 +241,8 @@ def parse_amount(text: str, motion: AxisMotion, tool_mm: float) -> float:
         ) from None
     if not 0.0 <= value < 1e4:
         raise ConfigError(
-            f"{text!r}: give the displacement without a sign", code="RID-AXIS-TEST-ANSWER"
+            f"{text!r}: give a displacement without a sign, below 10000",
+            code="RID-AXIS-TEST-ANSWER",
         )
     if not of_tool:
         return value

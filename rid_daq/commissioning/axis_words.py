@@ -22,7 +22,7 @@ def direction_words(
         robot: Robot with kinematics and gravity; gravity defines up.
         pose: Shape (joints,). Pose before the motion [rad or m].
         number: Index of the joint.
-        amount: Displacement of the joint.
+        amount: Displacement of the joint [rad or m].
         over: True if the motion is over (past tense).
     """
     joint = robot.joints[number]

@@ -35,7 +35,8 @@ class HeldRun:
         ready: Function that is called with the pose whenever the robot rests and waits for a key.
         once: True if the run ends after the first press.
         until: Shape (joints,). Pose that ends the run when the robot rests there [rad or m].
-        unattended: Key that counts as held all the time, for a simulated cell without a person.
+        unattended: Key that counts as held all the time, for a simulated cell without a person;
+            empty if a person holds keys.
         tested_joint: Joint that moves in an axis test; None in other motions.
     """
 

@@ -198,7 +198,7 @@ class _ProgressConsole:
         self.motion_s = 0.0
 
     def say(self, text: str = "") -> None:
-        """Do nothing: the run folder contains the messages."""
+        """Do nothing: the demo shows only the progress of its motions."""
 
     def announce_motion(self, motion: MotionEvent) -> None:
         """Do nothing: the progress shows the motion."""

@@ -114,7 +114,7 @@ def _serve(
         except Exception as caught:
             error = named_error(caught)
             kind = getattr(errors, type(error).__name__, DriverError)
-            line.send(kind(str(error)))
+            line.send(kind(str(error), code=error.refusal))
 
 
 def _leave(_signal: int, _frame: object) -> NoReturn:

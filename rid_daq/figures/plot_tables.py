@@ -46,6 +46,9 @@ def as_csv(plot: Plot) -> str:
     Tables are side by side; the shorter ones have empty cells at the end. If a plot has several
     tables, each column name begins with the name of its table: "measured: frequency [Hz]". Numbers
     have seven digits; a gap is an empty cell.
+
+    Raises:
+        ValueError: Two columns have the same name.
     """
     tables = list(plot_tables(plot))
     columns: dict[str, list[str]] = {}

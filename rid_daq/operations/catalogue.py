@@ -106,12 +106,12 @@ CATALOGUE: Final = {
     "check": Entry(
         "cell",
         "Cell",
-        "preflight: check every device and safety setting; do not move a cell with a red line",
+        "preflight: check devices and safety settings; do not move a cell with a red line",
     ),
     "reset": Entry(
         "cell", "Cell", "reset the faults of a cell's drives after their causes are removed"
     ),
-    "drives backup": local("cell.drives", "", "save all settings of a cell's drives to a file"),
+    "drives backup": local("cell.drives", "", "save the settings of a cell's drives to a file"),
     "drives restore": local("cell.drives", "", "restore the drives' settings from a backup"),
     "drives rollback": local("cell.drives", "", "undo the writes of a run to the drives"),
     "drives fit": local(
@@ -153,7 +153,7 @@ CATALOGUE: Final = {
     "design": Entry(
         "experiment",
         "Experiment",
-        "design an excitation trajectory, check it against the limits, write the motion file",
+        "design a motion for an experiment, check it against the limits, write the motion file",
     ),
     "import": local("experiment", "Experiment", "import a recording of another program as a run"),
     "average": local(
@@ -202,7 +202,7 @@ CATALOGUE: Final = {
         "path", "Path", "correct a feedforward by the path error that was measured with it"
     ),
     "tracking": Entry("path", "Path", "compare measured with commanded positions"),
-    "runs": local("runs", "Runs", "list the runs and check that their files are unchanged"),
+    "runs": local("runs", "Runs", "list the runs; with --verify, check their files for changes"),
     "recover": Entry("runs", "Runs", "write the readable part of a damaged recording as a new one"),
     "serve": local(
         "service", "Service", "serve cells to browsers and programs: jobs, runs and the workbench"

@@ -22,7 +22,7 @@ from identification.model.still_joints import refuse_unmoved_joints
 from rid_daq.runs.run_model import read_model_and_bytes
 
 MISFIT: Final = 0.001
-"""Probability of a loop's misfit below which it is reported."""
+"""p-value of a loop's fit below which a note reports the misfit."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +32,7 @@ class LoopsForCell:
     Attributes:
         loops: The loops.
         content: Bytes of their file.
-        notes: Reasons to doubt that they are the loops of this cell.
+        notes: Reasons to doubt the loops: another cell, or a bad fit.
     """
 
     loops: tuple[VelocityLoop, ...]

@@ -21,6 +21,7 @@ def known_bodies(file: Path | None, runs: Path, data: tuple[RunData, ...]) -> Ma
 
     Raises:
         ConfigError: The file is invalid, names a run twice, or names another run.
+        RecordingError: The manifest of a named run cannot be read.
     """
     if file is None:
         return {}

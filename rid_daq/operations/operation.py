@@ -90,7 +90,7 @@ class Operation:
 
     @property
     def needs_axis_test(self) -> bool:
-        """True if the axes of a real cell must have passed the axis test before."""
+        """True if a real cell needs a passed axis test before; a request can waive it."""
         return self.moves and not self.is_held
 
     @property

@@ -1,4 +1,4 @@
-"""`rigid_gears_notes`: note on a command that computes with rigid gears, but whose gears bend."""
+"""`rigid_gears_notes`: note that a command treats elastic gears as rigid."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ RIGID_GEARS: Final = "RID-MODEL-RIGID-GEARS"
 
 
 def rigid_gears_notes(path: Path, estimate: Estimate, shortcoming: str) -> list[str]:
-    """Return a note with the code `RIGID_GEARS` if a model is that of links behind elastic gears.
+    """Return one note with the code `RIGID_GEARS` if a model has elastic gears; otherwise none.
 
     Args:
         path: File of the model.
         estimate: The model.
-        shortcoming: What the command does as if the gears were rigid, as a clause.
+        shortcoming: Clause that completes "the gears are elastic, but …".
     """
     if estimate.gear_torque_nm is None:
         return []

@@ -46,7 +46,8 @@ class StatedChanges:
             signals: True if the motion can wait for signals.
 
         Raises:
-            ConfigError: A change ends after the motion, or begins at a signal.
+            ConfigError: A change ends after the motion, or begins at a signal although `signals` is
+                False.
         """
         if self.changes.signals and not signals:
             raise ConfigError(
@@ -78,7 +79,7 @@ class StatedChanges:
             runs: Folder of the run folders.
 
         Raises:
-            ConfigError, EstimationError: As raised by `state_payload`.
+            ConfigError, EstimationError, RecordingError: As raised by `state_payload`.
         """
         models = [first.estimate]
         for change, content in zip(self.changes.changes, self.contents, strict=True):
@@ -124,7 +125,7 @@ class StatedLoads:
         )
 
     def as_driven(self, recorded: LoadChanges | None) -> Estimate | RampedLoad:
-        """Return the model of a motion that was driven, with its signals at their true times.
+        """Return the model of a driven motion: each change that came, at its true time.
 
         Args:
             recorded: The changes that the run stores.
@@ -172,7 +173,7 @@ def state_loads(
 
     Raises:
         ConfigError: The load-change file is invalid, or as raised by `state_payload`.
-        EstimationError: As raised by `state_payload`.
+        EstimationError, RecordingError: As raised by `state_payload`.
     """
     first = state_payload(estimate, model, payload, runs)
     if changes is None:
@@ -184,7 +185,7 @@ def state_loads(
 def require_same_changes(
     stated: LoadChanges | None, recorded: LoadChanges | None, name: str
 ) -> None:
-    """Refuse a run or a feedforward whose payload changes otherwise than a request states.
+    """Refuse a run or a feedforward whose changes of the load differ from those of a request.
 
     Args:
         stated: Changes that the request states.

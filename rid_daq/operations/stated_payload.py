@@ -37,9 +37,10 @@ class LoadedModel:
     """Model of a robot with its payload.
 
     Attributes:
-        estimate: Robot and payload as one model; a payload is part of the last link.
+        estimate: Robot and payload as one model: the payload is part of the last link, known bodies
+            are parts of their links.
         statement: The payload as the request states it; empty if the request states none.
-        content: Bytes of the payload file, or its bodies as JSON; empty if no file was given.
+        content: Bytes of the payload file, or the known bodies as JSON; empty without a file.
     """
 
     estimate: Estimate
@@ -66,7 +67,9 @@ def state_payload(
 
     Raises:
         ConfigError: The model contains a payload but the request states none, the request states
-            the model's payload but the model contains none, or the payload is of another robot.
+            the model's payload but the model contains none, or the payload is of another robot,
+            too heavy (LimitError), invalid or not found.
+        RecordingError: The payload's run cannot be read.
         EstimationError: The payload failed its verdict, or its motion did not determine all its
             parameters.
     """
@@ -95,7 +98,7 @@ def state_payload(
 
 
 def load_content(path: Path) -> bytes:
-    """Return the valid content of a payload file, or of a file of known bodies as JSON.
+    """Return the bytes of a valid payload file, or the known bodies of a YAML file as JSON.
 
     Args:
         path: A payload file of `payload identify`, or a YAML file with the key `bodies`.
@@ -120,7 +123,7 @@ def model_with_content(estimate: Estimate, content: bytes, path: Path) -> Estima
         path: Name of the file, for messages.
 
     Raises:
-        ConfigError: The content is invalid, or belongs to another robot.
+        ConfigError: The content is invalid, belongs to another robot, or names a missing link.
         EstimationError: As raised by `state_payload`.
         LimitError: The bodies on the last link are heavier than the robot's largest payload.
     """

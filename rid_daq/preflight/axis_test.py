@@ -89,7 +89,7 @@ def axis_test_file(loaded: LoadedCell) -> Path | None:
 
 
 def sign_axis(loaded: LoadedCell, joint: str, run: str, who: str = "") -> Path | None:
-    """Record that an axis has passed; return the file.
+    """Record that an axis has passed; return the file, or None for a bundled cell.
 
     Args:
         loaded: The cell as it was tested.
@@ -98,7 +98,7 @@ def sign_axis(loaded: LoadedCell, joint: str, run: str, who: str = "") -> Path |
         who: Person who performed the test; the user of this process if empty.
 
     Raises:
-        RecordingError: The record cannot be written.
+        ConfigError, RecordingError: The record cannot be read or written.
     """
     path = axis_test_file(loaded)
     if path is None:
@@ -142,6 +142,7 @@ def require_axis_test(loaded: LoadedCell, rule: AxisTestRule) -> str:
 
     Raises:
         PreflightError: The test is required, and an axis has not passed.
+        ConfigError, RecordingError: The record cannot be read.
     """
     if loaded.config.simulated:
         return ""

@@ -162,7 +162,8 @@ def watchdog_lines(opened: Cell, *, cleared: bool) -> list[CheckLine]:
     tested; the line `NOT_TESTED` reports this.
 
     Raises:
-        DriverError, PreflightError: The errors of `drivers.servo.watchdog_test.run_watchdog_test`.
+        DriverError, PreflightError, LockedError: The errors of
+            `drivers.servo.watchdog_test.run_watchdog_test`.
     """
     if switches_power(opened.axes, opened.config) and not cleared:
         return [

@@ -30,7 +30,7 @@ def disk_lines(runs: Path) -> list[CheckLine]:
 
 
 def time_lines() -> list[CheckLine]:
-    """Return the lines on this computer's clock and scheduling, measured in another process."""
+    """Return the lines on this computer's clock and scheduling."""
     return [*_clock_lines(), *_privilege_lines()]
 
 

@@ -35,8 +35,8 @@ def check_drives(
 ) -> tuple[list[CheckLine], list[float]]:
     """Bring every drive up, read its settings back, count its answers, test the watchdogs.
 
-    The watchdog test switches drives on if it needs power and the cell is confirmed clear. No other
-    step switches drives on.
+    The watchdogs are tested only if no earlier line is red. This test switches drives on if it
+    needs power and the cell is confirmed clear. No other step switches drives on.
 
     Args:
         write_log: Log of the writes to the drives; None to keep none.
@@ -46,6 +46,7 @@ def check_drives(
 
     Raises:
         DriveTrouble: A device failed; it contains the lines so far.
+        LockedError: Another master is active on the bus.
     """
     lines: list[CheckLine] = []
     try:

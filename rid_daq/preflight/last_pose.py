@@ -1,4 +1,4 @@
-"""Last pose of a cell: stored after every motion, compared before the next one.
+"""Last pose of a cell: stored after a motion, compared before the next one.
 
 It is stored in this user account's state, by the path of the cell file, so it is kept when drives
 and computer are switched off. Simulated devices that a command starts begin in a new pose each time
@@ -55,8 +55,12 @@ def known_pose(loaded: LoadedCell, *, binding: bool) -> KnownPose | None:
 
     None if no pose is stored, or if the joints have changed.
 
+    Args:
+        loaded: The cell.
+        binding: True if the robot must not move after a displacement.
+
     Raises:
-        RecordingError: The file of the pose cannot be read.
+        ConfigError, RecordingError: The file of the pose cannot be read.
     """
     last = last_pose(loaded)
     if last is None:
@@ -68,7 +72,7 @@ def last_pose(loaded: LoadedCell) -> LastPose | None:
     """Return the stored pose of a cell's robot; None if there is none for its present joints.
 
     Raises:
-        RecordingError: The file of the pose cannot be read.
+        ConfigError, RecordingError: The file of the pose cannot be read.
     """
     path = _pose_file(loaded)
     if not path.exists():
@@ -113,7 +117,7 @@ def pose_lines(loaded: LoadedCell, position: Sequence[float], rule: PoseRule) ->
         rule: Whether the last pose is compared, replaced by the present one, or left out.
 
     Raises:
-        RecordingError: The file of the pose cannot be read or written.
+        ConfigError, RecordingError: The file of the pose cannot be read or written.
     """
     if rule is PoseRule.LEFT_OUT:
         return []

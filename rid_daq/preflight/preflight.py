@@ -1,4 +1,4 @@
-"""`preflight`: check every device and every safety setting of a cell.
+"""`preflight`: check the devices and the safety settings of a cell.
 
 A red line means: do not move the robot. Motion commands in a terminal repeat only a part of the
 checks.
@@ -86,6 +86,10 @@ def preflight(
         tell: Function that is called with the lines of some devices as soon as they are complete,
             but not with `before`.
         pose: Whether the last pose is compared, replaced by the present one, or left out.
+
+    Raises:
+        ConfigError, RecordingError: The file with the last pose cannot be used.
+        LockedError: Another master is active on the bus.
     """
     eds_files = eds_lines(loaded)
     computer = [*bus_lines(reachable), *time_lines()]

@@ -1,4 +1,4 @@
-"""Move a cell and record it: every recording of the program goes through `RunSession`.
+"""Move a cell and record it: `RunSession` makes the runs of all commands that move a cell.
 
 Motions, rehearsals, payload sessions, plate zero and streams use it. Code that works on files only
 is in `runs`. Begin with `run_session.py`.

@@ -32,6 +32,7 @@ class AverageSoFar:
 
         Raises:
             DataQualityError: The periods are not good enough yet.
+            RecordingError: The parts of the recording do not fit together.
         """
         rows = concatenate_recordings([*self._unsettled, new.recording])
         stream, _ = read_run_temperatures(rows, new.folder)

@@ -59,7 +59,8 @@ class RecordedRun:
         folder: Run folder.
         outcome: Outcome of the motion.
         data: The recording; None if no row could be read.
-        quality: Completeness of the recording; None if the motion was stopped.
+        quality: Completeness of the recording; None if the motion was stopped or no row was
+            recorded.
         result: Result of the run; callers can add to it until it is written.
         facts: Facts for the manifest; callers can add to them until they are written.
         held: True if the robot moved only while a person held a key.

@@ -1,4 +1,4 @@
-"""`RunSession`: every recording of the program: run folder, motion, reading, evaluation, report."""
+"""`RunSession`: record motions of a cell: run folder, motion, reading, evaluation, report."""
 
 from __future__ import annotations
 
@@ -110,6 +110,7 @@ class RunSession:
         Raises:
             PreflightError, DriverError, RecordingError: Nothing moved, or nothing was recorded
                 (`record_motion`).
+            ConfigError: The label is invalid.
             RecordingError: The run folder cannot be read or written; the message includes the
                 motion's outcome.
         """

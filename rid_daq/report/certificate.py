@@ -32,8 +32,7 @@ class Certificate:
             been compared with the file's bytes.
         identified_with, written_with: Program and version that identified the payload, and that
             wrote the certificate.
-        empty: How the program knows that the flange was empty in the runs without payload; None if
-            it does not know.
+        empty: Evidence that the flange was empty in the runs without payload; None without any.
     """
 
     folder: Manifest

@@ -49,9 +49,9 @@ class WithoutUnmodelled(Section):
 class Result(Section):
     """Result of a run, as `result.json` contains it.
 
-    Only the first five keys are always present; a section that was not computed is left out. All
-    values that differ from one execution to the next (run ids, clock times, loop timing) are under
-    `timing`. Therefore two simulated runs with the same seed agree bit for bit in everything else.
+    Only the first five keys are always present; a section that was not computed is left out. Clock
+    times, loop timing and most run ids are under `timing`. Two demos with the same seed therefore
+    agree in everything else.
     The sections have the same order here and on the page.
 
     Attributes:
@@ -84,7 +84,7 @@ class Result(Section):
         runs: The recorded runs: extremes, lost rows, stop reason.
         average: Averaged periods and noise.
         without_unmodelled: Results of the demo on a robot without unmodelled effects.
-        timing: All values that differ from one execution to the next.
+        timing: Clock times, loop timing, run ids, and other values of one execution.
     """
 
     format: Literal["rid-daq result 1"] = Field(default=SCHEMA, alias="schema")

@@ -40,7 +40,7 @@ class ToolSideSize(Section):
     """Path errors of one run at the tool, measured by an external instrument.
 
     Attributes:
-        run: Label of the run.
+        run: Id of the run.
         file: Name of the tracker file.
         rows: Number of measured points in the motion's main part.
         share: Share of the main part that the instrument measured.

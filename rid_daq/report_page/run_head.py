@@ -41,7 +41,7 @@ def run_head_blocks(folder: RunFolder, result: Result) -> Iterator[AnyBlock]:
     rows.append(("Made with", ", ".join(words) or None))
     yield table(rows, Cells("", lambda row: row[0]), Cells("", lambda row: row[1] or NOT_RECORDED))
     yield Text(
-        text="The complete SHA-256 of every file is in manifest.json in the same folder.",
+        text="The complete SHA-256 of these files is in manifest.json in the same folder.",
         is_note=True,
     )
 

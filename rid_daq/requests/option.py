@@ -84,7 +84,7 @@ CellName = Annotated[
 
 Overwrite = Annotated[
     bool,
-    Field(description="Replace existing output files."),
+    Field(description="Replace existing output files of the same kind."),
     Option(group=FILES, negatable=True),
 ]
 

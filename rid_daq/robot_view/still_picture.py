@@ -228,7 +228,7 @@ def _draw_scale_bar(pen: ImageDraw.ImageDraw, camera: _Camera) -> None:
 
 
 def _draw_labels(pen: ImageDraw.ImageDraw, camera: _Camera, labels: Sequence[Label]) -> None:
-    """Draw the labels without overlaps; a line connects a label that is not at its place."""
+    """Draw the labels, if possible without overlaps; a line leads to a label that was moved."""
     font = ImageFont.load_default(22)
     bottom = camera.height_px
     taken: list[tuple[float, float, float, float]] = [
@@ -258,7 +258,7 @@ def _free_place(
     half: tuple[float, float],
     taken: Sequence[tuple[float, float, float, float]],
 ) -> tuple[float, float]:
-    """Return the middle of the free place that is closest to the wanted one.
+    """Return the middle of the free place closest to the wanted one, or this one if none is free.
 
     Args:
         wanted: Wanted middle of the label [px].

@@ -1,5 +1,5 @@
 """Runs as operations read them: the recording (`RunData.load`) and its motion (`MotionRun`).
 
-Every operation reads runs through this package, which compares a run's files with its manifest.
+Operations read recordings through this package, which compares a run's files with its manifest.
 Begin with `run_data.py`.
 """

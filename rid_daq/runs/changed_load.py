@@ -92,6 +92,7 @@ def refuse_changed_load(folder: RunFolder) -> None:
 
     Raises:
         DataQualityError: The payload changed.
+        ConfigError, RecordingError: The load-change file cannot be read.
     """
     changes = load_changes_of(folder)
     if changes is not None:

@@ -17,7 +17,7 @@ def drives_with_serials(
     """Return each drive of some cells with its serial numbers; None if no number is recorded.
 
     Raises:
-        RecordingError: A log of writes to drives cannot be read.
+        ConfigError, RecordingError: A manifest or a log of writes to drives cannot be read.
     """
     serials: dict[int, list[str]] = {}
     for folder in folders:

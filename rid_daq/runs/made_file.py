@@ -1,4 +1,4 @@
-"""`MadeFile`: kinds of files that jobs write, and marks to recognise them."""
+"""`MadeFile`: kinds of files that operations write, and marks to recognise them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _LARGEST: Final = 1 << 40
 
 @dataclass(frozen=True)
 class MadeFile:
-    """A kind of file that jobs write.
+    """A kind of file that operations write.
 
     Attributes:
         words: Name of the kind, for messages.

@@ -44,6 +44,7 @@ class MotionRun:
 
         Raises:
             DataQualityError: The run was streamed.
+            ConfigError: The motion or its feedforward does not fit the robot or the cell.
         """
         if self.streamed:
             raise DataQualityError(
@@ -81,6 +82,7 @@ def read_motion_run(
 
     Raises:
         ConfigError, DataQualityError, RecordingError: The run has no motion, or cannot be read.
+        LockedError: The run is still being recorded.
     """
     data = RunData.load(folder, unfinished=unfinished, changing_load=changing_load)
     cell, motion = data.cell, folder.file(MOTION)

@@ -107,7 +107,7 @@ def cell_argument(folder: RunFolder, unknown: str = "CELL") -> str:
     Return `unknown` if the run does not name its cell, or the file no longer exists.
 
     Raises:
-        RecordingError: The run cannot be read.
+        ConfigError, RecordingError: The run cannot be read.
     """
     origin = _read_origins(folder).get(CELL)
     if origin is None:
@@ -137,7 +137,7 @@ def key_lines(
         joint_names: Joints of the robot; a map of messages refers to joints by name.
 
     Raises:
-        RecordingError: The run cannot be read.
+        ConfigError, RecordingError: The run cannot be read.
     """
     origins = _read_origins(folder)
 

@@ -23,11 +23,11 @@ def refuse_output(output: Path | None, overwrite: bool, made: MadeFile) -> None:
 
     Args:
         output: The file; None (always accepted) if the result is stored in a run.
-        overwrite: True if an existing file can be replaced; a part of a run can never be replaced.
+        overwrite: True if an existing file can be replaced; of a run, only results can.
         made: Kind of the file; only a file of this kind that rid-daq wrote is replaced.
 
     Raises:
-        ConfigError: The file exists already, or belongs to a run.
+        ConfigError: The file exists already, is of another kind, or belongs to a run.
         RecordingError: A file of this name cannot be written.
     """
     if output is None:
@@ -139,7 +139,7 @@ def register_output(folder: RunFolder, output: Path) -> None:
     """Add an output file to the manifest, if it is in the run's folder.
 
     Raises:
-        RecordingError: The file cannot be read or added.
+        RecordingError: The file cannot be added.
     """
     if output.resolve().parent == folder.path.resolve():
         with contextlib.suppress(ConfigError):  # the name is not allowed for a run's file

@@ -21,6 +21,7 @@ def refuse_repeated_imports(data: Sequence[RunData]) -> None:
     Raises:
         ConfigError: Two runs have the same data; intervals would be too narrow, and differences
             between the runs would be zero.
+        RecordingError: A recording cannot be read.
     """
     imported = [each for each in data if each.import_report is not None]
     for one, other in combinations(imported, 2):

@@ -1,6 +1,6 @@
 """Content of a run folder as objects for operations.
 
-Every reader of a run uses `RunData.load`: it refuses files that do not belong to the run, and
+Operations read a recording with `RunData.load`: it refuses files that do not belong to the run, and
 accepts an unfinished run only if requested.
 """
 
@@ -138,6 +138,7 @@ class RunData:
         Raises:
             RecordingError: The folder contains no recording, the recording cannot be read, or a
                 file does not belong to the run.
+            ConfigError: A file of the run is damaged.
             LockedError: The run is still being recorded.
             DataQualityError: The run was never finished, and `unfinished` is False; or its payload
                 changed, and `changing_load` is False.
@@ -194,7 +195,7 @@ class RunData:
         """The cell as it was in the run; None for an imported recording.
 
         Raises:
-            ConfigError: The cell file is damaged.
+            ConfigError, RecordingError: The cell file is damaged.
         """
         path = self.folder.file(CELL)
         return load_bundled_or_path(str(path), "cells", CellConfig) if path.exists() else None
@@ -204,7 +205,7 @@ class RunData:
         """The map with which the run was imported; None for a run of a cell.
 
         Raises:
-            ConfigError: The map is damaged.
+            ConfigError, RecordingError: The map is damaged.
         """
         path = self.folder.file(MAP)
         if not path.exists():
@@ -216,7 +217,7 @@ class RunData:
         """Description of the force plate in the cell file or the import map; None without any.
 
         Raises:
-            ConfigError: The file is damaged.
+            ConfigError, RecordingError: The file is damaged.
         """
         if self.cell is not None:
             return self.cell.plate
@@ -318,7 +319,7 @@ def clock_sections(runs: Sequence[RunData]) -> list[ClockSection]:
 
 
 def data_defects(runs: Sequence[RunData]) -> list[str]:
-    """Return the defects of runs, one sentence each: missing end, lost rows, import findings."""
+    """Return the defects of runs, one sentence each, such as a missing end or lost rows."""
     said = []
     for data in runs:
         manifest = data.folder.manifest()

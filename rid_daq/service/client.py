@@ -96,8 +96,8 @@ class ServiceClient:
             token: Token for the service (default: the environment variable RID_DAQ_TOKEN).
 
         Raises:
-            ConfigError: The address is invalid, or `local` is ambiguous because no local service or
-                several services run.
+            ConfigError: The address is invalid or would send the token without encryption; or no
+                service or several services of this user run on this computer.
         """
         headers = {"x-rid-daq": "client", "content-type": "application/json"}
         secret = token or os.environ.get(TOKEN_VARIABLE, "")
@@ -176,7 +176,12 @@ class ServiceClient:
         self._send_checked(request, repeatable=True)
 
     def put_file(self, path: Path, name: str) -> str:
-        """Upload a local file into the service's folder, and return its version."""
+        """Upload a local file into the service's folder, and return its version.
+
+        Raises:
+            ConfigError: The local file cannot be read.
+            RidDaqError: As raised by `ask`.
+        """
         try:
             content = path.read_bytes()
         except OSError as error:
@@ -189,7 +194,7 @@ class ServiceClient:
         return str(answer.json()["version"])
 
     def delete_file(self, name: str, version: str) -> None:
-        """Delete a file of the service's folder if it still has this version."""
+        """Delete a file of the service's folder; the service refuses if it has another version."""
         path, headers = _api_path(f"/files/{quote(name)}"), {"if-match": f'"{version}"'}
         self._send_checked(self._http.build_request("DELETE", path, headers=headers))
 
@@ -239,6 +244,7 @@ class ServiceClient:
 
         Raises:
             LockedError: Another client holds the cell.
+            RidDaqError: As raised by `ask`.
         """
         wanted = {"note": note, "seconds": seconds}
         lease = HeldLease.model_validate(self.ask("POST", f"/cells/{quote(cell)}/lease", wanted))
@@ -299,7 +305,7 @@ class ServiceClient:
         return self.follow(Job.model_validate(begun), watch)
 
     def follow(self, job: Job, watch: Watch = lambda _job, _event: None) -> JobResult:
-        """Wait for the end of a job that has been started."""
+        """Wait for the end of a job that has been started, and return its result."""
         known = 0
         document: dict[str, Any] | None = None
         ended: EndEvent | None = None

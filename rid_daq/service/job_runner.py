@@ -120,6 +120,9 @@ class JobRunner:
             job: A new job.
             cleared: True if a person has just confirmed that the cell is clear.
             approved: SHA-256 of the files with which the job was accepted, by their paths.
+
+        Raises:
+            StoreBusyError: The job could not be saved in time; it is not started.
         """
         self._jobs.add(job)
         self._publish(job)

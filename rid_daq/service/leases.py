@@ -47,7 +47,7 @@ class Leases:
         return None if held is None else held.lease
 
     def end_s(self, cell: str, lease: str | None) -> float:
-        """Return the end of a lease on the safety clock [s]; minus infinity if it has ended."""
+        """Return the end of a lease on the safety clock [s]; -inf if it is no longer valid."""
         held = self._current_lease(cell)
         return held.ends_s if held is not None and held.lease.id == lease else -inf
 
@@ -64,7 +64,7 @@ class Leases:
                 client.
 
         Raises:
-            LockedError: Another client holds the cell.
+            LockedError: The cell has a valid lease, and `confirmed` is None.
             NotAllowedError: A program tries to take the cell over.
             ConfigError: The duration is too short or too long, or the confirmation differs from the
                 cell's name.
@@ -107,7 +107,8 @@ class Leases:
         """Extend a lease.
 
         Raises:
-            LockedError: The lease has expired, or another client holds the cell.
+            ConfigError: The duration is too short or too long.
+            LockedError: The key does not belong to the cell's valid lease.
         """
         self._check_duration(seconds)
         held = self._require_key(cell, key)

@@ -23,7 +23,8 @@ LASTS_S: Final = 300.0
 MOST_WAITING: Final = 100
 MOST_OF_ADDRESS: Final = 3
 MOST_WRONG: Final = 10
-"""Maximum number of wrong codes per token within `LASTS_S`; a guess is right with probability 1e-6.
+"""Maximum number of wrong codes per token within `LASTS_S`; a guess matches a waiting device with
+probability 1e-6.
 """
 
 

@@ -38,8 +38,8 @@ _NO_FAULT = frozenset(
 class Readiness:
     """Readiness of cells for motions.
 
-    A preflight is valid only until the service is restarted. After a restart it is stored for
-    display only.
+    A preflight is valid for `PREFLIGHT_LIMIT_S`, and only until the service is restarted or paused,
+    a fault occurs, or the files of the cell change. Then it is stored for display only.
 
     Args:
         store: Table of preflights and faults.
@@ -53,7 +53,7 @@ class Readiness:
         self._void_since = NOT_SINCE_START
 
     def age_s(self, cell: ServedCell) -> float | None:
-        """Return the age of the newest preflight [s], None if no preflight is valid."""
+        """Return the age of the newest preflight [s]; None if a start or pause came after it."""
         checked_s = self._checked_s.get(cell.name)
         return None if checked_s is None else self._now_s() - checked_s
 

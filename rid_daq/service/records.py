@@ -42,7 +42,7 @@ class Identity(Record):
     role: Role
     person: bool
     token: str = Field(
-        description="Id of the request's token; empty for a request from this computer."
+        description="Id of the request's token; empty for a request of this computer without one."
     )
 
 
@@ -92,7 +92,7 @@ class Job(Record):
 
 
 class Lease(Record):
-    """Right of one client to move a cell. It ends at `until_s` unless it is renewed [s since 1970].
+    """Right of one client to use a cell. It ends at `until_s` unless it is renewed [s since 1970].
 
     `until_s` is for display only: the service measures the time with a clock that ignores changes
     of the date. A renewed lease keeps its `id`; a new lease, or one taken over from another client,
@@ -173,9 +173,10 @@ class Preflight(Record):
 
 
 class CellStatus(Record):
-    """Public status of a cell; every answer contains `simulated`.
+    """Public status of a cell.
 
-    `preflight_age_s` is None without a valid preflight. `not_ready_because` is the obstacle to
+    `preflight_age_s` is None if the preflight is not valid, unless a fault is the only reason, or
+    if there was none since the service started. `not_ready_because` is the obstacle to
     motions in general. `not_held_because` is the obstacle to jobs of the `held_kinds`, for which a
     key is held: they do not require an earlier axis test. `files_hash` changes with the cell's
     files.

@@ -36,7 +36,7 @@ is `MOST_CHARACTERS`.
 """
 
 MOST_HASHED: Final = 500_000_000
-"""Size limit of a job's input file: a feedforward file [bytes]."""
+"""Largest input file of a job that is hashed; feedforward files are the largest [bytes]."""
 
 
 @functools.cache

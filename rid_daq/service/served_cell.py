@@ -31,7 +31,7 @@ class ServedCell:
         self.pace = pace if loaded.config.simulated else None
         self.problem = ""
         self._loaded = loaded
-        # None causes a check of the files at the first access
+        # None causes a reload at the first check of the files
         self._signature: tuple[tuple[str, int, int], ...] | None = None
         self._looked_s = time.monotonic()
 

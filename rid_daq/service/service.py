@@ -1,7 +1,7 @@
 """`CellService`: cells, their jobs and access rights, independent of HTTP.
 
-A cell executes one job at a time. The job is saved in the database before its worker starts. Jobs
-that only compute run one after the other. A motion can be stopped even if the service hangs.
+One job at a time uses the bus of a cell. A job is saved in the database before its worker starts.
+Jobs that only compute run one after the other. A motion can be stopped even if the service hangs.
 """
 
 from __future__ import annotations
@@ -183,9 +183,11 @@ class CellService:
 
         Raises:
             ConfigError: The request is invalid for this kind of job.
-            LockedError: Another client holds the cell, or another job uses its bus.
+            LockedError: The caller does not hold the cell, another job uses its bus, its files are
+                being changed, or the service is shutting down.
             PreflightError: The cell is not ready to move, or no one has confirmed that it is clear.
             NotAllowedError: The caller has read-only access.
+            StoreBusyError: The job could not be saved in time; it is not started.
         """
         require_role(who, Role.OPERATOR)
         if self.job_runner.closing:

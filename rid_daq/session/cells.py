@@ -44,7 +44,8 @@ def hold_reachable_cell(
             here; or the payload does not exist.
         PreflightError: According to its EDS file, a drive lacks a required object.
         LockedError: Another session holds the cell.
-        TransportError: The simulated devices do not start.
+        TransportError, RecordingError: The simulated devices do not start, or a lock cannot be
+            used.
     """
     simulation, scenario = simulation or Simulation(), scenario or Scenario()
     payload, cell = simulation.payload, loaded.config

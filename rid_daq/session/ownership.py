@@ -55,6 +55,7 @@ def refuse_owned(cell: CellConfig) -> None:
 
     Raises:
         LockedError: A service owns the cell.
+        RecordingError: The lock file cannot be read.
     """
     owner = file_holder(_owner_file(cell))
     if owner is not None and owner not in (os.getpid(), *_accepted_owners):

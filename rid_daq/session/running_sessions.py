@@ -102,7 +102,7 @@ class RunningSession:
         return control if self.is_running else None
 
     def terminate(self) -> None:
-        """Send SIGTERM to the process that holds the session file; do nothing if it has ended."""
+        """Send SIGTERM to the session; do nothing if it has ended or has a `refusal`."""
         with contextlib.suppress(ProcessLookupError):
             process = os.pidfd_open(self.pid)
             try:

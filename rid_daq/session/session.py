@@ -31,6 +31,7 @@ def hold_cell(cell: CellConfig, folder: Path | None = None) -> Iterator[None]:
     Raises:
         LockedError: Another session holds the bus; the message names it.
         RecordingError: The lock file cannot be opened, or the session file cannot be written.
+        TransportError: The folder of a simulated bus cannot be used.
     """
     path = lock_path(cell, folder)
     with contextlib.ExitStack() as stack:

@@ -21,7 +21,7 @@ def program_version() -> str:
 
 
 def software_versions() -> dict[str, str]:
-    """Return the versions of rid-daq, Python and all packages that influence numerical results."""
+    """Return the versions of rid-daq, Python and the packages that influence results most."""
     versions = {"rid-daq": program_version(), "python": platform.python_version()}
     if commit := program_commit():
         versions["commit"] = commit

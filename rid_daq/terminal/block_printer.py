@@ -17,7 +17,7 @@ ROOMY: Final = 120
 
 
 def print_blocks(blocks: Iterable[AnyBlock], console: Console) -> None:
-    """Print blocks for people.
+    """Print blocks for people, without plots.
 
     Args:
         blocks: The blocks in their order.

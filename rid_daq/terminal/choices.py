@@ -20,20 +20,20 @@ PAYLOAD_OF_MODEL: Final = "model"
 """Values of `--payload` that are not files or runs."""
 
 DEFAULT_RUNS: Final = Path("runs")
-"""Folder that contains the run folders."""
+"""Default folder of the run folders."""
 
 DEFAULT_LISTEN: Final = "127.0.0.1:8642"
-"""Address and port of the pages."""
+"""Default address and port of the pages."""
 
 JOG_PERCENT: Final = 5.0
-"""Speed of `jog` in percent of the speed limit."""
+"""Default speed of `jog` in percent of the speed limit."""
 
 DEMO_PERIOD_S: Final = 10.0
 """Period of the excitation trajectories of `demo` [s]."""
 
 
 class Kind(StrEnum):
-    """Purpose of a motion."""
+    """Kind of motion that `design` makes."""
 
     EXCITATION = "excitation"
     CONSTANT_VELOCITY = "constant-velocity"

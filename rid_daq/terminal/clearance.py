@@ -21,10 +21,10 @@ def require_cleared(
     practise: bool = False,
     files: Mapping[str, bytes] | None = None,
 ) -> None:
-    """Ask the user whether a real cell is clear; ask for a simulated cell only with `practise`.
+    """Ask the user whether a real cell is clear, or with `practise` a simulated one.
 
     Args:
-        cleared: True if the user confirmed this in advance.
+        cleared: True if the user confirmed this in advance; then nothing is asked.
         context: Context that asks the question.
         practise: True if a simulated cell is treated like a real one.
         files: Files that define the motion, as its run stores them; their hashes are shown before

@@ -56,7 +56,7 @@ SERVICE_HELP: Final = (
 
 
 def make_printable(text: str) -> str:
-    """Return text, which may come from a device or a file, with control characters made visible."""
+    """Return text with visible control characters, except newline and tab."""
     return "".join(c if c.isprintable() or c in "\n\t" else _escape(c) for c in text)
 
 
@@ -76,7 +76,7 @@ def documents_written() -> int:
 
 
 def _write(text: str) -> None:
-    """Write a line. An error of standard output is stored, because it must not end a motion."""
+    """Write a line; store the first error of standard output, which must not end a motion."""
     try:
         if _output.bar is None:
             click.echo(text)
@@ -123,9 +123,9 @@ def _as_json(value: object) -> object:
 class Console:
     """Writes text for people to stdout, or, with `as_json`, JSON for programs.
 
-    Colours, progress bars and wide tables appear on terminals only. There are no colours if the
-    environment variable NO_COLOR is set. Pipes and log files receive plain text. While a progress
-    bar is shown, other text appears above the bar.
+    Colours and progress bars appear on terminals only; pipes and log files receive plain text.
+    There are no colours if the environment variable NO_COLOR is set. While a progress bar is shown,
+    other text appears above the bar.
     """
 
     as_json: bool = False
@@ -212,7 +212,8 @@ class Console:
     ) -> None:
         """Write a table for people.
 
-        A terminal that is too narrow shows the table in parts below each other.
+        If a terminal is too narrow for a table of values, the table appears in parts below each
+        other.
 
         Args:
             columns: Names of the columns.
@@ -321,7 +322,7 @@ class Console:
 
         Args:
             joints: Base to flange.
-            power_w: Friction power of each joint, one row per period [W].
+            power_w: Mean mechanical power of each joint, one row per period [W].
             settled_percent: Change between periods below which the robot counts as warm [%].
         """
 
@@ -329,8 +330,8 @@ class Console:
     def progress(self, title: str, total: float | None, unit: str) -> Iterator[Progress]:
         """Show the progress of a long step and the time left.
 
-        A terminal shows a progress bar; other outputs get one line per tenth; `--json` shows
-        nothing. `total` is None if it is unknown.
+        A terminal shows a progress bar. Other outputs get one line per tenth, or none if `total`
+        is unknown (None). `--json` shows nothing.
         """
         if self.as_json:
             yield _Silent()

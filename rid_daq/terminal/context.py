@@ -90,7 +90,7 @@ class Context(Display, Protocol):
         ...
 
     def require_keys(self, *, simulated: bool) -> None:
-        """Raise `PreflightError` if keys cannot be held on this terminal, or not safely."""
+        """Raise `PreflightError` if the user cannot hold keys, or not safely."""
         ...
 
     def keys(self, tapped: Callable[[str], None]) -> AbstractContextManager[KeySource]:
@@ -104,5 +104,5 @@ class Context(Display, Protocol):
     def announce_warm_up(
         self, joints: Sequence[str], power_w: Sequence[Sequence[float]], settled_percent: float
     ) -> None:
-        """Announce the friction power in further periods of a warm-up."""
+        """Announce the power of the joints in further periods of a warm-up."""
         ...

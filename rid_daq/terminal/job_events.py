@@ -1,4 +1,4 @@
-"""`JobEvent`: messages of a running job, one line of JSON each.
+"""Events of a running job, one line of JSON each.
 
 The worker writes the events into the job's folder, the service reads and forwards them, and the
 client shows them as the command itself would.
@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, TypeAdapter
 from rid_daq.blocks.block import Heading, Next, Table, Text, Verdict
 
 EventBlock = Annotated[Heading | Text | Verdict | Table | Next, Field(discriminator="kind")]
-"""Blocks that an event can contain: all kinds except plots."""
+"""Blocks that an event can contain: all kinds except plots and pictures."""
 
 
 class _Event(BaseModel):
@@ -122,7 +122,7 @@ class WarmUpEvent(_Event):
 
     Attributes:
         joints: Names of the joints, base to flange.
-        power_w: Friction power of each joint, one row per period [W].
+        power_w: Mean mechanical power of each joint, one row per period [W].
         settled_percent: The robot counts as warm if no joint's power changes by more than this
             between two periods [%].
     """
@@ -184,7 +184,8 @@ class KeyRefusalEvent(_Event):
 
     Attributes:
         text: Reason for the refusal.
-        round_trip_ms: Round-trip time of the connection, if it is the reason [ms].
+        round_trip_ms: Round-trip time, or time without a fresh message of the key, if it is the
+            reason [ms].
     """
 
     kind: Literal["key_refused"] = "key_refused"

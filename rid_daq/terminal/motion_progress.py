@@ -36,8 +36,8 @@ def describe_state(progress: TaskProgress) -> str:
 def motion_total(samples: MotionSamples | None, *, held: bool = False) -> tuple[float | None, str]:
     """Return the length of a motion and the unit in which it is counted.
 
-    The unit is periods or seconds. The length is None for points that arrive during the motion, and
-    for cycles while a key is `held`.
+    The unit is periods or seconds. A motion without `samples` has no known length (None) and is
+    counted in cycles if keys are `held`, else in points.
     """
     if samples is None:
         return None, "cycles" if held else "points"

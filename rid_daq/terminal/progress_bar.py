@@ -33,7 +33,7 @@ class BarLine:
 
 
 def bar_line(width: int, title: str, count: str, tail: str) -> BarLine:
-    """Return the layout of a line in which bar, amount and time left always have room.
+    """Return the layout of a line in which bar, amount and time left have room.
 
     Args:
         width: Width of the terminal [columns].
@@ -51,7 +51,10 @@ def bar_line(width: int, title: str, count: str, tail: str) -> BarLine:
 
 
 def shorten(text: str, room: int) -> str:
-    """Return the leading parts of a text that fit `room` columns; parts end at `;`, `,` or `(`."""
+    """Return the leading parts of a text that fit `room` columns; parts end at `;`, `,` or `(`.
+
+    A text whose first part does not fit is cut, with an ellipsis.
+    """
     if len(text) <= room:
         return text
     ends = [found.start() for found in _BREAKS.finditer(text) if found.start() <= room]

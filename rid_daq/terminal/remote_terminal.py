@@ -25,7 +25,7 @@ _SERVERS: Final = (
     *("wetty", "cockpit-bridge", "jupyter-lab", "jupyter-noteboo", "code-server"),
     *("Xvnc", "Xtigervnc", "x11vnc", "xrdp", "xrdp-sesman", "xrdp-chansrv"),
 )
-"""Names of programs that provide remote terminals."""
+"""Names of programs that provide remote terminals and desktops."""
 
 _MULTIPLEXERS: Final = ("tmux: server", "screen", "zellij", "dtach", "abduco", "byobu")
 _CLIENTS: Final = ("tmux: client", "screen", "zellij", "dtach", "abduco")

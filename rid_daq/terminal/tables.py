@@ -1,4 +1,4 @@
-"""`print_table`: prints a table on a terminal without breaking numbers or units.
+"""`print_table`: prints a table on a terminal, if possible without breaking numbers or units.
 
 The columns share the terminal's width. If a table of values is too wide even with all texts broken
 at words, it is printed in parts below each other. Each part begins with the columns that identify a
@@ -50,7 +50,7 @@ def print_table(
 
 
 def layout_parts(table: Sequence[Sequence[str]], columns: int, key: int = 1) -> list[Part] | None:
-    """Return the parts in which a table is printed; None if its words do not fit.
+    """Return the parts in which a table is printed; None if its words must be broken.
 
     Args:
         table: The head and the rows, with the same number of cells.

@@ -1,4 +1,4 @@
-"""`wrap_text`: breaks sentences at words to a terminal's width; commands and paths stay whole."""
+"""`wrap_text`: breaks sentences at words to a terminal's width."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _MARK = re.compile(r"\s*\S{1,9}\s{2,}(?=\S)")
 
 
 def wrap_text(text: str, columns: int) -> str:
-    """Return text whose lines fit a terminal.
+    """Return text with its lines broken at words to fit a terminal.
 
     Continuation lines are indented by two columns more than their first line. After a mark (such as
     `ok      `) they begin at the column of the text. A command of this program or a path at the end

@@ -59,7 +59,7 @@ class Access:
 
         Raises:
             ConfigError: The address is invalid, or other computers can reach it and it has no token
-                or no TLS; or a file is missing or too short.
+                or no TLS; or the file of the token or certificate cannot be used.
         """
         address, port = _parse_listen(listen)
         if not ipaddress.ip_address(address).is_loopback and (token is None or certificate is None):
@@ -140,7 +140,11 @@ class Access:
         return context
 
     def is_own_name(self, host: str) -> bool:
-        """Return True if a Host header names this server by an address that cannot be rebound."""
+        """Return True if a Host header names this server by a name that no other site can have.
+
+        These names are its IP addresses, localhost, and its host name if other computers can reach
+        it.
+        """
         try:
             parts = urlsplit(f"//{host}")
             name, port = parts.hostname, parts.port

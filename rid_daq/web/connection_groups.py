@@ -19,17 +19,17 @@ if TYPE_CHECKING:
 class Limits:
     """Limits of each listener.
 
-    The owner of a connection is the token that the client sends, or else its address. If a limit of
-    all connections is reached, the oldest connection of the owner with the most connections is
-    closed.
+    The owner of a connection is the token that the client sends, or else its address. If a group
+    is full, the oldest connection of the owner with the most connections is closed.
 
     Attributes:
         waiting: Connections with an incomplete request head or TLS handshake.
         answering: Connections whose request is being answered.
-        streams, streams_of_one: WebSockets and event streams, of all owners and of one owner; a
-            further one receives status 503.
+        streams, streams_of_one: WebSockets and event streams, of all owners and of one owner. A
+            further one receives status 503, unless another owner has more.
         leaving: Connections whose answer is complete but not yet received by the client.
-        lines, lines_of_one: WebSockets for STOP, of all owners and of one owner.
+        lines, lines_of_one: WebSockets for STOP, of all owners and of one owner. A further one of
+            an owner replaces its oldest.
         head_bytes, body_bytes: Size of a request's head and body; the head handler may allow
             another body size.
         message_bytes: Size of a WebSocket message.
@@ -37,7 +37,8 @@ class Limits:
             second.
         request_s: Time from the connection to the last byte of the request [s]; the head handler
             may allow more for large bodies.
-        answer_s, stream_s: Longest time until a full send buffer has emptied [s].
+        answer_s, stream_s: Longest time until a full send buffer has emptied [s]. `answer_s` is
+            also the time to receive a complete answer.
     """
 
     waiting: int = 128
@@ -108,7 +109,7 @@ class ConnectionGroups:
             gone.abort()
 
     def leave(self, connection: Connection) -> None:
-        """Remove a connection that has ended."""
+        """Remove a connection from its group."""
         for pool in self._pools:
             if pool.remove(connection):
                 return

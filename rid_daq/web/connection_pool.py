@@ -1,4 +1,4 @@
-"""`ConnectionPool`: connections in one state; no owner can occupy all places."""
+"""`ConnectionPool`: connections in one state; no owner can keep the others out."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ class ConnectionPool(Generic[Member]):
         """Add a member.
 
         Returns:
-            The member that loses its place: the oldest member of the owner with the most members.
-            None if there was a free place.
+            The member that loses its place: the oldest member of the same owner if it has too many,
+            or else of the owner with the most members. None if there was a free place.
         """
         self._keys[member] = key
         own = self._of.setdefault(key, OrderedDict())

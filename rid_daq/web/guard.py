@@ -31,7 +31,7 @@ class Guard:
     For TCP, `Host` must be a name of this server, and `Origin` and `Sec-Fetch-Site` must belong to
     its pages or be absent. Browsers cannot reach a Unix socket. A request that changes something
     must be `application/json` and have the header `x-rid-daq`, which an unknown page cannot send
-    without a preflight request. A WebSocket is refused before it is accepted. Every answer has
+    without a preflight request. A WebSocket is refused before it is accepted. Every HTTP answer has
     headers that prevent a browser from interpreting it as another type; headers of the application
     are kept.
 

@@ -1,4 +1,4 @@
-"""`check_data`: checks before an identification if runs can be used together."""
+"""`check_data`: checks before an identification whether runs can be used."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class DataCheck(BaseModel):
 
     Attributes:
         data: Findings about the runs.
-        model: Findings about the runs together with the model.
+        model: Findings about the motions of the runs.
         parameters: Number of base parameters of the cell's robot.
         friction: Friction terms in the robot file, by the name of the joint.
     """
@@ -56,7 +56,7 @@ class DataCheck(BaseModel):
 
 
 def check_data(cell: LoadedCell, runs: Sequence[RunFolder]) -> DataCheck:
-    """Check if runs can be identified together; nothing is estimated.
+    """Check if runs can be used for an identification; nothing is estimated.
 
     Args:
         cell: The cell whose robot is identified.

@@ -51,7 +51,9 @@ def motion_blocks(
 
     Raises:
         ConfigError, LimitError: The file is invalid or of another robot, the motion exceeds a
-            limit, or the model is of another robot.
+            limit; or the model is of another robot, or contains a payload that `payload` does not
+            state.
+        EstimationError: The payload failed its verdict, or is not fully determined.
     """
     motion = read_motion_for(path, cell)
     samples = motion.plan(cell.robot, cell.config.cycle_time_s)
@@ -78,7 +80,7 @@ def limits_plot(
     torque_nm: FloatArray | None = None,
     caption: str = "",
 ) -> Plot:
-    """Return a plot of positions, speeds, accelerations and torques in percent of their limits.
+    """Return a plot of positions, speeds, accelerations, and given torques in percent of limits.
 
     For positions, ±100 % are the two ends of the range.
 
@@ -175,7 +177,7 @@ def _boxes(workspace: Workspace, i: int, j: int) -> Iterator[Line]:
 def _walls(workspace: Workspace, i: int, j: int, ends: list[tuple[float, float]]) -> Iterator[Line]:
     """Yield a line for each wall or floor that is perpendicular to the view.
 
-    A line has the length of the path.
+    A line is as long as the path, with the base.
     """
     for count, wall in enumerate(workspace.planes, start=1):
         for axis, (x_ends, y_ends) in ((i, (None, ends[1])), (j, (ends[0], None))):

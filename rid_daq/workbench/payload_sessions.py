@@ -54,7 +54,7 @@ class CellSessions:
 
 
 def sessions_of(runs: Path, cell: str, folder: Path) -> CellSessions:
-    """Return the payload sessions of a cell.
+    """Return the payload sessions of a cell; those that cannot be read are left out.
 
     Args:
         runs: Folder of the run folders.

@@ -1,4 +1,4 @@
-"""`run_blocks`: blocks of a run on pages; `warm_up_plot`: friction during a warm-up."""
+"""`run_blocks`: blocks of a run on pages; `warm_up_plot`: power during a warm-up."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def _warm_up(folder: RunFolder) -> Iterator[AnyBlock]:
 def warm_up_plot(
     joint_names: Sequence[str], power_w: Sequence[Sequence[float]], settled_percent: float
 ) -> Plot:
-    """Return the plot of each joint's friction power, and of its change per period.
+    """Return the plot of each joint's mean power in each period, and of its change per period.
 
     Args:
         joint_names: Base to flange.
@@ -83,9 +83,9 @@ def warm_up_plot(
         name="warm_up",
         panels=(
             Panel(
-                title="friction power in each period",
+                title="mean power in each period",
                 x=Axis("period", counts=True),
-                y=Axis("friction", "W"),
+                y=Axis("power", "W"),
                 lines=_lines(joint_names, periods, power),
                 height_px=260,
             ),

@@ -154,7 +154,7 @@ def login_page(key: str = "") -> HTMLResponse:
 
 
 class PageRoute(APIRoute):
-    """Route of a page: unknown devices are redirected to the pairing page; errors are pages too."""
+    """Route of a page: unknown devices get the pairing page or login page; errors are pages too."""
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         """Return the function that answers a request."""

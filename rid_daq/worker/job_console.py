@@ -50,7 +50,7 @@ class EventFile:
     """Event file of a job, one JSON document per line; new events are appended.
 
     Args:
-        path: Path of the file, which is open inside the `with` block.
+        path: Path of the file, which is open until the `with` block ends.
     """
 
     def __init__(self, path: Path) -> None:
@@ -145,7 +145,7 @@ class JobConsole(Console):
 
     @property
     def can_ask(self) -> bool:
-        """True: a job waits until a person answers on the page."""
+        """True: a job waits until a client answers."""
         return True
 
     def ask(
@@ -154,7 +154,11 @@ class JobConsole(Console):
         understood: Callable[[str], T],
         choices: Sequence[tuple[str, str]] = (),
     ) -> T:
-        """Ask the client until the answer is valid; `Console.ask` describes the parameters."""
+        """Ask the client until the answer is valid; `Console.ask` describes the parameters.
+
+        Raises:
+            PreflightError: No answer can arrive any more.
+        """
         text = question
         shown = tuple(Choice(label=label, text=text) for label, text in choices)
         while True:
@@ -165,7 +169,11 @@ class JobConsole(Console):
                 text = f"{error}. {question}"
 
     def confirm(self, question: str) -> bool:
-        """Ask the client for yes or no."""
+        """Ask the client for yes or no.
+
+        Raises:
+            PreflightError: No answer can arrive any more.
+        """
         return self._answer("yes_no", question).strip().lower() in ("y", "yes")
 
     def require_keys(self, *, simulated: bool) -> None:
@@ -210,7 +218,7 @@ class JobConsole(Console):
 
     @contextmanager
     def progress(self, title: str, total: float | None, unit: str) -> Iterator[Progress]:
-        """Write the progress of a long step, at most twice a second."""
+        """Write the progress of a long step, at most twice a second, and its end."""
         yield _ProgressReporter(self.events, title, total, unit)
 
 

@@ -43,8 +43,8 @@ _CODES: Final = {
 }
 
 Refused = Callable[[str, float | None], None]
-"""Function that is called with the reason why a key does not count, and the round-trip time if that
-is the reason [s].
+"""Function that is called with the reason why a key does not count, and the round-trip time or the
+time without a fresh message if that is the reason [s].
 """
 
 
@@ -188,7 +188,7 @@ class Orders:
         self._say(f"{why}: the key does not count; {_AGAIN}", round_trip_s)
 
     def _say(self, text: str, round_trip_s: float | None) -> None:
-        """Report why a key does not count: once per press and once per `REPORT_INTERVAL_S`."""
+        """Report why a key does not count: at most once per press and per `REPORT_INTERVAL_S`."""
         now_s = self._now_s()
         if not self._reported and now_s >= self._next_s:
             self._reported, self._next_s = True, now_s + REPORT_INTERVAL_S

@@ -112,7 +112,7 @@ def work(
     *,
     allow_signals: Callable[[], None] = _do_nothing,
 ) -> int:
-    """Execute a job; its last event says how it ended.
+    """Execute a job and return its exit code; its last event says how it ended.
 
     Args:
         order: The job.

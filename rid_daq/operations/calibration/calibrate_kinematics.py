@@ -89,7 +89,10 @@ class CalibrateKinematicsRequest(Request):
     ] = None
     output: Annotated[
         Path | None,
-        Field(description="Corrected robot file to write; an existing file is never replaced."),
+        Field(
+            description="Corrected robot file to write if the calibration reduces the errors; an"
+            " existing file is never replaced."
+        ),
         Option(short="o", metavar="ROBOT", group=FILES, file="output", endings=(".yaml",)),
     ] = None
     runs: RunsFolder = DEFAULT_RUNS
@@ -165,7 +168,7 @@ class CalibrateKinematicsResult:
         }
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield notes, the identifiable set, parameters, stiffness, errors and the verdict."""
+        """Yield notes, parameters, stiffness, errors, changed keys and the verdict."""
         found, calibration = self.found, self.found.calibration
         yield from note_blocks(found.notes)
         yield Text(
@@ -265,7 +268,7 @@ def _mm(length_m: float) -> str:
 
 
 def run(request: CalibrateKinematicsRequest, _context: Context) -> CalibrateKinematicsResult:
-    """Calibrate the robot, and write the corrected robot file."""
+    """Calibrate the robot, and write the corrected robot file if requested."""
     from rid_daq.operations.calibration.kinematic_calibration import calibrate_robot
 
     return CalibrateKinematicsResult(request, calibrate_robot(request))

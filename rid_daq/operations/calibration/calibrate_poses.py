@@ -40,10 +40,11 @@ class CalibratePosesRequest(Request):
     """Propose the poses to measure for a kinematic calibration.
 
     The poses are within the limits of the robot file, clear of its bodies and of the cell's
-    workspace, and can be reached without a collision. They determine the parameters best
-    (D-optimality). With --load, half of them carry a known load. The table has empty columns for
-    the measured points. rid-daq does not know the place of the instrument: check that it sees the
-    point in each pose, leave hidden poses out, and request some more poses than you need.
+    workspace, and can be reached without a collision. They are chosen from random poses so that
+    they determine the parameters well (D-optimality). With --load, half of them carry a known load.
+    The table has empty columns for the measured points. rid-daq does not know the place of the
+    instrument: check that it sees the point in each pose, leave hidden poses out, and request some
+    more poses than you need.
     """
 
     robot: RobotName
@@ -54,7 +55,7 @@ class CalibratePosesRequest(Request):
     ]
     cell: Annotated[
         str | None,
-        Field(description="Bundled cell or cell file, for its workspace; none if not set."),
+        Field(description="Bundled cell or cell file whose workspace limits the poses."),
         Option(metavar="CELL", file="input"),
     ] = None
     count: Annotated[
@@ -117,7 +118,7 @@ class CalibratePosesResult:
     found: ProposedPoses
 
     def document(self) -> dict[str, object]:
-        """Return the poses and the expected spread as numbers."""
+        """Return poses, parameters, expected spread, files and notes."""
         design = self.found.design
         return {
             "robot": self.found.robot.name,
@@ -136,7 +137,7 @@ class CalibratePosesResult:
         }
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield notes, the determined parameters, the expected spread and the files."""
+        """Yield notes, the numbers of poses and parameters, the expected spread and the files."""
         found, design = self.found, self.found.design
         yield from note_blocks(found.notes)
         geometry = sum(each.kind != "compliance" for each in design.parameters)

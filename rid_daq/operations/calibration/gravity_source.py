@@ -1,4 +1,4 @@
-"""`read_gravity`: the torques of gravity from a model file or the robot file's drawing data."""
+"""`read_gravity`: the torques of gravity from a model file or the robot file's CAD data."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ def read_gravity(
 
     Raises:
         ConfigError: The model cannot be read, is of another robot, or its payload is not stated.
-        EstimationError: The payload failed its verdict.
+        EstimationError: The payload failed its verdict, or a joint did not move for the model.
+        RecordingError: The model or the payload is in a damaged run, or not of its run.
     """
     if model is not None:
         estimate = read_estimate_for(model, robot)

@@ -55,6 +55,7 @@ def identify_gears(request: StiffnessRequest) -> IdentifiedGears:
         DataQualityError: A run lacks rows, periods or the data of its force plate, or the file of
             an instrument does not fit its run.
         EstimationError: The runs do not determine the arm, or its wrist is coupled.
+        RecordingError, LockedError: A run cannot be read, or is still being recorded.
     """
     data = [
         RunData.load(folder, unfinished=request.unfinished)

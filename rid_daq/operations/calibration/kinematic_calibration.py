@@ -115,13 +115,14 @@ class CalibratedRobot:
 
 
 def calibrate_robot(request: CalibrateKinematicsRequest) -> CalibratedRobot:
-    """Calibrate a robot, and write the corrected robot file if the request names one.
+    """Calibrate a robot; if this reduces the errors, write the requested robot file.
 
     Raises:
         ConfigError: A file cannot be read, does not fit the robot, or the output exists already, or
             the table of the check has rows of the fit.
         DataQualityError: The poses do not determine the parameters.
         EstimationError: The fit fails, or the payload failed its verdict.
+        RecordingError, LockedError: A run cannot be read, or the output cannot be written.
     """
     if request.output is not None:
         if request.output.exists():
@@ -194,6 +195,7 @@ def _rests(request: CalibrateKinematicsRequest, robot: RobotDescription) -> Floa
     Raises:
         ConfigError: A run is of another robot.
         DataQualityError: A run has no rest.
+        RecordingError, LockedError: A run cannot be read, or is still being recorded.
     """
     if not request.run:
         return None

@@ -48,8 +48,10 @@ def propose_poses(request: CalibratePosesRequest) -> ProposedPoses:
     """Choose the poses, and write them.
 
     Raises:
-        ConfigError: A file is invalid or exists already, the cell has another robot, or no poses
-            are clear of obstacles.
+        ConfigError: A file is invalid or exists already, the cell has another robot, or too few
+            poses are clear of obstacles.
+        EstimationError: The payload failed its verdict, or a joint did not move for the model.
+        RecordingError: A file cannot be written, or the model is in a damaged run.
         DataQualityError: The number of poses is too small for the parameters.
     """
     outputs = {request.output: made_file.POSES}

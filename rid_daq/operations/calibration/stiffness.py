@@ -32,8 +32,8 @@ class StiffnessRequest(Request):
     multisine`), all with the same load. The kind of each run is read from its motion. Files of
     instruments on the link side of the gears make the result more certain. The intervals are two
     standard deviations, at least 2 % of the value. If the runs do not show the stiffness of a
-    joint, the result says so and contains no number for it. The robot file is not changed: the
-    result contains its new keys.
+    joint, the result says so and contains no number for it. The result contains keys for the robot
+    file, which is not changed.
     """
 
     run: RunNames

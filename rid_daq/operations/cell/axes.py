@@ -21,12 +21,13 @@ if TYPE_CHECKING:
 class AxesRequest(Request):
     """Test direction, encoder and gear of every axis before the first motion.
 
-    While SPACE is held, one axis moves by 2 degrees (5 mm) at 2 % of its speed limit; it stops when
-    SPACE is released. You answer in which direction the axis moved and about how far, and your
-    answer is compared with the drive's encoder. A mismatch is reported with the line of the file to
-    change (exit code 1). Axes that pass are recorded in the state folder of this user account. On a
-    real cell all other motions except `jog` require this record, unless --without-axis-test waives
-    it. The record becomes invalid if the cell file or the robot file changes.
+    While SPACE is held, one axis moves by at most 2 degrees (5 mm) at 2 % of its speed limit; it
+    stops when SPACE is released. You answer in which direction the axis moved and about how far,
+    and your answer is compared with the drive's encoder. A mismatch is reported with the line of
+    the file to change (exit code 1). Axes that pass are recorded in the state folder of this user
+    account, except those of a bundled cell. On a real cell all other motions except `jog` require
+    this record, unless --without-axis-test waives it. The record becomes invalid if the cell file
+    or the robot file changes.
     """
 
     cell: CellName
@@ -71,7 +72,7 @@ class AxesResult:
 
     @property
     def exit_code(self) -> int:
-        """Exit code of a run that was stopped; otherwise 1 if an axis does not match the files."""
+        """Exit code of a stopped run; 1 if the user ended the test or an axis does not match."""
         from rid_daq.terminal.exit_codes import ExitCode
 
         stopped = self.tested.stopped

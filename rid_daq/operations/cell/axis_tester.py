@@ -50,7 +50,7 @@ class AxisTestOutcome:
     Attributes:
         cell: Name of the cell.
         verdicts: One for each axis that was tested.
-        stopped: Run that was stopped; the test ended with it. None if no run was stopped.
+        stopped: Last run, if it was stopped or the user ended the test in it; otherwise None.
         signed: File with the axes that have passed; None for a bundled cell.
         suspected: Sentence on the keys that the stop makes doubtful; empty if none is.
     """
@@ -142,7 +142,13 @@ class AxisTester:
         self._gave_up = False
 
     def test(self, number: int) -> AxisVerdict | None:
-        """Test one axis; return None if its run was stopped or the person ended the test."""
+        """Test one axis; return None if its run was stopped or the person ended the test.
+
+        Raises:
+            PreflightError: There is no space for the motion, the person did not answer, or the true
+                positions of the simulated robot cannot be read.
+            RidDaqError: As raised by `RunSession.recording`.
+        """
         name = self._robot.joints[number].name
         while True:
             read_positions = true_position_reader(self._session)
@@ -282,7 +288,10 @@ class AxisTester:
 
 
 def visible_motion(robot: RobotDescription, moved: FloatArray) -> ObservedMotion:
-    """Return the motion that a person sees if the joints move by `moved`, (joints,) [rad or m]."""
+    """Return the visible motion if the joints move by `moved`, (joints,) [rad or m].
+
+    It is that of the joint that moves most; none if that is less than 5 % of a test motion.
+    """
     size = np.array(
         [TURN_RAD if joint.type == "revolute" else SHIFT_M for joint in robot.joints], dtype=float
     )

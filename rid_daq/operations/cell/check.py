@@ -31,14 +31,14 @@ class CheckRequest(Request):
     The heartbeat check needs drives that are switched on, at rest, in three cases: the cell file
     says trip_watchdog_with_power, a drive lacks 6007h, 605Ah or 605Eh, or a drive is watched by
     life guarding. Such a drive shows its reaction only with power on. Before power is switched on,
-    a person is asked.
+    a person is asked, unless the cell is simulated or its clearance was confirmed in advance.
 
     The amplifier of a force plate is set as in the cell file and read back; the plate is not
     zeroed. If the cell has a drive monitor, the temperature and torque constant of every motor are
     read too. If axes name EDS files, these files are checked first: if an EDS lacks a required
     object, no drive is contacted, and nothing is written to a drive that differs from its EDS.
     Positions are compared with the joints' limits and with the pose in which the last run left the
-    robot. The exit code is 3 if a line is red.
+    robot. The exit code is 3 if a line is red, or that of an error that ended the check early.
     """
 
     cell: CellName
@@ -111,7 +111,7 @@ class CheckResult:
         return ExitCode.DONE if self.failure is None else exit_code_of(self.failure)
 
     def document(self) -> CheckDocument:
-        """Return all lines of the preflight."""
+        """Return the lines and the outcome of the preflight."""
         checked = self.checked
         return {
             "cell": checked.cell,

@@ -52,7 +52,8 @@ def check_cell(request: CheckRequest, context: Context) -> CheckedCell:
     """Check a cell; show each device as soon as its lines are known.
 
     Raises:
-        ConfigError, LockedError: The cell cannot be opened.
+        ConfigError, LockedError, TransportError, RecordingError: The cell cannot be opened, or a
+            file of this account cannot be used.
         PreflightError: The check needs power, and no person confirmed that the cell is clear.
     """
     loaded = load_cell(request.cell)

@@ -37,8 +37,8 @@ class JogRequest(Request):
     speed_percent: Annotated[
         JogPercent,
         Field(
-            description="Speed, relative to each joint's velocity limit; the tool point never"
-            " exceeds 250 mm/s."
+            description="Speed, relative to each joint's velocity limit; the tool point is"
+            " commanded at most 250 mm/s."
         ),
         Option(flag="speed", unit="%", metavar="PERCENT"),
     ] = JOG_PERCENT

@@ -113,7 +113,7 @@ class JogKeys:
 
     @property
     def help(self) -> str:
-        """Sentence that lists the keys."""
+        """Sentences that list the keys and name the chosen joint."""
         numbers = ", ".join(f"{i} {each.name}" for i, each in enumerate(self._joints[:9], start=1))
         home = "" if self._home is None else "hold h to go to the home pose; "
         return (

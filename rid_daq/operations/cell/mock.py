@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 
 class MockRequest(Request):
-    """Serve a cell's simulated drives and force plate until Ctrl-C.
+    """Serve a cell's simulated devices until Ctrl-C.
 
     While the devices are served, other commands that name this cell use them. Any python-can
     program, such as can_logger, can use them too. With --as the devices of another cell are served

@@ -43,7 +43,7 @@ class ResetResult:
 
     @property
     def failure(self) -> RidDaqError | None:
-        """Error if a fault remains; otherwise None."""
+        """Error if a drive stays in fault or refused the reset; otherwise None."""
         from drivers.device_text import printable
 
         remaining = []

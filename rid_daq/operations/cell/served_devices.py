@@ -76,6 +76,7 @@ class DeviceServer:
 
         Raises:
             TransportError: The simulated bus has ended.
+            RecordingError: The state of the bus cannot be read.
         """
         ending = set(ending_signals())
         came: list[int] = []

@@ -63,7 +63,7 @@ class StopOutcome:
 
     @property
     def exit_code(self) -> int:
-        """Exit code 1 if no session runs, 4 if a session did not answer."""
+        """Exit code 1 if no session was asked to stop, 4 if a session did not confirm the stop."""
         from rid_daq.terminal.exit_codes import ExitCode
 
         if not self.results:
@@ -144,10 +144,10 @@ def _stop_advice(session: RunningSession) -> str:
 
 
 def _choose_sessions(sessions: list[RunningSession], context: Context) -> list[RunningSession]:
-    """Return the only session that can be stopped, or the one that a person chooses.
+    """Return all sessions if fewer than two can be stopped; otherwise those that a person chooses.
 
     Raises:
-        ConfigError: Several sessions run and no user can be asked, or the person chose none.
+        ConfigError: Several sessions run and no user can be asked, or another key was pressed.
     """
     several = [session for session in sessions if session.refusal is None]
     if len(several) < 2:

@@ -22,7 +22,7 @@ WATCH_S: Final = 600.0
 
 
 class WatchRequest(Request):
-    """Read positions, torques and temperatures of the drives at rest, without power.
+    """Read positions, torques and (with a drive monitor) temperatures at rest, without power.
 
     The drives are configured and read back as before a motion, and SYNC is sent in every cycle. No
     drive is switched on and nothing moves, but an arm without brakes can be moved by hand. In a

@@ -85,6 +85,7 @@ def watch_drives(loaded: LoadedCell, request: WatchRequest, context: Context) ->
         PreflightError: A drive has a wrong setting.
         DriverError: Bus or drives failed.
         SafetyStop: A stop was requested before the first cycle.
+        RecordingError: The lock or the write log cannot be used.
     """
     control = ControlBlock.create()
     watch = _Watch(loaded.robot, control, context)
@@ -131,7 +132,7 @@ class _Watch:
         return self._control.program.stop_code != 0
 
     def read(self, opened: Cell, seconds: float) -> None:
-        """Run cycles for a time [s]; a late cycle moves the following ones."""
+        """Run cycles for a time [s] or until a stop; a late cycle postpones the following ones."""
         clock, period_s = opened.clock, opened.config.cycle_time_s
         is_real_time = isinstance(opened.clock, MonotonicClock)
         self._control.task.pace = Pace.REAL_TIME if is_real_time else Pace.LOCKSTEP

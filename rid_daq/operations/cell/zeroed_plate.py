@@ -46,7 +46,8 @@ class ZeroedPlate:
         run: Run of the turn; if the robot was stopped before the first pose, the approach.
         zero: Offsets; None if the motion was stopped.
         lines: The offsets as lines of a cell file.
-        written: Cell file into which the offsets were written; None if not requested.
+        written: Cell file into which the offsets were written; None if not requested, or if the
+            zero failed its check.
         approach_only: True if the robot was stopped before the first pose; the run is then not
             kept.
     """
@@ -59,7 +60,7 @@ class ZeroedPlate:
 
 
 def zero_plate(request: PlateZeroRequest, context: Context) -> ZeroedPlate:
-    """Measure the force plate's offsets, and write them into the cell file if requested.
+    """Measure the force plate's offsets; if requested and valid, write them into the cell file.
 
     Raises:
         ConfigError, PreflightError: The request was refused before anything moved.

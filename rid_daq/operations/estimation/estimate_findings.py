@@ -22,7 +22,12 @@ from rid_daq.runs.run_data import RunData
 def estimate_findings(
     estimate: Estimate, data: tuple[RunData, ...], weight: tuple[str, ...]
 ) -> list[str]:
-    """Return the findings about an estimate, as sentences."""
+    """Return the findings about an estimate, as sentences.
+
+    Args:
+        data: Runs of the estimate.
+        weight: Result of `weight_words`; these parameters do not count as weak.
+    """
     weak = [each for each in weak_parameters(estimate) if each.expression not in weight]
     findings = [
         *still_findings(estimate),

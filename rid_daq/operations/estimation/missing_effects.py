@@ -58,8 +58,8 @@ def _coarse_signals(
 ) -> list[list[SmoothedSignals]]:
     """Return runs as low-passed signals, to compare an estimate with richer models.
 
-    There is one list for each run. The result is empty for runs with a payload, without torques in
-    the model, or with a joint at rest.
+    There is one list for each run. The result is empty for runs with a payload or known bodies, for
+    a model that uses a force plate, or with a joint at rest.
     """
     if how.loaded or how.bodies or how.options.model.kind != "internal" or estimate.still:
         return []
@@ -75,7 +75,10 @@ def _drift_findings(
     how: EstimationJob,
     stretches: Sequence[Sequence[SmoothedSignals]],
 ) -> list[str]:
-    """Return a finding for each torque that drifts, unless the model contains warming."""
+    """Return a finding for each torque that drifts.
+
+    There are none if the model contains warming, or if parts of the runs do not determine it.
+    """
     if estimate.warming is not None:
         return []
     runs = [

@@ -44,7 +44,7 @@ def add_rounding_uncertainty(
     robot: RobotDescription | None,
     chosen: ModelChoice | None,
 ) -> tuple[Estimate, RoundedPositions]:
-    """Return an estimate whose intervals contain the effect of rounded positions.
+    """Return an estimate whose intervals contain the effect of rounded positions, and this effect.
 
     The estimate is repeated with positions that were rounded once more.
 
@@ -63,7 +63,7 @@ def add_torque_rounding_uncertainty(
     robot: RobotDescription | None,
     chosen: ModelChoice | None,
 ) -> tuple[Estimate, list[str]]:
-    """Return an estimate whose intervals contain the effect of rounded torques, and a finding.
+    """Return an estimate whose intervals contain the effect of rounded torques, and findings.
 
     The estimate is repeated with torques that were rounded once more, if imported torques have so
     few digits that this has an effect.

@@ -58,7 +58,7 @@ class EstimationJob(Ranged):
     """Options of an estimate from runs.
 
     Attributes:
-        options: Terms of the model and weights of the rows.
+        options: Terms of the model, band and weights of the equations.
         cad_prior: True if the CAD data are prior knowledge.
         loaded: Ids of the runs with an unknown payload.
         bodies: Known bodies that the robot carried, by the ids of the runs.
@@ -133,6 +133,7 @@ def estimate_runs(
         ConfigError: The runs are of different robots, or only some are periodic; or the robot file
             has no CAD data.
         DataQualityError, EstimationError: The data do not determine the parameters.
+        RecordingError: A recording cannot be read.
     """
     how = how or EstimationJob()
     robot = robot or require_one_robot(data)
@@ -230,8 +231,9 @@ def compare_friction(
     `smoothed` is the result of `smoothed_runs`, if it is known.
 
     Raises:
-        ConfigError: The runs are of different robots or kinds, or carry an unknown payload.
-        EstimationError: The data do not determine the parameters.
+        ConfigError: The runs are of different robots or kinds, or carry a payload or known bodies.
+        DataQualityError, EstimationError: The data do not determine the parameters.
+        RecordingError: A recording cannot be read.
     """
     robot = require_one_robot(data)
     if how.loaded or how.bodies:
@@ -279,6 +281,7 @@ def cross_check_estimate(
 
     Raises:
         ConfigError: All runs carried known bodies.
+        DataQualityError, EstimationError: The data cannot be used for the comparison.
     """
     data = how.without_bodies(data)
     if not data:
@@ -302,7 +305,8 @@ def estimate_drive_gains(
     """Estimate drive gains from the runs of an estimate; some runs carry a load of known mass.
 
     Raises:
-        EstimationError: The runs or the model do not determine the gains, or a gain is implausible.
+        ConfigError, DataQualityError, EstimationError: The runs or the model do not determine the
+            gains, or a gain is implausible.
     """
     loaded = [item.folder.run_id in how.loaded for item in data]
     runs = time_runs(estimate.model, _signals_of_estimate(estimate, data, how), loaded)
@@ -372,6 +376,7 @@ def require_one_robot(data: Sequence[RunData]) -> RobotDescription:
 
     Raises:
         ConfigError: The runs differ in robot or kind, or two are the same recording.
+        RecordingError: A recording cannot be read.
     """
     robot = data[0].robot
     for other in data[1:]:

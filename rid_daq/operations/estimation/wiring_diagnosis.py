@@ -150,7 +150,7 @@ def signals_for_diagnosis(
 
     Args:
         data: The runs; all are periodic, or none.
-        how: Options of the estimate; the highest frequency and the lists of runs with a load count.
+        how: Options of the estimate; only its highest frequency and its runs with a load are used.
         robot: The robot as its file describes it.
         smoothed: Result of `smoothed_runs` for all runs, if it is known.
     """
@@ -259,7 +259,7 @@ def _finite_or_zero(value: float) -> float:
 def _lines_to_change(
     mistake: Mistake, robot: RobotDescription, imported: bool, folder: RunFolder
 ) -> tuple[PlaceToChange, ...]:
-    """Return the lines in a run's files that contain the mistake."""
+    """Return the lines in a run's files that can contain the mistake."""
     patterns_by_kind = {**(_LINES_OF_MAP if imported else _LINES_OF_CELL), **_LINES_OF_ROBOT}
     patterns = patterns_by_kind[mistake.kind]
     joints = mistake.changed

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 class AverageRequest(Request):
     """Cut a periodic run into periods, reject bad periods with a reason, and average the others.
 
-    The scatter between periods is the measurement noise. The exit code is 6 if too few periods
-    remain.
+    The measurement noise is estimated from the scatter between the periods. The exit code is 6 if
+    too few periods remain.
     """
 
     run: RunName

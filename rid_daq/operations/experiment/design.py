@@ -183,14 +183,15 @@ class Multisine(Request):
 
 
 class DesignRequest(Request):
-    """Design an excitation trajectory and check it against the limits at closely spaced times.
+    """Design a motion for an experiment, and check it against the limits at closely spaced times.
 
-    `optimal` refines random starts by exact gradients, on all cores, within the limits on position,
-    speed, acceleration, torque, workspace and self-collision. Without --budget, the same seed and
-    number of starts give the same file. `two-harmonic` generates many random motions with one low
-    and one high harmonic per axis, and takes the best; it does not check torques. The written
-    motion keeps the limits on position, speed and acceleration also in its ramps.
-    Ctrl-C ends the search with the best motion found so far (exit code 130).
+    For an excitation, `optimal` refines random starts by exact gradients, on all cores, within the
+    limits on position, speed, acceleration, workspace and self-collision, and on torque if --model
+    is given or the robot file has `cad`. Without --budget, the same seed and number of starts give
+    the same file. `two-harmonic` generates many random motions with one low and one high harmonic
+    per axis, and takes the best; it does not check torques. The written motion keeps the limits on
+    position, speed and acceleration also in its ramps. Ctrl-C ends the search of `optimal` with the
+    best motion found so far (exit code 130).
     """
 
     cell: CellName
@@ -211,7 +212,7 @@ class DesignRequest(Request):
     excitation: Excitation = Field(default_factory=Excitation)
     model: Annotated[
         Path | None,
-        Field(description="Model file, for the check of the torque limits."),
+        Field(description="Model file for the torque limits; the robot file's `cad` if not set."),
         Option(metavar="MODEL", file="input"),
     ] = None
     payload: CarriedPayloadOfModel = None
@@ -272,7 +273,7 @@ class DesignRequest(Request):
 
 
 class MotionDocument(TypedDict):
-    """Properties of a motion; those after the duration depend on its kind."""
+    """Properties of a motion; those after the notes depend on its kind."""
 
     motion: str
     duration_s: float

@@ -82,6 +82,7 @@ def search(
 
     Raises:
         ConfigError: No motion of any start keeps all limits, or there is no pose to start from.
+        SystemExit: The search was interrupted before a motion was found.
     """
     work = _SearchState(cell, options, context, time.monotonic(), scheduler)
     work.refine(problem, options.starts)
@@ -132,7 +133,7 @@ class _SearchState:
 
     @property
     def is_done(self) -> bool:
-        """True if no easier problem needs to be tried."""
+        """True if no easier problem is to be tried: enough room, an interruption, or no time."""
         roomy = self.best is not None and self.best.amplitude >= ROOM
         return roomy or self.interrupted_by is not None or self._time_is_over()
 

@@ -80,8 +80,8 @@ class ImportRequest(Request):
     proposal: Annotated[
         Path | None,
         Field(
-            description="File for the proposed map; the recording's name with the ending .map.yaml"
-            " if not set."
+            description="File for the proposed map; in the current folder, with the recording's"
+            " name and the ending .map.yaml, if not set."
         ),
         Option(metavar="FILE", group=FILES, file="output", endings=(".yaml",), needs="robot"),
     ] = None
@@ -96,7 +96,8 @@ class ImportRequest(Request):
     label: Annotated[
         tuple[str, ...],
         Field(
-            description="Label of the run, one for each range of rows; the file's name if not set."
+            description="Label of the run, one for each range of rows; the file's name, with the"
+            " range if there are several, if not set."
         ),
         Option(group=FILES),
     ] = ()
@@ -119,7 +120,7 @@ class ImportResult:
         return documents[0] if len(documents) == 1 else {"runs": documents}
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield the import report of each run, its folder and report, and the next command."""
+        """Yield the import report, folder and page of each run, and the next command if any."""
         for each in self.runs:
             for line in each.report.lines():
                 yield Text(text=line)

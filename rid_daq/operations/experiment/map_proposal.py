@@ -65,8 +65,8 @@ def write_proposal(request: ImportRequest) -> MapProposal:
     """Propose an import map for a recording and write it.
 
     Raises:
-        ConfigError: The file has no columns that can be recognised, several files are given, or the
-            map's file exists.
+        ConfigError: The file has no columns that can be recognised, several files are given, the
+            map's file exists, or an option is missing or has no effect.
         RecordingError: The map cannot be written.
     """
     if request.robot is None:
@@ -97,8 +97,8 @@ def write_proposal(request: ImportRequest) -> MapProposal:
 def propose_checked_map(path: Path, robot_reference: str) -> Proposal:
     """Propose an import map, and judge the meaning of the torques from the data.
 
-    The meaning is proposed if the recording's program defines it, or if the data show only one.
-    Otherwise it is `?`. The same holds for the quantity in the efforts of joint states.
+    The meaning is proposed if the recording's program or its columns define it, or if the data show
+    only one. Otherwise it is `?`. The same holds for the quantity in the efforts of joint states.
 
     Args:
         path: The recording.

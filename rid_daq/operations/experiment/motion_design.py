@@ -69,7 +69,9 @@ class DesignedMotion:
 
 
 def design_motion(request: DesignRequest, context: Context) -> DesignedMotion:
-    """Design a motion, check that it keeps all limits, ramps included, and write it.
+    """Design a motion, check its limits, and write it.
+
+    Position, speed and acceleration are checked in the ramps too.
 
     Args:
         request: Kind of motion and options.
@@ -78,7 +80,8 @@ def design_motion(request: DesignRequest, context: Context) -> DesignedMotion:
     Raises:
         ConfigError: No such motion keeps the limits, a model is of another robot, or this kind of
             motion does not allow so many periods.
-        RecordingError: The file cannot be written.
+        EstimationError: The model or its payload cannot be used.
+        RecordingError: The file cannot be written, or the model is in a damaged run.
     """
     refuse_output(request.output, request.overwrite, made_file.MOTION)
     _require_periods(request)

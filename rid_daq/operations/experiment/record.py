@@ -48,8 +48,8 @@ class RecordRequest(Request):
     The motion is checked against the limits before anything moves (exit code 3), against those of
     torque only with --model. Ctrl-C stops the robot (quick stop, then power off) and keeps the
     recorded rows; it is not an emergency stop. The exit code is 1 if a goal of --until is not
-    reached by the last period. It is 6 if more than 2 % of a drive's answers were lost or more than
-    5 periods are bad.
+    reached by the last period. It is 6 if more than 5 periods of a periodic motion are bad, or more
+    than 2 % of a drive's answers in any other motion were lost.
     """
 
     cell: CellName
@@ -140,7 +140,7 @@ class RecordResult:
         return self.recorded.exit_code
 
     def document(self) -> dict[str, object]:
-        """Return the JSON document of the run; of a rehearsal alone, its folder and its end."""
+        """Return the JSON document of the run; for a stopped rehearsal, its folder and the stop."""
         from rid_daq.recording.recorded_run import stop_document
 
         run, accuracy = self.recorded.run, self.recorded.accuracy

@@ -67,7 +67,7 @@ class RecordedMotion:
 
     @property
     def exit_code(self) -> ExitCode:
-        """Exit code of the run; it also shows whether an accuracy goal was missed."""
+        """Exit code of the run; if that is 0 and an accuracy goal was missed, 1."""
         missed = self.accuracy is not None and not self.accuracy.reached
         return self.run.exit_code or (ExitCode.VERDICT_FAILED if missed else ExitCode.DONE)
 

@@ -47,7 +47,7 @@ class ComparedModels:
         names: Names of the two models.
         difference: Differences of their parameters.
         predictions: Torque errors, one entry per run.
-        notes: Defects of the runs' data; a note if one of the models assumes rigid gears.
+        notes: Defects of the runs' data; a note if only one of the models assumes rigid gears.
     """
 
     names: tuple[str, str]

@@ -32,7 +32,7 @@ class Row(NamedTuple):
 
     @property
     def differs(self) -> str:
-        """Remark if the two values differ."""
+        """`differs` if the two values differ; otherwise empty."""
         return "" if self.first == self.second else "differs"
 
 
@@ -55,7 +55,7 @@ class RunSide:
         """Read a run.
 
         Raises:
-            RecordingError: The result cannot be read.
+            ConfigError, RecordingError: The manifest or the result cannot be read.
         """
         has_result = folder.file(RESULT).exists()
         return cls(folder, folder.manifest(), read_result(folder) if has_result else None)
@@ -71,7 +71,7 @@ class RunSide:
         return _NONE if found in (None, "") else str(found)
 
     def conditions(self) -> Iterator[tuple[str, str]]:
-        """Yield name and value of each condition; all runs have the same names."""
+        """Yield name and value of each condition, for every run in the same order."""
         manifest, runs = self.manifest, () if self.result is None else self.result.runs or ()
         software = manifest.software
         yield "begun", format_utc(manifest.created_utc)
@@ -271,7 +271,7 @@ def _robot_of(folder: RunFolder) -> tuple[str, tuple[str, ...]]:
     """Return the name and joints of a run's robot.
 
     Raises:
-        ConfigError: The run has no robot file, or it is damaged.
+        ConfigError, RecordingError: The run has no robot file, or it cannot be read.
     """
     path = folder.file(ROBOT)
     if not path.exists():

@@ -45,9 +45,10 @@ class ExportRequest(Request):
     """Write an identified model, or the recording of a run, for other programs.
 
     For a model, the physically consistent parameters closest to the identified ones are written; if
-    no such parameters explain the data, nothing is written. A comment in the file lists what
-    its format cannot express. Tables contain both sets of parameters, and the intervals of the
-    identified ones. For a run, every row is written as it was recorded.
+    they do not explain the data, nothing is written unless --despite-misfit or --as-identified is
+    given. A comment in the file lists what its format cannot express. Tables contain both sets of
+    parameters, and the intervals of the identified ones. For a run, every row is written as it was
+    recorded.
     """
 
     what: Annotated[
@@ -134,7 +135,7 @@ class ExportedModel:
         test: Test of the consistent parameters against the data.
         torques: Comparison of the file's torques with the model's; only for robot descriptions.
         urdf: The changes of a user's URDF, if one was updated.
-        notes: What a solver with the written parameters leaves out.
+        notes: What the file, or a solver that reads it, leaves out.
     """
 
     request: ExportRequest
@@ -162,7 +163,7 @@ class ExportedModel:
         }
 
     def blocks(self) -> Iterator[AnyBlock]:
-        """Yield the sentence and the file name."""
+        """Yield the sentence, changes of a URDF, torques, notes and the file name."""
         yield Text(text=self.sentence)
         if self.urdf is not None:
             yield from self.urdf.blocks()

@@ -122,10 +122,11 @@ def export_model(request: ExportRequest) -> ExportedModel:
     """Write an identified model.
 
     Raises:
-        ConfigError: The format is not for models, or not for parameters as identified.
+        ConfigError: The format is not for models, or not for parameters as identified; or the model
+            or the URDF cannot be used.
         EstimationError: The model does not explain its own data, no physically consistent
             parameters explain them, or the format cannot express the model.
-        RecordingError: The file cannot be written.
+        RecordingError: The file cannot be written, or the model is in a damaged run.
     """
     to, as_identified = request.to, request.as_identified
     if to not in NEED_NO_LINKS and to not in DESCRIPTIONS and to is not Format.KDL:
@@ -180,8 +181,8 @@ def exported_parameters(
             robot file if not given.
 
     Raises:
-        EstimationError: The model does not explain its own data, or no physically consistent
-            parameters explain them.
+        EstimationError: A joint did not move, the model does not explain its own data, or no
+            physically consistent parameters explain them.
     """
     if not request.as_identified:
         refuse_unmoved_joints(estimate.still, request.what)

@@ -84,13 +84,14 @@ def identify_robot(
     """Estimate a robot from runs that were read; nothing is written.
 
     Args:
-        request: Options of the estimate; its names and files are not used.
+        request: Options of the estimate; its `names` and `output` are not used.
         data: The runs.
         context: Shows progress.
 
     Raises:
         ConfigError: The runs are of different robots or kinds, or the options exclude one another.
         DataQualityError, EstimationError: The data do not determine the parameters.
+        RecordingError: A recording cannot be read.
     """
     request.refuse_contradictions()
     data = with_stated_gears(data, request.gears)
@@ -225,7 +226,7 @@ def _diagnose(
     *,
     search: bool,
 ) -> tuple[Estimate, WiringDiagnosis]:
-    """Return the estimate with its held-out error, and the mistakes found in the runs' files.
+    """Return the estimate and the diagnosis; with `search`, also held-out error and mistakes.
 
     Runs that all carry a payload or bodies, and a model of the force plate alone, are not examined.
     """

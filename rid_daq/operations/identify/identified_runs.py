@@ -45,7 +45,7 @@ class IdentifiedRuns:
         result: Result of the first run.
         notes: Defects of the runs' data.
         gains: Drive gains; None if no load mass was given.
-        plate_unused: True if the runs have a force plate that the model does not use.
+        plate_unused: True if periodic runs have a force plate that the model does not use.
         clocks: Repeated, missing and jittered rows of each run, and the source of its times.
     """
 
@@ -94,7 +94,7 @@ def identify_runs(request: IdentifyRequest, context: Context) -> IdentifiedRuns:
     Raises:
         ConfigError: The runs are of different robots or kinds, or the options exclude one another.
         DataQualityError, EstimationError: The data do not determine the parameters.
-        RecordingError: A run cannot be read, or a file cannot be written.
+        RecordingError, LockedError: A run cannot be read, or a file cannot be written.
     """
     request.refuse_contradictions()
     refuse_output(request.output, request.overwrite, made_file.MODEL)

@@ -49,7 +49,7 @@ class ValidatedModel:
         reaction: Predicted and measured reaction on the force plate.
         base_load: Largest reaction on the base, if the request asks for it.
         notes: Defects of the run's data.
-        clocks: Repeated, missing and jittered rows of the run, and the source of its times.
+        clocks: Repeated, missing and jittered rows of each run, and the source of its times.
         report: Path of the run's report.
         not_compared: Reason if the reaction on the base cannot be compared; otherwise empty.
         runs: Errors of each run, if several runs were judged together.
@@ -134,7 +134,9 @@ def predict_motion(request: ValidateRequest) -> ValidatedModel:
     Raises:
         ConfigError: The request does not ask for the reaction, it names no cell or a cell without
             limits, or the motion is for another robot or exceeds its limits.
-        EstimationError: The model is internal, so it cannot predict the reaction.
+        EstimationError: The model is internal, so it cannot predict the reaction; or the model or
+            its payload cannot be used.
+        RecordingError: The model is in a damaged run, or the payload's run cannot be read.
     """
     motion = Path(request.run)
     refuse_unused(request, OF_RUNS, "with a motion file")

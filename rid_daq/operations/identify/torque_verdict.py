@@ -78,6 +78,7 @@ def validate_recording(
         ConfigError: The limits are invalid or missing, or the model is of another robot.
         DataQualityError: The run allows no verdict: the model was identified from it, or it is too
             short.
+        EstimationError, RecordingError: The model cannot predict the run, or the run is damaged.
     """
     validation = _predict_torques(request, estimate, data)
     if (moved_s := _time_in_motion_s(validation)) < SHORTEST_S:
@@ -117,7 +118,8 @@ def validate_together(
 
     Raises:
         ConfigError: The runs' cells have different limits, or as for `validate_recording`.
-        DataQualityError: As for `validate_recording`; the time of motion is that of all runs.
+        DataQualityError, EstimationError, RecordingError: As for `validate_recording`; the time of
+            motion is that of all runs.
     """
     refuse_unused(request, ("base", "mass_kg"), "with several runs")
     refuse_repeated_imports(runs)
@@ -206,6 +208,9 @@ def required_plate_limits(cell: CellConfig | None, where: str) -> PlateLimits:
     Args:
         cell: The cell; None without a cell.
         where: Name of the cell file, for the error message.
+
+    Raises:
+        ConfigError: The cell has no such limits.
     """
     limits = None if cell is None or cell.plate is None else cell.plate.limits
     if limits is None:

@@ -56,8 +56,8 @@ class ValidateRequest(Request):
     limits: Annotated[
         str | None,
         Field(
-            description="Largest allowed relative error: one percentage, or one per axis; the"
-            " cell file's if not set."
+            description="Largest allowed relative error: one percentage, or one per axis; if not"
+            " set, the cell file's, or else a default."
         ),
         Option(metavar="PERCENT,..."),
     ] = None

@@ -82,7 +82,8 @@ class RefinedFeedforward:
         measured: Path error that repeats in all runs, and its noise.
         found: Correction computed from this error.
         stalled: True if the path error no longer shrinks from refinement to refinement.
-        notes: Defects of the runs' data, and the assumed temperature of the joints.
+        notes: Defects of the runs' data, the assumed temperature of the joints, and reasons to
+            doubt loops and model.
         cell: Cell of the runs, as a command's argument.
         motion: Motion file of one of the runs.
     """
@@ -173,11 +174,14 @@ def compensate_motion(request: CompensateRequest) -> CompensatedMotion:
 
 
 def refine_feedforward(request: RefineRequest) -> RefinedFeedforward:
-    """Correct a feedforward by the path error that was measured with it, and write the new one.
+    """Correct a feedforward by the path error that was measured with it, and write the result.
+
+    If the error is noise or no longer shrinks, the feedforward is written unchanged.
 
     Raises:
         ConfigError: The runs differ in motion or feedforward, or the output file exists already.
         DataQualityError: The path error has grown since the last refinement.
+        RidDaqError: A run, the model or the loops cannot be used, or a limit is exceeded.
     """
     refuse_output(request.output, request.overwrite, made_file.FEEDFORWARD)
     folders = find_runs(request.runs, request.run)

@@ -59,8 +59,9 @@ def retime_motion(request: RetimeRequest) -> RetimedMotion:
     Raises:
         ConfigError: The files do not belong together, an option is invalid, a file exists already,
             or motion and report have the same path.
-        EstimationError: The payload failed its verdict.
+        EstimationError: The model or its payload cannot be used.
         LimitError: A limit cannot be kept; the text names the limit and the place.
+        RecordingError: A file cannot be written, or the model is in a damaged run.
     """
     refuse_output(request.output, request.overwrite, made_file.MOTION)
     refuse_output(request.report, request.overwrite, made_file.REPORT)

@@ -108,7 +108,7 @@ class StreamResult:
         return self.run.exit_code
 
     def document(self) -> dict[str, object]:
-        """Return the document of the run, its compensation, notes, and signals of load changes."""
+        """Return the document of the run, with notes, load signals and the use of compensation."""
         more = {
             "compensated": self.request.options.compensated,
             "load_signals": self.load_signals,

@@ -56,7 +56,8 @@ def track_runs(request: TrackingRequest) -> TrackedRuns:
             model is of another robot.
         DataQualityError: Two runs of `against` are of the same motion, or a run lacks the commanded
             positions.
-        EstimationError: A joint did not move when the model was identified.
+        EstimationError: The model or its payload cannot be used.
+        RecordingError, LockedError: A run cannot be read, or is still being recorded.
     """
     driven, others = (
         [
@@ -167,7 +168,7 @@ def _torque_words(estimate: Estimate, robot: RobotDescription) -> str:
 def _with_stiffness(
     robot: RobotDescription, model: RobotDescription
 ) -> tuple[RobotDescription, list[str]]:
-    """Return a robot with the stiffness of its model, and notes on differences."""
+    """Return a robot with stiffness and motor inertia of its model, and notes on differences."""
     joints, notes = [], []
     for joint, model_joint in zip(robot.joints, model.joints, strict=True):
         stated, newer = joint.stiffness_nm_rad, model_joint.stiffness_nm_rad

@@ -40,7 +40,7 @@ def write_certificate(request: PayloadCertificateRequest) -> tuple[Certificate, 
     """Write a payload's certificate; return its contents and its path.
 
     Raises:
-        ConfigError: There is no such run.
+        ConfigError: There is no such run, or the output is not allowed or exists already.
         DataQualityError: The session or run is unfinished, or has no payload with a verdict.
         RecordingError: A file was changed, cannot be read, or cannot be written.
     """

@@ -35,7 +35,7 @@ ALONG_Z: Final = frozenset(LoadFormat) - {LoadFormat.URDF}
 
 
 def export_payload(request: PayloadExportRequest) -> PayloadExportResult:
-    """Write a payload as load data for a controller; the file is read back and compared.
+    """Write a payload as load data for a controller; the text is parsed again and compared first.
 
     Raises:
         EstimationError: The payload has not passed its verdict, or no body can have these values. A
@@ -51,7 +51,7 @@ def export_payload(request: PayloadExportRequest) -> PayloadExportResult:
 
 
 def load_text(path: Path, judged: PayloadResult, form: LoadFormat) -> tuple[str, tuple[str, ...]]:
-    """Return load data of a payload as text, read back and compared, and notes to check.
+    """Return load data of a payload as text, parsed again and compared, and notes to check.
 
     Args:
         path: Path of the payload file, for messages.
@@ -74,6 +74,7 @@ def read_back_payload(request: PayloadReadBackRequest) -> PayloadReadBackResult:
     Raises:
         ConfigError: A file cannot be read or is not of this format; or file and text are both
             given, or neither.
+        RecordingError: The run of the payload cannot be read.
     """
     file, text = _source_name(request), request.text
     body = read_payload(payload_file(request.runs, str(request.payload))).estimate.body

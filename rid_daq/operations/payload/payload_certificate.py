@@ -23,7 +23,8 @@ class PayloadCertificateRequest(Request):
     """Write a payload's certificate: values with intervals, verdict and limits, origin, SHA-256.
 
     All listed files are compared with their SHA-256 first. A failed verdict is certified as failed;
-    an unfinished session is refused. The same session always gives the same page.
+    an unfinished session is refused. The same session gives the same page with the same options and
+    version of rid-daq.
     """
 
     session: Annotated[
@@ -51,7 +52,7 @@ class PayloadCertificateRequest(Request):
 
     @property
     def is_page(self) -> bool:
-        """True if only a page is requested, no PDF."""
+        """True if `output` names a page (.html)."""
         return self.output is not None and self.output.suffix == ".html"
 
 

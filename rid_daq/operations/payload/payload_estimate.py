@@ -50,7 +50,7 @@ class PayloadRequest:
 
     Attributes:
         how: Procedure, terms of the model, and known quantities.
-        limits: Largest intervals with which the payload passes.
+        limits: Largest intervals and residuals with which the payload passes.
         band_hz: Highest frequency used.
         standstill_rad_s: Lowest speed used for friction.
     """
@@ -86,7 +86,8 @@ def payload_runs(
 
     Raises:
         ConfigError: The runs are of different robots, or only some are periodic.
-        DataQualityError: A run is too short or too damaged.
+        DataQualityError, EstimationError: A run is too short or too damaged, or cannot be filtered.
+        RecordingError: A recording cannot be read.
     """
     require_one_robot(data)
     model = payload_request.how.robot
@@ -123,8 +124,10 @@ def estimate_payload(
         payload_request: Options of the estimate.
 
     Raises:
-        ConfigError: The runs are of different robots, or only some are periodic.
+        ConfigError: The runs are of different robots, only some are periodic, or the model was
+            identified from a run with the payload.
         DataQualityError, EstimationError: The data do not determine a payload.
+        RecordingError: A recording cannot be read.
     """
     how, robot = payload_request.how, data[0].robot
     if how.robot is not None:
@@ -275,7 +278,7 @@ def _rounding_checks(rounded: RoundedPositions | None) -> tuple[PayloadCheck, ..
 def _comparison_runs(
     data: Sequence[RunData], loaded: Sequence[bool], how: PayloadOptions
 ) -> list[int]:
-    """Return the runs without payload that were not used to identify the model."""
+    """Return the indices of runs without payload that were not used to identify the model."""
     model_runs = () if how.robot is None else how.robot.run_ids
     pairs = enumerate(zip(data, loaded, strict=True))
     return [i for i, (run, carried) in pairs if not carried and run.folder.run_id not in model_runs]

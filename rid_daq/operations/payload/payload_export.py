@@ -25,7 +25,7 @@ class PayloadExportRequest(Request):
 
     The frame is the flange, which is the tool frame of the robot file. The values are those of the
     closest physically consistent body. A payload that has not passed its verdict is refused. The
-    file is read back and compared.
+    text is parsed again and compared before it is written.
     """
 
     payload: PayloadFile

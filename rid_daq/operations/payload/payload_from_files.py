@@ -34,7 +34,7 @@ def identify_payload_runs(request: PayloadIdentifyRequest) -> IdentifiedPayload:
     Raises:
         ConfigError: The procedure does not fit the model, or the runs do not belong together.
         DataQualityError, EstimationError: The data do not determine a payload.
-        RecordingError: A run cannot be read, or a file cannot be written.
+        RecordingError, LockedError: A run cannot be read, or a file cannot be written.
     """
     refuse_output(request.output, request.overwrite, made_file.PAYLOAD)
     known = tuple(each.known() for each in request.known)
@@ -69,7 +69,7 @@ def payload_request_of(
         known: The known quantities in the request.
 
     Raises:
-        ConfigError: The procedure does not fit the model.
+        ConfigError: The procedure needs a model, or the model already defines the terms.
     """
     procedure = request.procedure or ("together" if robot is None else "model")
     if procedure == "model" and robot is None:

@@ -80,7 +80,7 @@ class KnownQuantity(Request):
 
 
 class VerdictLimits(Request):
-    """Largest intervals (2σ) with which a payload passes.
+    """Largest intervals (2σ) and residuals with which a payload passes.
 
     A relative limit and an absolute one for the same quantity are alternatives.
     """
@@ -210,7 +210,10 @@ class PayloadIdentifyRequest(Request):
     unfinished: Unfinished = False
     output: Annotated[
         Path | None,
-        Field(description=f"Payload file to write; {PAYLOAD} of the run if not set."),
+        Field(
+            description=f"Payload file to write; {PAYLOAD} of the first run with the payload if not"
+            " set."
+        ),
         Option(short="o", metavar="FILE", group=FILES, file="output", endings=(".json",)),
     ] = None
     overwrite: Overwrite = False

@@ -77,7 +77,7 @@ def payload_sensitivity(request: SensitivityRequest, context: Context) -> Sensit
 
     Raises:
         ConfigError: The robot's true parameters are unknown, a file is of another robot or exists
-            already, or the scheduler cannot be reached.
+            already, an option is invalid, or the scheduler cannot be reached.
         EstimationError: The motion does not determine all ten parameters.
         RecordingError: The table cannot be written.
     """

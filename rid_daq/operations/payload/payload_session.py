@@ -49,9 +49,10 @@ _OF_SESSION: Final = frozenset(
 class PayloadSessionRequest(Request):
     """Lead through a payload session: check, rehearse, warm up, record, attach, record, identify.
 
-    An interrupted session is continued with --resume: its recorded runs are used, and its original
-    options apply unless they are given again. The exit code is 1 if the payload fails its verdict,
-    6 if a run is not good enough or the torque of an axis is not explained.
+    An interrupted session is continued with --resume: its motion and its recorded runs are used,
+    and its original options apply unless they are given again. Confirmations, --without-axis-test
+    and --pace apply only once. The exit code is 1 if the payload fails its verdict, 6 if a run is
+    not good enough or the torque of an axis is not explained.
     """
 
     cell: CellName
@@ -142,7 +143,7 @@ class PayloadSessionRequest(Request):
         return found
 
     def with_original_options(self, begun: Mapping[str, JsonValue]) -> PayloadSessionRequest:
-        """Return the request of a resumed session: its original options, replaced by new ones.
+        """Return the request of a resumed session: original options, overridden by new ones.
 
         Args:
             begun: Original options, as `choices` returned them.

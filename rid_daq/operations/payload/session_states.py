@@ -1,8 +1,9 @@
 """`STATES`: states of a payload session in order; `SessionFile`: file of a session.
 
 A session passes the states in the order of the table, without those that its request does not need.
-An interrupted session continues with the first state whose runs are missing. The robot is then
-warmed up again, and a person is asked again whether the payload is attached.
+An interrupted session continues with the first state whose runs are missing. If the session has a
+warm-up, the robot is warmed up again; on a real cell, a person must again confirm that the payload
+is attached.
 """
 
 from __future__ import annotations
@@ -108,6 +109,7 @@ class SessionFile(BaseModel):
 
         Raises:
             ConfigError: The folder is not of a payload session (RID-SESSION-STATE).
+            RecordingError: The file cannot be read, or was changed.
         """
         if not folder.file(SESSION).exists():
             raise ConfigError(
@@ -167,6 +169,7 @@ class SessionFile(BaseModel):
         Raises:
             ConfigError: The state must not follow, or another program has changed the session
                 (RID-SESSION-ORDER).
+            RecordingError: The file cannot be written.
         """
         session, now = f"session {self.folder.run_id}", self.state
         if self.folder.read(SESSION) != self._text:
@@ -213,7 +216,7 @@ def next_state(
         state: The state that has ended; `PREPARE` if a session begins or continues.
         request: Options of the session.
         done: Run id by completed step.
-        is_warm: True if the robot was moved until friction settled since the program started.
+        is_warm: True if the robot has performed more than the rehearsal since the program started.
     """
     missing = [name for name in request.measured_steps if name not in done]
     warms_up = request.warm_up_percent > 0.0

@@ -46,7 +46,7 @@ def enter(session: SessionFile, state: State, context: Context, *, again: bool =
 
 @dataclass(frozen=True)
 class PayloadGuide:
-    """Performs the states of a session up to `IDENTIFY`.
+    """Performs the states of a session before `IDENTIFY`.
 
     Attributes:
         request: Options of the session.
@@ -65,7 +65,13 @@ class PayloadGuide:
     context: Context
 
     def perform_steps(self) -> tuple[str, RecordedRun] | None:
-        """Perform the missing steps; if a step fails, return its name and its run."""
+        """Perform the missing steps; if a step fails, return its name and its run.
+
+        Raises:
+            ConfigError: A payload is named for a cell that this process does not simulate.
+            PreflightError: The preflight has red lines, or a person did not confirm a question.
+            RidDaqError: As raised by `preflight` and `RunSession.recording`.
+        """
         request, file = self.request, self.file
         if self.session.simulated is None and request.payload is not None:
             raise ConfigError(
@@ -100,7 +106,7 @@ class PayloadGuide:
 
     @property
     def _asks_person(self) -> bool:
-        """True if a person is asked: on a real cell, or if the session is practised."""
+        """True if a person is asked: unless this process simulates the cell without --practise."""
         return self.session.simulated is None or self.request.practise
 
     def _require_cleared(self, *, before_start: bool = False) -> None:

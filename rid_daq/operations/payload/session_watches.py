@@ -26,8 +26,9 @@ WarmUpReport = Callable[[Sequence[str], Sequence[Sequence[float]], float], None]
 class WarmUpWatch:
     """Watch of a warm-up: ends the warm-up when the friction power per period has settled.
 
-    Over a period that begins and ends with the same state, the mechanical power of a joint is its
-    friction power. This power falls as a motor warms up.
+    The mean mechanical power of a joint over a period is its friction power, plus the power that it
+    exchanges with the other joints. The latter is the same in every period, so changes are those of
+    friction, which falls as a motor warms up.
 
     Args:
         drift_percent: Friction has settled if no joint's power changes by more than this per

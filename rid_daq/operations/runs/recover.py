@@ -25,7 +25,7 @@ class RecoverRequest(Request):
 
     The old one is not changed.
 
-    Only blocks with a correct checksum are copied, so all numbers in the new recording are correct.
+    Only blocks with a correct checksum are copied, so all numbers in it are as recorded.
     Every row that is known to be lost is reported. A run becomes a new run folder that all commands
     can read. The exit code is 0 if no row is known to be lost, 1 if some are lost, and 7 if nothing
     is readable.
@@ -67,7 +67,7 @@ class RecoverResult:
         return ExitCode.VERDICT_FAILED if self.recovery.lost_rows else ExitCode.DONE
 
     def document(self) -> dict[str, object]:
-        """Return the copied and lost rows as numbers."""
+        """Return the folders, the lost rows, each recording's repair, and the notes."""
         recovery = self.recovery
         return {
             "source": str(recovery.source),

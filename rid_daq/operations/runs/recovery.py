@@ -90,9 +90,9 @@ def recover_run(source: Path, root: Path) -> Recovery:
 
     Journals are written again from their blocks with correct checksums. Rows that the manifest
     counts and the journal lacks are reported as lost. Other files are copied if their SHA-256
-    agrees with the manifest. A file that differs is left out; the new folder accepts only the
-    original in its place. Results are not copied, because they were computed from rows that may be
-    lost.
+    agrees with the manifest; some that no manifest lists are copied with a note. A file that
+    differs is left out; the new folder accepts only the original in its place. Results are not
+    copied, because they were computed from rows that may be lost.
 
     Raises:
         LockedError: The run is still being recorded.

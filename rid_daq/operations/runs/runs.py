@@ -1,4 +1,4 @@
-"""`runs`: list the runs, and check that their files are unchanged."""
+"""`runs`: list the runs, and check on request that their files are unchanged."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ _NOT_SHOWN: Final = ("verdict", "headline", "session", "stop", "used_model", "us
 class RunsRequest(Request):
     """List the runs, oldest first; with --verify, check that no file was changed.
 
-    Files that do not belong to a run are named; they are not a problem. With --verify, the exit
-    code is 7 if a file was changed or is missing.
+    With --verify, files that do not belong to a run are named, but are not a problem; the exit code
+    is 7 if a file was changed or is missing, or if a manifest cannot be read.
     """
 
     verify: Annotated[bool, Field(description="Compare every file with the run's manifest.")] = (
@@ -47,7 +47,7 @@ class ListedRun:
 
     @property
     def other_facts(self) -> Iterator[str]:
-        """Name and value of each fact that no other column shows and that people can read."""
+        """Name and value of each fact that is neither in `_NOT_SHOWN` nor empty."""
         for name, value in self.facts.items():
             if name not in _NOT_SHOWN and value not in (None, []):
                 yield f"{name} {value}"
@@ -72,7 +72,7 @@ class RunsResult:
 
     @property
     def problems(self) -> tuple[tuple[str, str], ...]:
-        """Run and problem of every file that was changed or is missing."""
+        """Run and problem of each changed, missing or unreadable file; empty without --verify."""
         found = tuple((each.run, text) for each in self.listed for text in each.problems or ())
         return found + self.damaged if self.request.verify else ()
 
@@ -87,7 +87,7 @@ class RunsResult:
 
     @property
     def exit_code(self) -> int:
-        """Exit code 7 if a file was changed or is missing."""
+        """Exit code 7 if there are `problems`."""
         from rid_daq.terminal.exit_codes import ExitCode
 
         return ExitCode.STORAGE if self.problems else ExitCode.DONE

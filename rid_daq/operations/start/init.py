@@ -1,4 +1,4 @@
-"""`init`: write commented example files: cell, robot and motions."""
+"""`init`: write commented example files: cell, robot and motion."""
 
 from __future__ import annotations
 
@@ -33,7 +33,8 @@ class InitRequest(Request):
     """Write a commented cell, a robot and two motions as a starting point.
 
     The files can be used unchanged, on a simulated cell. Change them step by step to describe your
-    own robot. With --urdf the robot, its limits and its links come from that file. --range,
+    own robot. With --urdf the robot, its limits and its links come from that file, and only one
+    motion is written: design the excitation with `rid-daq design`. --range,
     --velocity, --acceleration and --effort take one number for all joints, or one per joint
     separated by commas; if they are not set, the values follow from the robot's size.
 

@@ -26,7 +26,7 @@ MOST_POSES: Final = 0.9
 def allow_touching_pairs(
     robot: RobotDescription, rest: FloatArray
 ) -> tuple[RobotDescription, tuple[str, ...]]:
-    """Return the robot with `may_touch` set to the pairs that always touch, and a note on them.
+    """Return the robot with `may_touch` set to pairs that nearly always touch, and a note on them.
 
     Bodies closer than the clearance of planned motions count as touching.
 

@@ -133,8 +133,8 @@ def limit_to_motors(robot: RobotDescription) -> tuple[RobotDescription, tuple[st
 
     A torque limit that gravity nearly uses up is raised. A joint that could cross its whole range
     before a stop is slowed down. If the validation motion needs more torque than available, speed
-    and acceleration of all joints are lowered together; the path stays the same, because all
-    torques except gravity are proportional to the square of the speed.
+    and acceleration of all joints are lowered together: the path stays the same, and the torques of
+    inertia fall with the square of the speed.
 
     Raises:
         ConfigError: The robot has no `cad`, or its bodies leave no space for the validation motion.

@@ -326,7 +326,7 @@ def _quantities(valid: Recording) -> FloatArray:
 
 
 def _extremes(time_s: FloatArray, values: FloatArray, count: int) -> tuple[FloatArray, FloatArray]:
-    """Return the lowest and the highest value of each step, in the order of their rows."""
+    """Return times, and the lowest and highest value of each step in the order of their rows."""
     if count == 1:
         return time_s, values
     steps = values.reshape(-1, count, *values.shape[1:])

@@ -138,7 +138,8 @@ class PayloadSection(Section):
         rank: Number of parameters that the equations determine.
         parameters: Mass, centre of gravity, inertia.
         principal: Principal moments of inertia; null unless all parameters are identified.
-        repeats: Scatter between runs with the payload; null if there is only one such run.
+        repeats: Scatter between runs with the payload; null if there is only one such run, for the
+            procedure `difference`, and unless all parameters are identified.
         findings: Remarks on the payload.
         axes: Torque and residual of each axis.
         existence: A sentence on physical consistency; left out unless all parameters are

@@ -1,4 +1,4 @@
-"""`Timing`: all values of a result that differ from one execution to the next."""
+"""`Timing`: clock times, loop timing and run ids of a result."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from acquisition.session.timing import CycleStatistics
 
 ROUNDING_S: Final = 1e-7
-"""Largest lateness [s] that rounding of simulated time can cause; a real task is always later."""
+"""Largest lateness [s] that rounding of simulated time can cause; a real task is later."""
 
 Counts = Annotated[tuple[int, ...], Strict(False)]
 

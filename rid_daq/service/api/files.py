@@ -163,10 +163,11 @@ async def put_file(
 ) -> SavedFile:
     """Save a motion, a model or another YAML or JSON file.
 
-    With `If-Match`, a cell, robot or motion file of this version is replaced. Otherwise existing
-    files are not replaced. Files of a cell need the role administrator; no other client may hold
-    the cell, and no job may run. `incomplete` allows a file with which a cell cannot be loaded, for
-    a change of several files; nothing moves until the cell can be loaded again.
+    With `If-Match`, a YAML file of a cell or a motion file of this version is replaced. Otherwise
+    existing files are not replaced. Files of a cell need the role administrator; no other client
+    may hold the cell, and no job may use its bus. `incomplete` allows a file with which a cell
+    cannot be loaded, for a change of several files; nothing moves until the cell can be loaded
+    again.
     """
     if version is not None:
         content = await _read_body(request, path)
@@ -219,7 +220,7 @@ def remove_file(path: str, service: Service, who: Operator, version: KnownVersio
 async def check_file(
     path: str, request: Request, service: Service, who: Operator, page: Annotated[Page, Depends()]
 ) -> FileCheck:
-    """Check the content of a cell, robot or motion file without saving it.
+    """Check the content of a YAML file of a cell or of a motion file without saving it.
 
     A file of a cell needs the role administrator, because its errors can show other files.
     """

@@ -21,7 +21,7 @@ router = APIRouter(prefix="/api/v1", tags=["jobs"])
 
 
 class JobCreation(Record):
-    """Request for a job; a motion needs the cell's lease, and `cleared` for every new job."""
+    """Request for a job. Use of the bus needs the lease; a real motion also needs `cleared`."""
 
     kind: JobKind
     request: dict[str, object] = Field(

@@ -1,4 +1,4 @@
-"""`JsonBody`: reads every JSON body strictly, before a route receives it."""
+"""`JsonBody`: reads JSON bodies strictly, before a route receives them."""
 
 from __future__ import annotations
 

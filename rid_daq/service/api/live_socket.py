@@ -51,7 +51,7 @@ TOO_SLOW: Final = 1013
 
 @router.websocket("/api/v1/ws")
 async def stream_to_viewer(socket: WebSocket) -> None:
-    """Send a viewer all changes and events until it disconnects.
+    """Send a viewer all changes and events until it disconnects or is too slow.
 
     Messages to the viewer have a `type`: `cell`, `job`, `event`, `samples`, `beat`, `stopped`, and
     `challenge` while a job requires a held key. The `number` of an `event` counts the events of its

@@ -75,7 +75,7 @@ async def save_zero(
 
     An operator can do this although other changes of a cell file need an administrator, because
     `plate_zero` with `write` also changes nothing but the zero. The file must still have the
-    version that the user has seen; no other client may hold the cell, and no job may run.
+    version that the user has seen; no other client may hold the cell, and no job may use its bus.
     """
     folder = await asyncio.to_thread(run_folder, service, confirmed.run)
     change = await asyncio.to_thread(ZeroChange.of, service, cell, folder)

@@ -12,7 +12,8 @@ class RunGroup(Record):
     """Runs that belong together.
 
     Attributes:
-        head: The payload session; without one, the newest run with a model; else the newest run.
+        head: The run or session to which the others belong. If this session is not in the list: its
+            newest run with a model, or else its newest run.
         parts: The other runs, oldest first.
     """
 
@@ -62,7 +63,7 @@ def _root(node: str, parents: dict[str, str]) -> str:
 
 
 def _group(root: str, members: Sequence[RunEntry]) -> RunGroup:
-    """Return runs as one group, the newest first."""
+    """Return runs, which are sorted newest first, as one group."""
     own = [each for each in members if (each.session or each.id) == root] or members
     heads = [each for each in own if each.id == root] or [each for each in own if each.model] or own
     return RunGroup(

@@ -158,6 +158,7 @@ def run_folder(service: CellService, run: str) -> RunFolder:
 
     Raises:
         UnknownError: There is no such run, or several runs have ids that begin like this.
+        RecordingError: The manifest of the run cannot be read.
     """
     folder = RunFolder(service.runs.resolve() / run, run)
     if RUN_ID.fullmatch(run) and not folder.path.is_symlink():  # no search through all runs

@@ -1,4 +1,4 @@
-"""`ServiceStopHandler`: executes STOP requests in the service's process, without its database.
+"""`ServiceStopHandler`: executes STOP requests in the service's process; waits for no database.
 
 An unnecessary stop costs a recording; a missing stop can damage the robot. Every program on this
 computer may therefore stop. From other computers, every sender may stop whose request contains a

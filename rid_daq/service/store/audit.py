@@ -27,6 +27,10 @@ class AuditLog:
         )
 
     def newest(self, limit: int = 200) -> Sequence[AuditEntry]:
-        """Return the entries, newest first; call this function in a thread, because it blocks."""
+        """Return the newest entries, newest first; this blocks, so call it in a thread.
+
+        Args:
+            limit: Largest number of entries.
+        """
         rows = self._database.read("SELECT entry FROM audit ORDER BY number DESC LIMIT ?", limit)
         return [AuditEntry.model_validate_json(row[0]) for row in rows]

@@ -58,7 +58,7 @@ class Database:
     """Writes statements in their order in a separate thread; reads with short connections.
 
     A write that fails because the disk is full or another program locks the file is repeated until
-    it succeeds. The stores therefore answer from memory, and the file follows.
+    it succeeds or the service ends. The stores therefore answer from memory, and the file follows.
 
     Args:
         path: Path of the file.
@@ -115,7 +115,7 @@ class Database:
             ) from None
 
     def flush(self, patience_s: float) -> bool:
-        """Wait until all statements that are queued now are written; return True if they are."""
+        """Return True if all statements queued now are written within `patience_s`."""
         with self._changed:
             wanted = self._queued
             return self._changed.wait_for(lambda: self._written >= wanted, patience_s)

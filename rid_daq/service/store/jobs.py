@@ -10,7 +10,7 @@ from rid_daq.service.records import Job, JobState
 from rid_daq.service.store.database import Database
 
 MOST_KEPT: Final = 1000
-"""Maximum number of ended jobs in memory; they have ended since the service was started."""
+"""Number of jobs in memory above which the oldest ended job is removed from memory."""
 
 
 class JobStore:

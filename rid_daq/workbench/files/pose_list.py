@@ -56,8 +56,7 @@ class PoseList(Record):
         """Return the motion as the text of a motion file.
 
         Raises:
-            ConfigError, LimitError: A pose has another number of joints, or is outside the limits;
-                or speed or rest is out of range.
+            ConfigError, LimitError: A pose has another number of joints, or is outside the limits.
         """
         points = np.atleast_2d(reachable_poses(self.points, robot)).round(DIGITS)
         document: dict[str, object] = {

@@ -17,7 +17,7 @@ async function keep() {
       lock = null;
     }
   } catch {
-    // a device in battery saver mode refuses this, and turns its screen off
+    // the browser refuses this, for example in battery saver mode: the screen may turn off
   }
   asking = false;
 }

@@ -184,7 +184,7 @@ export function modelOf() {
 /** @type {(id: InputId, ending: string) => string} */
 export function nameOf(id, ending) {
   const name = find(id).value.trim();
-  if (!/^[A-Za-z0-9][\w.-]{0,80}$/.test(name)) throw new Error("Name of the file: begin with a letter or a digit, and use only letters, digits, -, _ and . .");
+  if (!/^[A-Za-z0-9][\w.-]{0,80}$/.test(name)) throw new Error("Name of the file: begin with a letter or a digit, and use only letters, digits, dots, - and _.");
   return name.endsWith(ending) ? name : name + ending;
 }
 

@@ -1,4 +1,4 @@
-"""`drives backup`: save all settings of a cell's drives to a file."""
+"""`drives backup`: save the settings of a cell's drives to a file."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class DrivesBackupRequest(Request):
-    """Save all settings of a cell's drives to a file; nothing is written to the drives.
+    """Save the settings of a cell's drives to a file; nothing is written to the drives.
 
     If an axis names a data sheet (EDS), all writable objects of its drive are saved; otherwise the
     objects that CiA 301 and CiA 402 define.

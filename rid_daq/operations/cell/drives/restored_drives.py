@@ -49,14 +49,14 @@ class RestoredDrives:
 
     @property
     def settings_not_restored(self) -> tuple[RestoredSetting, ...]:
-        """Settings that still differ from the saved values after they were written."""
+        """Settings that differ after the restore, or whose saved value is unknown."""
         if self.request.dry_run:
             return ()
         return tuple(each for each in self.settings if not each.restored)
 
     @property
     def failure(self) -> PreflightError | None:
-        """Error with the settings that could not be restored; None if all were restored."""
+        """Error with the settings that were not restored; None without any, or on a dry run."""
         if not self.settings_not_restored:
             return None
         return PreflightError(

@@ -29,7 +29,7 @@ STORE_TIMEOUT_S = 10.0
 
 
 def backup_drives(cell: str, path: Path, *, overwrite: bool) -> DriveBackup:
-    """Save all settings of a cell's drives to a file; nothing is written to the drives.
+    """Save the settings of a cell's drives to a file; nothing is written to the drives.
 
     Raises:
         ConfigError, RecordingError: The file exists already, or cannot be written.
