@@ -26,11 +26,12 @@ STRETCH_S: Final = 30.0
 def smoothed_stretches(
     recordings: Sequence[Recording], band_hz: float
 ) -> list[list[SmoothedSignals]]:
-    """Return recordings as low-passed signals, thinned to `COMPARED_HZ` or a slightly higher rate.
+    """Return recordings as low-passed signals, one list for each recording.
 
-    There is one list for each recording.
+    Fast recordings are first thinned to a rate between `COMPARED_HZ` and twice this rate, unless a
+    filter must be divided out of their torques.
 
-    If they last longer than `COMPARED_S` together, evenly spaced stretches of `STRETCH_S` are used.
+    If the recordings last longer than `COMPARED_S` together, evenly spaced stretches of `STRETCH_S` are used.
     A stretch with too few samples, as in a gap, is left out.
     """
     total_s = sum(float(each.time_s[-1] - each.time_s[0]) for each in recordings)
