@@ -33,7 +33,7 @@ def constant_velocity_motion(
     repeats: int = 1,
     seed: int = 0,
 ) -> ConstantVelocityMotion:
-    """Return runs of every joint at speeds from 1 % of its limit to at most 80 %, as far as they fit.
+    """Return runs of every joint at speeds from 1 % to at most 80 % of its limit, if they fit.
 
     The other joints stay at zero, or in the middle of their limits if zero is too far from it. If
     this pose is not clear of obstacles, the first clear random pose is used. A joint runs over the

@@ -50,7 +50,7 @@ def torque_difference(loaded: SmoothedSignals, unloaded: SmoothedSignals) -> Smo
     if difference[worst] > SAME_MOTION_SHARE * loaded.position[there].std(axis=0).max():
         raise EstimationError(
             _different_motions_text(
-                f"differ by {difference[worst]:.3g} rad (RMS) at {loaded.joint_names[worst]}"
+                f"differ by {difference[worst]:.3g} rad or m (RMS) at {loaded.joint_names[worst]}"
             ),
             code="RID-PAYLOAD-PROCEDURE",
         )
