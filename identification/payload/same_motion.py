@@ -64,7 +64,7 @@ def torque_difference(loaded: SmoothedSignals, unloaded: SmoothedSignals) -> Smo
         torque_nm=loaded.torque_nm[there] - without,
         segment=loaded.segment[there],
         temperature_k=None if loaded.temperature_k is None else loaded.temperature_k[there],
-        unfiltered=None,  # friction cancels in the torque difference, so that no column has a jump
+        unfiltered=None,  # the jumps of friction nearly cancel in the difference
         unfiltered_row=None,
     )
 
