@@ -102,8 +102,8 @@ def at_operating_temperature(
     )
     return AtOperation(
         at_temperature(estimate, settled),
-        f"Friction after many repetitions of the motion, when it no longer changes: {heat}."
-        " Friction differs until then.",
+        "Friction after many repetitions of the motion, when it no longer changes. Heat of"
+        f" friction: {heat}. Until then, friction differs.",
     )
 
 

@@ -62,7 +62,7 @@ ResidualLimitNm = Annotated[float, Field(ge=0.0), Plausible(1e-3, 1e3, "N m")]
 
 @dataclass(frozen=True)
 class PayloadLimits(Ranged):
-    """Upper limits of a payload's uncertainty; each applies to two standard deviations.
+    """Upper limits of two standard deviations of a payload's values, and of the residuals.
 
     A quantity with a relative and an absolute limit satisfies them if it satisfies either. Absolute
     limits have no default, because they depend on the robot's rated payload. With a relative limit
@@ -90,7 +90,7 @@ class PayloadLimits(Ranged):
 
 
 class LoadFormat(StrEnum):
-    """Robot controller for which load data are written."""
+    """Robot controller or program for which load data are written."""
 
     label: str
     """Name that people read."""

@@ -30,7 +30,8 @@ class TuningEntry(ConfigModel):
     """Tuning of the feedforward by a reference run, per joint, base to flange.
 
     `used` is false for a joint that the run does not excite enough. `applied_scale` and
-    `applied_delay_s` are 1 and 0 if the run shows no significant difference from these values.
+    `applied_delay_s` are 1 and 0 for such a joint, and if the run shows no significant difference
+    from these values.
     """
 
     run: str

@@ -1,4 +1,4 @@
-"""`with_period`: values of a motion that repeat exactly in each of its periods."""
+"""`with_period`: values of a motion that repeat exactly in its periods, after a short blend."""
 
 from __future__ import annotations
 

@@ -15,7 +15,8 @@ the error by
 
 with the viscous friction f_v and the inertia M. The error decreases if rho < 1 (Bristow, Tharayil
 and Alleyne 2006). `stability_bound` computes the largest rho at each frequency, for loops and
-inertias within their confidence intervals, at the poses with the smallest and the largest inertia.
+inertias at the edges of their 95 % confidence regions, at the poses with the smallest and the
+largest inertia.
 
 With a coupled wrist, all quantities are those of the motors. The position loop of the joints then
 has the same gain for the motors, because the gain is equal for all joints.
@@ -65,8 +66,8 @@ class StabilityBound:
 
     Attributes:
         frequency_hz: Shape (lines,). Frequencies of the bound [Hz].
-        rho: Shape (lines, n). Largest |1 - L / L_true| for loops and inertias within their
-            confidence intervals.
+        rho: Shape (lines, n). Largest |1 - L / L_true| found for loops and inertias at the edges of
+            their 95 % confidence regions.
         band_hz: Upper end of the refined band [Hz]; up to this frequency `rho` is at most 0.8 in
             every joint.
     """
@@ -90,7 +91,7 @@ class Refinement:
             error [rad/s or m/s].
         bound: Convergence bound of this step.
         over_noise: Shape (n,). Power of the mean error divided by the power of the noise, both in
-            the refined band.
+            the lower 80 % of the refined band.
         noise_limit: Ratio up to which the error is indistinguishable from noise.
     """
 
@@ -179,11 +180,12 @@ def stability_bound(
     unsafe = np.asarray((rho > LARGEST_RHO).any(axis=1))
     band_hz = float(frequency_hz[int(np.argmax(unsafe)) - 1] if unsafe.any() else frequency_hz[-1])
     if unsafe[0] or band_hz < LOWEST_BAND_HZ:
-        worst = int(rho[0].argmax())
+        first = int(np.argmax(unsafe))
+        worst = int(rho[first].argmax())
         raise DataQualityError(
             f"the velocity loop of {loops[worst].joint_name} is too uncertain for refinement:"
-            f" {rho[0, worst]:.0%} of an error could remain. Measure the loops again with more"
-            " periods (`rid-daq loop`)",
+            f" {rho[first, worst]:.0%} of an error at {frequency_hz[first]:.2g} Hz could remain."
+            " Measure the loops again with more periods (`rid-daq loop`)",
             code="RID-LOOP-WEAK",
         )
     return StabilityBound(frequency_hz, rho, band_hz)
@@ -230,7 +232,7 @@ def _without_losses(estimate: Estimate) -> Estimate:
 
 
 def _loops_in_interval(loop: VelocityLoop) -> list[VelocityLoop]:
-    """Return loops on the edge of a fit's 95 % confidence region, in random directions."""
+    """Return loops at the edge of a fit's 95 % confidence region, in random directions."""
     if not len(loop.names):
         return [loop]
     random = np.random.default_rng(0)

@@ -73,7 +73,8 @@ def repeated_error(
         recordings: One run of a periodic motion, or at least two runs of any other motion.
 
     Raises:
-        DataQualityError: There are too few repetitions, or rows are missing.
+        DataQualityError: A recording has other joints, there are too few repetitions or several
+            runs of a periodic motion, or too many rows are missing.
     """
     for recording in recordings:
         if recording.joint_names != samples.joint_names:
@@ -136,7 +137,11 @@ def _of_runs(samples: MotionSamples, recordings: Sequence[Recording]) -> Repeate
 
 
 def _position(samples: MotionSamples, recording: Recording) -> FloatArray:
-    """Return the measured position in each row of the motion."""
+    """Return the measured position in each row of the motion; missing rows are interpolated.
+
+    Raises:
+        DataQualityError: More than 2 % of the rows are missing.
+    """
     usable = recording.valid & (recording.sample_index >= 0)
     index = recording.sample_index[usable]
     rows = np.arange(len(samples))

@@ -82,8 +82,8 @@ def tool_side_error(
     main = valid & (recording.phase == Phase.MAIN)
     if recording.target_position is None or not main.any():
         raise DataQualityError(
-            f"run {recording.run_id} contains no commanded positions: use a run that rid-daq has"
-            " recorded",
+            f"run {recording.run_id} contains no commanded positions, or no valid row of the main"
+            " part: use a run that rid-daq has recorded",
             code="RID-RUN-FOREIGN",
         )
     ahead = np.zeros_like(recording.position) if lead is None else lead

@@ -49,7 +49,7 @@ class Tuning:
 
     Attributes:
         tuning: Values to use: scale 1 or delay 0 if the run shows no significant difference from
-            it.
+            it, or does not excite the axis enough.
         scale, delay_s: Shape (n,). Estimated values.
         scale_std, delay_std_s: Shape (n,). Standard deviations, from the residuals.
         used: True for axes that the run excites enough.

@@ -45,8 +45,8 @@ class Margins:
 
     Attributes:
         gain: Factor by which the gain can grow before the loop becomes unstable; below 1 if it is
-            unstable already; None if no gain makes it unstable.
-        phase_deg: Phase margin [degrees]; None if the gain is below 1 at all frequencies.
+            unstable already; None if the phase crosses -180 degrees at no computed frequency.
+        phase_deg: Phase margin [degrees]; None if the gain crosses 1 at no computed frequency.
         crossover_hz, phase_crossover_hz: Frequencies [Hz] of gain 1 and of phase -180 degrees.
     """
 

@@ -117,8 +117,8 @@ def frequency_responses(
 ) -> tuple[FrequencyResponse, ...]:
     """Return the velocity controllers' responses of a multisine run.
 
-    Parameters and errors are those of `multisine_spectra`; the units are those of
-    `controller_responses`.
+    Parameters are those of `multisine_spectra`, units those of `controller_responses`; the errors
+    are those of both.
     """
     return controller_responses(multisine_spectra(recording, motion, robot))
 
@@ -131,6 +131,9 @@ def controller_responses(spectra: MultisineSpectra) -> tuple[FrequencyResponse, 
 
     Returns:
         Responses in N m s/rad or N s/m.
+
+    Raises:
+        DataQualityError: There is one realisation, and it has no empty odd lines.
     """
     return _responses(spectra, spectra.error, spectra.torque)
 
@@ -143,6 +146,9 @@ def mechanics_responses(spectra: MultisineSpectra) -> tuple[FrequencyResponse, .
 
     Returns:
         Responses in rad/(N m s) or m/(N s).
+
+    Raises:
+        DataQualityError: There is one realisation, and it has no empty odd lines.
     """
     return _responses(spectra, spectra.torque, spectra.velocity)
 

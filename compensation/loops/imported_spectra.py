@@ -47,8 +47,8 @@ def imported_spectra(
         timing: Time at which the drives use the commands.
 
     Raises:
-        DataQualityError: The recording has no commands, no whole periods, or rows are missing, or
-            no joint is excited at enough separate lines.
+        DataQualityError: The recording belongs to another robot, has no commands, fewer than two
+            whole periods or missing rows, or excites no joint at enough separate lines.
     """
     step_s = require_commands(recording, robot)
     rows = recording.samples_per_period

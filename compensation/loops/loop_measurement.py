@@ -100,6 +100,7 @@ def measure_spectra(spectra: MultisineSpectra, position_gain_per_s: float) -> Lo
         position_gain_per_s: K_v of the position loop for which margins are computed [1/s].
 
     Raises:
+        DataQualityError: There is one realisation, and it has no empty odd lines.
         EstimationError: As for `measure_loops`.
     """
     if spectra.timing.interpolation == "none":

@@ -82,13 +82,14 @@ def multisine_motion(
     options: MultisineOptions,
     estimate: Estimate | None = None,
 ) -> MultisineMotion:
-    """Return a multisine about the middle of each joint's range, checked against the limits.
+    """Return a multisine at or near the middle of the joints' ranges, checked against the limits.
 
     The first attempt has the RMS speed that needs half of the joint's acceleration limit at the
     highest line. A joint's multisine is then reduced until speed, acceleration and torque stay
-    within 80 % of their limits. A slow sine is added, which keeps the joint from sticking most of
-    the time. If a position limit or a clearance is violated, multisine and slow sine are both
-    reduced. Torque is checked if a model or the robot's `cad` predicts it.
+    within 80 % of their limits. Unless `options.slow` is False, a slow sine is added, which keeps
+    the joint from sticking most of the time. If a position limit or a clearance is violated,
+    multisine and slow sine are both reduced. Torque is checked if a model or the robot's `cad`
+    predicts it.
 
     Args:
         cell: The cell, with cycle time, band and workspace.
@@ -96,8 +97,8 @@ def multisine_motion(
         estimate: Model that predicts the torques (default: the robot's `cad`, if it has one).
 
     Raises:
-        ConfigError: Even a small multisine exceeds the limits, or period and band do not fit the
-            cell.
+        ConfigError: Even the smallest tried multisine exceeds the limits, bodies touch in all tried
+            poses, options exclude one another, or period and band do not fit the cell.
     """
     cycle_s, period_s, seed = cell.cycle_time_s, options.period_s, options.seed
     realisations, band_hz = options.realisations, options.band_hz

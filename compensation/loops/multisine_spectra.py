@@ -1,4 +1,4 @@
-"""`MultisineSpectra`: amplitudes of a multisine run at each line, per period."""
+"""`MultisineSpectra`: amplitudes of a multisine run at each harmonic, per period."""
 
 from __future__ import annotations
 
@@ -25,16 +25,17 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True, eq=False)
 class MultisineSpectra:
-    """Amplitudes of the measured motor signals at the lines, one row per period.
+    """Amplitudes of the measured motor signals at the harmonics, one row per period.
 
     Attributes:
         joint_names: Base to flange.
-        frequency_hz: Shape (lines,). All harmonics of the period, from 0 [Hz].
+        frequency_hz: Shape (harmonics,). All harmonics of the period, from 0 [Hz].
         lines: For each joint, the numbers of the harmonics that it excites.
         reference: One complex array per joint, shape (realisations, lines of the joint). Amplitudes
             of the desired multisine [rad/s or m/s].
-        torque, error, velocity: Shape (realisations, periods, lines, joints). Torque without the
-            effect of its filter, velocity error of the drive, and velocity.
+        torque, error, velocity: Shape (realisations, periods, harmonics, joints). Torque without
+            the effect of its filter [N m or N], velocity error of the drive, and velocity [rad/s or
+            m/s].
         cycle_time_s: Time between samples and between commands [s].
         timing: Time at which the drives use the commands.
         torque_filter: Analog filter; its effect is already removed from the torque.

@@ -49,7 +49,7 @@ class OnlineFeedforward:
         axes: Shape (rows, n). Limits and inverse of each velocity loop; `online_kernel` names the
             rows.
         loads: Parameters of the model with each of its loads, and the times of the changes.
-        signals: Signals at which the load changes; None if it changes at stated times only.
+        signals: Signals at which the load changes; None without signals.
     """
 
     robot: RobotDescription
@@ -110,8 +110,8 @@ class OnlineFeedforward:
             tuning: Correction found in a reference run.
 
         Raises:
-            ConfigError: The tuning belongs to other joints, or the delay of a loop cannot be
-                compensated.
+            ConfigError: The tuning belongs to other joints or has a scale that is not positive, or
+                the delay of a loop cannot be compensated.
         """
         n = len(robot.joints)
         tuning = tuning or FeedforwardTuning.none(n)

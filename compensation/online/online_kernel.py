@@ -197,7 +197,7 @@ def next_set_point(
         for i in range(n):
             fed += joints_by_motors[j, i] * state[FED, i]
         fed = min(max(fed, -axes[SPEED, j]), axes[SPEED, j])
-        # limit the change of speed to the joint's acceleration limit for every model torque
+        # limit the change of speed whatever the model torque is: acceleration limit plus margin
         sent = min(max(fed, out[2, j] - axes[STEP, j]), out[2, j] + axes[STEP, j])
         limited = limited or sent != fed
         out[2, j] = sent
@@ -222,7 +222,7 @@ def observe_position(
 
     Args:
         position: Shape (n,). Measured positions of the motors, link side [rad or m].
-        axes, memory, found: As for `next_set_point`.
+        axes, memory, found: As in `PathArrays` and `StageArrays`.
     """
     update_presliding(position, axes[PRESLIDING : PRESLIDING + 2], memory[MEASURED], found)
 

@@ -41,7 +41,7 @@ ACCELERATION: Final = 3
 TORQUE: Final = 4
 
 # Words of `counts`.
-FILLED: Final = 0  # number of nodes with a position: extra nodes are BEFORE and BEHIND
+FILLED: Final = 0  # number of nodes with a position, including the extra ones BEFORE and BEHIND
 KNOWN: Final = 1  # number of nodes with velocity and acceleration, within all limits
 NODE: Final = 2  # the last node that the robot has passed
 SAFE: Final = 3  # the last node that can be reached at full rate

@@ -76,7 +76,8 @@ class PointDecoder:
         """Decode more bytes; return the complete points, shape (any, joints).
 
         Raises:
-            ProtocolError: The client uses another protocol, or continues after the end.
+            ProtocolError: The client uses another protocol, sends too large a frame, or continues
+                after the end.
         """
         self._bytes += data
         if not self._greeted and not self._greet():

@@ -35,7 +35,9 @@ class PointGate:
         self._first: FloatArray | None = None
 
     def check(self, points: FloatArray) -> None:
-        """Refuse points at which two bodies come too close.
+        """Refuse points at which two bodies come too close, up to the first non-finite point.
+
+        Bodies may stay as close as they are at the first point of the path.
 
         Raises:
             PreflightError: Two bodies come too close; the message names them.
@@ -46,7 +48,6 @@ class PointGate:
             return
         if self._first is None:
             self._first = points[:1].copy()
-        # Bodies that are too close at the first point of the path may stay as close in every batch.
         rows = np.concatenate([self._first, points])
         refuse_collision(self._clearances, rows, self._step_s, "the path")
 
@@ -60,7 +61,7 @@ def feed(
     """Write all batches of points, shape (any, joints), to a ring, and announce the end.
 
     Blocks while the ring is full. Errors are reported through the ring: the robot then stops on the
-    points that have arrived.
+    points that have arrived. An error that is no `RidDaqError` is also raised again.
 
     Args:
         gate: Check of the points.
@@ -151,7 +152,10 @@ def wait_for_points(
     patience_s: float,
     given_up: Callable[[], bool] = lambda: False,
 ) -> bool:
-    """Wait until `points` have arrived or no more will arrive; return False after `patience_s`."""
+    """Wait until `points` have arrived or no more will arrive.
+
+    Return False after `patience_s`, or as soon as `given_up` returns True.
+    """
     until_s = time.monotonic() + patience_s
     while ring.written < points and not ring.closed:
         if given_up() or time.monotonic() > until_s:

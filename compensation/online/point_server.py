@@ -64,7 +64,8 @@ class PointServer:
         service: Settings of the process.
 
     Raises:
-        TransportError: The folder is open to other users, or the path is too long or in use.
+        TransportError: The folder belongs to another user or is open to others, or the path is too
+            long or in use.
         LockedError: Another session uses the socket.
     """
 
@@ -146,7 +147,7 @@ def listening(path: Path) -> Iterator[socket.socket]:
 
 
 def _refuse_unfit(path: Path) -> None:
-    """Refuse a path that is too long, or in a folder that other users can access."""
+    """Refuse a path that is too long, or in a folder of or open to other users."""
     if len(os.fsencode(path)) > _LONGEST_PATH:
         raise TransportError(
             f"{path}: longer than the {_LONGEST_PATH} bytes of a socket's path; choose a shorter"
@@ -157,8 +158,8 @@ def _refuse_unfit(path: Path) -> None:
         folder = path.parent.lstat()
     if folder.st_uid != os.getuid() or stat.S_IMODE(folder.st_mode) & 0o077:
         raise TransportError(
-            f"{path.parent}: is open to other users: use a folder that only you can access (chmod"
-            " 700)",
+            f"{path.parent}: belongs to another user or is open to others: use a folder that only"
+            " you can access (chmod 700)",
             code="RID-SOCKET-PATH",
         )
 

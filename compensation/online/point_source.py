@@ -56,6 +56,10 @@ class PointSource:
             to stop within it [s].
         prefill_patience_s: Time that `prepare` waits for the first points [s, wall clock].
         stall_patience_s: Time that a cell in lock-step waits for points [s, wall clock].
+
+    Raises:
+        ConfigError: The points have another number of joints than the robot, or the buffer is too
+            long.
     """
 
     def __init__(

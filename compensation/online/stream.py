@@ -104,7 +104,7 @@ def stream_points(
         options: Options of the stream.
 
     Raises:
-        ConfigError: The iterator fails before the first point.
+        ConfigError: The iterator fails before the first point, or the buffer is too long.
         RidDaqError: Any other error of `record_motion`.
     """
     options = options or StreamSettings()

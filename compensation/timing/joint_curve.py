@@ -93,8 +93,8 @@ def curves_of(samples: MotionSamples, speeds: Sequence[float]) -> tuple[float, l
         speeds: Speed limits of the joints.
 
     Raises:
-        ConfigError: The motion does not move, or its rows are too far apart to define the path
-            between them.
+        ConfigError: The motion does not move, its rows are too far apart to define the path between
+            them, or the path needs more poses than a file can contain.
     """
     samples = samples.whole()
     step_s = samples.sample_period_s

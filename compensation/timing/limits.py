@@ -26,6 +26,9 @@ class TimingLimits:
         torque_rate: Shape (n,). Limits of the rate of a motor's torque [N m/s or N/s], without the
             jump of friction at a reversal.
         jerk: Shape (n,). Limits of the rate of a joint's acceleration [rad/s³ or m/s³].
+
+    Raises:
+        ConfigError: An array has the wrong shape, or a limit is not positive.
     """
 
     speed: FloatArray
@@ -67,7 +70,7 @@ class TimingLimits:
         """Return limits with a fraction of the torque and base-wrench limits held in reserve.
 
         Raises:
-            ConfigError: The fraction is not between 0 and 1.
+            ConfigError: The fraction is negative, or at least 1.
         """
         if not 0.0 <= share < 1.0:
             raise ConfigError(

@@ -9,8 +9,8 @@ Pham 2018):
 
 For a given x, each row bounds u, so the allowed values of u form an interval. If the interval is
 empty, x must decrease. Newton's method then approximates the two conflicting rows by straight
-lines, with the slope of friction, and goes to their intersection. The iteration ends with an x that
-is consistent with its own friction, so friction is exact. A row without u (a zero-inertia point)
+lines, with the slope of friction, and goes to their intersection. When the iteration has converged,
+x is consistent with its own friction, so friction is exact. A row without u (a zero-inertia point)
 bounds x directly, in the same iteration.
 """
 

@@ -1,8 +1,9 @@
 """A timed path as rows of a motion, one per cycle.
 
 The acceleration of the speed profile has jumps. Therefore the path length, as a function of time,
-is averaged exactly over a moving window. Accelerations and torques are then continuous. The rows
-stay on the path, and reach each place half a window later.
+is averaged exactly over a moving window. Accelerations are then continuous, and so are torques,
+except for jumps of friction at reversals. The rows stay on the path, and reach each place half a
+window later.
 """
 
 from __future__ import annotations

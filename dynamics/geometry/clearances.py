@@ -23,7 +23,14 @@ _ROUNDED_M = 1e-9
 
 @dataclass(frozen=True)
 class Touch:
-    """Distances of pairs of solids, nearest points on both, normals from first to second solid."""
+    """Distances of pairs of solids, one row per measured pair and pose.
+
+    Attributes:
+        distance: Shape (rows,). Distances [m]; negative if the solids overlap.
+        points: Two arrays, (rows, 3). The nearest points on the first and the second solid, in the
+            base frame [m].
+        normals: Shape (rows, 3). Unit vectors from the first to the second solid, base frame.
+    """
 
     distance: FloatArray
     points: tuple[FloatArray, FloatArray]
@@ -36,8 +43,8 @@ class Clearances:
 
     Bodies that touch by design are not checked against each other: bodies of the same link or of
     neighbouring links, and the pairs in `may_touch` of the robot file. If no link that moves has
-    a body, the tool point is checked against the workspace instead. The exact distance of two
-    bodies is computed only if their enclosing capsules are close.
+    a body, the tool point is checked against the workspace instead. Lower bounds from enclosing
+    capsules avoid the exact computation of most distances.
 
     Attributes:
         chain: The robot's geometry.
@@ -118,7 +125,7 @@ class Clearances:
             if self.is_clear(pose[np.newaxis]):
                 return np.asarray(pose)
         raise ConfigError(
-            f"robot {robot!r}: none of {len(others)} poses keeps the robot clear of itself"
+            f"robot {robot!r}: none of {1 + len(others)} poses keeps the robot clear of itself"
             " and of the workspace: check `bodies` in the robot file and `workspace` in the cell"
             " file",
             code="RID-DESIGN-NONE",
@@ -160,7 +167,7 @@ class Clearances:
     def _near(self, links: FloatArray) -> tuple[IntArray, IntArray]:
         """Return sample and pair numbers of the distances that may be below the margin.
 
-        The lower bound of a pair's distance is computed only if the spheres around its two solids
+        For two bodies of the robot, the lower bound is computed only if the spheres around them
         come close. The result is ordered by samples.
         """
         lines = self._lines(links)
@@ -180,9 +187,9 @@ class Clearances:
     def _balls_meet(
         self, lines: dict[int, tuple[FloatArray, FloatArray]]
     ) -> Iterator[tuple[int, IntArray]]:
-        """Yield each pair with the samples in which its enclosing spheres violate the margin.
+        """Yield pairs whose enclosing spheres violate the margin, with the samples of violation.
 
-        Solids of the workspace have no enclosing sphere; for their pairs, all samples are yielded.
+        Solids of the workspace have no enclosing sphere; their pairs are yielded with all samples.
         """
         if not self.pairs:
             return
@@ -240,7 +247,10 @@ def _bound(
     second: Solid,
     other: tuple[FloatArray, FloatArray],
 ) -> FloatArray:
-    """Return a lower bound of the distance of two solids, (samples,) [m], from their capsules."""
+    """Return a lower bound of the distance of two solids, (samples,) [m].
+
+    The capsule of a body replaces the body; `first` can also be a half-space or a box.
+    """
     centre, half = other
     if isinstance(first.shape, coal.Halfspace):
         height = centre @ first.shape.n - np.abs(half @ first.shape.n) - first.shape.d

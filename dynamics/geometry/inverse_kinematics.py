@@ -117,7 +117,7 @@ def _describe_tool(chain: Chain, pose: FloatArray) -> str:
     """Return the position of the tool point in a pose, in words."""
     nowhere = np.zeros((1, 3))
     at = -_pose_error(chain, pose[np.newaxis], nowhere, None)[0][0]
-    return f"the previous tool point ({', '.join(str(round(1e3 * x)) for x in at)} mm)"
+    return f"the tool point ({', '.join(str(round(1e3 * x)) for x in at)} mm)"
 
 
 class PathSlopes(NamedTuple):

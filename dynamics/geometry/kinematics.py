@@ -31,6 +31,9 @@ class Chain:
         prismatic: Shape (n,). True if the joint position adds to d, False if it adds to theta.
         gravity_m_s2: Shape (3,). Gravitational acceleration vector in the base frame [m/s^2].
         tool_m: Shape (3,). Tool point in the frame of the last link [m].
+
+    Raises:
+        EstimationError: An array has another shape, or there is no joint.
     """
 
     rows: FloatArray
@@ -132,7 +135,11 @@ def link_transforms(chain: Chain, q: npt.ArrayLike) -> FloatArray:
 
 
 def forward(chain: Chain, q: npt.ArrayLike) -> FloatArray:
-    """Return the tool point in the base frame [m], (samples, 3), for q of shape (samples, n)."""
+    """Return the tool point in the base frame [m], (samples, 3), for q of shape (samples, n).
+
+    Raises:
+        EstimationError: q does not have the shape (samples, n).
+    """
     last = link_transforms(chain, q)[:, -1]
     tool: FloatArray = last[:, :3, :3] @ chain.tool_m + last[:, :3, 3]
     return tool

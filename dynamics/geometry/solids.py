@@ -16,7 +16,7 @@ from config.robot.bodies import Body, Box, Capsule, Plane
 class Solid:
     """A collision shape (of the library coal), the link that carries it, and its pose on the link.
 
-    A capsule encloses the shape: all points within `radius` of a line segment, whose middle is
+    A capsule encloses the solid: all points within `radius` of a line segment, whose middle is
     `centre` and whose ends are `centre` ± `half`. Solids of the workspace have no capsule. `body`
     is the name of the body in the robot file; empty for solids of the workspace. All points within
     `margin` of the shape belong to the solid.
@@ -83,7 +83,7 @@ def body_solid(body: Body, number: int) -> Solid:
 def _enclosing_capsule(points: FloatArray) -> tuple[FloatArray, FloatArray, float]:
     """Return a capsule that contains points, (points, 3): its centre, half axis (3,) and radius.
 
-    Its axis has the direction in which the points extend farthest.
+    Its axis is the first principal axis of the points, along which they scatter most.
     """
     middle = points.mean(axis=0)
     axis = np.linalg.svd(points - middle, full_matrices=False)[2][0]

@@ -21,8 +21,10 @@ def friction_function(
         function: Number of the function: 0 Coulomb, 1 viscous, 2 offset, 3 forward, 4 backward, 5
             cubic, 6 cube root, 7 Stribeck, 8 shear-thinning viscous.
         u: Velocity of the actuator, link side [rad/s or m/s].
-        scale: Stribeck velocity (function 7) or shear-thinning speed (function 8).
-        smoothing: sign(v) is replaced by tanh(v / smoothing); 0 keeps the discontinuous sign.
+        scale: Stribeck velocity (function 7) or shear-thinning speed (function 8) [rad/s or m/s];
+            the other functions ignore it.
+        smoothing: Speed [rad/s or m/s] with which tanh(v / smoothing) replaces sign(v); 0 keeps the
+            discontinuous sign. The cube root is not smoothed.
         direction: Direction of motion from the presliding hysteresis, -1 to 1, which replaces
             sign(v); `BY_SPEED` for a joint without presliding.
     """

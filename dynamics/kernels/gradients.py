@@ -1,9 +1,10 @@
 """Gradients of weighted sums of regressor columns over the motion (reverse-mode differentiation).
 
-The kernel passes along the chain three times:
+The kernel passes along the chain in three ways:
 1. From the base to the tool, it stores the motion of every link.
-2. From the tool to the base, it transforms the weights from link to link, for the screw of each
-   row. A screw is the unit motion that belongs to a row (`dynamics.kernels.rigid_body`).
+2. For each row and each weighted sum, it transforms the row's screw from the row's joint to the
+   tool, and the derivatives with respect to the screw back to this joint. A screw is the unit
+   motion that belongs to a row (`dynamics.kernels.rigid_body`).
 3. From the tool to the base, it converts derivatives with respect to the links' motions to
    derivatives with respect to the joints' motions.
 
@@ -237,7 +238,7 @@ def _contract_rotor(
     sweep: Sweep,
     by_actuator: FloatArray,
 ) -> Vector:
-    """Add a rotor's load on link i to `gains`; return the gain of the screw's angular part."""
+    """Add a rotor's load on link i to the gains; return the gain of the screw's angular part."""
     axis, ratio, joint = rotor
     moves, gains, _, screws, _ = sweep
     t, w = load_vector(screws, 2 * i), load_vector(moves, 3 * i + 3)
@@ -259,7 +260,7 @@ def _contract_own(
     gains: FloatArray,
     by_actuator: FloatArray,
 ) -> None:
-    """Add the contribution of a rotor's torque on the actuator that it belongs to."""
+    """Add the contribution of a rotor's torque on its own actuator to the gains."""
     _, rotor_link, _, _, own_torque = rotors
     axis, ratio, joint = _rotor(rotors, r)
     weight = spread(0.0)

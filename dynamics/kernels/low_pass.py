@@ -25,8 +25,8 @@ def filter_both_ways(sections: FloatArray, start: FloatArray, values: FloatArray
     Args:
         sections: Shape (k, 6). Coefficients b0, b1, b2, 1, a1, a2 of each section, in the order of
             application.
-        start: Shape (k, 2). Steady state of each section for a constant input of 1 (transposed
-            direct form II).
+        start: Shape (k, 2). Steady state of each section for a constant input of 1 to the first
+            section (transposed direct form II).
         values: Shape (samples, columns). The signals, C-ordered; overwritten with the result.
     """
     samples, columns = values.shape

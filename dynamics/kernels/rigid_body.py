@@ -119,7 +119,7 @@ def fill_rotors(
             and of the actuators.
         of_base: True if the rows of `out` are the six components of the base wrench; False if they
             are the n joint torques.
-        out: Shape (samples, 6 or n, rotors). Zero on entry.
+        out: Shape (samples, 6 or n, rotors). Every element is written, including zeros.
         first, last: The samples to fill.
     """
     rows, fixed_rotations, prismatic, _ = chain
@@ -163,7 +163,7 @@ def fill_rotors(
 
 @kernel
 def _start_base_screws(of_base: bool, angular: FloatArray, linear: FloatArray) -> int:
-    """Set the six screws of the base, forces first; return the number of screws that are set."""
+    """Set the six screws of the base, forces first, if `of_base`; return the number of screws."""
     if not of_base:
         return 0
     for k in range(3):

@@ -1,12 +1,12 @@
 """The taut-string path: the shortest path between a lower and an upper bound over time.
 
-Of all paths within the bounds, it has the smallest total variation. Like a string that is pulled
-taut, it is straight except at points at which it touches a bound. Sources: Lee and Preparata 1984
-(funnel algorithm), Davies and Kovac 2001 (taut string). The funnel algorithm keeps the last corner
-of the string and, from this corner, the two sides of a funnel: the parts of the lower and of the
-upper bound that the string could touch. If a new bound closes the funnel, the string continues to
-the next corner of the opposite side. Each bound is added to a side once and removed from it at most
-once.
+Of all paths within the bounds and with the same ends, it has the smallest total variation. Like a
+string that is pulled taut, it is straight except at points at which it touches a bound. Sources:
+Lee and Preparata 1984 (funnel algorithm), Davies and Kovac 2001 (taut string). The funnel algorithm
+keeps the last corner of the string and, from this corner, the two sides of a funnel: the parts of
+the lower and of the upper bound that the string could touch. If a new bound closes the funnel, the
+string continues to the next corner of the opposite side. Each bound is added to a side once and
+removed from it at most once.
 """
 
 from __future__ import annotations

@@ -16,8 +16,7 @@ def run_in_ranges(samples: int, fill: Callable[[int, int], object]) -> None:
 
     As soon as a thread is free, it takes the next range, so a core that is busy with other programs
     does not delay the other cores. Threads save time only if `fill` releases Python's global
-    interpreter lock. The results of `fill` must not depend on how the samples are divided into
-    ranges.
+    interpreter lock. The result of a call of `fill` must not depend on the other calls.
     """
     ranges = iter(range(0, samples, RANGE_SAMPLES))
 

@@ -30,7 +30,7 @@ def eight_indices(first: int, samples: int) -> Samples:
 
 @kernel
 def sin_cos(x: Lanes) -> tuple[Lanes, Lanes]:
-    """Return sine and cosine with an error of at most 3e-16 for |x| up to a million.
+    """Return sine and cosine with an error of about 3e-16 at most for |x| up to a million.
 
     The angle is reduced to |r| <= pi/4 with pi/2 in three parts (Cody and Waite 1980); then the
     minimax polynomials of Cephes are used (Moshier 1992).

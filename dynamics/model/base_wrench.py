@@ -40,8 +40,9 @@ def base_wrench_gradient(
 ) -> FloatArray:
     """Return the gradient of sum(weights * base wrench) by q, v and a, (3, samples, n).
 
-    The gradient is computed by central differences. They are exact for v, because the wrench is
-    quadratic in v, and for a, because it is linear in a. For q the relative error is about 1e-8.
+    The gradient is computed by central differences. Except for rounding errors, they are exact for
+    v, because the wrench is quadratic in v, and for a, because it is linear in a. For q the
+    relative error is about 1e-8.
 
     Args:
         model, q, v, a, parameters: As for `base_wrench`.

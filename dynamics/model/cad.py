@@ -28,8 +28,8 @@ def cad_parameters(model: RobotModel, robot: RobotDescription) -> tuple[FloatArr
         frames; zero for all other parameters. `sigmas`, shape (parameters,). Standard deviations of
         the values: the stated `uncertainty` times the link's mass, the magnitude of its first
         moment, or the magnitude of its inertia. If the inertia of a link is unknown, a typical
-        inertia for its mass is added. Infinite for parameters without CAD data: friction, rotors,
-        spring, and links whose data are only a guess (`uncertainty: null`).
+        inertia for its mass is added. Infinite for parameters without CAD data, such as those of
+        friction and rotors, and for links whose data are only a guess (`uncertainty: null`).
 
     Raises:
         ConfigError: The robot has no `cad`.

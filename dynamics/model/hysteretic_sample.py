@@ -38,7 +38,7 @@ def update_presliding(
         state: Shape (n, STATE). State of the hysteresis; updated.
         found: Shape (n, FOUND). Output: the results of `drive_presliding` for each joint. The first
             result is the direction, -1 to 1, which replaces sign(v); for joints without presliding
-            it is `BY_SPEED`.
+            it is `BY_SPEED`, and the other results are left unchanged.
     """
     for j in range(len(q)):
         if presliding[0, j] > 0.0:

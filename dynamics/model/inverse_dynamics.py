@@ -1,7 +1,8 @@
 """Derivatives of torque and regressor by the motion, and the joint-space inertia matrix.
 
-The derivatives are not finite differences. Kernels compute those of links, payload and rotors by
-reverse-mode differentiation (Griewank and Walther 2008). Friction and springs use the complex step.
+The derivatives are not finite differences. Those of links, payload and rotors are computed by
+reverse-mode differentiation (Griewank and Walther 2008), those of friction and springs by the
+complex step.
 """
 
 from __future__ import annotations
@@ -30,11 +31,11 @@ def torque_derivatives(
 
     Args:
         model: The robot. The jumps of a discontinuous sign(v) and of gear losses are not
-            differentiated.
+            differentiated, and the direction of the presliding hysteresis counts as constant.
         q, v, a: Shape (samples, n). Joint positions, velocities, accelerations [rad or m, per s,
             per s^2].
         parameters: Shape (parameters,). Values of `model.parameter_names`.
-        conditions: Temperature and payload; `load_nm` is computed here.
+        conditions: Temperature, payload and presliding hysteresis; `load_nm` is computed here.
 
     Returns:
         `by_q, by_v, by_a`, shape (samples, n, n). Element (s, i, j) is the derivative of actuator
@@ -105,7 +106,7 @@ def regressor_gradient(
 
     Args:
         model: The robot. The jumps of a discontinuous sign(v) and of gear losses are not
-            differentiated.
+            differentiated, and the direction of the presliding hysteresis counts as constant.
         q, v, a: Shape (samples, n). Joint positions, velocities, accelerations [rad or m, per s,
             per s^2].
         weights: Shape (samples, n, parameters). Weight of each element of the regressor.

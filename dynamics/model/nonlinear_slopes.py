@@ -33,7 +33,7 @@ def nonlinear_slopes(
         Shape (samples, n, nonlinear parameters), in the order of `model.nonlinear_names`.
 
     Raises:
-        EstimationError: A shape does not fit the model, or the load is missing.
+        EstimationError: A shape does not fit the model, or a condition is missing.
     """
     theta = checked_parameters(model, parameters)
     motion = model.motion(q, v, a, conditions)

@@ -1,4 +1,4 @@
-"""`RobotModel`: a robot's inverse dynamics, a sum of terms that are linear in parameters."""
+"""`RobotModel`: a robot's inverse dynamics, linear in all but a few nonlinear parameters."""
 
 from __future__ import annotations
 
@@ -33,6 +33,9 @@ BLOCK_SAMPLES: Final = 512
 @dataclass(frozen=True, eq=False)
 class RobotModel:
     """Inverse dynamics tau = Phi(q, v, a) theta of one robot.
+
+    Phi also depends on the motion's `Conditions`, and on the nonlinear parameters, which the terms
+    and the transmission contain.
 
     Attributes:
         joint_names: Names of the joints from base to flange; all arrays have this order.
@@ -74,7 +77,8 @@ class RobotModel:
     ) -> RobotModel:
         """Return the model of a robot description, without the terms that are switched off.
 
-        `rotors` switches rotors and armatures; `payload` adds an unknown body on the last link.
+        `rotors` switches rotors and armatures; `friction` also switches the gears' load-dependent
+        friction; `payload` adds an unknown body on the last link.
 
         Raises:
             ConfigError: The description's spring is invalid.
@@ -206,7 +210,8 @@ def regressor(
         model: The robot.
         q, v, a: Shape (samples, n). Joint positions, velocities, accelerations [rad or m, per s,
             per s^2].
-        conditions: Temperature, load and payload, if the model depends on them.
+        conditions: Temperature, load, payload and presliding hysteresis, if the model depends on
+            them.
 
     Returns:
         Shape (samples, n, parameters). Torque [N m] or force [N] per unit of each of
@@ -231,7 +236,7 @@ def regressor_blocks(
     *,
     block: int = BLOCK_SAMPLES,
 ) -> Iterator[tuple[slice, FloatArray]]:
-    """Yield the regressor in blocks of samples, so that long recordings need no more memory.
+    """Yield the regressor in blocks of samples, so that only one block is in memory.
 
     Args:
         model, q, v, a, conditions: As for `regressor`.
@@ -283,9 +288,10 @@ def base_wrench_regressor(
 
     Returns:
         Shape (samples, 6, parameters). Fx, Fy, Fz [N], then Mx, My, Mz [N m], about the origin and
-        in the axes of the base frame, per unit parameter. The columns of friction, spring and
-        armature are zero, because these act between two links. A rotor contributes only the moment
-        with which it loads the link that carries it, not the torque on its own joint.
+        in the axes of the base frame, per unit parameter. The columns of friction and spring are
+        zero, because these act between two links. Those of armatures are zero, because the motors'
+        mounting is unknown. A rotor contributes only the moment with which it loads the link that
+        carries it, not the torque on its own joint.
 
     Raises:
         EstimationError: q, v and a do not all have the shape (samples, n).
@@ -313,7 +319,7 @@ def torque(
             per s^2].
         parameters: Shape (parameters,). Values of `model.parameter_names`, in their order and
             units.
-        conditions: Temperature and payload; `load_nm` is computed here.
+        conditions: Temperature, payload and presliding hysteresis; `load_nm` is computed here.
 
     Raises:
         EstimationError: A shape does not fit the model, or a condition is missing.
@@ -338,7 +344,11 @@ def load_torque(
 ) -> FloatArray:
     """Return the torque that each gear would transmit without losses, (samples, n) [N m or N].
 
-    The torque of links, payload and spring, in actuator coordinates, for `Conditions.load_nm`.
+    It is the torque of links, payload and spring, in actuator coordinates, and is passed on as
+    `Conditions.load_nm`.
+
+    Raises:
+        EstimationError: A shape does not fit the model.
     """
     theta = checked_parameters(model, parameters)
     motion = model.motion(q, v, a, conditions)

@@ -1,4 +1,4 @@
-"""Speed above which a joint counts as moving; friction is known only during motion."""
+"""Speed above which a joint counts as moving; at rest, Coulomb friction is unknown."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ SLOW_FRACTION: Final = 0.1
 def standstill_speed(model: RobotModel, speed_rad_s: float) -> FloatArray:
     """Return the speed below which each actuator counts as at rest, link side, (n,).
 
-    It is `speed_rad_s` [rad/s or m/s], but at most a tenth of the joint's speed limit. Otherwise a
-    slow joint, such as a lift, might never count as moving.
+    It is `speed_rad_s` [rad/s or m/s], but at most a tenth of the actuator's speed limit, if known.
+    Otherwise a slow joint, such as a lift, might never count as moving.
     """
     given = np.full(len(model.joint_names), speed_rad_s)
     if not model.speed_limits:

@@ -42,8 +42,9 @@ class GearLoss:
 class Transmission:
     """Losses of all gears; each loss is proportional to the torque that its gear transmits.
 
-    Let s = 1 if the motor drives the load, and s = -1 if the load drives the motor. The torque of
-    the load is multiplied by eta^-s (5.16, 5.17), or by 1 + c s for a load-dependent friction c
+    Let s = 1 if the motor drives the load, and s = -1 if the load drives the motor; s = 0 at rest,
+    and presliding hysteresis gives values in between. The torque of the load is multiplied by
+    eta^-s (5.16, 5.17), or by 1 + c s for a load-dependent friction c
     |load| sign(v). A gear does not transmit the inertia torque of its own motor's rotor. But if an
     estimate does not distinguish the rotor's inertia from that of the link, both count as
     transmitted load (`identification.estimation.lossy_gears`).
@@ -98,7 +99,7 @@ class Transmission:
         return factors
 
     def nonlinear_slopes(self, motion: TermMotion) -> FloatArray:
-        """Return the derivatives of the torque with respect to the losses, (samples, n, losses)."""
+        """Return the torque's derivatives with respect to the losses, (samples, n, losses)."""
         slopes = np.zeros((*motion.joint.shape[1:], len(self.losses)))
         if not self.losses:
             return slopes
@@ -111,7 +112,7 @@ class Transmission:
         return slopes
 
     def _direction(self, motion: TermMotion) -> FloatArray:
-        """Return 1 if the motor drives the load, -1 if the load drives the motor, (samples, n)."""
+        """Return s (see the class), (samples, n): 1 motor drives load, -1 load drives motor."""
         load = motion.conditions.load_nm
         if load is None:
             names = ", ".join(parameter.name for parameter in self.nonlinear)

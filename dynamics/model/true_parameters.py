@@ -28,8 +28,8 @@ def true_parameters(model: RobotModel, robot: RobotDescription, plant: PlantConf
         model: The model whose parameters are returned. The coefficients of offset, cubic,
             cube-root, Stribeck and temperature-dependent friction are zero.
         robot: Description of the robot, with the mounting of its rotors.
-        plant: The simulated robot; its effects under `unmodelled` have no parameters in the model
-            and are ignored.
+        plant: The simulated robot; its effects under `unmodelled` are ignored, even if the model
+            has a parameter for them.
 
     Returns:
         Shape (parameters,). Values in the order and units of `model.parameter_names`.

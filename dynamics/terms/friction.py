@@ -70,8 +70,8 @@ class Friction:
     With `sign_smoothing_rad_s` > 0, sign(v) is replaced by tanh(v / sign_smoothing_rad_s).
     Asymmetric friction has the magnitudes f+ for forward motion and f- for backward motion, which
     are positive if friction brakes. It is a Coulomb friction (f+ + f-) / 2 plus an offset (f+ - f-)
-    / 2, which is not smoothed. All functions are analytic for v > 0 and for v < 0, so that the
-    complex step can be used.
+    / 2, which is not smoothed. At v = 0, the offset is 0 if sign(v) is discontinuous. All functions
+    are analytic for v > 0 and for v < 0, so that the complex step can be used.
 
     If a joint has presliding and `Conditions.memory` is given, the hysteretic direction replaces
     sign(v). It depends on the joint's path and not on v.

@@ -21,11 +21,12 @@ class Rotors:
     """Polar inertias of the rotors, `Im{i}` for the motor of joint i (theory: section 3).
 
     A rotor has the polar inertia I_M and turns about the unit vector e on the link that carries it,
-    mu times as fast as its joint. Its mass, its transverse inertia and I_M e e^T are included in
-    the parameters of that link. Two effects remain: the moment I_M mu (q'' e + q' w x e) on that
-    link, and the torque I_M (mu^2 q'' + mu e . w') on the joint's actuator. Here w is the angular
-    velocity of the link, and q the coordinate of the actuator, which in a coupled wrist differs
-    from that of the joint. Only the moment on the link acts on the base.
+    mu times as fast as its joint (in a coupled wrist: as its actuator, link side). Its mass, its
+    transverse inertia and I_M e e^T are included in the parameters of that link. Two effects
+    remain: the moment I_M mu (q'' e + q' w x e) on that link, and the torque I_M (mu^2 q'' + mu e .
+    w') on the joint's actuator. Here w is the angular velocity of the link, and q the coordinate of
+    the actuator, which in a coupled wrist differs from that of the joint. Only the moment on the
+    link acts on the base.
 
     Attributes:
         chain: The arm.
@@ -34,7 +35,10 @@ class Rotors:
         axis: Shape (rotors, 3). Unit vector e of each rotor's axis, in the frame of the link that
             carries it.
         ratio: Shape (rotors,). mu, the speed of each rotor relative to that link, divided by the
-            speed of its joint [1, or rad/m].
+            speed of its actuator at the link side [1, or rad/m].
+
+    Raises:
+        EstimationError: The arrays have different lengths, or a link cannot carry its rotor.
     """
 
     chain: Chain

@@ -22,8 +22,8 @@ class Spring:
     The points have the distances `l_m` and `r_m` from the joint's axis. The torque that holds the
     spring is k l r sin q - P0 l r sin q / L, where L = sqrt(l^2 + r^2 - 2 l r cos q) is the
     spring's length. It is linear in the parameters `k_spring` and `P0_spring` = k l0. If the
-    distances are unknown, the torque is a Fourier series of the joint angle up to the third
-    harmonic (3.37): `A1_spring` cos q + `B1_spring` sin q + ...
+    distances are unknown or the robot file states `form: fourier`, the torque is a Fourier series
+    of the joint angle up to the third harmonic (3.37): `A1_spring` cos q + `B1_spring` sin q + ...
     """
 
     joint: int

@@ -51,7 +51,8 @@ class Term(Protocol):
         """Compute the actuators' torques, link side, per unit of each parameter.
 
         Args:
-            out: Shape (samples, n, parameters). Zero on entry, one column per parameter.
+            out: Shape (samples, n, parameters). One column per parameter. Zero on entry, except for
+                `RigidBodies`, which writes every element.
         """
 
     @abstractmethod

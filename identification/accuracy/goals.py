@@ -90,7 +90,8 @@ def parse_goals(texts: Sequence[str], model: RobotModel, base: BaseParameters) -
         base: Its base parameters.
 
     Raises:
-        ConfigError: A goal has a syntax error, or names a parameter that cannot be identified.
+        ConfigError: A goal has a syntax error, a wrong unit or a limit of 0, or names a parameter
+            that is unknown or cannot be identified.
     """
     return tuple(_parse(text, model, base) for text in texts)
 

@@ -59,7 +59,8 @@ class Improvement:
     """Improvement of an estimate's standard deviations by a force plate.
 
     Attributes:
-        parameters: The internal model's base parameters, then those that only the plate determines.
+        parameters: The internal model's base parameters, then those of the external model that are
+            not among them.
         shared: Expressions of the parameters that torques alone and plate alone both determine.
         determinant_ratio: Determinant of the covariance of the shared parameters, internal over
             combined model.
@@ -166,7 +167,7 @@ def _covariance(
 
     The coefficients of the functions are `functionals` (any, p). The outputs depend only on the
     unknowns in the span of `basis` (p, any). A function that the outputs do not determine has an
-    infinite variance and no covariances.
+    infinite variance; its covariances are meaningless.
 
     Raises:
         EstimationError: The motion does not determine an unknown.

@@ -32,7 +32,9 @@ MATERIAL_SIGMAS: Final = 1.0
 OUTSIDE_SIGMAS: Final = 2.0
 """Distance from an estimate at which a value is outside its 95 % interval [standard deviations]."""
 EXPLAINED: Final = 1e-6
-"""A drift is identified if the parameters leave more than this fraction of its square."""
+"""Smallest fraction of a drift's sum of squares that the model must leave unexplained; a drift that
+the parameters can imitate is not tested.
+"""
 
 
 class DriftKind(Enum):
@@ -83,7 +85,8 @@ class TorqueDrift:
             f"Without this drift, {self.parameter} would differ by {self.sigmas:.2g} standard"
             " deviations"
             if self.sigmas > MATERIAL_SIGMAS
-            else f"At its ends, it is {self.end_sigmas:.2g} standard deviations from its estimate"
+            else f"At the ends of the recording, the {self.kind.value} is {self.end_sigmas:.2g}"
+            " standard deviations from its estimate"
         )
         return (
             f"the {self.kind.value} of {self.joint}'s torque {way} by {size} in the course of the"
@@ -137,7 +140,7 @@ class _Normal:
 def find_torque_drifts(
     fitted: FittedSignals, sigma: FloatArray, recording: Sequence[int]
 ) -> tuple[TorqueDrift, ...]:
-    """Return the drifts that are significant and change a parameter by more than its deviation.
+    """Return the drifts that are significant and material (`TorqueDrift.is_material`).
 
     Args:
         fitted: A fit of recordings that are not periodic, or of parts of them.
@@ -146,6 +149,7 @@ def find_torque_drifts(
 
     Returns:
         At most one drift for each joint and recording: the one that lowers the residual most.
+            Recordings with fewer than `FEWEST_PARTS` seconds of motion are not tested.
     """
     parts = _parts(fitted, recording)
     gram = np.sum([part.gram for own in parts for part in own], axis=0)

@@ -142,7 +142,8 @@ def drive_gains(
 
     Raises:
         EstimationError: The model has no payload or has gear losses, the torques do not depend on
-            the load's mass by itself, or the motion does not determine a gain.
+            the load's mass by itself, a mass or its deviation is not positive, or the motion does
+            not determine a gain.
     """
     base, model = estimate.base, estimate.model
     if "payload" not in model.parameter_groups:

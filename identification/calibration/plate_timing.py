@@ -115,8 +115,8 @@ def estimate_plate_timing(
         own_clock: True if the plate's clock has its own offset and rate.
 
     Raises:
-        DataQualityError: The readings do not follow the motion at any delay, or follow it equally
-            well at several delays.
+        DataQualityError: The motion is too short, the readings are constant or do not overlap it,
+            do not follow it at any delay, or follow it equally well at several delays.
     """
     step_s = float(np.median(np.diff(recording.time_s[recording.valid])))
     plate_step_s = float(np.median(np.diff(stamp_s)))

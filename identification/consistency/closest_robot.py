@@ -129,7 +129,8 @@ def find_closest(estimate: Estimate, nominal: NominalLinks | None = None) -> Con
         nominal: Links to use instead of those of the robot file.
 
     Raises:
-        EstimationError: The solver found no solution, or a term's constraints are not known.
+        EstimationError: The solver found no solution, a term's constraints are not known, or the
+            covariances are not positive definite.
     """
     standard = programme(estimate, nominal).solve(whiten_parameters(estimate, estimate.values))
     return ConsistentEstimate(estimate, standard, estimate.base.from_standard(standard))
@@ -139,8 +140,8 @@ def check_consistency(estimate: Estimate) -> ConsistencyTest:
     """Test whether an estimate can be that of a physically consistent robot.
 
     Raises:
-        EstimationError: The solver found no consistent robot, or a term's constraints are not
-            known.
+        EstimationError: The solver found no consistent robot, a term's constraints are not known,
+            or the covariances are not positive definite.
     """
     sigma, factor = jackknife_metric(estimate)
     base = estimate.base

@@ -34,7 +34,7 @@ def bodies(model: RobotModel) -> tuple[slice, ...]:
 
 
 def not_negative(model: RobotModel, robot: RobotDescription) -> FloatArray:
-    """Return rows G, shape (k, p), of G theta >= 0: rotors, springs, and friction that brakes.
+    """Return rows G, (k, p), of G theta >= 0: motor inertias, springs, and friction that brakes.
 
     Friction offsets, temperature coefficients and the Fourier form of a spring are unconstrained.
 

@@ -19,9 +19,9 @@ MOTIONS: Final = 200
 def nominal_parameters(model: RobotModel, robot: RobotDescription) -> tuple[FloatArray, FloatArray]:
     """Return a plausible value for every standard parameter, and its uncertainty.
 
-    Links have the values of `cad` in the robot file. Without `cad`, each link is a nominal cylinder
-    with a relative uncertainty of 1. All other parameters are zero, with an uncertainty that causes
-    torques as large as those of the links.
+    Links have the values of `cad` in the robot file; without `cad`, each link is a nominal
+    cylinder. If a link has no stated uncertainty, its relative uncertainty is 1. All other
+    parameters are zero, with an uncertainty that causes torques as large as those of the links.
 
     Returns:
         `values, sigmas`, shape (p,). Values and standard deviations, all sigmas finite and

@@ -46,8 +46,8 @@ class ConsistencyProgramme:
         centre, scale: Shape (p,). Nominal parameters, and their uncertainty.
         bodies: The ten parameters of each body.
         nominal: Shape (bodies, 4, 4). Pseudo-inertias of the bodies' size, positive definite.
-        floors: Shape (bodies, 4, 4). Smallest pseudo-inertias; zero allows every body of positive
-            mass.
+        floors: Shape (bodies, 4, 4). Smallest pseudo-inertias; zero allows every physically
+            consistent body.
         not_negative: Shape (k, p). G.
     """
 

@@ -34,7 +34,7 @@ BASIS: Final = _basis()
 def pseudo_inertia(body: FloatArray) -> FloatArray:
     """Return the 4 x 4 matrix of density moments of a body (Wensing, Kim and Slotine 2018).
 
-    A body of positive mass exists if and only if this matrix is positive definite.
+    A body of positive mass that is not flat exists if and only if this matrix is positive definite.
 
     Args:
         body: Shape (..., 10). Mass, first moment and inertia about the frame's origin, as in

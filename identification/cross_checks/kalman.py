@@ -36,10 +36,10 @@ def estimate_by_kalman_filter(
 ) -> tuple[FloatArray, FloatArray]:
     """Estimate the base parameters of a model with an extended Kalman filter.
 
-    The filter starts at the estimate with a tenth of its information. It processes the recordings
-    twice, the second time with a tenth of its own information, so that the start has little effect.
-    From a more distant start it can fail to converge, because light wrists with friction make the
-    simulation stiff.
+    The filter starts at the estimate, with ten times the sum of its two covariances. It processes
+    the recordings twice, the second time with ten times its own covariance, so that the start has
+    little effect. From a more distant start it can fail to converge, because light wrists with
+    friction make the simulation stiff.
 
     If a joint sticks at a reversal, the model does not know its friction, and the filters of the
     torque spread this friction over the neighbouring rows. Therefore the filter assumes a large

@@ -136,7 +136,7 @@ class Goals:
 
 
 def column_sizes(information: FloatArray) -> FloatArray:
-    """Return the lengths of the columns of an information matrix, all positive."""
+    """Return the lengths of the regressor's columns from its information, (b,), all positive."""
     size = np.sqrt(np.maximum(np.diagonal(information), 0.0))
     return np.asarray(np.maximum(size, 1e-9 * max(float(size.max()), 1e-300)))
 

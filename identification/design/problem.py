@@ -62,6 +62,10 @@ class ExcitationProblem:
             robot.
         torque_share: Fraction of the torque limits that the torques of `parameters` may use; the
             rest is reserved for torques that `parameters` do not contain.
+
+    Raises:
+        ConfigError: A value is out of its range, an array has the wrong shape, or base limits are
+            given without `parameters`.
     """
 
     robot: RobotDescription

@@ -56,7 +56,8 @@ def refine_start(
 
     If the result violates a limit, its amplitudes are reduced about its middle pose until it
     satisfies all limits. If half the amplitudes still violate a limit, the motion is moved to the
-    start's pose, in which the robot can rest, and reduced there.
+    start's pose, in which the robot can rest, and reduced there. Even then it can violate a limit
+    (`Candidate.check`).
 
     Args:
         problem: The design task.
@@ -65,6 +66,9 @@ def refine_start(
         iterations: Largest number of iterations of the first minimisation; later minimisations have
             a fraction of it.
         periods: Periods of the motion file.
+
+    Raises:
+        ConfigError: No pose is found in which the robot can rest.
     """
     planned = problem.with_clearance(PLANNED_MARGIN_M)
     x = start = planned.start(seed)

@@ -80,8 +80,8 @@ def excitation_problem(
     limits.
 
     Raises:
-        ConfigError: A model is of another robot, its friction exceeds a torque limit, or the period
-            does not fit the cell.
+        ConfigError: A model is of another robot or has parameters that the robot file lacks, its
+            friction exceeds a torque limit, or the period does not fit the cell.
     """
     samples = samples_of_period(period_s, cell.cycle_time_s)
     if 2 * harmonics >= samples:

@@ -2,8 +2,8 @@
 
 The low harmonic moves the joint through its range, and the high one causes accelerations.
 Harmonics, amplitude fractions, offsets and phases are drawn from a seed. Each draw is within the
-position, velocity and acceleration limits by construction; torques are not considered. The draw
-whose regressor has the smallest condition number (2.25, 2.26) is used.
+position, velocity and acceleration limits by construction; torques are not considered. Of the draws
+without collisions, the one whose regressor has the smallest condition number (2.25, 2.26) is used.
 """
 
 from __future__ import annotations

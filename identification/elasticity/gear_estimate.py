@@ -57,7 +57,7 @@ class GearEstimate:
         gears: The fitted parameters.
         motor_inertia: Shape (n,). Inertia of each motor at the gear's output [kg m^2 or kg].
         relative_sigma: Shape (n,). Standard deviation of each stiffness over its value.
-        damping_sigma: Shape (n,). Standard deviation of each damping.
+        damping_sigma: Shape (n,). Standard deviation of each damping [N m s/rad or N s/m].
         bend_rad: Shape (n,). Largest amplitude of the deflection in an excitation run, without its
             constant part [rad or m].
         minimum_hz: Shape (n,). Fitted frequency at which motor and link move against each other.
@@ -137,7 +137,7 @@ class GearEstimate:
                     f" {100.0 * LARGEST_SIGMA:.0f} %)"
                 )
             elif bend < LEAST_BEND_RAD:
-                reason = f"the gear bends by {1e3 * bend:.2g} mrad only"
+                reason = f"the gear bends by {1e3 * bend:.2g} mrad or mm only"
             found.append(reason)
         return tuple(found)
 
@@ -149,7 +149,7 @@ class GearResponse:
     Attributes:
         frequency_hz: Shape (F,). The lines [Hz].
         measured, predicted: Shape (F,). Torque over velocity without friction, over all
-            realisations [N m s/rad].
+            realisations [N m s/rad or N s/m].
     """
 
     frequency_hz: FloatArray

@@ -28,7 +28,7 @@ def limit_torque(
 
     If friction depends on temperature, the torques are those at the reference temperatures. If
     joints warm up by their own friction, the steady state of the repeated motion is also computed,
-    and each sample is the larger of both.
+    and each sample is the one with the larger magnitude.
 
     Args:
         estimate: The model.

@@ -131,7 +131,8 @@ def bin_equations(
         plate: True to include the equations of the force plate.
 
     Raises:
-        EstimationError: The joints are not those of the model, or the band contains no bin.
+        EstimationError: The joints are not those of the model, the band contains no bin, or the
+            plate's remaining channels determine no component of the wrench.
     """
     if average.joint_names != model.joint_names:
         raise EstimationError(
@@ -235,7 +236,7 @@ def with_free_reversals(
 
 
 def mean_motion(average: PeriodAverage, band_hz: float) -> tuple[FloatArray, FloatArray]:
-    """Return positions and velocities of a mean period, (samples, n) [rad or m, per s]."""
+    """Return q and v of a mean period on a fine grid, (samples, n) [rad or m, per s]."""
     harmonics = harmonics_below(
         band_hz, average.period_s, average.sample_period_s, average.torque_filter
     )

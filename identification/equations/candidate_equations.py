@@ -183,6 +183,9 @@ class CandidateEquations:
             base: Its base parameters.
             signals: Recordings that are low-passed only by their own `cutoff_hz`.
             standstill_rad_s: Speed above which a joint counts as moving [rad/s or m/s].
+
+        Raises:
+            EstimationError: No segment is long enough.
         """
         step_s = max(run.sample_period_s for run in signals)
         cutoff_hz = min(CUTOFF_HZ, 0.09 / step_s, *map(_highest_cutoff_hz, signals))

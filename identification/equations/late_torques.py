@@ -101,7 +101,7 @@ def find_late_torques(
         robot: The robot.
         signals: The recordings.
         options: The terms of the model besides friction.
-        standstill_rad_s: Speed below which a joint does not count as moving [rad/s].
+        standstill_rad_s: Speed below which a joint does not count as moving [rad/s or m/s].
         channel: Delays and filters that the model contains; the delays are then in addition.
     """
     plain = replace(options, friction=False, friction_terms=None, nonlinear=None)

@@ -1,9 +1,9 @@
 """`LowPassedColumns`: low-passed columns of equations, with a cache of the constant ones.
 
 A fit of nonlinear parameters evaluates a recording about a dozen times, and the low-pass takes more
-time than the computation of the columns. Only few columns depend on the nonlinear parameters: those
-of friction with presliding, and the derivatives. All other columns are computed and low-passed
-once, and then reused.
+time than the computation of the columns. Without gear losses, only few columns depend on the
+nonlinear parameters: those of Stribeck friction and of friction with presliding, and the
+derivatives. All other columns are then computed and low-passed once, and reused.
 """
 
 from __future__ import annotations

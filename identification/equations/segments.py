@@ -125,7 +125,8 @@ def single_periods(
         start: Row of the motion at which the recording's first period begins, if it is known.
 
     Raises:
-        DataQualityError: The recording is not periodic, or too many rows are missing.
+        DataQualityError: The recording is not periodic, its time stamps are not uniform, or too
+            many rows are missing.
     """
     values, present = cut_periods(recording, start)
     warmth = recording.temperature_k

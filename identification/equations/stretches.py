@@ -26,12 +26,13 @@ STRETCH_S: Final = 30.0
 def smoothed_stretches(
     recordings: Sequence[Recording], band_hz: float
 ) -> list[list[SmoothedSignals]]:
-    """Return recordings as low-passed signals, thinned to `COMPARED_HZ` or a slightly higher rate.
+    """Return recordings as low-passed signals, one list for each recording.
 
-    There is one list for each recording.
+    Fast recordings are first thinned to a rate between `COMPARED_HZ` and twice this rate, unless a
+    filter must be divided out of their torques.
 
-    If they last longer than `COMPARED_S` together, evenly spaced stretches of `STRETCH_S` are used.
-    A stretch with too few samples, as in a gap, is left out.
+    If the recordings last longer than `COMPARED_S` together, evenly spaced stretches of `STRETCH_S`
+    are used. A stretch with too few samples, as in a gap, is left out.
     """
     total_s = sum(float(each.time_s[-1] - each.time_s[0]) for each in recordings)
     share = min(1.0, COMPARED_S / max(total_s, COMPARED_S))

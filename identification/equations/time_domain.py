@@ -157,9 +157,10 @@ def time_blocks(
     cases: if `low_passed` is true, if its torque passed a channel, or if friction has presliding.
 
     The friction of a joint is unknown near standstill and reversal. Therefore rows within the
-    filter's length of a standstill or reversal are left out. Friction with presliding is known
-    there, so these rows are used. Of a longer standstill, only the rows within one period of the
-    cut-off from motion are used, because the others repeat one value.
+    filter's length of a standstill or reversal are left out; of a mean period that is not
+    low-passed, only the rows near standstill. Friction with presliding is known there, so these
+    rows are used. Of a longer standstill, only the rows within one period of the cut-off from
+    motion are used, because the others repeat one value.
     """
     first_event = 0
     for run in runs:

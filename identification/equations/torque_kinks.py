@@ -31,7 +31,7 @@ def integrable_torque(
     """Return torques corrected so that sums with smooth weights equal integrals.
 
     A joint's torque is corrected at the reversals of other joints. At its own reversals the torque
-    jumps, and no estimate uses it there.
+    jumps, and estimates without presliding do not use it there.
 
     Args:
         torque_nm: Shape (samples, n). Sampled torque on uniform rows of one segment [N m or N].

@@ -2,7 +2,8 @@
 
 Each joint is one body that its friction's power heats and the air cools. The thermal resistance is
 unknown: the rise is computed with one kelvin per watt, and the coefficients of
-temperature-dependent friction contain the true rise per watt. Every recording starts cold.
+temperature-dependent friction contain the true rise per watt. Every recording is assumed to start
+cold.
 """
 
 from __future__ import annotations

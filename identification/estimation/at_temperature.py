@@ -38,7 +38,7 @@ def depends_on_temperature(estimate: Estimate) -> BoolArray:
 
 
 def at_temperature(estimate: Estimate, temperature_k: FloatArray) -> Estimate:
-    """Return an estimate without the friction term `temperature`, with the same torques.
+    """Return an estimate without the friction term `temperature`, for one temperature per joint.
 
     Args:
         estimate: The identified estimate.

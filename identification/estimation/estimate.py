@@ -259,7 +259,7 @@ def predict(
 
     Raises:
         EstimationError: A joint that did not move during the identification is at another
-            position.
+            position, a shape does not fit the model, or a temperature is missing.
     """
     model, torque = estimate.model, np.empty(np.shape(q))
     if isinstance(estimate, Estimate):
@@ -311,7 +311,8 @@ def predict_base_wrench(
         q, v, a, conditions: As for `predict`.
 
     Raises:
-        EstimationError: The estimate is of the internal model, which does not determine the wrench.
+        EstimationError: The estimate is of the internal model, which does not determine the wrench,
+            or as for `predict`.
     """
     refuse_internal_model(estimate)
     refuse_other_positions(estimate, q)

@@ -3,7 +3,8 @@
 The torque is nonlinear in Stribeck speeds, presliding parameters and gear losses. For given values
 of these, it is linear in all other parameters, which are solved for exactly (variable projection:
 Golub and Pereyra 1973). The step of the nonlinear parameters comes from the equations linearised
-with `torque_columns`. It is halved until the cost falls, and limited to the parameters' bounds.
+with `torque_columns`. It is halved, at most five times, until the cost falls, and limited to the
+parameters' bounds.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ from identification.export.text import (
 
 Language = Literal["c", "python"]
 
-# The functions of a speed u in each language.
+# The names of the functions in each language.
 _C = {"sign": "sign", "smooth": "smooth_sign", "abs": "fabs", "exp": "exp", "cbrt": "cbrt",
       "asinh": "asinh", "sin": "sin", "cos": "cos", "sqrt": "sqrt", "pow": "pow"}  # fmt: skip
 _PYTHON = {"sign": "np.sign", "smooth": "_smooth_sign", "abs": "np.abs", "exp": "np.exp",

@@ -174,7 +174,8 @@ class ExportModel:
     def straight_friction(self, joint: int) -> StraightFriction:
         """Return the straight line closest to a joint's friction, without negative coefficients.
 
-        For classical friction the line is exact. Temperatures are the reference temperatures.
+        For classical friction the line is exact. Temperatures are the reference temperatures. For a
+        joint with coupled actuators, all values are 0.
         """
         found = self.term(Friction)
         if found is None or self.is_coupled(joint):
@@ -192,7 +193,8 @@ class ExportModel:
         """Return the contribution of a rotor to its own joint's inertia, link side.
 
         It is mu^2 I, plus 2 mu e.z I for a motor that is mounted on the link that it moves. This
-        equals (1 + mu)^2 I if the lumped part is included (D.27).
+        equals (1 + mu)^2 I if the lumped part is included (D.27). It is 0 for a joint with coupled
+        actuators.
         """
         if self.is_coupled(joint):
             return 0.0

@@ -32,7 +32,7 @@ class TableRow:
 
     `kind` is one of:
     - "identified": a base parameter,
-    - "shape": a nonlinear parameter (Stribeck speed, efficiency),
+    - "shape": a nonlinear parameter, such as a Stribeck speed or an efficiency,
     - "warming": a parameter of a joint's temperature that was not measured,
     - "consistent": a standard parameter of the physically consistent estimate,
     - "link": a property of a link about its centre of gravity.

@@ -116,8 +116,8 @@ def match_arm(tree: UrdfTree, model: ExportModel, tip: str | None = None) -> Mat
         tip: A link behind the arm's last joint, if several arms are equal.
 
     Raises:
-        ConfigError: No arm has the robot's axes (RID-URDF-KINEMATICS), several arms have them
-            (RID-URDF-ARM).
+        ConfigError: `tip` is not a link (RID-URDF-LINK), no arm has the robot's axes
+            (RID-URDF-KINEMATICS), or several arms have them (RID-URDF-ARM).
     """
     if tip is not None and tip not in tree.links:
         raise ConfigError(

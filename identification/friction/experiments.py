@@ -55,7 +55,8 @@ def constant_velocity_curves(
         motion: The motion that was executed.
 
     Raises:
-        DataQualityError: A run is missing from the recording.
+        DataQualityError: A run is missing or incomplete, its two directions do not cover the same
+            positions, or the time stamps are not uniform.
         EstimationError: A joint's motor hardly turns when only this joint moves.
     """
     _, runs = motion.runs(robot, _sample_period(recording))
@@ -87,7 +88,8 @@ def reversed_curves(
         motion: The motion that was executed.
 
     Raises:
-        DataQualityError: One of the two parts is incomplete.
+        DataQualityError: One of the two parts is incomplete, the time stamps are not uniform, or a
+            joint passes through each speed only once.
     """
     there, back = (average_periods(part) for part in _two_parts(recording, motion, robot))
     forward, torque = _on_the_bins(there)

@@ -33,7 +33,7 @@ def constant_velocity_motion(
     repeats: int = 1,
     seed: int = 0,
 ) -> ConstantVelocityMotion:
-    """Return runs of every joint at speeds from 1 % of its limit to the highest that fits.
+    """Return runs of every joint at speeds from 1 % to at most 80 % of its limit, if they fit.
 
     The other joints stay at zero, or in the middle of their limits if zero is too far from it. If
     this pose is not clear of obstacles, the first clear random pose is used. A joint runs over the
@@ -83,7 +83,7 @@ def constant_velocity_motion(
 
 
 def reversed_motion(forward: FourierMotion) -> ReversedMotion:
-    """Return a periodic motion followed by the same motion backwards in time."""
+    """Return a periodic motion, then the same motion backwards in time; each at least twice."""
     return ReversedMotion.from_attributes(forward, kind="reversed", periods=max(2, forward.periods))
 
 

@@ -160,7 +160,8 @@ def calibrate(
             the others.
 
     Raises:
-        DataQualityError: There are too few poses, or they do not determine the parameters.
+        DataQualityError: There are too few poses, they do not determine the parameters, or the
+            points are far from the geometry of the robot file.
         EstimationError: A fit fails.
     """
     nominal = nominal_arm(robot, gravity, point_m)

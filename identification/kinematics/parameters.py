@@ -45,9 +45,10 @@ class KinematicParameter:
 def geometry_candidates(chain: Chain, joints: Sequence[str]) -> tuple[KinematicParameter, ...]:
     """Return all geometric parameters in the order in which they are preferred.
 
-    Base frame and measured point come first. Elements of the first and the last row that have the
-    same effect on the point are then left out. Of each row, Hayati's angle beta comes before d if
-    the two axes are nearly parallel, because d is then ill-conditioned (Hayati 1983).
+    Base frame and measured point come first. `choose_identifiable` then leaves out elements of the
+    first and the last row that have the same effect on the point. Of each row, Hayati's angle beta
+    comes before d if the two axes are nearly parallel, because d is then ill-conditioned (Hayati
+    1983).
 
     Args:
         chain: The nominal geometry.

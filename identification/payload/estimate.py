@@ -125,7 +125,8 @@ class PayloadEstimate:
     def sigma(self) -> FloatArray:
         """Standard deviations of `reported`, shape (10,), propagated from `covariance`.
 
-        They are zero for values that are fixed by `known`.
+        They are zero for values that are fixed by `known`, and infinite for values that the motion
+        does not determine.
         """
         held = [quantity.name for quantity in self.known if quantity.is_exact]
         sigma = np.where(np.isin(REPORTED, held), 0.0, _sigma(self._slopes, self.covariance))
@@ -170,9 +171,9 @@ class PayloadEstimate:
     def consistent(self) -> tuple[FloatArray, float]:
         """Parameters of the closest physically consistent body, and the p-value of its distance.
 
-        The distance is measured in the cluster-robust covariance. The p-value is that of a
-        chi-squared variable as large as the distance; it is 1 if the estimate itself is physically
-        consistent.
+        The distance is measured in the cluster-robust covariance. The p-value is the probability
+        that a chi-squared variable is at least as large; it is 1 if the estimate itself is
+        physically consistent.
 
         Raises:
             EstimationError: Not all parameters are determined, or there is no such body.

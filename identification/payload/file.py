@@ -107,7 +107,7 @@ def read_payload(path: Path) -> PayloadResult:
     """Read a payload file that `write_payload` wrote.
 
     Raises:
-        ConfigError: The file cannot be read or is not a payload.
+        ConfigError: The file cannot be read, is not a payload, was edited, or contradicts itself.
     """
     return payload_content(read_content(path, LARGEST_FILE_BYTES), path)
 

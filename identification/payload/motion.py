@@ -268,8 +268,8 @@ def design_payload_motion(
 ) -> FourierMotion:
     """Search for a motion that determines payloads well, and verify it, including its ramps.
 
-    The best of several two-harmonic draws (3.22) is changed at random as long as this improves it.
-    The same seed gives the same motion.
+    The best of several two-harmonic draws (3.22) is changed at random; changes that improve it are
+    kept. The same seed gives the same motion.
 
     Args:
         search: Task of the search.

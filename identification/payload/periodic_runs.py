@@ -178,7 +178,7 @@ def _difference(runs: PeriodicRuns, binned: Sequence[BinEquations]) -> BinEquati
     if difference[worst] > SAME_MOTION_SHARE * a.position.std(axis=0).max():
         raise EstimationError(
             f"{a.joint_names[worst]} moved differently with the payload than without it, by"
-            f" {difference[worst]:.3g} rad (RMS), so the torques cannot be subtracted: use the"
+            f" {difference[worst]:.3g} rad or m (RMS), so the torques cannot be subtracted: use the"
             " procedure `together`",
             code="RID-PAYLOAD-PROCEDURE",
         )

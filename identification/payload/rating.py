@@ -26,7 +26,7 @@ class HeaviestPayload:
     def of(cls, robot: RobotDescription) -> HeaviestPayload | None:
         """Return a robot's rated payload, or else the mass of its links from its drawings.
 
-        None if the robot file has neither. Robot arms carry less than their own mass.
+        None if the robot file has neither. Robot arms usually carry less than their own mass.
         """
         if robot.rated_payload_kg is not None:
             return cls(robot.rated_payload_kg, "the robot's rated payload")

@@ -50,7 +50,7 @@ def torque_difference(loaded: SmoothedSignals, unloaded: SmoothedSignals) -> Smo
     if difference[worst] > SAME_MOTION_SHARE * loaded.position[there].std(axis=0).max():
         raise EstimationError(
             _different_motions_text(
-                f"differ by {difference[worst]:.3g} rad (RMS) at {loaded.joint_names[worst]}"
+                f"differ by {difference[worst]:.3g} rad or m (RMS) at {loaded.joint_names[worst]}"
             ),
             code="RID-PAYLOAD-PROCEDURE",
         )
@@ -64,7 +64,7 @@ def torque_difference(loaded: SmoothedSignals, unloaded: SmoothedSignals) -> Smo
         torque_nm=loaded.torque_nm[there] - without,
         segment=loaded.segment[there],
         temperature_k=None if loaded.temperature_k is None else loaded.temperature_k[there],
-        unfiltered=None,  # friction cancels in the torque difference, so that no column has a jump
+        unfiltered=None,  # the jumps of friction nearly cancel in the difference
         unfiltered_row=None,
     )
 

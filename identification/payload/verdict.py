@@ -169,6 +169,9 @@ def check_payload(
 ) -> tuple[PayloadCheck, ...]:
     """Compare an estimate with limits.
 
+    If the motion does not determine all ten parameters, only their number, the known values and the
+    residuals are checked.
+
     Args:
         estimate: The payload.
         limits: Limits of the verdict.

@@ -21,6 +21,9 @@ def period_powers(recording: Recording, start: int | None = None) -> FloatArray:
     """Return the mean mechanical power of each joint in each complete period, (periods, n) [W].
 
     `start` is the row of the motion at which the first period begins, if it is known.
+
+    Raises:
+        DataQualityError: The recording is not periodic.
     """
     if recording.samples_per_period is None or recording.sample_period_s is None:
         raise DataQualityError(

@@ -30,9 +30,9 @@ class FitGrade:
 
     The grade depends on the residual that noise does not explain, relative to the torque:
     - Up to 10 % is good, more than 30 % is bad, in between is doubtful.
-    - A doubtful fit becomes bad if the residual on held-out parts of the recording is more than
-      30 %. Then the parameters explain only the fitted torques, as for a robot with other lengths
-      or axes.
+    - A doubtful fit becomes bad if the residual on held-out parts of the recording is more than 30
+      %, combined with the noise. Then the parameters explain only the fitted torques, as for a
+      robot with other lengths or axes.
 
     Recordings of industrial robots with the usual friction terms have 3 to 10 %, and the small
     joints of a wrist up to 20 %.

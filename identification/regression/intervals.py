@@ -63,8 +63,8 @@ def widening(clusters: int) -> float:
     """Return the factor by which two-sigma intervals are wider because of few clusters.
 
     A covariance from G clusters is itself uncertain, so that intervals follow Student's t with G -
-    1 degrees of freedom (Cameron and Miller 2015, VI.D). From `FEW_CLUSTERS` on the difference, 4
-    %, is neglected.
+    1 degrees of freedom (Cameron and Miller 2015, VI.D). From `FEW_CLUSTERS` on the difference,
+    less than 5 %, is neglected.
     """
     if clusters >= FEW_CLUSTERS:
         return 1.0

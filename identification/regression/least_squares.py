@@ -26,7 +26,11 @@ _NEARLY_SINGULAR: Final = 1e-7
 
 
 def triangular_factor(matrix: FloatArray) -> FloatArray:
-    """Return R of the QR factorisation of a matrix, shape (min(rows, columns), columns)."""
+    """Return R of the QR factorisation of a matrix, shape (min(rows, columns), columns).
+
+    Raises:
+        EstimationError: The matrix contains a value that is not finite.
+    """
     return _factor_in_place(np.array(matrix, order="F"))
 
 
@@ -168,8 +172,8 @@ def solve(
         names: The parameters' names, for error messages.
 
     Raises:
-        EstimationError: There are fewer equations than parameters, or the motion does not determine
-            a parameter.
+        EstimationError: There are not more equations than parameters, the motion does not determine
+            a parameter, or a value is not finite.
     """
     parts = list(triangles)
     rows = sum(part.rows for part in parts)

@@ -104,8 +104,8 @@ def validate_base_wrench(
 
     Raises:
         EstimationError: The joints are not those of the estimate, or it is of the internal model.
-        DataQualityError: The recording has no force plate, or no interval of valid rows is long
-            enough.
+        DataQualityError: The recording has no force plate or no uniform time stamps, or no interval
+            of valid rows is long enough.
     """
     if recording.joint_names != estimate.robot.joint_names:
         raise EstimationError(

@@ -2,8 +2,9 @@
 
 Half a minute of data of one joint, with all columns of this joint free, does not determine a
 filter. The equations of all joints together do, because they share the links' parameters. Loggers
-and scripts that smooth torques without delay run a Butterworth filter forwards and backwards. The
-filter's order and width are chosen for the smallest error on blocks left out of the fit.
+and scripts that smooth torques without delay usually run a Butterworth filter forwards and
+backwards. The filter's order and width are chosen for the smallest error on blocks left out of the
+fit.
 """
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ class FrictionDrift:
     @property
     def sentence(self) -> str:
         """The drift of the joint's friction, in one sentence."""
-        way, cause = "fell", "was still warming up"
+        way, cause = "fell", "was probably still warming up"
         if self.share > 0.0:
             way, cause = "rose", "probably cooled down"
         return (
@@ -60,8 +60,9 @@ class FrictionDrift:
 def friction_drift(parts: Iterable[Recording]) -> tuple[FrictionDrift, ...]:
     """Return each joint's trend of friction over the main periods of a recording.
 
-    The mean of torque times the sign of the speed is the measure of friction: over a whole period,
-    conservative torques do not contribute to it. The result is empty for fewer than four periods.
+    The mean of torque times the sign of the speed measures friction: other torques add about the
+    same amount in every period, and so hardly change the trend. The result is empty for fewer than
+    four periods.
 
     Args:
         parts: Recording of a periodic motion, whole or in parts.

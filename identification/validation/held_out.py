@@ -106,7 +106,8 @@ def held_out_errors(plain: FittedSignals, full: FittedSignals, folds: int = FOLD
         Shape (2, seconds, n). NaN for a second without usable samples.
 
     Raises:
-        EstimationError: The recordings have less than two parts.
+        EstimationError: The recordings have less than two parts, or the parts without one of them
+            do not determine the parameters.
     """
     part = parts_of_seconds(plain, folds)
     both = zip(*_seconds(plain, full), strict=True)

@@ -112,7 +112,8 @@ def choose_model(
         watch: Function to call with the progress.
 
     Raises:
-        EstimationError: The recordings do not identify Coulomb and viscous friction.
+        EstimationError: The recordings are too short, or do not identify Coulomb and viscous
+            friction.
     """
     options = options or EstimationOptions()
     tell = watch or (lambda done, steps, name: None)
@@ -224,7 +225,8 @@ def first_channel(
         options: The other terms of the model, and the speed above which a joint counts as moving.
 
     Raises:
-        EstimationError: The recordings do not identify Coulomb and viscous friction.
+        EstimationError: The recordings are too short, or do not identify Coulomb and viscous
+            friction.
     """
     return _first_channel(robot, signals, options, tuple(KINDS))[2]
 

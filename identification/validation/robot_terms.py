@@ -13,7 +13,10 @@ Terms = tuple[FrictionTerm, ...]
 
 
 def with_friction(robot: RobotDescription, terms: Sequence[Terms]) -> RobotDescription:
-    """Return a robot whose joints have these friction terms, one tuple per joint."""
+    """Return a robot whose joints have these friction terms, one tuple per joint.
+
+    A joint with the term `load` loses its stated gear efficiency.
+    """
     joints = (
         joint.model_copy(
             update={"friction": own, "efficiency": None if "load" in own else joint.efficiency}

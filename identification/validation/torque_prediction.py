@@ -193,8 +193,8 @@ def validate_torques(
     )
     if not moving.any():
         raise DataQualityError(
-            f"no joint of the recording moves at {standstill_rad_s:g} rad/s or more, so there is"
-            " nothing to validate: use a recording with motion",
+            f"no joint of the recording moves at {standstill_rad_s:g} rad/s (m/s) or more, so there"
+            " is nothing to validate: use a recording with motion",
             code="RID-RUN-STILL",
         )
     known = _friction_known_rows(signals, conditions)

@@ -40,7 +40,7 @@ def common_mistakes(robot: RobotDescription) -> Iterator[Mistake]:
     """Yield the common mistakes, one after the other.
 
     A wrong position of a coupled wrist can be wrong at the motor, as on a bus, or at the joint, as
-    in a recording of joint positions. Both are tried.
+    in a recording of joint positions. Both are tried, except for zero positions.
 
     Args:
         robot: The robot as described in its file.

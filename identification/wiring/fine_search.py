@@ -72,8 +72,9 @@ class FineMistake:
 def find_fine_mistake(signals: WiredSignals) -> FineMistake | None:
     """Return the mistake that explains held-out parts best; None if none does distinctly better.
 
-    With the mistake corrected, the errors of both fitted and held-out parts must be smaller, and
-    the gain must be distinct from zero over the parts.
+    With the mistake corrected, the errors of both fitted and held-out parts must be smaller, the
+    gain must be distinct from zero over the parts, and the joints' limits and the arm's weight must
+    be respected.
 
     Args:
         signals: The signals and the robot as stated in the files.

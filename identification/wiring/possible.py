@@ -24,7 +24,8 @@ LEAST_TORQUE: Final = 0.003
 def keeps_limits(mistake: Mistake, stated: WiredSignals, undone: WiredSignals) -> bool:
     """Return True if the joints are capable of the corrected motion and torques.
 
-    With the mistake corrected, three conditions must hold:
+    With the mistake corrected, three conditions must hold, with tolerances of 20 % for torques and
+    speeds and of 5 % of the range for positions:
     - A joint that kept a limit of the robot file before still keeps it.
     - A joint that exceeded a limit before does not exceed it more.
     - A joint that kept its limits does not become nearly motionless or torque-free.

@@ -73,7 +73,7 @@ class _CorrectedMistake:
 def find_mistakes(signals: WiredSignals, *, fine: bool = True) -> tuple[FoundMistake, ...]:
     """Try the common mistakes on recordings, then further mistakes after a correction.
 
-    A mistake is accepted if the corrected data satisfy three conditions:
+    A common mistake is accepted if the corrected data satisfy three conditions:
     - The model explains both fitted and held-out parts far better.
     - Motion and torques keep the robot file's limits.
     - The torques support the arm's weight.

@@ -46,7 +46,7 @@ class WiredSignals:
 
     @classmethod
     def of(cls, robot: RobotDescription, signals: Sequence[SmoothedSignals]) -> WiredSignals:
-        """Combine recordings, with about two rows per cycle of their highest frequency."""
+        """Combine recordings: two rows per cycle of the highest frequency, at most about 1000."""
         steps = [
             max(1, round(1.0 / (ROWS_PER_CYCLE * run.cutoff_hz * run.sample_period_s)))
             for run in signals

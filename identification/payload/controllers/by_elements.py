@@ -174,7 +174,7 @@ def to_franka(body: PayloadBody, origin: tuple[str, ...], digits: Digits) -> str
 
 
 def from_franka(text: str) -> PayloadBody:
-    """Read Franka's setLoad; raise ValueError for any other text."""
+    """Read Franka's setLoad; raise ValueError, KeyError or TypeError for any other text."""
     document = json.loads(text)
     inertia = np.array(document["load_inertia"], dtype=float)
     if inertia.shape != (9,):

@@ -283,6 +283,10 @@ class TestRefinement:
         hopeless = [replace(loop, covariance=1e6 * loop.covariance) for loop in loops]
         with raises_code(DataQualityError, "RID-LOOP-WEAK", "axis3", "223%"):
             stability_bound(planned, smooth, hopeless, 15.0)
+        # The message states the lowest frequency with an unsafe bound, and the bound there.
+        uncertain = [replace(loop, covariance=50.0**2 * loop.covariance) for loop in loops]
+        with raises_code(DataQualityError, "RID-LOOP-WEAK", "axis1", "91%", "0.14 Hz"):
+            stability_bound(planned, smooth, uncertain, 15.0)
 
 
 def test_invalid_repetitions_are_refused(
