@@ -70,8 +70,8 @@ class MultisineMotion(Motion):
         grid: Excited lines: `odd`, all odd harmonics of the period; `random_odd`, odd harmonics of
             which one in each group of four, chosen at random, stays empty and shows distortion;
             `full`, all harmonics.
-        phases: Phases of the sines: `random`, drawn anew for each realisation and then optimised
-            for a low crest factor; `schroeder`, always the same, for one realisation only.
+        phases: Phases of the sines: `random`, drawn anew for each realisation; `schroeder`, always
+            the same, for one realisation only. Both are then optimised for a low crest factor.
         seed: Random seed of the phases and of the empty lines.
         realisations: Number of multisines with different phases.
         periods: Number of periods of each realisation for the measurement.
