@@ -170,7 +170,8 @@ class _Builder:
         if node.style is not None:
             self._check_tag(node, "tag:yaml.org,2002:str")
             return text
-        if node.tag != _RESOLVER.resolve(yaml.ScalarNode, text, (True, False)):
+        plain_tag = _RESOLVER.resolve(yaml.ScalarNode, text, (True, False))  # type: ignore[no-untyped-call]
+        if node.tag != plain_tag:
             self._refuse(
                 node, f"the tag {node.tag!r} is not allowed; write the plain value", "RID-FILE-TAG"
             )

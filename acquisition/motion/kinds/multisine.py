@@ -230,9 +230,15 @@ class MultisineMotion(Motion):
         return [given.index(name) for name in robot.joint_names]
 
     def crest_factors(self, robot: RobotDescription) -> tuple[float, ...]:
-        """Return each joint's largest crest factor over the realisations, base to flange."""
+        """Return each joint's largest crest factor over the realisations, base to flange.
+
+        It is 0 for a joint without lines.
+        """
         found = []
         for own, phasors in zip(self.excited_lines(robot), self.speed_phasors(robot), strict=True):
+            if not len(own):
+                found.append(0.0)
+                continue
             points = 16 * int(own[-1])
             bins = np.zeros((len(phasors), points // 2 + 1), dtype=np.complex128)
             bins[:, own] = phasors
