@@ -1,1 +1,1 @@
-"""Periodic signals, the cyclic task, recording, and the processing of recordings."""
+"""Planned motions, the cyclic task, journals, run folders, imports, and processed recordings."""

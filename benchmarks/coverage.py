@@ -1,10 +1,11 @@
 """Coverage of confidence intervals with an incomplete model, in 200 simulated experiments.
 
 `python -m benchmarks.coverage [--quick]`. A three-axis arm runs a periodic excitation. Every
-experiment has its own random white noise and model errors. The model errors repeat in each period,
-so that averaging does not remove them: ripple over the joint angle (gears, motors) with random wave
-numbers, and coloured torque with a first-order spectrum. The cluster-robust interval of two
-standard deviations (nominal 95.4 %) must contain the true value in 90 to 98 % of the cases.
+experiment (`--quick`: 50 of them) has its own random white noise and model errors. The model errors
+repeat in each period, so that averaging does not remove them: ripple over the joint angle (gears,
+motors) with random wave numbers, and coloured torque with a first-order spectrum. The
+cluster-robust interval of two standard deviations (nominal 95.4 %) must contain the true value in
+90 to 98 % of the cases.
 """
 
 from __future__ import annotations

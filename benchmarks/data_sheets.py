@@ -9,9 +9,9 @@ Other files are counted separately, by their content: another device; a device w
 current that does not call itself a servo drive (a stepper); a device without any
 manufacturer-specific object (a sample, or a simulated drive).
 
-The figure `sheets` counts each file. The figure `drives` counts files with the same vendor, product
-and verdict once. If the `canopen` package is installed, its reading of each file is compared with
-that of rid-daq. The last line is JSON.
+The figure `sheets` counts each file, but identical files once. The figure `drives` counts files
+with the same vendor, product and verdict once. If the `canopen` package is installed, its reading
+of each file is compared with that of rid-daq. The last line is JSON.
 """
 
 from __future__ import annotations

@@ -10,8 +10,8 @@ recordings, at 100 to 1000 Hz, are low-passed and identified as `rid-daq identif
 2. The second test has encoders of 19 bits and torque noise of 1 %, with or without additional noise
    of 0.5 % below 3 Hz. The 2-sigma intervals contain 93 to 97 % of the true friction and rigid
    parameters. At least 94 % of the parameters of two recordings of one arm agree within 2 sigma.
-3. In the third test the encoder's steps are the only noise. The limits of the second test hold, or
-   the program reports a finding.
+3. In the third test the encoder's steps are the only noise. The intervals contain at least 93 % of
+   the true parameters, or the program reports a finding for every recording.
 4. In the fourth test the positions are rounded to 0.01, 0.1 and 0.5 degrees, with and without
    torque noise of 1 %. The intervals contain at least 90 % of the true parameters.
 

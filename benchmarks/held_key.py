@@ -1,7 +1,8 @@
 """Jog with a held key over bad network links: `python -m benchmarks.held_key [--quick]`.
 
-Three hundred simulated links stall, delay, reorder, repeat or lose messages for 0.1 to 10 s, or the
-service or worker hangs for as long. A few links run over sockets in real time. Requirements:
+Three hundred simulated links (`--quick`: 70, and shorter tests) stall, delay, reorder, repeat or
+lose messages for 0.1 to 10 s, or the service or worker hangs for as long. A few links run over
+sockets in real time. Requirements:
 - The robot stops within 0.3 s after the release, plus the duration of the stop ramp.
 - After a gap it does not move again without a new press.
 - There is at most one false release a minute with a latency of 20 ms in each direction and 1 %

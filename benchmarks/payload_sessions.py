@@ -6,7 +6,7 @@ motors, preflight, rehearsal, warm-up, a run without payload and a run with payl
 three reference payloads has ten sessions.
 
 Requirements:
-- The mass is within 40 g and the centre of gravity within 2 mm.
+- The verdict of each session passes; the mass is within 40 g, the centre of gravity within 2 mm.
 - At least 90 % of the true values are inside two cluster-robust standard deviations.
 - The standard deviation of the results of several sessions is 0.7 to 1.4 times the reported one.
 

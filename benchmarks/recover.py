@@ -2,7 +2,8 @@
 
 The recorder writes one recording. A thousand copies are truncated at random places, and a thousand
 have one bit flipped. Each copy is repaired and compared with the original rows: a recovered row
-must not differ. Then a recorder is killed a hundred times while it writes.
+must not differ. Then a recorder is killed a hundred times while it writes. `python -m
+benchmarks.recover --quick` makes 60 copies of each kind and kills 5 recorders.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ simulated cell, as fast as possible, for 8 simulated hours in total. One viewer 
 figures show the growth of memory:
 - the service at the end of the requests, relative to that after a tenth of the requests;
 - the service at the end, relative to that after the first recording;
-- the processes of each recording at its end, relative to those at its beginning.
+- the processes of each recording after nine tenths of it, relative to those after one tenth.
 
 The last line is one JSON object.
 """

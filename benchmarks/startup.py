@@ -1,7 +1,7 @@
 """Start-up time of the program, compared with `python -c 'import numpy, scipy'`.
 
 The processor time of whole processes (the lowest of several starts) is measured for `--version`,
-for the list of a hundred runs, for the help of every command, and for a whole `check` on a
+for the list of a hundred runs, for the slowest help of a command, and for a whole `check` on a
 simulated cell with its processes. For `check`, the wall time until its first line is measured too.
 """
 

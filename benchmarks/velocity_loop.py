@@ -3,10 +3,10 @@
 `python -m benchmarks.velocity_loop [--quick]`. The simulated three-axis arm has effects that the
 identified model does not contain: current loops of 300 Hz, tachometer ripple, cogging, Stribeck
 friction, one cycle of bus delay, rounded encoder, torque and set-point values, and torque noise
-behind the anti-alias filter. Each seed changes the gains and integral times by up to a third. The
-motion is the multisine that `rid-daq design` makes. For comparison, the loops are also estimated
-without reference to the multisine: the cross-spectrum of torque and velocity error is divided by
-the spectrum of the velocity error, and fitted without weights.
+behind the anti-alias filter. Each seed (`--quick`: 8 of them) changes the gains and integral times
+by up to a third. The motion is the multisine that `rid-daq design` makes. For comparison, the loops
+are also estimated without reference to the multisine: the cross-spectrum of torque and velocity
+error is divided by the spectrum of the velocity error, and fitted without weights.
 """
 
 from __future__ import annotations

@@ -60,7 +60,8 @@ class ColumnFile:
         """Append rows, shape (rows, columns).
 
         Raises:
-            OSError: The disk is full.
+            OSError: The file cannot be written, for example on a full disk.
+            IndexError: The table would have more than `most_rows` rows.
         """
         if self.rows + len(values) > self._most:
             raise IndexError(f"a table of at most {self._most} rows got more")
@@ -117,7 +118,7 @@ class ArrayFile:
         """Write an array, and return its place.
 
         Raises:
-            OSError: The disk is full.
+            OSError: The file cannot be written, for example on a full disk.
         """
         place = ArrayPlace(self.size_bytes, values.shape)
         _write(self._file, np.ascontiguousarray(values), place.first)
@@ -125,7 +126,11 @@ class ArrayFile:
         return place
 
     def read(self, place: ArrayPlace) -> FloatArray:
-        """Return the array at a place."""
+        """Return the array at a place.
+
+        Raises:
+            OSError: The file cannot be read.
+        """
         values = np.empty(place.shape)
         if os.preadv(self._file.fileno(), [values.data.cast("B")], place.first) < values.nbytes:
             raise OSError(errno.EIO, os.strerror(errno.EIO))
@@ -147,7 +152,7 @@ def _write(file: FileIO, values: NDArray[Any], first: int) -> None:
 
 
 def selected_rows(values: NDArray[Any], mask: BoolArray) -> NDArray[Any]:
-    """Return the rows of an array, shape (rows,) or (rows, columns), in a file."""
+    """Return the rows where `mask` is True, as a `ColumnFile`; (rows,) or (rows, columns)."""
     table = values[:, np.newaxis] if values.ndim == 1 else values
     file = ColumnFile(table.shape[1], int(np.count_nonzero(mask)), values.dtype)
     for first in range(0, len(table), PIECE_ROWS):
@@ -159,12 +164,15 @@ def selected_rows(values: NDArray[Any], mask: BoolArray) -> NDArray[Any]:
 
 
 def stored(values: NDArray[Any]) -> NDArray[Any]:
-    """Return a read-only array with the same values, (rows,) or (rows, columns), in a file."""
+    """Return a read-only array, (rows,) or (rows, columns), with the values in a `ColumnFile`."""
     return stored_rows([values])
 
 
 def stored_rows(parts: Sequence[NDArray[Any]]) -> NDArray[Any]:
-    """Return a read-only array of the rows of all parts, in a file; one part may be one already."""
+    """Return a read-only array of the rows of all parts, in a `ColumnFile`.
+
+    A single part that is already mapped from a file is returned itself.
+    """
     first = parts[0]
     if len(parts) == 1 and is_mapped(first):
         return lock(first)

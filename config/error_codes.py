@@ -1,8 +1,8 @@
 """`declared_codes`: cause and remedy of every error code.
 
 The codes are declared in `config/bundled/error_codes`, one file for a few areas. An error gives its
-code as a literal, `ConfigError(text, code="RID-FILE-READ")`. Two errors with the same remedy share
-a code.
+code as a literal, `ConfigError(text, code="RID-FILE-READ")`. Errors that need the same remedy
+usually share a code.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ class ErrorCode:
 
     Attributes:
         name: `RID-AREA-NAME`.
-        cause, remedy: What is wrong, and what the user does about it; one sentence each.
+        cause, remedy: What is wrong, and what the user does about it.
     """
 
     name: str

@@ -1,7 +1,7 @@
-"""Error classes: every error that rid-daq raises on purpose.
+"""Error classes: the errors that rid-daq reports to its user.
 
 The program turns such an error into one message and an exit code. A message says what is wrong,
-where, and what to do about it.
+where, and, if it is known, what to do about it.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ class RidDaqError(Exception):
     """Base class of all errors that a user may see; its notes are part of its text.
 
     Args:
-        text: What is wrong, where, and what to do.
+        text: What is wrong, where and, if it is known, what to do.
         code: Stable name of the error, `RID-AREA-NAME`, as declared in
             `config/bundled/error_codes`. An error that is raised again with more text keeps its
             code (``code=error.refusal``).
@@ -34,7 +34,7 @@ class ConfigError(RidDaqError):
 
 
 class LimitError(ConfigError):
-    """A motion exceeds the limits of its robot. It is refused before anything moves."""
+    """A motion, path or payload exceeds the limits of its robot, and is refused."""
 
 
 class DriverError(RidDaqError):
@@ -66,7 +66,7 @@ class PreflightError(RidDaqError):
 
 
 class LockedError(RidDaqError):
-    """Another session holds the cell."""
+    """Another session, a service or a client holds what is needed, such as the cell."""
 
 
 class ServiceError(RidDaqError):
@@ -74,7 +74,7 @@ class ServiceError(RidDaqError):
 
 
 class RecordingError(RidDaqError):
-    """A recording or run folder cannot be written or read."""
+    """A file, recording or run folder cannot be written or read."""
 
 
 class ShortageError(RidDaqError):

@@ -25,7 +25,8 @@ class KeyHelp:
     Attributes:
         name: The key.
         kind: Type and range of its values.
-        default: Default value; "required" without one.
+        default: Default value as JSON in backticks, or `required`, `left out`, `empty` or `its own
+            defaults`.
         meaning: Description from the docstring of the model.
         models: Models of the values below the key.
     """

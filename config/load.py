@@ -80,7 +80,7 @@ class LoadedCell:
 
 
 def load_cell(reference: str, unsaved: Mapping[Path, bytes] | None = None) -> LoadedCell:
-    """Load a cell and the robot, plant, amplifier and drive files that it names.
+    """Load a cell and all files that it names, such as its robot, plant and drive files.
 
     If the cell file is in a run folder, the copies of the other files in that folder are used.
 
@@ -89,7 +89,7 @@ def load_cell(reference: str, unsaved: Mapping[Path, bytes] | None = None) -> Lo
         unsaved: Bytes to use instead of the content of YAML files on disk, by resolved paths.
 
     Raises:
-        ConfigError: A file is missing or invalid.
+        ConfigError: A file is missing or invalid, or two files contradict each other.
     """
     text, name, folder = read_named(reference, "cells", None, unsaved=unsaved)
     cell_tree = parse_yaml(text, name)
@@ -237,7 +237,8 @@ def read_named(
         unsaved: Bytes to return instead of the content of files on disk, by resolved paths.
 
     Raises:
-        ConfigError: The file does not exist or cannot be read; the text lists the bundled names.
+        ConfigError: The file does not exist or cannot be read; for a plain name that is not
+            bundled, the text lists the bundled names.
     """
     if kept is not None and (kept / kept_name).is_file():
         reference, folder = str(kept.absolute() / kept_name), None
@@ -286,7 +287,8 @@ def validate(tree: YamlTree, model: type[T]) -> T:
     lists their keys.
 
     Raises:
-        ConfigError: One line per error, each with `file:line:column`, the key and what is allowed.
+        ConfigError: One line per error (at most 20), each with `file:line:column`, the key and what
+            is allowed; or one line that names the type of a wrong file.
     """
     try:
         file = TypeAdapter(model).validate_json(tree.json())

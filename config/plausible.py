@@ -107,7 +107,10 @@ class Plausible:
         return words.replace("  ", " ") + self.likely_unit(size)
 
     def likely_unit(self, size: float) -> str:
-        """Name the other unit in which a magnitude would be plausible; empty if no unit fits."""
+        """Name a unit in which a magnitude would be plausible, or its plausible inverse.
+
+        Empty if neither fits.
+        """
         for right in self.unit.split(" or "):
             for unit, factor in _OTHER_UNITS.get(right, {}).items():
                 if self.holds(size * factor):

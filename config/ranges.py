@@ -115,7 +115,7 @@ KnownSigma = Annotated[float, Field(ge=0.0, le=1e4)]
 class Ranged:
     """Dataclass that refuses numbers outside the ranges of its fields.
 
-    Fields that are dataclasses check their own numbers.
+    Fields that are themselves `Ranged` check their own numbers.
 
     Raises:
         ConfigError: A number is outside its field's range or is not finite (NaN, infinity).

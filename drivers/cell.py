@@ -90,7 +90,7 @@ def open_cell(
 
     Args:
         cell, robot: The cell and its robot.
-        write_log: Log of every value that is written to a drive, with the previous value.
+        write_log: Log of the values that are written by SDO, with the previous values.
         stopped: Returns True once a stop was ordered; see `CanServoAxes`.
 
     Raises:

@@ -94,7 +94,7 @@ class DriveRack:
         time_s: Time up to which drives and plant have been advanced [s].
 
     Raises:
-        ConfigError: Cell and robot have different joints.
+        ConfigError: Cell and robot have different joints, or plant and robot do not fit.
     """
 
     def __init__(

@@ -42,11 +42,10 @@ class CellSimulation:
         log: File to which all frames are written in candump's format; None for no file.
         faults: Fault script. The faults in its part `program` affect the process that runs
             `SimulatedCell`, and the processes that this process starts.
-        amplifier_profile: Profile of the plate's amplifier; None for the bundled profile that the
-            cell names.
-        amplifier_baud_rate: Baud rate of the amplifier, if it differs from the cell file [bit/s].
-        drive_profile: Profile of the drives' registers; None for the bundled profile that the cell
+        amplifier_profile: Profile of the plate's amplifier; None for the profile that the cell
             names.
+        amplifier_baud_rate: Baud rate of the amplifier, if it differs from the cell file [bit/s].
+        drive_profile: Profile of the drives' registers; None for the profile that the cell names.
         certificates: TLS certificates of the drives, if the cell's monitor uses TLS.
         tracker_file: File to which the plant's tracker writes its measurements; None for no file.
         load_transfers: Changes of the payload during each motion.

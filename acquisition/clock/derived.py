@@ -38,8 +38,9 @@ def velocity_depends_on_stamps(samples: Samples) -> bool:
     """Return True if the steps of the time stamps explain the fast changes of the velocities.
 
     A displacement divided by a step that is too short gives a velocity that is too high. A measured
-    velocity does not depend on the steps. The regression includes several steps before and after
-    each row, so that it detects velocities from any difference formula, filtered or not.
+    velocity does not depend on the steps. The regression includes four steps before and four after
+    each row, so that it also detects filtered differences. If the stamps are almost even, or the
+    rows are few, the result is False.
     """
     steps = np.diff(samples.time_s)
     if len(steps) < FEWEST_ROWS or float(np.std(steps)) < UNEVEN * float(np.mean(steps)):

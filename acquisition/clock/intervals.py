@@ -4,9 +4,9 @@ Between two rows, a joint with velocities v and accelerations a moves by q1 - q0
 h^2 (a0 - a1)/12. Weighted least squares over all joints gives the length h of each interval. Each
 velocity has an unknown delay and an unknown scale relative to the other joints. Delay and scale are
 estimated from changes over 0.1 s, because the errors of the stamps are negligible over this time.
-If the motion does not determine an interval, for example at rest, the interval first gets the mean
-length of the intervals with the same number of dropped repeated rows. If the mean rate of the
-stamps is right, the times of such intervals are then kept close to the stamps.
+If the motion does not determine an interval, for example at rest, the interval is first moved close
+to the mean length of the intervals with the same number of dropped repeated rows. If the mean rate
+of the stamps is right, the times of such intervals are then kept close to the stamps.
 """
 
 from __future__ import annotations
@@ -30,8 +30,8 @@ FEWEST_OF_CLASS: Final = 10
 SHORTEST: Final = 0.1
 """Shortest permitted interval, relative to the median step of the stamps."""
 ON_TICK: Final = 0.95
-"""All intervals are rounded to whole ticks if at least this fraction of the well-determined
-intervals are whole multiples of a common tick."""
+"""All intervals except gaps are rounded to whole ticks if at least this fraction of the
+well-determined intervals are whole multiples of a common tick."""
 COUNTED: Final = 0.12
 """Largest standard deviation of an interval that is rounded to whole ticks on its own [ticks]."""
 RATE_KEPT: Final = 0.005
@@ -61,7 +61,8 @@ class Times:
 
     Attributes:
         time_s: Shape (rows,). Estimated times; the first one is the first stamp [s].
-        tick_s: Time of which all intervals are whole multiples [s]; None if there is no such time.
+        tick_s: Time of which all intervals except gaps are whole multiples [s]; None if there is no
+            such time.
         rate: Duration computed from the velocities divided by the true duration, which the stamps
             show. The intervals of `time_s`, except gaps, are already divided by this ratio.
     """

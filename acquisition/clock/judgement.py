@@ -41,8 +41,8 @@ class JudgedClock:
     Attributes:
         kept: Shape (rows,). True for rows that do not repeat the previous row.
         time_s: Shape (kept rows,). Times of the kept rows [s].
-        position: Shape (kept rows, joints). Positions of the kept rows; repeated positions are
-            interpolated [rad or m].
+        position: Shape (kept rows, joints). Positions of the kept rows [rad or m]; if a joint has
+            many repeated positions, these are interpolated.
         report: Findings about the clock.
     """
 
@@ -64,8 +64,9 @@ def judge_clock(
 
     Args:
         samples: Rows of the recording.
-        robot: Robot whose model predicts the torques. Rebuilt times that make this prediction worse
-            are rejected. Without a robot, the torques are not used.
+        robot: Robot whose model predicts the torques. Rebuilt times that make this prediction
+            clearly worse are rejected. If only one joint moves, they must make it better. Without a
+            robot, the torques are not used.
         coupling: Shape (n, n). Coupling matrix C in q = C alpha, if the positions are those of the
             actuators (alpha).
         copies: Number of rows that were already dropped because they also repeat the stamp of the

@@ -23,8 +23,8 @@ ROUNDS: Final = 2
 def left_out_gain(samples: Samples, repeats: IntArray) -> float | None:
     """Return the improvement of a joint's predicted displacements by times from the other joints.
 
-    Each joint is left out once. The times are estimated from the other joints. The displacements of
-    the joint are then predicted with these times and with the stamps.
+    Each moving joint is left out once. The times are estimated from the other joints. The
+    displacements of the joint are then predicted with these times and with the stamps.
 
     Args:
         samples: Rows without repeats.
@@ -35,7 +35,8 @@ def left_out_gain(samples: Samples, repeats: IntArray) -> float | None:
         error with the estimated times. None if fewer than two joints move, if they move too little,
         or if no set of other joints determines the times. 0 if the gain is not significant. A
         significant gain exceeds two standard errors and 5 %, exceeds 5 % in at least half of the
-        blocks in motion, and makes at most a quarter of the joints worse.
+        blocks in motion, and worsens the prediction by more than 2 % in at most a quarter of the
+        joints.
     """
     begin = max(0, (len(samples) - JUDGED_ROWS) // 2)
     samples = samples.part(slice(begin, begin + JUDGED_ROWS))

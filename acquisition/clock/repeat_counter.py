@@ -11,7 +11,7 @@ from acquisition.recording.recording import Recording
 
 
 class RepeatCounter:
-    """Counter of repeated rows in a recording that is read in parts; uses constant memory."""
+    """Counter of repeated rows in a recording that is read in parts; each part is judged alone."""
 
     def __init__(self) -> None:
         self._rows = self._repeated = 0

@@ -41,7 +41,8 @@ def repeated_rows(samples: Samples) -> BoolArray:
     Positions and torques of such a row equal those of the previous row. Velocities are ignored: a
     velocity computed from positions differs in such rows. A measured torque contains noise, so that
     it rarely repeats by chance. Equal rows at rest count as repeats if they are at most twice as
-    frequent as the repeats in motion, and if their runs are not longer than those in motion.
+    frequent as the repeats in motion, and if their runs are not longer than those in motion. Fewer
+    than 100 rows contain no repeats.
     """
     if len(samples) < FEWEST_ROWS:
         return np.zeros(len(samples), dtype=np.bool_)
@@ -85,7 +86,10 @@ def repeated_positions(samples: Samples) -> BoolArray:
 
 
 def interpolate_repeats(time_s: FloatArray, position: FloatArray, held: BoolArray) -> FloatArray:
-    """Return the positions, with repeated ones replaced by a spline through the other ones."""
+    """Return the positions, with repeated ones replaced by a spline through the other ones.
+
+    Repeated positions at the end of the recording are not changed.
+    """
     from scipy.interpolate import CubicSpline  # a slow import that few commands need
 
     filled = position.copy()

@@ -15,7 +15,7 @@ class ClockState(StrEnum):
     """Origin of a recording's times, and the confidence in them."""
 
     CONFIRMED = "confirmed"
-    """The times are the stamps; positions and velocities agree with them."""
+    """The times are the stamps; positions and velocities do not contradict them significantly."""
     REBUILT = "rebuilt"
     """The times are estimated from positions and velocities, which contradict the stamps."""
     UNVERIFIED = "unverified"
@@ -31,10 +31,11 @@ class ClockReport:
     Attributes:
         clock: Origin of the times.
         rows: Number of rows.
-        repeated_rows: Number of rows that repeat the previous row although the robot moves; these
-            rows are dropped.
+        repeated_rows: Number of rows that repeat the previous row although the robot moves; an
+            import drops them.
         longest_repeat: Number of rows in the longest run of equal rows; 1 if no row repeats.
-        missing_rows: Number of missing rows according to the steps of the stamps.
+        missing_rows: Number of missing rows according to the steps of the stamps; steps of five
+            median steps or more are not counted.
         jitter_rms_s: Deviation of the stamps' steps from whole multiples of the median step, RMS
             [s].
         held_share: For each joint, the fraction of positions that repeat the previous row although
@@ -46,7 +47,8 @@ class ClockReport:
         tick_s: Time of which all rebuilt steps are whole multiples [s].
         left_out_gain, torque_gain: Logarithm of a ratio: the prediction error with the stamps
             divided by the prediction error with the rebuilt times. The predictions are
-            displacements of left-out joints, or held-out torques. None if unknown.
+            displacements of left-out joints, or held-out torques. None if unknown; a
+            `left_out_gain` of 0 is not significant.
         doubt: Reason for an unknown clock; empty otherwise.
     """
 

@@ -48,7 +48,7 @@ class Samples:
         return float(np.median(np.diff(self.time_s)))
 
     def moving(self) -> tuple[int, ...]:
-        """Return the indices of the joints that move and have a velocity."""
+        """Return the joints with a velocity and a mean speed above `STANDSTILL_SPEED`."""
         span_s = float(self.time_s[-1] - self.time_s[0])
         way = np.array([np.abs(np.diff(q)).sum() for q in each_column(self.position)])
         has_velocity = [np.isfinite(v).all() for v in each_column(self.velocity)]
@@ -56,7 +56,7 @@ class Samples:
 
 
 def smallest_step(values: FloatArray) -> float:
-    """Return the smallest difference between two values of a column; 0 if all are equal."""
+    """Return the smallest difference between values of a column, ignoring rounding; 0 if none."""
     levels = np.unique(values)
     steps = np.diff(levels)
     floor = 1e-12 * max(abs(float(levels[0])), abs(float(levels[-1])), 1e-3)

@@ -44,6 +44,8 @@ class DeadManThread:
         plan: Returns the straight motion that a key requests.
         until: Shape (joints,). Pose that ends the motion once the robot rests there [rad or m].
         ready: Called once with the pose at rest, as soon as keys can move the robot.
+
+    Any error of `keys`, `plan` or `ready` ends the thread; the end of the `with` block raises it.
     """
 
     def __init__(
@@ -122,5 +124,5 @@ class AlwaysHeldKey:
         """Do nothing."""
 
     def look(self) -> KeyPress:
-        """Return the key, which always counts as held."""
+        """Return the key, always in its first press."""
         return KeyPress(self._key, 1, safety_now_s())

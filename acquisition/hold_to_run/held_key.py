@@ -1,8 +1,9 @@
 """`HeldKey`: decides if a key counts as held; its messages may be late, lost or repeated.
 
 Each message answers a challenge of the service and is valid according to the age of that challenge.
-Therefore a delay anywhere between the user and this class shortens the time for which a key counts
-and never extends it. The present time is an argument of the methods.
+Therefore, whatever the delays, a key counts as held for at most `CHALLENGE_LIMIT_S` after the
+service issued the newest challenge that was answered. The present time is an argument of the
+methods.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ LONGEST_KEY: Final = 8
 """Maximum length of a key's name."""
 
 LARGEST_SEQUENCE: Final = 2**53
-"""Largest sequence number: JavaScript's integers are exact below it."""
+"""Sequence numbers must be below this: JavaScript's integers are exact there."""
 
 
 class KeyPress(NamedTuple):
@@ -45,7 +46,7 @@ class KeyMessage:
 
     Attributes:
         key: Name of the key; empty if no key is held any more.
-        tapped: True for a key that was tapped, False for a key that is held.
+        tapped: True for a key that was tapped, False for a key that is held or released.
         sender: Connection and lease that sent the message.
         sequence: Number of this message, counted by the sender.
         issued_s: Time at which the service issued the challenge that the message answers, on the
@@ -97,7 +98,7 @@ class KeyVerdict(Enum):
 
     COUNTS = auto()
     IGNORED = auto()
-    """The message is a repeat, or a later one arrived before it, or no job waits for keys."""
+    """The message is a repeat, or a later one arrived before it, or held keys do not count now."""
     LATE = auto()
     """The challenge of the message is too old: the press has ended, or the tap is lost."""
     UNRELEASED = auto()

@@ -24,7 +24,8 @@ FASTEST_SHARE: Final = upper_bound(JogPercent) / 100.0
 LIMIT_MARGIN: Final = 0.01
 STEP: Final = 0.01
 TOLERANCE_M: Final = 1e-6
-"""Distance by which bodies that are too close may come closer [m]; the key can be pressed often."""
+"""Distance by which bodies that are too close at the start may come closer [m]; it is small because
+these distances add up over many presses."""
 
 
 @dataclass(frozen=True, eq=False)

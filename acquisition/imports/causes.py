@@ -83,7 +83,8 @@ _MESSAGES_LACK_VALUES = (
 def respects_position_limits(position: FloatArray, limits: Sequence[JointLimits]) -> bool:
     """Return True if positions, (rows, joints), exceed no limit by more than `BEYOND_LIMIT`.
 
-    The lowest and the highest 2 % of the positions are ignored.
+    `BEYOND_LIMIT` is a fraction of the joint's range. The lowest and the highest 2 % of the
+    positions are ignored. A joint without a finite position gives False.
     """
     if not np.isfinite(position).any(axis=0).all():
         return False

@@ -37,7 +37,8 @@ _ZERO_K = {"C": ZERO_CELSIUS_K, "K": 0.0}
 class ImportRows:
     """Rows of a recording in SI units, link side.
 
-    If the robot has a coupling, positions and velocities are still those of the actuators.
+    If the map's side is motor and the robot has a coupling, positions, velocities and commands are
+    still those of the actuators.
 
     Attributes:
         row: Shape (rows,). Line numbers in the file, from 1.
@@ -151,7 +152,7 @@ class ImportColumns:
         )
 
     def rows(self, table: ImportTable, joints: int) -> ImportRows:
-        """Return the rows of a table, converted to SI units in its own memory."""
+        """Return the rows of a table in SI units; the table's values are overwritten."""
         warmth = 3 * joints + self.temperatures
         with np.errstate(over="ignore", invalid="ignore"):
             for number, column in enumerate(each_column(table.values)):

@@ -85,7 +85,7 @@ def check_rows(
 
     Raises:
         DataQualityError: Positions and velocities contradict each other, positions or speeds are
-            far beyond the robot's limits, or a torque wraps.
+            far beyond the robot's limits, a zero position has moved, or a torque wraps.
     """
     ratios, sigmas = _velocity_ratios(rows, import_map)
     position = columns.joint_positions(rows.position)

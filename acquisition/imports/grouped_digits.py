@@ -1,7 +1,8 @@
 """`refuse_grouped_digits`: refuses columns in which `1.234` means 1234.
 
-A single `1.234` can be a decimal number. Its point separates thousands if many numbers of its
-column have a point before the last three digits, and the others have no point.
+A single `1.234` can be a decimal number. Its point separates thousands if at least 50 numbers of
+its column have a point before the last three digits, and the others, at least 20, have no point. If
+the map's decimal separator is a comma, the same applies to `1,234`.
 """
 
 from __future__ import annotations

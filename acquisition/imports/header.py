@@ -36,8 +36,8 @@ def number_columns(import_map: ImportMap, files: Sequence[Path]) -> ImportMap:
         files: The first file, then the `further_files` of the map.
 
     Raises:
-        ConfigError: The number of files differs from the map's, a file has no header, or no column
-            or several columns have a name.
+        ConfigError: The number of files differs from the map's, a file has no header or another
+            number of columns, no column or several columns have a name, or a column has two roles.
     """
     require_number_of_files(files, import_map)
     by_name = [

@@ -32,7 +32,7 @@ SAME_TIME: Final = 1e-3
 """Largest difference of the times of a row of the plate and one of the robot that count as
 simultaneous [median steps of the plate]."""
 FLAT_ROWS: Final = 20
-"""Number of equal rows at the extreme of a reading from which on it looks saturated."""
+"""Smallest number of successive rows at the extreme of a reading that looks saturated."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class PlateTable:
     Attributes:
         plate: Columns, units and description of the plate.
         time_s: Shape (rows,). Increasing time stamps of the plate's clock [s].
-        readings: Shape (rows, c). Readings [N, N m], with their offset until `without_offset`.
+        readings: Shape (rows, c). Readings [N, N m]; only `without_offset` subtracts their offset.
         valid: Shape (rows, c). False while a reading is saturated, and until its filter has
             settled.
         rows_read: Number of rows with data in the file.

@@ -60,7 +60,8 @@ def import_csv(
     - has another number of columns than the map,
     - has no number in a used column,
     - exceeds a limit of `plausible`,
-    - has a repeated or disordered time stamp,
+    - has no time stamp, or a repeated or disordered one,
+    - repeats a joint's position for long while others change, or lacks a torque,
     - has no near value of another topic or file, or
     - is further from its neighbours than the joints can move.
 
@@ -82,9 +83,9 @@ def import_csv(
         ConfigError: A file cannot be read, or neither map nor robot gives a value that is needed
             for the conversion to SI units.
         ContradictionError: The velocities contradict the positions.
-        DataQualityError: More rows are damaged than the map's `left_out_limit` permits, the file is
-            too short, positions are far beyond the robot's limits, or thousands separators would be
-            read as decimal separators.
+        DataQualityError: More rows are damaged than the map's `left_out_limit` permits, fewer than
+            100 rows have new values, a check of `check_rows` fails, or thousands separators would
+            be read as decimal separators.
     """
     files = (file, *further)
     layout = layout or number_columns(import_map, files)

@@ -64,8 +64,9 @@ class ImportReport:
         file, map_name: Name of the file, without folders, and of the map.
         rows_read, rows_used: Number of rows with data, and of rows that are used.
         damaged: Rows left out, in order.
-        duration_s: Time from the first to the last used row [s].
-        step_min_s, step_median_s, step_max_s: Time steps between used rows [s].
+        duration_s: Time from the first to the last sound row, by their stamps [s].
+        step_min_s, step_median_s, step_max_s: Steps of the time stamps [s], including repeated
+            rows.
         gaps: Number of steps longer than 5 median steps.
         travel: Range of each joint's position [rad or m].
         velocity_ratio: For each joint, velocity from the positions divided by the velocity column:

@@ -24,7 +24,7 @@ from config.column_file import ColumnFile
 from config.errors import ConfigError
 from config.formats.number import parse_number
 
-_MOST_PLACES = 20_000  # numbers of rows read one by one that are kept in memory
+_MOST_PLACES = 20_000  # length of a list in memory; it has two numbers for each row
 _NO_NUMBER = (ConfigError, ValueError, OverflowError)
 
 
@@ -221,7 +221,7 @@ def _strict_parser(decimal: str) -> Callable[[str], float]:
 
 
 def _describe(column: int, text: str) -> str:
-    """Return a column of numbers, and the column's text for a message."""
+    """Return the number and the text of a cell's column, for a message."""
     words = text.strip()[:40]
     return f"column {column} is {words!r}" if words else f"column {column} is empty"
 

@@ -25,8 +25,9 @@ FINE_VALUES = 50
 MISSING_SHARE = 0.2
 FEWEST_MISSING = 5
 MISSING_TIMES = 4.0
-"""A number stands for a missing torque if jumps reach it this often as frequently as nine tenths of
-the other numbers; two such numbers may occur. Peaks of a noisy torque reach all numbers alike."""
+"""A number stands for a missing torque if jumps reach it at least this many times as often as they
+reach 90 % of the other numbers. The two most frequent numbers do not count as others. Peaks of a
+noisy torque reach all numbers about equally often."""
 STUCK_ROWS = 100
 STUCK_TIMES = 5.0
 FAST_PERCENTILE = 99.0
@@ -50,7 +51,7 @@ def drop_copies(rows: ImportRows) -> ImportRows:
 def drop_unsound_rows(
     rows: ImportRows, import_map: ImportMap, damaged: list[DamagedRow]
 ) -> tuple[ImportRows, tuple[str, ...]]:
-    """Drop rows with absurd values, in the wrong order, or at positions that cannot be reached.
+    """Drop rows with absurd, missing or stuck values, out of order, or at unreachable positions.
 
     Args:
         rows: Rows as read.
@@ -153,8 +154,9 @@ def _drop_stuck_rows(
 ) -> ImportRows:
     """Drop rows in which a position stays constant and then jumps, because its source was stuck.
 
-    A joint at rest starts with a speed that it also has elsewhere. The jump at the end of a stuck
-    position is far faster. Copies of whole rows are no such rows: the clock's checks judge them.
+    A joint that leaves its rest has a speed that it also has elsewhere. The jump at the end of a
+    stuck position is far faster. Copies of whole rows are not dropped here: the clock's checks
+    judge them.
     """
     sound = np.ones(len(rows.row), dtype=np.bool_)
     if len(rows.row) < STUCK_ROWS:

@@ -15,7 +15,8 @@ class ImportTable:
     """Rows whose columns are numbers.
 
     Attributes:
-        row: Shape (rows,). Line numbers in the first file, from 1.
+        row: Shape (rows,). Line numbers in the file, from 1; in the first file, if the columns of
+            several files are joined.
         time_s: Shape (rows,). Time stamps, or row number divided by the rate [s].
         values: Shape (rows, columns). Requested columns, in the units of the files.
         rows_read: Number of rows with data, damaged ones included.

@@ -61,7 +61,7 @@ def stuck_torque_findings(rows: ImportRows, import_map: ImportMap) -> Iterator[s
 
 
 def clipped_torque_findings(rows: ImportRows, import_map: ImportMap) -> Iterator[str]:
-    """Yield a finding for each torque whose largest value is far more frequent than the next.
+    """Yield a finding for each torque with an extreme value that is far more frequent than others.
 
     Only rows in which the joint moves count: at rest the torque is constant.
     """

@@ -12,7 +12,7 @@ from config.arrays import FloatArray
 from config.column_file import each_column, has_few_values
 
 _FEWEST_PLACES: Final = 10
-"""Number of different positions from which on a joint moves; a joint at rest has a few."""
+"""Largest number of different positions of a joint at rest."""
 
 
 def without_missing_velocities(

@@ -1,5 +1,5 @@
-"""Journals on disk: rows and headers of cycles, force plate and drive monitor, as MCAP files.
+"""Journals on disk, as MCAP files: cycles, force plate, drive monitor and imported recordings.
 
-This package converts between bytes and rows; `acquisition/session` writes them. Begin with
-`mcap_writer.py`; decision 0004 has the reasons.
+This package converts between bytes and rows; `acquisition/session` writes those of a cell. Begin
+with `mcap_writer.py`; decision 0004 has the reasons.
 """

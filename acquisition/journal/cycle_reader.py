@@ -60,7 +60,7 @@ class CycleReader:
         return self._reader.damage()
 
     def rows(self, *, growing: bool = False) -> Iterator[NDArray[Any]]:
-        """Yield the new rows in the layout of `MESSAGES`, about a thousand at a time.
+        """Yield the new rows in the layout of `MESSAGES`, after each quarter MB that is read.
 
         Args:
             growing: True if the file may still be written.
@@ -127,8 +127,8 @@ def read_tail(path: Path, seconds: float) -> Recording:
         seconds: Shortest duration of the result [s]; a shorter journal is returned completely.
 
     Raises:
-        RecordingError: The file cannot be read, is not a journal of this program, or has no
-            readable row.
+        RecordingError: The file cannot be read, is not a journal of this program, has no readable
+            row, or its time stamps do not increase.
     """
     kept: deque[Recording] = deque()
     with CycleReader(path) as reader:

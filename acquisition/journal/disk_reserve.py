@@ -27,8 +27,8 @@ class DiskReserve:
         size_bytes: Size of the reserve; 0 for none.
 
     Raises:
-        RecordingError: The disk has less free space than `size_bytes`. If the file system cannot
-            reserve space, there is no error and no reserve.
+        RecordingError: The folder cannot be written, or the disk has less free space than
+            `size_bytes`. If the file system cannot reserve space, there is no error and no reserve.
     """
 
     def __init__(self, folder: Path, size_bytes: int) -> None:

@@ -22,7 +22,11 @@ _TAIL_BYTES = RECORD.size + _FOOTER_BODY.size + len(_MAGIC)
 
 
 def records_of(data: bytes) -> Iterator[tuple[int, int, int]]:
-    """Yield opcode, start and end of the body of every record."""
+    """Yield opcode, start and end of the body of every record.
+
+    Raises:
+        RecordingError: The last record is cut, or a message record is too short.
+    """
     position = 0
     while position < len(data):
         if position + RECORD.size > len(data):

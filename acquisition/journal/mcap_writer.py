@@ -44,7 +44,8 @@ def open_new(path: Path) -> FileIO:
 def is_being_written(path: Path) -> bool:
     """Return True if a recorder of this computer still has the journal open.
 
-    Recorders run on Linux only; other systems have no list of locks.
+    The result is False if the file system does not support locks, and on other systems than Linux,
+    which have no recorders.
 
     Raises:
         RecordingError: The file cannot be read.

@@ -25,7 +25,7 @@ EVENT_TOPIC: Final = "/plate_event"
 EVENT_NAME: Final = "rid_daq/msg/PlateEvent"
 
 SATURATION: Final = 0.95
-"Fraction of the range from which a channel counts as overloaded (docs/faults.md: row 28). "
+"Fraction of the range from which a channel counts as overloaded (docs/faults.md: row 28)."
 
 LINE_LOST: Final = 0x100
 LINE_RESTORED: Final = 0x101

@@ -332,7 +332,7 @@ class ImportMap(PhysicalFile, Derived):
             used[column] = role
 
     def _time_columns(self) -> Iterator[tuple[str, int]]:
-        """Yield role and number of the time columns that have a number in all files."""
+        """Yield the role of each time column with a known number, and this number in all files."""
         for number, width in enumerate(self.widths):
             time = self.time_column_of_file(number)
             if time is None or width is None:

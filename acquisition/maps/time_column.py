@@ -204,7 +204,7 @@ class Stamps:
 
 
 def match_date(text: str) -> re.Match[str] | None:
-    """Return the match of a text with a date with a time of day, as unit `iso` reads it, or None.
+    """Match a date with a time of day, as unit `iso` reads it; return None for another text.
 
     Dates such as 03/04/2026 are not read: some programs write the month first, others the day.
     """

@@ -2,8 +2,9 @@
 
 Many quantities have the unit N m: a motor's torque, that of a joint sensor, the result of a
 controller's model. A file rarely says which one it contains, and a wrong assumption gives a wrong
-model. Therefore a map can state the meaning. A proposed map always states it. `identify` tests the
-statement with the data (`identification.wiring.torque_origin`).
+model. Therefore a map can state the meaning. A proposed map states it if the program that wrote the
+file defines it. `identify` tests the statement with the data
+(`identification.wiring.torque_origin`).
 """
 
 from __future__ import annotations

@@ -20,7 +20,7 @@ def approach(
     robot: RobotDescription,
     sample_period_s: float,
 ) -> MotionSamples:
-    """Return a move from rest to rest at 30 % of the velocity and acceleration limits.
+    """Return a move from rest to rest within 30 % of the velocity and acceleration limits.
 
     Args:
         from_position, to_position: Shape (joints,). Present pose of the robot, and start of the

@@ -21,9 +21,9 @@ def refuse_collision(
     what: str,
     meanwhile: Callable[[], None] = lambda: None,
 ) -> None:
-    """Raise an error if two bodies come closer than the clearance on a path.
+    """Raise an error if two bodies overlap at the start, or come too close on a path.
 
-    Bodies that are too close at the start of the path may keep their distance but must not come
+    Bodies that are closer than the clearance at the start of the path must not come more than 1 mm
     closer. Therefore a robot that is too near an obstacle can be moved away.
 
     Args:
@@ -31,7 +31,7 @@ def refuse_collision(
         position: Shape (samples, n). Joint positions of the path [rad or m].
         sample_period_s: Time between rows [s].
         what: Name of the path in the message.
-        meanwhile: Function that is called every few milliseconds during the check.
+        meanwhile: Function that is called before each 20 rows of the check.
 
     Raises:
         PreflightError: Two bodies come too close; the text names them, the distance and the time.
@@ -69,13 +69,13 @@ def rows_before_collision(
 ) -> int:
     """Return the number of rows before the first collision; all rows if the path is clear.
 
-    Bodies that are too close at the start of the path may keep their distance but must not come
-    closer.
+    Bodies that are closer than the clearance at the start of the path must not come more than
+    `tolerance_m` closer.
 
     Args:
         clearances: Pairs of bodies and their minimum clearance.
         position: Shape (samples, n). Joint positions of the path [rad or m].
-        meanwhile: Function that is called every few milliseconds during the check.
+        meanwhile: Function that is called before each 20 rows of the check.
         tolerance_m: Distance by which bodies that are too close at the start may come closer [m].
     """
     if len(clearances) == 0:

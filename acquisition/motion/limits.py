@@ -205,7 +205,7 @@ def refuse_pose(robot: RobotDescription, position: Sequence[float]) -> None:
 
 
 def position_bounds(cell: CellConfig, robot: RobotDescription) -> tuple[list[float], list[float]]:
-    """Return the permitted positions of each joint: its limits with a margin [rad or m].
+    """Return the permitted positions of each joint: its limits, widened by a margin [rad or m].
 
     The margin is the permitted following error at standstill, but at most 5 % of the joint's range.
     """

@@ -136,8 +136,8 @@ class PeriodCutter:
             start: Row of the motion at which the first period begins, if known.
 
         Raises:
-            DataQualityError: The recording is not periodic, more than 2 % of a joint's rows are
-                missing, or the start of a period is unknown.
+            DataQualityError: The recording is not periodic or has no main rows, more than 2 % of a
+                joint's rows are missing, or the start of a period is unknown.
         """
         samples = self._samples
         if self._first is None or self._origin is None or self._blocks is None:
@@ -225,8 +225,8 @@ def cut_periods(recording: Recording, start: int | None = None) -> tuple[FloatAr
         `present`, shape (periods, K, n). True if the row was recorded, per joint.
 
     Raises:
-        DataQualityError: More than 2 % of a joint's rows are missing, or the start of a period is
-            unknown.
+        DataQualityError: The recording has no main rows, more than 2 % of a joint's rows are
+            missing, or the start of a period is unknown.
     """
     cutter = PeriodCutter()
     cutter.add(recording)

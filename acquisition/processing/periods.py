@@ -296,7 +296,7 @@ def _out_of_family(
     *,
     alike: int,
 ) -> dict[int, str]:
-    """Return the complete periods that are outliers, each with the reason.
+    """Return the good periods that are outliers, each with the reason; none of one or two periods.
 
     Deviations that are negligible against a channel's own variation never count. `alike`
     consecutive channels have the same quantity. For a channel at rest, the largest variation of

@@ -30,7 +30,7 @@ class ReactionAverage:
 
     Attributes:
         channel_names: Names of the channels.
-        channels_n: Shape (K, c). Mean period, linear drift removed [N].
+        channels_n: Shape (K, c). Mean period, linear drift removed [N; N m for a moment].
         bin_covariance: Shape (K // 2 + 1, c, c). Covariance of a single period's complex bins
             between channels, real part of E N N^H [N^2].
         used: Shape (c,). False for a channel that was left out; its values are zero.
@@ -71,8 +71,8 @@ class ReactionPeriods:
 
     Attributes:
         reaction: Readings of the plate from which the periods were cut.
-        values: Shape (periods, K, c). Channel values without drift and mean [N]; zero if invalid or
-            left out.
+        values: Shape (periods, K, c). Channel values without drift and mean [N; N m for a moment];
+            zero if invalid or left out.
         level_n: Shape (c,). Mean of the channels over all periods [N].
         present: Shape (periods, K, c). True for valid values; all true for a channel that is left
             out.

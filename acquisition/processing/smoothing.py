@@ -164,7 +164,7 @@ def smooth_nonperiodic(
     - Invalid rows are left out. A gap of more than 5 median steps divides the recording into
       segments.
     - Each segment loses 2 / `cutoff_hz` at both ends, at which the filter has no past or future. A
-      segment shorter than 6 / `cutoff_hz` is left out.
+      segment shorter than 6 / `cutoff_hz` or than 10 median steps is left out.
     - Temperatures change slowly and in steps of their sensor, so they are interpolated linearly.
     - The signals before the low-pass are kept; see `UnfilteredSignals`.
 

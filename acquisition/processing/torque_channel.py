@@ -2,7 +2,8 @@
 
 A drive samples, filters and sends its torque independently of its position. Therefore the recorded
 torque can be late by a fraction of a sample, and low-passed. The filter is applied to the model's
-columns or to the predicted torque. The recorded torque is never deconvolved.
+columns or to the predicted torque. The recorded torque is not deconvolved; only `undelayed_period`
+shifts the torque of a mean period.
 """
 
 from __future__ import annotations

@@ -152,7 +152,10 @@ def find_groups(
 
 
 def incomplete_groups(names: Sequence[str], joints: Sequence[str]) -> tuple[str, ...]:
-    """Return the patterns of motions and loads with columns for some joints, with their number."""
+    """Return the patterns that lack a column for some joints, each with its number of columns.
+
+    Only patterns of positions, velocities, torques and currents count.
+    """
     return tuple(
         f"{pattern} ({len(places)})"
         for pattern, places in _places(names, joints).items()
@@ -163,7 +166,7 @@ def incomplete_groups(names: Sequence[str], joints: Sequence[str]) -> tuple[str,
 
 
 def _places(names: Sequence[str], joints: Sequence[str]) -> dict[str, dict[str, int]]:
-    """Return, for each pattern, the column of each place in the name."""
+    """Return, for each pattern, the column of each joint's number or name."""
     patterns: dict[str, dict[str, int]] = {}
     for column, name in enumerate(names):
         for pattern, place in _patterns(name, joints):
@@ -172,7 +175,7 @@ def _places(names: Sequence[str], joints: Sequence[str]) -> dict[str, dict[str, 
 
 
 def _patterns(name: str, joints: Sequence[str]) -> list[tuple[str, str]]:
-    """Return the patterns that a column's name fits, each with the joint's place in the name."""
+    """Return the patterns that a column's name fits, each with the joint's number or name in it."""
     found = []
     for joint in sorted(joints, key=len, reverse=True):
         at = re.search(rf"(?<![A-Za-z0-9]){re.escape(joint)}(?![A-Za-z0-9])", name)

@@ -1,7 +1,8 @@
 """`propose_map`: proposes an import map for a recording, with the reasons for each key.
 
 The columns of the joints are found by their names. Units that the names do not state are tried: the
-proposal is the first map with which the recording can be imported.
+proposal is the first map with which the recording can be imported, or the likeliest map if there is
+none. For a file without names, the bundled maps are tried.
 """
 
 from __future__ import annotations

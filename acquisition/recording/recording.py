@@ -27,9 +27,10 @@ class Recording:
         position: Shape (samples, joints). Measured joint positions, link side [rad or m].
         torque_nm: Shape (samples, joints). Measured actuator torques, link side [N m or N].
         valid: Shape (samples,). False if a device delivered no values; the row then repeats the
-            device's last values.
+            device's last values. In an import, False if the row is far from the measured rows.
         phase: Shape (samples,). `acquisition.motion.samples.Phase` of each row.
         sample_index: Shape (samples,). Row of the motion that was streamed; -1 outside the motion.
+            In an import with uniform times, the number of the row; -1 without them.
         target_position, velocity_command: Shape (samples, joints). Commanded joint positions, and
             the speeds sent in each row's cycle.
         sample_period_s: Time between rows; None if the times are not uniform.

@@ -1,9 +1,9 @@
 """`RunFolder`: one folder with all files of a run, complete and portable.
 
 `manifest.json` lists each file of the run with its SHA-256.
-Except recordings, which grow during the motion, files are written completely or not at all. The id
-is generated and the label is only text: neither can name a place outside the folder. Files that
-other programs put into the folder are strays: the program does not use or change them.
+Except recordings and logs, which grow during the motion, files are written completely or not at
+all. The id is generated and the label is only text: neither can name a place outside the folder.
+Files that other programs put into the folder are strays: the program does not use or change them.
 """
 
 from __future__ import annotations
@@ -260,7 +260,8 @@ class RunFolder:
     ) -> Manifest:
         """Record the outcome of the run, and enter the recordings and logs of the run's processes.
 
-        Files that are already in the manifest keep their hash. Files of other programs are ignored.
+        Files that are already in the manifest keep their hash. Files whose names this program does
+        not use are ignored.
 
         Args:
             status: The outcome.
@@ -287,7 +288,7 @@ class RunFolder:
         return finished
 
     def verify(self) -> tuple[str, ...]:
-        """Compare every file with the manifest.
+        """Compare every file in the manifest with its entry.
 
         Returns:
             The problems, one sentence each; empty if the run is complete and unchanged.

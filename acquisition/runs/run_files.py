@@ -21,7 +21,7 @@ def is_plain_name(name: str) -> bool:
 
 
 def is_written_by_program(name: str) -> bool:
-    """Return True if this program writes files of this name to a run, or to a run inside a run."""
+    """Return True if this program writes files with this ending to a run, or a run inside a run."""
     return name.endswith(_NOT_BY_WRITE) or any(map(RUN_ID.fullmatch, name.split("/")[:-1]))
 
 

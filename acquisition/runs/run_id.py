@@ -40,7 +40,8 @@ def time_of_run_id(run_id: str) -> int:
 def time_after_existing_runs(root: Path, now_ns: int) -> int:
     """Return a time whose id sorts after those below `root`.
 
-    The result is the present time, or later if the clock was set back by at most a day.
+    The result is the present time, or later if the clock was set back by at most a day. After a
+    larger step, the id sorts before those with the wrong, later times.
     """
     ids = [name for name in os.listdir(root) if RUN_ID.fullmatch(name)]
     newest_ns = time_of_run_id(max(ids)) if ids else 0

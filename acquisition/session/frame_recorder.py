@@ -1,4 +1,4 @@
-"""`FrameRecorder`: records every frame on the bus in a BLF file, in its own process.
+"""`FrameRecorder`: records the frames on the bus in a BLF file, in its own process.
 
 It listens on its own connection and sends nothing; the cyclic task is not involved. If only one
 program can open the adapter of a bus, its frames cannot be recorded.

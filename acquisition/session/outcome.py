@@ -30,7 +30,8 @@ class RecordOutcome:
     Attributes:
         path: The journal.
         stop: Reason for which the motion was stopped before its end; None if it was complete.
-        interrupted_by: Termination signal that stopped the motion.
+        interrupted_by: First termination signal, even if something else stopped the motion; None
+            without a signal.
         rows: Number of rows in the journal.
         statistics: Statistics of timing and frames.
         notes: Other notes for the user, one sentence each.

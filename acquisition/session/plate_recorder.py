@@ -80,7 +80,7 @@ def run_plate_recorder(task: PlateTask, block: PlateBlock, parent: int) -> None:
 
 
 def piece_time_s(baud_rate: int) -> float:
-    """Return the longest time between two reads in which no bytes are lost [s]."""
+    """Return a time between two reads in which no bytes are lost, at most 20 ms [s]."""
     return min(LONGEST_PIECE_S, PIECE_BYTES * BITS_PER_BYTE / baud_rate)
 
 

@@ -1,4 +1,4 @@
-"""`record_motion`: moves the robot and records it; cyclic task and recorder are processes."""
+"""`record_motion`: moves the robot and records it; starts and watches the processes of both."""
 
 from __future__ import annotations
 
@@ -130,16 +130,18 @@ def record_motion(
             checks its own set-points.
         folder: Run folder for `recording.mcap`; the caller updates its manifest.
         on_progress: Function that is called with the progress, about 20 times a second.
-        enough: Rule that is asked after each new period, in its own thread; if it returns True, the
-            motion proceeds to its run-out after the present period.
+        enough: Rule that is asked about new periods, from the third on, in its own thread; if it
+            returns True, the motion proceeds to its run-out after the present period.
         profiles: Protocols of amplifier and drive registers.
         context: Observer, ordering service and last known pose.
 
     Raises:
+        ConfigError: The motion was sampled for another cycle time.
         PreflightError: The motion exceeds the cell's limits, or a drive has a wrong setting;
             nothing was moved.
         DriverError: Bus or drives failed before the motion.
         RecordingError: There is not enough disk space, or nothing was recorded.
+        ShortageError: The computer cannot start another process.
     """
     source: SetPointSource
     planned: MotionSamples | None = None

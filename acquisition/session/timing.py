@@ -18,7 +18,7 @@ _COARSE = ~np.int64((1 << 42) - 1)
 
 @dataclass(frozen=True)
 class CycleStatistics:
-    """Counts and percentiles over the rows of one run.
+    """Counts and percentiles over the rows of one run; percentiles are rounded by at most 0.1 %.
 
     Attributes:
         cycles: Number of cycles.

@@ -28,8 +28,8 @@ def resample(
     """Return rows of a device at other times, and their validity.
 
     Args:
-        row_s: Shape (rows,). Times of the rows, increasing, on a regular grid with single rows
-            missing at most [s].
+        row_s: Shape (rows,). Times of the rows, increasing, on a regular grid in which rows may be
+            missing [s].
         values: Shape (rows, channels). The rows.
         valid: Shape (rows, channels). False for invalid values, such as in saturation.
         at_s: Shape (samples,). Requested times [s].

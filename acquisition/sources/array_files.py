@@ -35,7 +35,8 @@ def read_arrays(path: Path) -> dict[str, Array]:
     - A dataset of an HDF5 file is named by its path, `group/dataset`.
     - Dates become whole nanoseconds since 1970, and durations whole nanoseconds. A date, duration
       or integer that is missing becomes an empty text, as in a CSV file.
-    - Other contents, such as Python objects, are left out: `unread_names`.
+    - Other contents are left out: objects such as Python objects, which `unread_names` names, texts
+      of HDF5 files, and Parquet lists of varying length.
 
     Raises:
         ConfigError: The file cannot be read, is too large, or the library that reads it is not
@@ -45,7 +46,7 @@ def read_arrays(path: Path) -> dict[str, Array]:
 
 
 def unread_names(path: Path) -> tuple[str, ...]:
-    """Return the names of the contents that `read_arrays` leaves out."""
+    """Return the names of the objects that `read_arrays` leaves out, such as Python objects."""
     return tuple(name for name, array in _contents(path) if array is None)
 
 

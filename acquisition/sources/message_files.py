@@ -41,7 +41,8 @@ def read_message_arrays(path: Path, names: Sequence[str] | None = None) -> dict[
     Arrays are named `topic.field`, for example `/robot_state.q`; a field within a field is
     `topic.field.part`, and element 0 of a list of messages is `topic.field[0]`. A list of numbers
     becomes an array with one row per message. Each topic also has the array `topic.log_time`. A
-    value that is null in some messages is NaN. Text, and lists whose length varies, are left out.
+    value that is null in some messages is NaN. Text, lists whose length varies, and fields that
+    some messages lack are left out.
 
     Args:
         path: An MCAP file with ROS messages, JSON or Protocol Buffers, or a ROS bag.

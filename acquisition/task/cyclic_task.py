@@ -48,7 +48,7 @@ RING_LIMIT = 0.8
 
 
 class CyclicTask:
-    """Sends set-points to enabled drives, and stops the drives in every case.
+    """Sends set-points to enabled drives; at the end, also after an error, disables the drives.
 
     Args:
         axes: The drives in cyclic exchange (`start` was called).

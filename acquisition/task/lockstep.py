@@ -1,4 +1,4 @@
-"""`Lockstep`: makes simulated time wait for other processes, however slow the computer is."""
+"""`Lockstep`: makes simulated time wait for other processes, up to a timeout."""
 
 from __future__ import annotations
 

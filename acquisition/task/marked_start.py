@@ -81,9 +81,9 @@ class MarkedStart:
         self._source.watch(answers)
 
     def at(self, row: int) -> SetPoint | None:
-        """Return the set-point of a row; announce the first one after the motion's beginning.
+        """Return the set-point of a row; announce the first row after row 0.
 
-        A streamed path rests at its first point for a cycle more than a planned motion.
+        Row 0 is not announced: a streamed path rests there for a cycle more than a planned motion.
         """
         target = self._source.at(row)
         if not self._begun and target is not None and target.sample_index > 0:

@@ -17,7 +17,7 @@ _PR_SET_TIMERSLACK = 29
 
 
 def disable_garbage_collection() -> None:
-    """Disable the garbage collector during the cycles: a full collection takes up to 90 ms."""
+    """Disable this process's garbage collector: a full collection takes up to 90 ms."""
     gc.collect()
     gc.freeze()
     gc.disable()

@@ -85,7 +85,8 @@ class SetPointSource(Protocol):
         """Return the set-point of a row; None once the motion is over and the robot may rest.
 
         Rows are requested in increasing order, from 0. Rows whose cycles were skipped after an
-        overrun are not requested. Therefore the set-points stay synchronous with time.
+        overrun are not requested. Therefore the set-points stay synchronous with time. If enough
+        periods are recorded, the rows of further periods are not requested either.
         """
 
 

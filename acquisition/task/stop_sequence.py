@@ -146,7 +146,7 @@ class StopSequence:
 class DecelerationCheck:
     """Check that every axis decelerates at half of its quick-stop rate or more.
 
-    Speeds are averaged over several cycles, so that one encoder increment does not count as a
+    Speeds are averaged over at least 20 ms, so that one encoder increment does not count as a
     speed. The first value is the initial speed. An axis that did not answer is not checked.
 
     Args:

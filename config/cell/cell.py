@@ -145,7 +145,7 @@ class CellConfig(PhysicalFile):
         can: CAN bus of the drives.
         servo: The drives' profile: a bundled name, a path relative to the cell file, or its keys,
             including data that the drives do not report. Without it, drives are assumed to follow
-            CiA 402 completely.
+            CiA 402.
         axes: The drives, one per joint, base to flange.
         position_gain_per_s: Gain of the position loop that this computer closes [1/s].
         drive_safety: Safety settings of the drives, such as heartbeats and quick stop.

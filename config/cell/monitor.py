@@ -11,7 +11,10 @@ from config.quantities import NoTruthValue, Temperature
 
 
 class ModbusTls(ConfigModel):
-    """Modbus/TCP Security: both sides present certificates (Modbus/TCP Security v3.6, 3.1).
+    """Modbus/TCP Security (v3.6, 3.1): the drive presents a certificate.
+
+    With `certificate_file` and `key_file`, this computer presents one too, as the standard
+    requires.
 
     Paths are relative to the folder in which the program runs.
 

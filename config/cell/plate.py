@@ -165,8 +165,8 @@ class PlateDescription(PlatePlace):
             sizes = np.linalg.svd(np.array(self.sensitivity), compute_uv=False)
             if sizes[-1] * WORST_CROSSTALK < sizes[0]:
                 raise ValueError(
-                    "sensitivity cannot be inverted, because its rows, one per channel, are not"
-                    " independent; correct it"
+                    "sensitivity cannot be inverted reliably, because its rows, one per channel,"
+                    " are almost dependent; correct it"
                 )
             deviations = np.abs(np.array(self.sensitivity) - np.eye(CHANNELS))
             row, column = np.unravel_index(int(deviations.argmax()), deviations.shape)

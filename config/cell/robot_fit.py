@@ -63,7 +63,7 @@ def _check_directions(tree: YamlTree, cell: CellConfig, robot: RobotDescription)
 
 
 def _check_stops(tree: YamlTree, cell: CellConfig, robot: RobotDescription) -> None:
-    """Refuse decelerations that no motor of this robot can produce."""
+    """Refuse decelerations far beyond the largest acceleration limit of the robot."""
     largest = max(joint.limits.acceleration for joint in robot.joints)
     key = "quick_stop_deceleration_rad_s2"
     stated: list[tuple[Path, float]] = [

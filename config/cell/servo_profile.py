@@ -1,8 +1,8 @@
 """`ServoProfile`: the objects that a family of servo drives uses, and the units of their numbers.
 
-A profile is data, so that a drive of another maker only needs another file. It describes how drives
-that follow CiA 402 differ. `drivers/servo/requirements.py` defines the values that a drive must
-have before motion.
+A profile describes how drives that follow CiA 402 differ, so that a drive of another maker usually
+needs only another file. `drivers/servo/requirements.py` defines the values that a drive must have
+before motion.
 """
 
 from __future__ import annotations
@@ -128,8 +128,9 @@ class ServoProfile(ConfigModel):
     """One family of drives, or the keys that a cell file adds for one drive.
 
     Attributes:
-        base: Bundled profile that defines the keys that are left out; without it, CiA 402 defines
-            them.
+        base: Profile (bundled name, or path relative to the cell file) for the keys that are left
+            out. Without it, an axis takes them from the cell's `servo`; otherwise they are those of
+            CiA 402.
         vendor: Vendor id (1018h:01), by which the profile for an electronic data sheet is found.
         mode: Mode of operation, with its value of 6060h: `cyclic_velocity` (9), `profile_velocity`
             (3), `cyclic_position` (8), `interpolated_position` (7), or `makers` (-1), the
@@ -233,9 +234,9 @@ class ServoProfile(ConfigModel):
         """Refuse keys that contradict each other; the keys of a base profile must be included.
 
         Raises:
-            ValueError: The torque fits no answer or is not the object in the fixed PDOs, the
-                position mode of a drive has a fixed PDO for velocities, a limit of torque has two
-                values, or the motor's ratings contradict each other.
+            ValueError: The torque fits no answer; the fixed PDOs lack a signal, repeat one, or
+                carry another torque object or the set-point of another mode; the torque limit is
+                also in `settings`; or the motor's ratings contradict each other.
         """
         if self.torque.bits != 16 and not (self.torque.asked or self.pdos):
             raise ValueError(
@@ -267,7 +268,7 @@ class ServoProfile(ConfigModel):
 
     @property
     def spread(self) -> bool:
-        """True if the drive's data of one cycle are in more than one frame."""
+        """True if the drive's data of one cycle can be in more than one frame."""
         return bool(self.pdos) or self.torque.asked or self.sends_inputs
 
     @property

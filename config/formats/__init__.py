@@ -1,5 +1,5 @@
-"""Conversion of bytes to trees: YAML, JSON, XML, URDF and EDS, size-limited, with line numbers.
+"""Reading of YAML, JSON, XML, URDF and EDS of limited size; errors name the line or the key.
 
 This package defines file formats only; the schemas in the rest of `config` define the meaning of
-keys. Begin with `bounded_file.py`, which every reader uses, and `yaml_tree.py`.
+keys. Begin with `bounded_file.py`, by which most files are read, and `yaml_tree.py`.
 """

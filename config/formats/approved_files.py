@@ -1,7 +1,6 @@
 """Hashes of the files that a job was accepted with, to detect files that changed since.
 
-A process has one list, empty unless files were approved. `read_file` checks it, so that every
-reader of files is covered.
+A process has one list, empty unless files were approved. `read_file` and `read_pieces` check it.
 """
 
 from __future__ import annotations
@@ -22,7 +21,9 @@ _approved: dict[str, str] = {}
 
 
 def approve_files(hashes: Mapping[str, str]) -> None:
-    """Approve files for all further reads of this process; files not listed are not checked.
+    """Approve files for further reads of this process; this replaces the earlier list.
+
+    Files that are not listed are not checked.
 
     Args:
         hashes: The SHA-256 of each file, by its path.
@@ -42,7 +43,7 @@ def require_approved(path: Path, content: bytes) -> None:
 
 
 def require_approved_hash(path: Path, found: str) -> None:
-    """Refuse an approved file whose SHA-256 differs from the approved one; errors as above."""
+    """Refuse a file by the SHA-256 that was found; raises as `require_approved`."""
     approved = _approved.get(os.path.abspath(path))
     if approved is not None and found != approved:
         raise ConfigError(

@@ -103,8 +103,9 @@ def decode_text(data: bytes) -> str:
 def encoding_of(beginning: bytes) -> str:
     """Return the name of the Unicode encoding of a text.
 
-    The byte order mark states the encoding. Without it, a text whose digits and commas have a zero
-    byte each is UTF-16; any other text is UTF-8.
+    The byte order mark states the encoding. Without it, a text is UTF-16 if more than half of the
+    bytes at even positions are zero and none at odd positions, or the reverse; any other text is
+    UTF-8.
 
     Args:
         beginning: First bytes of the text, at most `BEGINNING_BYTES`.

@@ -41,7 +41,9 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class ElectronicDataSheet:
-    """Description of a device type or, with `node_id`, of one device (DCF); None if not stated.
+    """Description of a device type or, with `node_id`, of one device (DCF).
+
+    A number that the file does not state is None.
 
     Attributes:
         name: Name of the file in messages.
@@ -104,8 +106,8 @@ def parse_eds(data: bytes, name: str) -> ElectronicDataSheet:
         name: Name of the file in messages.
 
     Raises:
-        ConfigError: The file is not a data sheet, or a line is invalid; the message has
-            `name:line`.
+        ConfigError: The file is too large or not a data sheet, or a line is invalid; the message
+            then has `name:line`.
     """
     reader = _Reader(name, parse_sections(data, name))
     info = reader.sections.get("deviceinfo")
@@ -185,7 +187,7 @@ class _Reader:
         return tuple(found[address] for address in sorted(found))
 
     def _of_parent(self, section: EdsSection, index: int, *, composed: bool) -> Iterable[EdsObject]:
-        """Return the objects in a section such as [1018]: one object, or a compact array."""
+        """Return the objects in a section such as [1018]: one, a compact array, or none."""
         kind = self.integer(section, "objecttype", range(0x100))
         compact = self.integer(section, "compactsubobj", range(0x100)) or 0
         if compact:
@@ -290,7 +292,7 @@ def _parse_access(text: str) -> Access:
 def _parse_or_note(
     section: EdsSection, key: str, parse: Callable[[str], T], faults: list[EdsFault]
 ) -> T | None:
-    """Return the value of a key; None if it is missing or cannot be read."""
+    """Return the value of a key; None if it is missing or, with a new fault, if unreadable."""
     entry = section.get(key)
     if entry is None:
         return None

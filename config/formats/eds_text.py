@@ -2,7 +2,7 @@
 
 The INI dialect of CiA 306-1, 4.2, as vendors write it: any case, spaces around keys and values,
 comments after `;`, any line ends, UTF-8 or Latin-1. Only known sections and keys are kept. Other
-sections, which are mostly vendor-specific, may contain anything.
+sections, which are mostly vendor-specific, may contain any text of limited line length.
 """
 
 from __future__ import annotations

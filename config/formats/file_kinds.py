@@ -79,12 +79,12 @@ def wrong_kind(tree: YamlTree, wanted: str) -> list[str]:
 
 
 def way_from(kind: str) -> str:
-    """Return how a file of another type becomes a YAML file, as the end of an error."""
+    """Return how a URDF becomes a robot file, as the end of an error; empty for other types."""
     return f": make a robot file from it by {_FROM_URDF}" if kind == _URDF else ""
 
 
 def kind_of_text(data: bytes, *, by_keys: bool = True) -> str | None:
-    """Return the probable type of a file that could not be read as the expected type.
+    """Return the probable type of a file that could not be read as expected; None if unknown.
 
     Args:
         data: The file.
@@ -113,7 +113,7 @@ def _kind_of(data: Any) -> str | None:
 
 
 def _kind_of_document(document: dict[str, Any]) -> str | None:
-    """Return the type that a file of this program states."""
+    """Return the type that a file of this program states; None if it states no known one."""
     found = (document_kind(document.get(key)) for key in ("kind", "schema", "format"))
     return next((kind for kind in found if kind is not None), None)
 

@@ -29,7 +29,8 @@ def parse_number(text: str) -> float:
     """Return the finite number that a text states in plain decimal digits.
 
     Raises:
-        ConfigError: The text is anything else; the message states the text and what to write.
+        ConfigError: The text is anything else; the message states the text and, if the cause is
+            known, what to write.
     """
     words = text.strip()
     if _NUMBER.fullmatch(words):

@@ -1,8 +1,8 @@
 """Conversion of a URDF file (ROS, "URDF XML specification") to a `UrdfTree`.
 
 A file with an unreadable number or an invalid tree of links and joints is refused; the message
-lists all errors. An element that is readable but states nothing (a box without size, an unknown
-inertia) is omitted and noted in the `oddities` of its link.
+lists all such errors. Errors in a <visual> do not matter. An element that is readable but states
+nothing (a box without size, an unknown inertia) is ignored and noted in the `oddities` of its link.
 """
 
 from __future__ import annotations

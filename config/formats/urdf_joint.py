@@ -55,7 +55,7 @@ def joint_axis(element: XmlElement) -> tuple[FloatArray, float]:
     The axis is x if none is stated.
 
     Raises:
-        ConfigError: The axis has no direction, or cannot be read.
+        ConfigError: The axis cannot be read, or that of a moving joint has no direction.
     """
     stated = element.one("axis")
     axis = np.array([1.0, 0.0, 0.0])

@@ -24,7 +24,7 @@ class Transmissions:
         ratios: Motor turns per joint turn; negative if the motor turns against its joint.
         unread: Reductions that are not the ratio of one joint, as written in the file.
         rotors_kg_m2: The rotors' inertias, before the gear.
-        errors: Values that cannot be read.
+        errors: Values that cannot be read, and second transmissions of a joint.
     """
 
     ratios: dict[str, float] = field(default_factory=dict)

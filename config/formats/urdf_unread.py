@@ -73,7 +73,7 @@ def _in_other_case(element: XmlElement, written: str, meant: str) -> ConfigError
 
 
 def unread_parts(root: XmlElement) -> tuple[str, ...]:
-    """Return one line for each element and attribute that may matter but is not read."""
+    """Return one line for each kind of element or attribute that may matter but is not read."""
     found: dict[str, list[str]] = {}
     waiting = [root]
     while waiting:

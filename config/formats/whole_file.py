@@ -26,8 +26,8 @@ def write_whole(path: Path, data: bytes | Iterable[bytes]) -> tuple[str, int]:
         SHA-256 and number of the bytes.
 
     Raises:
-        RecordingError: The file cannot be written, or reads back differently; the old file is
-            unchanged.
+        RecordingError: The file cannot be written, or reads back differently. The old file is
+            unchanged, unless only the last step failed, the flush of the folder.
     """
     return _write(path, (data,) if isinstance(data, bytes) else data, replace=True)
 

@@ -1,7 +1,7 @@
 """Conversion of XML text to plain elements with line numbers, safe against hostile files.
 
-Document types are refused, and with them all entities (expansion bombs, inclusion of files and
-addresses); size and depth are limited.
+Document types are refused, and with them all declarations of entities (expansion bombs, inclusion
+of files and addresses); size and depth are limited.
 """
 
 from __future__ import annotations
@@ -94,10 +94,10 @@ class XmlElement:
         return value
 
     def numbers(self, name: str, count: int, default: tuple[float, ...]) -> tuple[float, ...]:
-        """Return `count` finite numbers of an attribute, or the default if it is missing.
+        """Return `count` numbers of an attribute, or the default if it is missing.
 
         Raises:
-            ConfigError: The attribute does not have `count` finite numbers.
+            ConfigError: The attribute does not have `count` numbers with magnitudes below 1e12.
         """
         text = self.attributes.get(name)
         if text is None:
@@ -146,7 +146,7 @@ class _Open:
 
 
 def utf8_xml(data: bytes, name: str) -> bytes:
-    """Return XML bytes in UTF-8; return them unchanged if their encoding extends ASCII.
+    """Return XML bytes in UTF-8, or unchanged in a one-byte encoding (ISO 8859, Windows-125x).
 
     The encoding is that of the byte order mark or, without a mark, of the `<` at the beginning of
     the file. If these bytes do not show the encoding, the XML declaration states it. If the text is

@@ -1,8 +1,8 @@
 """Conversion of YAML text to plain data with positions, in a strict subset of YAML.
 
-The rules are the YAML 1.2 core schema on top of PyYAML's parser: no tags, no duplicate keys, no
-merge keys, limited size, depth and alias expansion. Text that YAML 1.1 reads in a surprising way
-(`010`, `1:30`, `no`) is refused.
+The rules are the YAML 1.2 core schema on top of PyYAML's parser: no tags that change a value, no
+duplicate keys, no merge keys, limited size, depth and alias expansion. Text that YAML 1.1 reads in
+a surprising way (`010`, `1:30`, `no`) is refused.
 """
 
 from __future__ import annotations
@@ -37,11 +37,12 @@ _GROUPED = re.compile(r"[-+]?[0-9][0-9_]*_[0-9_]*(\.[0-9_]*)?")
 _SEXAGESIMAL = re.compile(r"[-+]?[0-9]+(:[0-5]?[0-9])+(\.[0-9]*)?")
 _NOT_FINITE = re.compile(r"[-+]?\.(inf|Inf|INF|nan|NaN|NAN)")
 _OLD_BOOLEANS = frozenset({"yes", "no", "on", "off", "y", "n"})
+_RESOLVER = yaml.SafeLoader("")  # finds the tag that a plain value has without an explicit one
 
 
 @dataclass(frozen=True)
 class YamlTree:
-    """Plain data (dict, list, str, int, float, bool, None) with the position of each value.
+    """Plain data (dict, list, str, int, float, bool, None) with the position of each key or item.
 
     `positions` maps a path of keys and indices to (line, column), both counted from 1.
     """
@@ -59,7 +60,7 @@ class YamlTree:
         return self.name
 
     def json(self) -> str:
-        """Return the data as JSON text, because validators are stricter for JSON."""
+        """Return the data as JSON text: from it, strict models accept lists as tuples."""
         return json.dumps(self.data)
 
 
@@ -169,7 +170,8 @@ class _Builder:
         if node.style is not None:
             self._check_tag(node, "tag:yaml.org,2002:str")
             return text
-        if node.tag.startswith("!") or "python" in node.tag or node.tag.endswith(":binary"):
+        plain_tag = _RESOLVER.resolve(yaml.ScalarNode, text, (True, False))  # type: ignore[no-untyped-call]
+        if node.tag != plain_tag:
             self._refuse(
                 node, f"the tag {node.tag!r} is not allowed; write the plain value", "RID-FILE-TAG"
             )
@@ -232,7 +234,7 @@ def dump_yaml(data: object, comment: str = "", comments: Mapping[Path, str] | No
     """Return plain data as YAML text that `parse_yaml` reads back to equal data.
 
     Args:
-        data: Nested dict, list, str, int, float, bool, None.
+        data: Nested dict, list, str, int, finite float, bool, None.
         comment: Text above the data; each line is prefixed by `# `.
         comments: Texts by path; each is written above the first line of its value.
     """

@@ -1,8 +1,8 @@
 """Division of a mesh into few pieces whose convex hulls contain it.
 
-A piece is cut by the plane that saves the most volume: the volume of its hull minus the volumes of
-the hulls of its two parts. The triangles are cut exactly. A closed mesh and the solid inside it are
-therefore contained in the hulls of the pieces.
+A piece is cut by the plane, of those tried, that saves the most volume: the volume of its hull
+minus the volumes of the hulls of its two parts. The triangles are cut exactly. A closed mesh and
+the solid inside it are therefore contained in the hulls of the pieces.
 """
 
 from __future__ import annotations

@@ -26,8 +26,9 @@ def triangles_of_dae(data: bytes, name: str) -> FloatArray:
         name: Name of the file in messages.
 
     Raises:
-        ConfigError: The file is not XML, or is too large.
+        ConfigError: The file is not XML, is too large, or a number in it cannot be read.
         ValueError: A part cannot be read, or is of a kind that is not supported.
+        LookupError, StopIteration: A part refers to one that is missing.
     """
     root = parse_xml(data, name)
     named = {each.attributes["id"]: each for each in _descendants(root) if "id" in each.attributes}

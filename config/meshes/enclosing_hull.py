@@ -31,8 +31,9 @@ def enclosing_hull(points_m: FloatArray, tolerance_m: float, most: int) -> Enclo
     """Return an inflated hull of few points that contains all given points.
 
     Points are added, always the one that is farthest outside, until none is farther outside than
-    the tolerance. The largest remaining distance becomes the radius. The surface of the result is
-    therefore at most `radius_m` (plus 0.1 mm for rounding) away from the convex hull of all points.
+    the tolerance or there are `most` points. The largest remaining distance becomes the radius. The
+    surface of the result is therefore at most `radius_m` (plus 0.1 mm for rounding) away from the
+    convex hull of all points.
 
     Args:
         points_m: Shape (points, 3). At least one point [m].

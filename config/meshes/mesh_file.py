@@ -54,7 +54,8 @@ def read_mesh(path: Path) -> Mesh:
         parts cannot be read, the mesh is the convex hull of all its vertices (`Mesh.is_hull`).
 
     Raises:
-        ConfigError: The file does not exist, is damaged, is too large, or contains no triangle.
+        ConfigError: The file does not exist, has another ending, is damaged, is too large, or
+            contains no triangle.
     """
     if path.suffix.lower() not in FORMATS:
         raise ConfigError(
@@ -98,7 +99,7 @@ def read_mesh(path: Path) -> Mesh:
 def _refuse_long(path: Path, triangles: int) -> None:
     if triangles > MOST_TRIANGLES:
         raise ConfigError(
-            f"{path}: has {triangles} triangles or more; at most {MOST_TRIANGLES} are read:"
+            f"{path}: has {triangles} triangles or vertices, at most {MOST_TRIANGLES} are read:"
             " simplify the mesh",
             code=CODE,
         )

@@ -49,7 +49,8 @@ class PackageFolders:
                 or a path.
 
         Raises:
-            ConfigError: The file does not exist; the message lists where it was searched.
+            ConfigError: The file does not exist; the message names the paths that were tried, or
+                the package that is in no known folder.
         """
         named = _PACKAGE.fullmatch(address) or _FIND.fullmatch(address)
         if named is None:

@@ -42,7 +42,10 @@ _NEAR_BYTES: Final = 4 << 20
 
 
 def as_shortage(error: BaseException) -> ShortageError | None:
-    """Return the shortage that an error or one of its causes reports; None otherwise."""
+    """Return the shortage that an error or one of its causes reports; None otherwise.
+
+    If this process has reached its memory limit, any other unexpected error counts as a shortage.
+    """
     for each in _with_causes(error):
         if isinstance(each, ShortageError):
             return each
@@ -77,7 +80,7 @@ def named_error(error: Exception) -> RidDaqError:
 
 
 def require_memory(needed_bytes: int) -> None:
-    """Refuse a computation for which there is not enough memory.
+    """Refuse a computation for which there is not enough address space (`ulimit -v`).
 
     Without memory, some numerical libraries end the program and others hang.
 

@@ -111,7 +111,7 @@ class Box(ConfigModel):
 
 
 class Workspace(ConfigModel):
-    """The space in which the robot may move; bodies of the base (link 0) are not checked.
+    """The space in which the robot may move; bodies of the base (link 0) may be outside of it.
 
     Attributes:
         planes: Walls and floors.

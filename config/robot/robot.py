@@ -136,8 +136,8 @@ class Joint(Derived):
         presliding_share: Initial value of the fraction of the friction that has hysteresis; the
             rest is rigid. At 1 all friction has hysteresis, and the fraction is not estimated.
         reference_temperature_k: Temperature at which torque constant and friction are stated.
-        armature: Adds the rotor inertia mu^2 I_M at the link side, for a motor whose mounting is
-            not known; if it is known, `rotor` is the better model.
+        armature: Adds the rotor inertia mu^2 I_M (mu: `gear_ratio`) at the link side, for a motor
+            whose mounting is not known; if it is known, `rotor` is the better model.
         stiffness_nm_rad: Torsional stiffness of gear and bearings at the gear's output [N m/rad;
             N/m of a prismatic joint]. Encoders at the motors do not measure this deflection:
             `stiffness` identifies it, `tracking` estimates the tool's error, and `compensate`

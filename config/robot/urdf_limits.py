@@ -342,7 +342,7 @@ class _LimitReader:
     def _stated(self, key: str, kind: Any) -> float | None:
         """Return the stated value; None if the URDF states nothing, 0 or no limit.
 
-        If a joint's range is in degrees, its other limits are in degrees too.
+        If a joint's range is in degrees or mm, so are its velocity and acceleration.
         """
         value = self._joint.limits.get(key, 0.0)
         found = _plausible(kind, self._slides)

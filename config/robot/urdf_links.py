@@ -1,7 +1,7 @@
 """Drawing data of moving links from a URDF, repaired or guessed if necessary.
 
-An inertia that is physically impossible is replaced by the nearest possible one. A link without
-mass becomes a cylinder that is marked as a guess.
+An inertia that is physically impossible is replaced by the nearest possible one. A link without a
+plausible mass becomes a cylinder that is marked as a guess.
 """
 
 from __future__ import annotations

@@ -40,7 +40,7 @@ class UrdfRobot:
 
     Attributes:
         notes: Notes on values that were omitted, repaired or set to a default.
-        comments: The same notes, by the key of the robot file that they concern.
+        comments: Notes on single joints and links, by their key of the robot file.
         motors: The URDF's friction and motor direction, one per joint.
         drawings: What is drawn of each link, base first; empty if no mesh was read.
     """
@@ -71,7 +71,7 @@ def robot_of_urdf(
     Args:
         tree: The URDF.
         base: The fixed link; the URDF's root if not given.
-        tip: The link whose origin is the tool point; the last moving link if not given.
+        tip: The link whose origin is the tool point; the end of the only arm if not given.
         defaults: Limits to use if the URDF states none; if not given, they follow from the robot's
             size.
         packages: Places of the mesh files; if not given, meshes are not read.

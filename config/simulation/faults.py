@@ -36,8 +36,8 @@ class FrameFault(TimedFault):
     """A fault of frames on the CAN bus.
 
     From the start of the fault on, each frame of the kind is affected with `probability`, until
-    `count` frames have been affected. Without `count` one frame is affected, or every frame if a
-    probability or `lasting` is given.
+    `count` frames have been affected. Without `count` one frame is affected; with `lasting` or a
+    probability below 1 there is no end.
 
     Attributes:
         kind: `drop`: the frame never arrives. `duplicate`: it comes twice. `delay`: it comes
@@ -323,7 +323,7 @@ class AmplifierFault(ConfigModel):
         row: Number of the row at which the fault begins, from 0.
         count: Number of bytes or rows of the fault; for `drift`, the growth of the drift [N/s].
         duration_s: Duration of the fault on the cell's clock [s].
-        channel: Channel that `overload` affects, from 0.
+        channel: Channel that `overload` or `drift` affects, from 0.
     """
 
     kind: Literal[

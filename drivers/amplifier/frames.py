@@ -97,7 +97,7 @@ class FrameLayout:
         return body + b"%04X" % crc_hqx(body, _SEED) + self.terminator
 
     def is_whole(self, data: bytes, position: int) -> bool:
-        """Return whether the complete frame at `position` is undamaged."""
+        """Return True if the complete frame at `position` is undamaged."""
         if not self._is_text:
             return crc_hqx(data[position : position + self.size], _SEED) == 0
         end = position + self._body

@@ -65,7 +65,7 @@ class HeartbeatConsumer:
 
     Attributes:
         state: The state in the last heartbeat, None before the first.
-        lost: Whether the heartbeat has timed out and has not returned since.
+        lost: True if `has_expired` has noticed a timeout and no heartbeat has come since.
         guarded: True if the node uses life guarding; an answer whose toggle bit has not changed is
             then ignored.
     """

@@ -16,7 +16,7 @@ MAX_TRANSFER_BYTES = 65536
 
 
 class SdoCode(IntEnum):
-    """Abort codes (CiA 301, table 22)."""
+    """Abort codes of CiA 301, table 22, that are described in words."""
 
     TOGGLE_NOT_ALTERNATED = 0x0503_0000
     TIMED_OUT = 0x0504_0000
@@ -73,18 +73,18 @@ _TEXTS = {
 
 
 def abort_text(code: int) -> str:
-    """Return an abort code in words; for a code that is not in CiA 301, return its number."""
+    """Return an abort code in words; for a code that is not in `SdoCode`, return its number."""
     try:
         return f"{_TEXTS[SdoCode(code)]} ({code:08X}h)"
     except ValueError:
-        return f"vendor abort code {code:08X}h"
+        return f"abort code {code:08X}h"
 
 
 class SdoAbort(ProtocolError):  # noqa: N818 - the name in CiA 301
     """The client or the server aborted an SDO transfer.
 
     Attributes:
-        code: Abort code: one of `SdoCode`, or a manufacturer-specific code.
+        code: Abort code: one of `SdoCode`, or another code of CiA 301 or of the manufacturer.
         index, subindex: The object. The callbacks of `SdoServer` may leave them out when they raise
             this error, because the server knows the object.
     """

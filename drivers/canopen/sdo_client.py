@@ -28,7 +28,7 @@ class SdoClient:
     An answer about another object is ignored: it is a late answer in an abandoned transfer.
 
     Attributes:
-        done: Whether the transfer has ended, successfully or not.
+        done: True if no transfer is running: before the first one, and after each end or abort.
         deadline_s: Time until which the next answer must arrive [s].
     """
 

@@ -59,7 +59,7 @@ class EdsFinding:
 def eds_findings(
     eds: ElectronicDataSheet, cell: CellConfig, axis: DriveAxis
 ) -> tuple[EdsFinding, ...]:
-    """Return the deviations of an EDS: missing objects, and wrong size, access or PDO mapping.
+    """Return the deviations of an EDS, such as missing objects, wrong sizes, access or PDO mapping.
 
     Args:
         eds: The EDS that the axis names.

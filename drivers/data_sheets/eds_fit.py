@@ -97,20 +97,21 @@ class EdsFit:
         if missing:
             object_names = ", ".join(f"{each.object_name} ({each.name})" for each in missing)
             return (
-                f"objects that protect people are missing, and no key replaces them: {object_names}"
+                "objects that protect people are missing or unsuitable, and no key replaces them:"
+                f" {object_names}"
             )
         if self.torque in [each.object_name for each in self.findings]:
             return "the drive reports neither torque nor current; identification needs one"
         if self.findings:
             object_names = ", ".join(each.object_name for each in self.findings)
-            return f"objects of the cyclic exchange are missing: {object_names}"
+            return f"objects of the cyclic exchange are missing or unsuitable: {object_names}"
         if self.accepted:
             return ""
         return f"the cell file would need {len(self.lines)} lines, more than {MOST_LINES}"
 
     @property
     def concerns_safety(self) -> bool:
-        """True if an object that protects people is missing."""
+        """True if an object that protects people is missing or unsuitable."""
         return any(self.protects(each) for each in self.findings)
 
     def protects(self, finding: EdsFinding) -> bool:

@@ -111,6 +111,9 @@ class CanLink:
 
         If no frame is waiting, wait for one; the result is empty if none arrives until `until_s`
         [s].
+
+        Raises:
+            TransportError: The adapter is gone, or reports bus-off.
         """
         if self._arrived:
             arrived = (*self._arrived,)

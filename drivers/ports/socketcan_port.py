@@ -41,7 +41,7 @@ _TRIES = 5
 
 
 def both_clocks() -> tuple[int, int]:
-    """Return simultaneous values of CLOCK_REALTIME and CLOCK_MONOTONIC [ns]."""
+    """Return CLOCK_REALTIME and CLOCK_MONOTONIC [ns], read within 20 us if the load permits."""
     for _ in range(_TRIES):
         before_ns = time.monotonic_ns()
         date_ns, now_ns = time.time_ns(), time.monotonic_ns()

@@ -61,7 +61,7 @@ class CanServoAxes:
     Args:
         link: The open bus. The constructor does not use it.
         cell, robot: Descriptions of cell and robot; the axes have the order of the robot's joints.
-        write_log: Log of every value that is written to a drive, with the previous value.
+        write_log: Log of the values that are written by SDO, with the previous values.
         stopped: Returns True once a stop was ordered; `start` and `enable` then raise `SafetyStop`.
 
     Attributes:
@@ -132,6 +132,7 @@ class CanServoAxes:
             LockedError: Another master is active on the bus.
             DeviceTimeoutError: A drive does not boot or does not answer.
             DeviceFaultError: A drive restarted during its setup.
+            ProtocolError: Two devices boot with the same node id.
             PreflightError: A value that was read back is not as required; `settings` has all
                 values.
             TransportError: The bus is lost.
@@ -161,7 +162,10 @@ class CanServoAxes:
 
     @property
     def undefined_reactions(self) -> tuple[str, ...]:
-        """Joints whose drive has no object that defines how it reacts if this computer fails."""
+        """Joints whose drive may react in an undefined way if this computer fails.
+
+        The drive uses life guarding, or lacks an object that defines a reaction.
+        """
         return tuple(setup.joint for setup in self._setups if setup.undefined_reactions)
 
     def exchange(self) -> float:

@@ -106,7 +106,7 @@ _STATE_OF = tuple(_decode(bits) for bits in range(0x70))
 def next_controlword(state: PowerState) -> ControlWord:
     """Return the command that brings a drive one step nearer to Operation Enabled.
 
-    A drive in Fault stays there: only a person resets a fault (`FAULT_RESET`).
+    A drive in Fault stays there: `drivers.servo.fault_reset` resets faults.
     """
     return _TOWARDS_ENABLED.get(state, ControlWord.DISABLE_VOLTAGE)
 

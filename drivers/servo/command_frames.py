@@ -24,7 +24,7 @@ _WORD = struct.Struct("<H")
 
 
 class FullCommands:
-    """Commands in one frame per drive: RPDO 1 with controlword and target velocity (6 bytes).
+    """Commands in one frame per drive: RPDO 1 with controlword and set-point (6 bytes).
 
     Args:
         node_ids: The drives, base to flange.
@@ -40,7 +40,7 @@ class FullCommands:
         ]
 
     def velocities(self, values: Sequence[int]) -> Frames:
-        """Return the frames with velocity set-points and Enable Operation.
+        """Return the frames with the set-points and Enable Operation.
 
         Raises:
             struct.error: A value does not fit into 32 bits.
@@ -82,7 +82,7 @@ class SpreadCommands:
             self._frames += [(cob_id, buffers[cob_id]) for cob_id in later]
 
     def velocities(self, values: Sequence[int]) -> Frames:
-        """Return the frames with velocity set-points and Enable Operation.
+        """Return the frames with the set-points and Enable Operation.
 
         Raises:
             struct.error: A value does not fit into 32 bits.
@@ -105,9 +105,9 @@ class SpreadCommands:
 
 
 class TrimmedCommands:
-    """Commands of the trimmed exchange: velocity every cycle, controlword only when it changes.
+    """Commands of the trimmed exchange: set-point every cycle, controlword only when it changes.
 
-    The velocity is RPDO 1 (4 bytes), the controlword RPDO 2 (2 bytes). While controlwords are
+    The set-point is RPDO 1 (4 bytes), the controlword RPDO 2 (2 bytes). While controlwords are
     commanded without velocities (`words`), each one is also repeated every `REFRESH_CYCLES` cycles,
     so that a lost frame has no lasting effect. With up to `REFRESH_CYCLES` axes, at most one
     controlword is repeated per cycle, so that the bus is not overloaded.
@@ -126,7 +126,7 @@ class TrimmedCommands:
         self._cycle = 0
 
     def velocities(self, values: Sequence[int]) -> Frames:
-        """Return velocity set-points; add Enable Operation if it was not the last controlword.
+        """Return the set-points; add Enable Operation if it was not the last controlword.
 
         Raises:
             struct.error: A value does not fit into 32 bits.

@@ -2,10 +2,10 @@
 
 Cycle k begins with SYNC. Every drive then applies the set-point of cycle k-1 and answers with
 statusword, position and torque (TPDO 1). Afterwards the next set-point is sent (RPDO 1), which acts
-at SYNC k+1. A drive whose fixed RPDO is asynchronous applies its set-point on arrival instead. In
-the trimmed exchange, controlword and statusword have their own frames (RPDO 2, TPDO 2), which are
-sent when they change. The answer of a drive is joined from several frames if its PDOs are fixed, if
-its torque is read by SDO, or if it sends its digital inputs.
+at SYNC k+1. A drive whose RPDO is asynchronous applies its set-point on arrival instead. In the
+trimmed exchange, controlword and statusword have their own frames (RPDO 2, TPDO 2), which are sent
+when they change. The answer of a drive is joined from several frames if its PDOs are fixed, if its
+torque is read by SDO, or if it sends its digital inputs.
 """
 
 from __future__ import annotations

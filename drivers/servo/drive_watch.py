@@ -50,7 +50,7 @@ class DriveWatch:
     Attributes:
         boot_ups: Number of boot-up messages of each axis since `forget` or `expect_no_boot_up`.
         heartbeats: One `HeartbeatConsumer` per axis.
-        unexpected_frames: Number of frames with an identifier that no node of the cell has.
+        unexpected_frames: Number of frames since `arm` that no drive of the cell should send.
         dropped_events: Number of events that were discarded because `MOST_EVENTS` events were
             already waiting.
     """
@@ -178,7 +178,7 @@ class DriveWatch:
 
     @property
     def unexpected_identifiers(self) -> str:
-        """The identifiers that no node of the cell has, as text; at most `MOST_NAMED`."""
+        """Identifiers that no drive of the cell should send, as text; at most `MOST_NAMED`."""
         named = ", ".join(f"{cob_id:03X}h" for cob_id in sorted(self._seen)[:MOST_NAMED])
         return named + (", …" if len(self._seen) > MOST_NAMED else "")
 
@@ -236,7 +236,7 @@ class DriveWatch:
             text = f"another master is active on this bus: it sends {foreign}"
         else:
             kind = EventKind.UNEXPECTED_FRAME
-            text = f"received a frame with identifier {cob_id:03X}h, which no node of the cell has"
+            text = f"received a frame with identifier {cob_id:03X}h, which no drive should send"
         kept = self._append(DriveEvent(kind, "", now_s, text, cob_id))
         if kept or foreign is None:  # an event about a master that was not stored comes again
             self._seen.add(cob_id)
@@ -261,11 +261,11 @@ def other_senders(
     second_answers: NDArray[np.int64],
     contradictions: NDArray[np.int64],
 ) -> tuple[str, ...]:
-    """Return sentences about identifiers that two devices use, and about unknown identifiers.
+    """Return sentences about identifiers that two devices use, and about unexpected ones.
 
     Args:
         axes: The drives.
-        watch: Monitor that counts frames with unknown identifiers.
+        watch: Monitor that counts frames with unexpected identifiers.
         second_answers, contradictions: Shape (axes,). Number of cycles in which two answers came
             with each drive's identifier, and of those in which the two differed.
     """
@@ -280,8 +280,9 @@ def other_senders(
     ]
     if watch.unexpected_frames:
         notes.append(
-            f"{watch.unexpected_frames} frames came with identifiers that no node of the cell has"
-            f" ({watch.unexpected_identifiers}): another device or program sends on this bus"
+            f"{watch.unexpected_frames} frames came with identifiers that no drive of the cell"
+            f" should send ({watch.unexpected_identifiers}): another device or program sends on"
+            " this bus"
         )
     return tuple(notes)
 

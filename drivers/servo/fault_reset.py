@@ -1,4 +1,4 @@
-"""Reset of a drive's fault: only on a user's command, never by the program on its own.
+"""Reset of a drive's fault: on a user's command, or of a fault that the watchdog test caused.
 
 The reset is a rising edge of bit 7 of 6040h (CiA 402-2, T15), written by SDO, without power and
 before the cyclic exchange. It enables no drive: a motion needs the complete bring-up afterwards.
@@ -30,8 +30,8 @@ class FaultReset:
         before, after: The drive's power state. If the drive was not in fault, nothing was sent, and
             both are equal.
         error: The drive's error code, in words; empty if there was no fault.
-        refusal: Reason why the drive refused to read or write an object; empty if it did not
-            refuse.
+        refusal: Reason why a fault was not reset: the drive refused to read or write an object, or
+            the fault is none of those to reset; otherwise empty.
     """
 
     joint: str

@@ -1,9 +1,10 @@
 """Ratings of a motor: sources, and comparisons between cell file, drive and robot file.
 
 Rated torque, rated current and torque constant scale every measured torque. A cell file that
-contradicts its drive by more than `RATING_TOLERANCE` is therefore refused. A smaller difference
-that rounding does not explain is shown with both numbers. If a drive does not have a rating, the
-result is `NOT_AVAILABLE` and not an agreement.
+contradicts its drive by more than `RATING_TOLERANCE` is therefore refused, unless `not_compared`
+names the drive's object. A torque constant is refused only if it differs by more than the factor
+`RATINGS_AGREE`. A smaller difference that rounding does not explain is shown with both numbers. If
+a drive does not have a rating, the result is `NOT_AVAILABLE` and not an agreement.
 """
 
 from __future__ import annotations

@@ -55,7 +55,7 @@ class PositionCounter:
 
     @classmethod
     def of_limits(cls, lowest: int, highest: int) -> PositionCounter:
-        """Return the counter for the limits in 607Bh; equal limits mean the range of 32 bits."""
+        """Return the counter for the limits in 607Bh: 32 bits unless `lowest` is the lower one."""
         return BITS_32 if lowest >= highest else cls(lowest, highest)
 
     @property

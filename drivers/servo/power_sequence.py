@@ -118,8 +118,9 @@ class PowerSequence:
         """Switch every drive to Operation Enabled, one checked step per cycle.
 
         Raises:
-            DeviceTimeoutError: A drive does not reach Operation Enabled within its
-                `enable_timeout_s`, or does not report that it follows its command (6041h bit 12).
+            DeviceTimeoutError: A drive does not reach Operation Enabled within the longest
+                `enable_timeout_s` of all drives, or does not report that it follows its command
+                (6041h bit 12).
             DeviceFaultError: A drive is in fault, reports a fault, or has left Operation Enabled.
             SafetyStop: A stop was ordered.
         """

@@ -25,7 +25,7 @@ class SdoPort:
         others: Handler of each frame that is not an answer of this node's SDO server, with its time
             [s].
         timeout_s: Longest wait for each answer [s]. No request is repeated.
-        write_log: Log of every value that is written to the drive, with the previous value.
+        write_log: Log of the values that are written, with the previous values; None without a log.
     """
 
     def __init__(

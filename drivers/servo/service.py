@@ -28,7 +28,8 @@ class DriveService:
         link, cell: The open bus and its cell. The constructor does not use the bus.
         axes: The drives, in the order of the robot's joints.
         watch: Monitor of the drives' other frames.
-        write_log: Log of every value that is written to a drive, with the previous value.
+        write_log: Log of the values that are written by SDO, with the previous values; a reset of
+            faults is not logged.
     """
 
     def __init__(
@@ -80,7 +81,9 @@ class DriveService:
     def reset_faults(
         self, codes: Sequence[Collection[int]] | None = None
     ) -> tuple[FaultReset, ...]:
-        """Reset the drives that are in fault, on a user's request; no drive gets power.
+        """Reset the drives that are in fault, on a user's request or after the watchdog test.
+
+        No drive gets power.
 
         Args:
             codes: For each drive, the error codes (603Fh) of the faults to reset; None to reset

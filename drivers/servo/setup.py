@@ -83,8 +83,8 @@ class DriveSetup:
     """Configures one drive by SDO and collects the results; every written value is read back.
 
     If the drive refuses or ignores a write, the setting is red and the setup continues, so that one
-    run shows every problem. An error is raised only if the drive stops answering or the bus is
-    lost.
+    run shows every problem. An error is raised only if the drive stops answering, the bus is lost,
+    or a write cannot be logged.
 
     Args:
         link: The bus.
@@ -92,7 +92,7 @@ class DriveSetup:
         reach: Lowest and highest position of the drive's motor, divided by the gear ratio [rad or
             m].
         others: Handler of frames that are not this drive's SDO answers, with their time [s].
-        write_log: Log of every value that is written to the drive, with the previous value.
+        write_log: Log of the values that are written by SDO, with the previous values.
     """
 
     def __init__(
@@ -125,6 +125,7 @@ class DriveSetup:
         Raises:
             DeviceTimeoutError: The drive stopped answering.
             TransportError: The bus is lost.
+            RecordingError: The write log cannot be written.
         """
         self._identify()
         if not self._is_expected():

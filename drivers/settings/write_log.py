@@ -1,9 +1,9 @@
-"""`WriteLog`: log of all values that are written to drives, with the previous values.
+"""`WriteLog`: log of the values that are written to drives by SDO, with the previous values.
 
 Each write is one line. For a real drive, the line is on disk before the write reaches the drive, so
 that it survives a crash of the program and a power failure. Lines are JSON: first the identity of a
-node's drive, then every object that changes. Commands (6040h) are not settings and are not logged,
-because there is nothing to restore.
+node's drive, then every object that changes. Commands (6040h) are not settings: a reset of faults
+does not log them, and a restore leaves them out.
 """
 
 from __future__ import annotations

@@ -52,9 +52,9 @@ Charges = Callable[[], NDArray[np.float64]]
 class SimulatedAmplifier:
     """A charge amplifier at the end of a serial line.
 
-    While it streams rows, it accepts only three commands: the end of the stream, the query of the
-    time and the query of the overload word. It answers the two queries by events in the stream. At
-    all other times it accepts every command.
+    While it streams rows, it accepts only the end of the stream, the query of the time and the
+    query of the overload word (and ignores a second start). It answers the two queries by events in
+    the stream. At all other times it accepts every valid command.
 
     Args:
         profile: Words of the commands, and formats of rows and events.
@@ -124,7 +124,7 @@ class SimulatedAmplifier:
         Args:
             data: The bytes.
             charges: Function that returns the present charges of the sensors, (8,) [pC]; called
-                when the measurement starts.
+                when the measurement starts or restarts.
             now_s: Present time [s], at which answers are sent and the amplifier's clock is read;
                 None for the time up to which the physics has been advanced.
         """
@@ -164,7 +164,7 @@ class SimulatedAmplifier:
         return out
 
     def overrun(self, rows: int) -> None:
-        """Report, by an event and in all later rows, that the buffer had no room for rows."""
+        """Report, by an event and in all later rows of the stream, that rows were lost."""
         self._overrun = True
         self._put_event("overrun", rows, self.physics.time_s, self.physics.time_s)
 

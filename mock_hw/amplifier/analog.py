@@ -158,7 +158,7 @@ class ChargeAmplifier:
         return word
 
     def start(self) -> None:
-        """Start the converter, which produces a row at each tick of the amplifier's clock."""
+        """Start the converter: `rate_hz` rows per second of the amplifier's clock."""
         self._next_row = math.floor(self.device_s(self.time_s) * self.settings.rate_hz) + 1
 
     def stop(self) -> None:

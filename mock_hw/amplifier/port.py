@@ -1,7 +1,7 @@
 """`AmplifierPort`: the amplifier of a simulated force plate, its line and its serial port.
 
 In real time, the port delivers bytes to the computer at their arrival time. In lock-step it
-delivers them immediately, and writes their simulated arrival times into a file
+delivers them immediately, and writes the simulated arrival times of the rows into a file
 (`drivers.amplifier.simulated_arrivals`).
 """
 
@@ -98,7 +98,7 @@ class AmplifierPort:
         return self._port.fileno()
 
     def read(self) -> bytes:
-        """Return the bytes received from the computer."""
+        """Return the bytes received from the computer; random bytes if the baud rates differ."""
         data = b""
         while more := self._port.read():
             data += more

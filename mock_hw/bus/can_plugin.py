@@ -30,7 +30,7 @@ _LONGEST_WAIT_S = 1e9
 
 
 class LockstepClock:
-    """Clock of a lock-step bus; time advances only while the program that owns the bus waits."""
+    """Clock of a lock-step bus; time advances only while all its masters and devices wait."""
 
     def __init__(self, bus: RidSimBus) -> None:
         self._bus = bus
@@ -167,7 +167,7 @@ class RidSimBus(can.BusABC):
         The result is None if no frame arrives within `timeout_s` [s].
 
         Raises:
-            can.CanOperationError: The hub has ended, or the adapter is bus-off.
+            can.CanOperationError: The hub has ended or, in lock-step, the adapter is bus-off.
         """
         if not self._client.lockstep:
             return self._receive_realtime(timeout_s)

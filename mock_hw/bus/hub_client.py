@@ -48,6 +48,7 @@ class HubClient:
 
     Raises:
         TransportError: No hub listens at the socket.
+        ProtocolError: The hub's first answer is not WELCOME.
     """
 
     def __init__(

@@ -1,8 +1,8 @@
 """Protocol between the CAN hub and its clients.
 
-A packet consists of a header and any number of frames. It is one message on a local SEQPACKET
-socket, so it arrives completely or not at all. A line of the table is: sender, kind of packet,
-content.
+A packet consists of a header and at most 1024 frames (in HELLO: identifiers). It is one message on
+a local SEQPACKET socket, so it arrives completely or not at all. A line of the table is: sender,
+kind of packet, content.
 
     client  HELLO    the client's role, and its urgent identifiers
     hub     WELCOME  answer to HELLO: lock-step or real time, and the present time

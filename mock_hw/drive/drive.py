@@ -63,7 +63,7 @@ class SimulatedDrive:
         power: Power stage: the CiA 402 state machine.
         axis: Commands to the motor, and measured values of the axis.
         nmt: NMT state.
-        clock: Clock by which the drive measures all its times.
+        clock: Clock by which the drive measures its periods, timeouts and ramps.
         beats: True if the drive sends its heartbeat; a simulated fault sets it to False.
         watches: True if the drive reacts to the loss of its master; a simulated fault sets it to
             False.
@@ -262,7 +262,7 @@ class SimulatedDrive:
         self._fault(code)
 
     def report(self, code: int, now_s: float) -> None:
-        """Send an emergency message without any other reaction."""
+        """Send an emergency message without any other reaction, if the drive's state allows it."""
         if self.nmt in (NmtState.PRE_OPERATIONAL, NmtState.OPERATIONAL):
             self._now_s = now_s
             self._send(emcy_frame(self.node_id, Emergency(code, self.objects[od.ERROR_REGISTER])))

@@ -94,7 +94,7 @@ class SimulatedIdentity:
         rated_torque_mnm: Rated torque of the motor [mN m].
         profile: Profile of the drive's family, with its objects and units.
         referenced: True if the drive has been homed.
-        nm_per_a: Torque constant of the motor [N m/A]; None if it follows from the profile.
+        nm_per_a: Torque constant of the motor [N m/A] if the profile states none; None if unknown.
     """
 
     node_id: int

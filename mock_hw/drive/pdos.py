@@ -106,7 +106,7 @@ class PdoTable:
 
     Attributes:
         received: RPDOs by identifier.
-        transmitted: TPDOs by number.
+        transmitted: TPDOs in the order of their numbers.
         event_driven: TPDOs that do not wait for SYNC.
         timed: All PDOs whose `deadline_s` is used.
         acts_on_arrival: True if an RPDO takes effect on arrival, without waiting for SYNC.
@@ -122,7 +122,7 @@ class PdoTable:
         self.acts_on_arrival = False
 
     def rebuild(self, *, in_use: bool, now_s: float) -> None:
-        """Read the PDOs from the objects; `in_use` is True only in NMT Operational."""
+        """Read the PDOs from the objects, or none unless `in_use` (only in NMT Operational)."""
         objects, clock = self._objects, self._clock
         self.received = {}
         self.transmitted = []

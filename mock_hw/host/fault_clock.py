@@ -30,7 +30,7 @@ def controlword_places(cell: CellConfig) -> dict[int, int]:
 
 
 class CycleCount:
-    """Counts SYNC frames from the first Enable Operation until the power is switched off.
+    """Counts SYNC frames from Enable Operation until Disable Voltage or an NMT command.
 
     Args:
         places: Places of the controlwords, from `controlword_places`.

@@ -13,7 +13,7 @@ _LOST = -9
 
 
 class HostedProcess:
-    """A function that runs in a `DeviceProcess`; it has the methods of `multiprocessing.Process`.
+    """A function that runs in a `DeviceProcess`, with methods as in `multiprocessing.Process`.
 
     One function at a time runs in a process.
 

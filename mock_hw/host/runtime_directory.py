@@ -25,7 +25,7 @@ def runtime_directory() -> Path:
 
     Raises:
         TransportError: The folder cannot be created; or it belongs to another user, or other users
-            can write to it, so that a bus in it could be another user's.
+            can access or replace it, so that a bus in it could be another user's.
     """
     base = os.environ.get("XDG_RUNTIME_DIR")
     if base and Path(base).is_dir():
@@ -116,7 +116,7 @@ def socket_path(channel: str) -> Path:
     """Return a channel's socket: `channel` if it is a path; for a name, one in the runtime folder.
 
     Raises:
-        TransportError: The path is too long for a socket.
+        TransportError: The path is too long for a socket, or as for `runtime_directory`.
     """
     path = Path(channel) if os.sep in channel else runtime_directory() / f"{channel}.sock"
     if len(os.fsencode(path)) > _SOCKET_PATH_BYTES:

@@ -34,7 +34,7 @@ class GripperSwitch:
     stuck: bool = False
 
     def level_at(self, after_s: float) -> bool | None:
-        """Return the level at a time after the beginning of the load transfer; None before it."""
+        """Return the level at a time after the transfer's start; None before it is actuated."""
         if self.stuck:
             return self.level
         since_s = after_s - self.delay_s

@@ -41,7 +41,8 @@ class CircleMotion(Motion):
         normal: Axis of the circle in the base frame; the turns are right-handed about it.
         speed_m_s: Speed of the tool point [m/s].
         near: Pose close to the start of the circle, one position per joint, base to flange [rad or
-            m]. It selects the arm configuration and the constant orientation of the flange.
+            m]. It selects the arm configuration and, if there are more than three joints, the
+            constant orientation of the flange.
         periods: Number of turns for the measurement.
         transient_periods: Number of turns before the measurement, in which the transient decays.
         ramp_s: Time to speed up before the first turn, and to slow down after the last one [s].

@@ -30,8 +30,9 @@ MOST_FACTOR: Final = 5.0
 STILL: Final = 1e-3
 """Fraction of a joint's velocity limit up to which the velocities of a table count as zero."""
 SLOWEST: Final = (1e-5, 1e-3)
-"""Largest speed of a table, as a fraction of the velocity limit, that suggests times in ms: with
-times in s, the table would reach 0.01 to 1 times the limit. A table at rest is slower still."""
+"""Range of a table's largest speed, as a fraction of the velocity limit, that suggests times in ms:
+with times in s, the table would reach 0.01 to 1 times the limit. A table at rest is slower
+still."""
 STOPPING: Final = 5.77
 """Largest acceleration of a quintic from rest to rest, divided by distance / time^2."""
 POSITIONS: Final = Plausible(0.0, 50.0, "rad or m")

@@ -70,8 +70,8 @@ class MultisineMotion(Motion):
         grid: Excited lines: `odd`, all odd harmonics of the period; `random_odd`, odd harmonics of
             which one in each group of four, chosen at random, stays empty and shows distortion;
             `full`, all harmonics.
-        phases: Phases of the sines: `random`, drawn anew for each realisation and then optimised
-            for a low crest factor; `schroeder`, always the same, for one realisation only.
+        phases: Phases of the sines: `random`, drawn anew for each realisation; `schroeder`, always
+            the same, for one realisation only. Both are then optimised for a low crest factor.
         seed: Random seed of the phases and of the empty lines.
         realisations: Number of multisines with different phases.
         periods: Number of periods of each realisation for the measurement.
@@ -230,9 +230,15 @@ class MultisineMotion(Motion):
         return [given.index(name) for name in robot.joint_names]
 
     def crest_factors(self, robot: RobotDescription) -> tuple[float, ...]:
-        """Return each joint's largest crest factor over the realisations, base to flange."""
+        """Return each joint's largest crest factor over the realisations, base to flange.
+
+        It is 0 for a joint without lines.
+        """
         found = []
         for own, phasors in zip(self.excited_lines(robot), self.speed_phasors(robot), strict=True):
+            if not len(own):
+                found.append(0.0)
+                continue
             points = 16 * int(own[-1])
             bins = np.zeros((len(phasors), points // 2 + 1), dtype=np.complex128)
             bins[:, own] = phasors

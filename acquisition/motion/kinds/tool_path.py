@@ -58,7 +58,8 @@ class PathMotion(Motion):
     Attributes:
         start_m: Start point in the base frame [m].
         near: Pose close to the start, one position per joint, base to flange [rad or m]. It selects
-            the arm configuration and the constant orientation of the flange.
+            the arm configuration and, if there are more than three joints, the constant orientation
+            of the flange.
         speed_m_s: Speed of the tool point along the path [m/s].
         acceleration_m_s2: Largest acceleration of the tool point, along the path and across it
             [m/s²].

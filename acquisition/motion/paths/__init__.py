@@ -1,5 +1,5 @@
 """Paths: curves with their lengths, and the speeds at which they can be driven.
 
-The code here does not depend on other keys of a motion file or on the cycle time. Begin with
-`segments.py`.
+The segments have keys of a motion file; all other values, such as the cycle time, are arguments.
+Begin with `segments.py`.
 """

@@ -124,7 +124,7 @@ class ArcSegment(PathSegment):
 
 
 class CircleSegment(PathSegment):
-    """A circle around a centre, with any number of turns; begins at the previous segment's end.
+    """A circle around a centre, with up to 1000 turns; begins at the previous segment's end.
 
     Attributes:
         centre_m: Centre of the circle in the base frame [m].

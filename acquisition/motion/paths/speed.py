@@ -58,12 +58,12 @@ class SpeedLimits:
     smoothing_s: float
 
     def slower(self, factor: float) -> SpeedLimits:
-        """Return limits for a motion that takes `1 / factor` times as long."""
+        """Return limits for a motion that takes about `1 / factor` times as long."""
         return replace(self, speed=factor * self.speed, steady=factor**2 * self.steady)
 
 
 def joint_speed(slope: FloatArray, robot: RobotDescription, fraction: float = 1.0) -> FloatArray:
-    """Return the speeds along a path at which joints or their motors reach their limits, (m, n)."""
+    """Return the path speeds at which joints or their motors reach 97 % of their limits, (m, n)."""
     coupling = WristCoupling.of_robot(robot)
     if coupling is not None:
         slope = np.maximum(np.abs(slope), np.abs(coupling.to_motors(slope)))

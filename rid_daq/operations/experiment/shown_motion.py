@@ -137,22 +137,22 @@ def designed_motion_blocks(designed: DesignedMotion, request: DesignRequest) -> 
 def _multisine_axes(designed: DesignedMotion, motion: MultisineMotion) -> list[_MultisineAxis]:
     robot = designed.cell.robot
     assert designed.use is not None
+    settings = {excited.joint: excited for excited in motion.joints}
     return [
         _MultisineAxis(
             joint=joint.name,
             unit=joint.unit,
             lines=len(lines),
-            rms_velocity=settings.velocity,
+            rms_velocity=settings[joint.name].velocity,
             crest_factor=crest,
-            slow_amplitude=settings.slow_amplitude,
+            slow_amplitude=settings[joint.name].slow_amplitude,
             velocity_percent=100.0 * float(shares[0]),
             acceleration_percent=100.0 * float(shares[1]),
             torque_percent=100.0 * float(shares[2]) if shares[2] > 0.0 else None,
         )
-        for joint, lines, settings, crest, shares in zip(
+        for joint, lines, crest, shares in zip(
             robot.joints,
             motion.excited_lines(robot),
-            motion.joints,
             motion.crest_factors(robot),
             designed.use,
             strict=True,

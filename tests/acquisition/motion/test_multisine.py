@@ -85,6 +85,14 @@ def test_realisations_differ_and_are_reproduced_by_the_seed(robot: RobotDescript
     assert multisine(seed=1).realisation_motions(robot)[0] != first
 
 
+def test_a_joint_that_is_not_measured_has_crest_factor_0(robot: RobotDescription) -> None:
+    joints = [joint.model_dump() for joint in multisine().joints]
+    joints[1]["velocity"] = 0.0
+    first, second, third = multisine(joints=tuple(joints)).crest_factors(robot)
+    assert second == 0.0
+    assert min(first, third) > 1.0
+
+
 def test_the_crest_factor_is_low() -> None:
     lines = np.arange(3, 81, 2)
     time = np.arange(4096) / 4096

@@ -168,7 +168,7 @@ class TestClientAgainstServer:
             client.result()
 
     def test_an_unknown_abort_code_is_shown_as_a_number(self) -> None:
-        assert abort_text(0x0800_4711) == "vendor abort code 08004711h"
+        assert abort_text(0x0800_4711) == "abort code 08004711h"
 
     def test_a_missing_answer_is_a_timeout(self) -> None:
         client = SdoClient(2, timeout_s=0.5)
