@@ -46,7 +46,7 @@ def test_the_script_in_the_guide_loads(tmp_path: Path) -> None:
         ("bus: [{kind: drop, count: 1, lasting: true}]", "1:7", "count and lasting"),
         ("drives: [{kind: reset, duration_s: 1.0}]", "1:10", "reset happens at once"),
         ("drives: [{kind: blocked, probability: 1.0}]", "1:26", "unknown key"),
-        ("bus: [{kind: drop, probability: 1.5}]", "1:20", "less than or equal to 1"),
+        ("bus: [{kind: drop, probability: 1.5}]", "1:20", "at most 1"),
         ("registers: [{kind: late}, {kind: short}]", "1:1", "two faults for the same request"),
         ("drives: [{kind: clock}]", "1:10", "clock needs either factor or ppm"),
         ("drives: [{kind: clock, factor: 2.0, ppm: 3.0}]", "1:10", "either factor or ppm"),
@@ -60,13 +60,13 @@ def test_the_script_in_the_guide_loads(tmp_path: Path) -> None:
         ("program:\n  - {kind: signal, signal: KILL}", "2:20", "'INT', 'TERM', 'HUP' or 'TSTP'"),
         ("program: [{kind: disk_stall}]", "1:11", "disk_stall needs duration_s"),
         ("program: [{kind: disk_full, duration_s: 1.0}]", "1:11", "until the cell ends"),
-        ("program: [{kind: disk_error, after_bytes: -1}]", "1:30", "greater than or equal to 0"),
+        ("program: [{kind: disk_error, after_bytes: -1}]", "1:30", "at least 0"),
         (
             "program: [{kind: disk_stall, duration_s: 1.0, after_bytes: 9}]",
             "1:11",
             "after_bytes is for disk_full and disk_error only",
         ),
-        ("seed: -1", "1:1", "greater than or equal to 0"),
+        ("seed: -1", "1:1", "at least 0"),
     ],
 )
 def test_an_error_is_reported_with_its_position(
