@@ -50,7 +50,7 @@ def test_the_script_in_the_guide_loads(tmp_path: Path) -> None:
         ("registers: [{kind: late}, {kind: short}]", "1:1", "two faults for the same request"),
         ("drives: [{kind: clock}]", "1:10", "clock needs either factor or ppm"),
         ("drives: [{kind: clock, factor: 2.0, ppm: 3.0}]", "1:10", "either factor or ppm"),
-        ("drives: [{kind: clock, factor: 0.0}]", "1:24", "greater than 0"),
+        ("drives: [{kind: clock, factor: 0.0}]", "1:24", "more than 0"),
         ("drives: [{kind: reset, ppm: 3.0}]", "1:10", "ppm is for clock only, this is reset"),
         ("program: [{kind: crash}]", "1:12", "unknown kind 'crash'. Allowed: disk_error"),
         ("program: [{kind: kill, process: hub}]", "1:24", "'recorder', 'task' or 'program'"),
