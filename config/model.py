@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from collections import Counter
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
@@ -41,6 +42,17 @@ class ConfigModel(BaseModel):
         return kind(
             **{name: getattr(self, name) for name in names if hasattr(self, name)}, **others
         )
+
+
+def refuse_same_names(names: Iterable[str], what: str) -> None:
+    """Refuse a name that occurs twice.
+
+    Raises:
+        ValueError: A name occurs twice; the text has the name.
+    """
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise ValueError(f"two {what} have the name {twice[0]!r}: give each its own name")
 
 
 def _plain(value: Any) -> Any:

@@ -15,9 +15,12 @@ from pydantic_core import ErrorDetails
 from config.formats.number import number_hint
 from config.formats.yaml_tree import YamlTree
 from config.plausible import key_name
+from config.wrong_value import explain_error
 
 PLACEHOLDER: Final = "?"
 """Placeholder in a generated file for a value that the user must fill in."""
+
+_KEYS_EXPECTED: Final = {"model_type": "Allowed", "dict_type": "Keys of each value"}
 
 WRITTEN: Final = {
     r"^[A-Za-z0-9][\w.-]{0,63}$": "a name begins with a letter or digit and contains only letters,"
@@ -72,31 +75,31 @@ def describe_error(tree: YamlTree, detail: ErrorDetails, model: Any) -> str:
     prefix = f"{where}: {key}: " if key else f"{where}: "
     if detail["type"] == "extra_forbidden":
         kinds = {part for part in detail["loc"] if part not in path}
-        allowed = sorted(
-            {name for each in models_at(model, path[:-1], kinds) for name in each.model_fields}
-        )
+        allowed = _keys_of(models_at(model, path[:-1], kinds))
         close = difflib.get_close_matches(str(path[-1]), allowed, n=1)
         meant = f"; did you mean {close[0]}?" if close else "."
         return f"{prefix}unknown key{meant} Allowed: {', '.join(allowed)}"
-    if detail["type"] == "missing":
-        missing = detail["loc"][-1]
-        return f"{prefix}the key {missing!r} is missing"
     if detail["type"] in ("union_tag_not_found", "union_tag_invalid"):
         found = models_at(model, path, set())
         return _explain_wrong_kind(
             tree, path, detail.get("input"), sorted(set().union(*map(_kinds_of, found)))
         )
-    message = detail["msg"].removeprefix("Value error, ")
     given = detail.get("input")
     if given == PLACEHOLDER:
         return f"{prefix}'?' is a placeholder: replace it by a value"
     if detail["type"] == "string_pattern_mismatch":
         return f"{prefix}{_explain_pattern(str(given), detail.get('ctx', {}).get('pattern', ''))}"
-    if isinstance(given, str) and detail["type"] in ("float_type", "int_type"):
-        return f"{prefix}{message} (got {given!r}{number_hint(given)})"
-    if isinstance(given, (str, int, float, bool)) and detail["type"] != "value_error":
-        return f"{prefix}{message} (got {given!r})"
-    return f"{prefix}{message}"
+    if detail["type"] == "missing":
+        return f"{prefix}{explain_error(detail)}; add it"
+    hint = number_hint(given) if isinstance(given, str) else ""
+    text = f"{prefix}{explain_error(detail, hint)}"
+    title = _KEYS_EXPECTED.get(detail["type"])
+    keys = [] if title is None else _keys_of(models_at(model, path, set()))
+    return f"{text}. {title}: {', '.join(keys)}" if keys else text
+
+
+def _keys_of(models: Sequence[type[BaseModel]]) -> list[str]:
+    return sorted({name for model in models for name in model.model_fields})
 
 
 def _explain_pattern(given: str, pattern: str) -> str:
@@ -141,7 +144,7 @@ def models_at(
     models = [model for model in models if kinds & _kinds_of(model)] or models
     if not path:
         return models
-    if isinstance(path[0], int):
+    if isinstance(path[0], int) or typing.get_origin(annotation) is dict:
         return models_at(annotation, path[1:], kinds)
     fields = [model.model_fields.get(path[0]) for model in models]
     return [

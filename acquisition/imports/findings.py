@@ -38,6 +38,11 @@ SELDOM_S = 0.2
 about 2 Hz, but identification uses up to 10 Hz."""
 JUMP_TIMES = 5.0
 GLITCH_ROWS = 10
+COMMAND_TIMES = 4.0
+"""Largest plausible ratio of a joint's speed and its velocity command, or of their inverses."""
+LEAST_COMMAND = 0.1
+"""Smallest RMS speed at which a command is compared with the motion [rad/s or m/s]; friction can
+hold a joint against smaller commands."""
 _FACTORS = (
     (math.pi / 180.0, "degrees are read as radians"),
     (180.0 / math.pi, "radians are read as degrees"),
@@ -91,6 +96,7 @@ def check_rows(
     position = columns.joint_positions(rows.position)
     static = max(float(np.ptp(column)) for column in each_column(position)) < STANDSTILL
     sentences = [*_rate_findings(rows, import_map), *_velocity_findings(ratios, sigmas, import_map)]
+    _refuse_other_commands(rows, import_map)
     refuse_wrapped_torques(rows, import_map)
     sentences += stuck_torque_findings(rows, import_map)
     sentences += clipped_torque_findings(rows, import_map)
@@ -147,13 +153,12 @@ def _velocity_ratios(
     ):
         if joint.velocity is None or len(time_s) < 10:
             continue
-        path = np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2.0 * steps)])
-        a, b = change(position), change(path)
-        moved, recorded = (float(np.sqrt(np.square(x / time_s).mean())) for x in (a, b))
+        a, b = change(position), change(_integral(speed, steps))
+        moved, recorded = _rms(a / time_s), _rms(b / time_s)
         if max(moved, recorded) < STANDSTILL_SPEED:
             continue
-        if float(np.sqrt(np.square((a - b) / time_s).mean())) > 0.5 * max(moved, recorded):
-            opposed = float(np.sqrt(np.square((a + b) / time_s).mean())) < 0.1 * moved
+        if _rms((a - b) / time_s) > 0.5 * max(moved, recorded):
+            opposed = _rms((a + b) / time_s) < 0.1 * moved
             raise ContradictionError(
                 f"the position of {joint.joint} (column {joint.position}) changes at a speed of"
                 f" {moved:.3g}, but its velocity (column {joint.velocity}) is {recorded:.3g}"
@@ -169,6 +174,43 @@ def _velocity_ratios(
         spread = np.linalg.pinv(equations.T @ equations)[0, 0]
         sigmas[number] = math.sqrt(max(left * float(spread), 0.0))
     return ratios, sigmas
+
+
+def _integral(speed: FloatArray, steps: FloatArray) -> FloatArray:
+    return np.concatenate([[0.0], np.cumsum((speed[1:] + speed[:-1]) / 2.0 * steps)])
+
+
+def _rms(values: FloatArray) -> float:
+    return float(np.sqrt(np.square(values).mean()))
+
+
+def _refuse_other_commands(rows: ImportRows, import_map: ImportMap) -> None:
+    """Refuse velocity commands that the motion contradicts.
+
+    A velocity loop need not follow quick commands exactly, but over 0.1 s it moves in the direction
+    of the command, and at a similar speed.
+
+    Raises:
+        ContradictionError: Position and velocity command of a joint contradict each other.
+    """
+    change = change_over_window(rows.time_s)
+    time_s, steps = change(rows.time_s), np.diff(rows.time_s)
+    columns = zip(each_column(rows.position), each_column(rows.command), strict=False)
+    for joint, (position, command) in zip(import_map.joints, columns, strict=False):
+        a, b = change(position) / time_s, change(_integral(command, steps)) / time_s
+        moved, sent = _rms(a), _rms(b)
+        if len(time_s) < 10 or max(moved, sent) < LEAST_COMMAND:
+            continue
+        opposed = 2.0 * _rms(a + b) < _rms(a - b)
+        if opposed or max(moved, sent) > COMMAND_TIMES * min(moved, sent):
+            raise ContradictionError(
+                f"the position of {joint.joint} (column {joint.position}) changes at a speed of"
+                f" {moved:.3g}, but its velocity command (column {joint.velocity_command}) is"
+                f" {sent:.3g} (RMS, both in rad/s, or in m/s for a prismatic joint): the two"
+                f" contradict each other{_obvious_contradiction(moved, sent, opposed)}. Correct"
+                " the columns or units in the map",
+                code="RID-IMPORT-UNITS",
+            )
 
 
 def _obvious_contradiction(moved: float, recorded: float, opposed: bool) -> str:

@@ -13,6 +13,7 @@ from acquisition.clock.report import ClockReport
 from acquisition.imports.plate_report import PlateReport
 from acquisition.maps.torque_meaning import TorqueMeaning
 from config.errors import RecordingError
+from config.wrong_value import explain_error
 
 RANGES_IN_WORDS = 20
 _ASSUMED_TORQUES: Final = (
@@ -163,7 +164,7 @@ class ImportReport:
             first = error.errors()[0]
             place = ".".join(map(str, first["loc"])) or "the whole document"
             raise RecordingError(
-                f"{name}: {place}: {first['msg']}: the file is not an import report of this"
+                f"{name}: {place}: {explain_error(first)}: the file is not an import report of this"
                 " version; import the file again",
                 code="RID-RECORDING-FOREIGN",
             ) from error

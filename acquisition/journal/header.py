@@ -12,6 +12,7 @@ from config.cell.torque_filter import ButterworthFilter
 from config.errors import RecordingError
 from config.model import ConfigModel
 from config.quantities import MOST_JOINTS, Positive
+from config.wrong_value import explain_error
 
 Layout = Literal["cell", "import", "commanded import"]
 """Layout of the rows of a recording."""
@@ -46,7 +47,7 @@ class HeaderModel(ConfigModel):
             first = error.errors()[0]
             place = ".".join(map(str, first["loc"]))
             raise RecordingError(
-                f"the header of the recording: {place}: {first['msg']}",
+                f"the header of the recording: {place}: {explain_error(first)}",
                 code="RID-RECORDING-DAMAGED",
             ) from error
 

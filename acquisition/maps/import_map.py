@@ -18,7 +18,7 @@ from config.cell.torque_filter import ButterworthFilter
 from config.errors import ConfigError
 from config.formats.yaml_tree import parse_yaml
 from config.load import read_named, validate
-from config.model import ConfigModel
+from config.model import ConfigModel, refuse_same_names
 from config.plausible import Derived, PhysicalFile, Plausible
 from config.quantities import MOST_JOINTS, Positive
 from config.robot.robot import RobotDescription
@@ -64,8 +64,7 @@ class JointStates(ConfigModel):
     @model_validator(mode="after")
     def _check_names(self) -> JointStates:
         for names in ([joint.joint for joint in self.joints], self.names):
-            if len(set(names)) != len(names):
-                raise ValueError("two joints have the same name")
+            refuse_same_names(names, "joints")
         constants = [j.joint for j in self.joints if j.torque_constant_nm_per_a is not None]
         if constants and self.effort == "torque":
             raise ValueError(
@@ -199,8 +198,7 @@ class ImportMap(PhysicalFile, Derived):
     @model_validator(mode="after")
     def _check_columns(self) -> ImportMap:
         names = self.joint_names
-        if len(set(names)) != len(names):
-            raise ValueError("two joints have the same name")
+        refuse_same_names(names, "joints")
         if self.joints and not self.header_rows and None in self.widths:
             by_number = [role for role, column in self._joint_columns() if isinstance(column, int)]
             if by_number:

@@ -16,6 +16,7 @@ from config.formats.bounded_file import decode_text, read_file
 from config.formats.json_file import parse_json
 from config.formats.number import DECIMAL_COMMA, parse_number
 from config.formats.yaml_tree import parse_yaml
+from config.wrong_value import explain_error
 
 MOST_BYTES: Final = 200_000_000
 TIMES: Final = ("time_s", "time_from_start")
@@ -135,7 +136,9 @@ def _rows_of_message(path: Path, tree: Any) -> TrajectoryRows:
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"])
-        raise ConfigError(f"{path}: {place}: {first['msg']}", code="RID-TABLE-INVALID") from None
+        raise ConfigError(
+            f"{path}: {place}: {explain_error(first)}", code="RID-TABLE-INVALID"
+        ) from None
     with_velocity = sum(bool(point.velocities) for point in message.points)
     if with_velocity not in (0, len(message.points)):
         raise ConfigError(

@@ -39,6 +39,7 @@ from config.errors import ConfigError, RecordingError, system_errors
 from config.formats.bounded_file import read_file
 from config.formats.json_file import OTHER_FORMAT, other_format
 from config.formats.whole_file import write_whole
+from config.wrong_value import explain_error
 
 _MANIFEST_BYTES = 4_000_000
 _READ_BYTES = 200_000_000
@@ -133,7 +134,7 @@ class RunFolder:
             first = error.errors()[0]
             where = ".".join(str(part) for part in first["loc"])
             raise RecordingError(
-                f"{path}: damaged: {where} {first['msg']}", code="RID-RUN-DAMAGED"
+                f"{path}: damaged: {where} {explain_error(first)}", code="RID-RUN-DAMAGED"
             ) from error
         if manifest.format != FORMAT:
             refused = other_format(f"{path}: a run folder", manifest.format, FORMAT)

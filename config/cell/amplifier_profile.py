@@ -311,7 +311,13 @@ def _parts(template: str, form: str, names: tuple[str, ...]) -> tuple[Part, ...]
 def _part(match: re.Match[str], form: str) -> Part:
     literal = match["literal"]
     if literal is not None:
-        data = bytes.fromhex(literal) if form == "binary" else literal.encode("ascii")
+        try:
+            data = bytes.fromhex(literal) if form == "binary" else literal.encode("ascii")
+        except ValueError:
+            raise ValueError(
+                f"{form}: {literal!r} is not a literal: give"
+                f" {'pairs of digits 0 to 9 and a to f' if form == 'binary' else 'ASCII text'}"
+            ) from None
         return Part("", "literal", len(data), literal=data)
     name, kind, width = match["name"], match["kind"], int(match["width"])
     repeat = CHANNELS if name == "counts" else 1

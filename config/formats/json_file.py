@@ -17,6 +17,7 @@ from pydantic import BaseModel, ValidationError
 from config.errors import ConfigError, system_errors
 from config.formats.bounded_file import encoding_hint, read_file
 from config.formats.file_kinds import document_kind, kind_of_text
+from config.wrong_value import explain_error
 
 if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
@@ -99,7 +100,7 @@ def json_content(data: bytes, path: Path, model: type[M], what: str) -> M:
         _refuse_format(path, first, what)
         where = ".".join(str(part) for part in first["loc"]) or "the whole document"
         raise ConfigError(
-            f"{path}: not {what}: {where}: {first['msg']}", code="RID-FILE-VALUE"
+            f"{path}: not {what}: {where}: {explain_error(first)}", code="RID-FILE-VALUE"
         ) from error
 
 

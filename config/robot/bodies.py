@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field, model_validator
 
-from config.model import ConfigModel
+from config.model import ConfigModel, refuse_same_names
 from config.plausible import Plausible
 
 Point = Annotated[tuple[float, float, float], Plausible(0.0, 200.0, "m")]
@@ -127,8 +127,7 @@ class Workspace(ConfigModel):
 def refuse_unknown_pairs(bodies: Sequence[Body], may_touch: Sequence[tuple[str, str]]) -> None:
     """Raise ValueError if two bodies share a name, or a pair does not name two bodies."""
     names = [body.name for body in bodies if body.name]
-    if len(set(names)) < len(names):
-        raise ValueError("two bodies have the same name; give each its own name")
+    refuse_same_names(names, "bodies")
     for first, second in may_touch:
         if first == second or not {first, second} <= set(names):
             raise ValueError(

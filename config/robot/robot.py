@@ -8,7 +8,7 @@ from typing import Annotated, Final, Literal
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from config.model import ConfigModel
+from config.model import ConfigModel, refuse_same_names
 from config.plausible import SLIDE_UP_UNIT, SPEED_UP_UNIT, Derived, PhysicalFile, Plausible
 from config.quantities import (
     MOST_JOINTS,
@@ -339,8 +339,7 @@ class RobotDescription(PhysicalFile, Derived):
                 " give one per joint"
             )
         names = self.joint_names
-        if len(set(names)) != len(names):
-            raise ValueError("two joints have the same name; give each its own name")
+        refuse_same_names(names, "joints")
         if self.spring is not None and self.spring.joint not in names:
             raise ValueError(
                 f"spring.joint {self.spring.joint!r} is not a joint; joints are {', '.join(names)}"

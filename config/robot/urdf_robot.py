@@ -32,6 +32,7 @@ from config.robot.urdf_limits import (
 from config.robot.urdf_links import links_of_urdf
 from config.robot.urdf_mimic import coupling_of, release_joints
 from config.robot.urdf_motors import UrdfMotor, motors_of_urdf
+from config.wrong_value import explain_error
 
 
 @dataclass(frozen=True)
@@ -146,7 +147,8 @@ def robot_of_urdf(
         )
     except ValidationError as error:
         lines = [
-            f"{tree.file}: cannot be converted to a robot: {key_name(each['loc'])}: {each['msg']}"
+            f"{tree.file}: cannot be converted to a robot: {key_name(each['loc'])}:"
+            f" {explain_error(each)}"
             for each in error.errors()
         ]
         raise ConfigError("\n".join(lines), code="RID-URDF-VALUE") from error

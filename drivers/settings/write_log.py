@@ -17,6 +17,7 @@ from pydantic import Field, TypeAdapter, ValidationError
 from config.errors import ConfigError, RecordingError, system_errors
 from config.formats.bounded_file import read_file
 from config.model import ConfigModel
+from config.wrong_value import explain_error
 from drivers.canopen.sdo import object_name
 from drivers.settings.saved_drive import (
     Address,
@@ -159,7 +160,7 @@ def read_write_log(path: Path) -> tuple[SavedDrive, ...]:
         try:
             line = _LINE.validate_json(text)
         except ValidationError as error:
-            first = error.errors()[0]["msg"]
+            first = explain_error(error.errors()[0])
             raise ConfigError(
                 f"{path}:{number}: not a line of a write log: {first}",
                 code="RID-FILE-VALUE",

@@ -11,6 +11,7 @@ from config.errors import EstimationError
 from config.ranges import Coefficient, Ranged, SmoothingRadS
 from config.robot.friction_terms import FrictionTerm
 from config.robot.robot import Joint, RobotDescription
+from config.wrong_value import explain_error
 from dynamics.model.robot_model import RobotModel
 from identification.model.base_parameters import (
     BaseParameters,
@@ -83,7 +84,7 @@ def _with_friction(joint: Joint, terms: tuple[FrictionTerm, ...]) -> Joint:
     try:
         return Joint.model_validate(joint.model_dump() | {"friction": terms})
     except ValidationError as error:
-        message = error.errors()[0]["msg"].removeprefix("Value error, ")
+        message = explain_error(error.errors()[0])
         raise EstimationError(
             f"friction terms {', '.join(terms)} for joint {joint.name}: {message}",
             code="RID-OPTION-NAME",

@@ -14,6 +14,7 @@ from pydantic import BaseModel, ValidationError
 from config.arrays import FloatArray
 from config.errors import ConfigError, EstimationError
 from config.robot.robot import RobotDescription
+from config.wrong_value import explain_error
 from identification.estimation.estimate import Estimate
 from identification.payload.carried import contains_payload
 
@@ -244,9 +245,8 @@ def validated(kind: type[M], values: Mapping[str, Any]) -> M:
     except ValidationError as error:
         first = error.errors()[0]
         where = ".".join(map(str, first["loc"]))
-        raise ConfigError(
-            f"{where}: {plain(first['input'])!r}: {first['msg']}", code=ARGUMENT
-        ) from None
+        first["input"] = plain(first["input"])
+        raise ConfigError(f"{where}: {explain_error(first)}", code=ARGUMENT) from None
 
 
 def with_options(own: Mapping[str, Any], options: object) -> dict[str, Any]:

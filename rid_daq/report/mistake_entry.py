@@ -125,6 +125,7 @@ class MovedMassEntry(Section):
         drawn: The mass relative to that of the links in `cad`; null without `cad`.
         drawn_std: Standard deviation of `drawn`.
         is_plausible: True if neither the weight nor the mass is impossible.
+        has_rotor: True if the mass contains the inertia of a rotor.
     """
 
     joint: str
@@ -135,6 +136,7 @@ class MovedMassEntry(Section):
     drawn: float | None
     drawn_std: float | None
     is_plausible: bool
+    has_rotor: bool = True
 
     @classmethod
     def of(cls, moved: MovedMass) -> MovedMassEntry:
@@ -145,10 +147,15 @@ class MovedMassEntry(Section):
 
     @property
     def differs(self) -> bool:
-        """True if the mass is possible, but distinctly smaller than that of the links in `cad`."""
+        """True if the mass is possible, but distinctly differs from that of the links in `cad`.
+
+        A larger mass can be that of the rotor.
+        """
         if self.drawn is None or self.drawn_std is None or not self.is_plausible:
             return False
-        return self.drawn + 2.0 * self.drawn_std < 1.0 / (1.0 + DRAWN_ERROR)
+        low, high = self.drawn - 2.0 * self.drawn_std, self.drawn + 2.0 * self.drawn_std
+        is_heavy = low > 1.0 + DRAWN_ERROR and not self.has_rotor
+        return is_heavy or high < 1.0 / (1.0 + DRAWN_ERROR)
 
 
 class UnconfirmedSection(Section):

@@ -9,6 +9,7 @@ from pydantic import ValidationError
 from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError, RecordingError
 from config.formats.json_file import OTHER_FORMAT, other_format, parse_json
+from config.wrong_value import explain_error
 from rid_daq.report.result import SCHEMA, Result
 
 RESULT = "result.json"
@@ -51,7 +52,7 @@ def read_result(folder: RunFolder) -> Result:
         first = error.errors()[0]
         where = ".".join(str(part) for part in first["loc"])
         raise RecordingError(
-            f"{path}: {where}: {first['msg']}: the file was edited, or a newer version of rid-daq"
-            " wrote it",
+            f"{path}: {where}: {explain_error(first)}: the file was edited, or a newer version"
+            " of rid-daq wrote it",
             code="RID-RESULT-UNSOUND",
         ) from None

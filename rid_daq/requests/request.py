@@ -19,15 +19,10 @@ from pydantic_core import ErrorDetails, PydanticCustomError
 from config.errors import ConfigError
 from config.ranges import CODE as OUT_OF_RANGE
 from config.ranges import numbers_of, refusal
+from config.wrong_value import BOUNDS, explain_error
 from rid_daq.requests.option import Option
 
 INVALID: Final = "RID-REQUEST-INVALID"
-_BOUNDS: Final = {
-    "greater_than": ("gt", "more than"),
-    "greater_than_equal": ("ge", "at least"),
-    "less_than": ("lt", "less than"),
-    "less_than_equal": ("le", "at most"),
-}
 _NOT_FINITE: Final = "finite_number"
 _NO_EFFECT: Final = "has no effect without {needs}; leave it out"
 _PROBLEMS: Final = {"missing": "is missing", "extra_forbidden": "is not a field of this request"}
@@ -232,7 +227,7 @@ def _first_problem(
 def _is_out_of_range(error: ErrorDetails) -> bool:
     """Return True if a number is outside its range, or not finite."""
     value = error["input"]
-    return error["type"] in (*_BOUNDS, _NOT_FINITE, "range") or (
+    return error["type"] in (*BOUNDS, _NOT_FINITE, "range") or (
         isinstance(value, float) and not math.isfinite(value)
     )
 
@@ -248,15 +243,13 @@ def _field_name(path: tuple[str, ...], names: Mapping[tuple[str, ...], str]) -> 
 
 def _problem_text(error: ErrorDetails, needs: str | None) -> str:
     kind, value = error["type"], error["input"]
-    if kind in _BOUNDS:
-        key, words = _BOUNDS[kind]
-        return f"{value} is outside its range: give {words} {error.get('ctx', {})[key]:g}"
     if kind == _NOT_FINITE or (isinstance(value, float) and not math.isfinite(value)):
         return f"{value} is not a finite number: give a number"
     if kind == "needs":
         return _NO_EFFECT.format(needs=needs)
     if kind in _PROBLEMS:
         return _PROBLEMS[kind]
-    message = error["msg"].partition(", unable to parse")[0]
-    message = message.removeprefix("Value error, ").replace("Input should", "must")
-    return message if kind == "range" else f"{value!r:.60} {message}"
+    if kind == "range":
+        return error["msg"]
+    words = explain_error(error)
+    return f"{value!r:.60} {words}" if kind == "value_error" else words

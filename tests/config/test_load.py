@@ -98,7 +98,7 @@ def write_edited_cell(tmp_path: Path, old: str, new: str) -> str:
         ("cycle_time_ms: 8", "cycle_time_ms: 6.667", "RID-CELL-VALUE", ("60C2h", "6.6", "6.7")),
         ("cycle_time_ms: 8", "cycle_time_ms: '8'", VALUE, (" cycle_time_ms: ", "number", "'8'")),
         ("cycle_time_ms: 8", "cycle_time_m: 8", VALUE, (" cycle_time_m: ", "cycle_time_ms?")),
-        ("cycle_time_ms: 8", "cycle_time_ms: 0", VALUE, (" cycle_time_ms: ", " 1 ", "0")),
+        ("cycle_time_ms: 8", "cycle_time_ms: 0", VALUE, (" cycle_time_ms: 0 ", "least 1")),
         ("node_id: 2", "node_id: 200", VALUE, (" axes.1.node_id: ", "126", "200")),
         ("node_id: 2", "node_id: 1", VALUE, ("node_id 1", "several axes")),
         ("robot: ir361", "robot: ir316", "RID-FILE-UNKNOWN", ("'ir316'", "ir361?")),

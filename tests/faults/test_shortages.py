@@ -213,8 +213,8 @@ NOT_JSON: list[tuple[bytes, bytes, str]] = [
     (b'"cycle_time_ms": 8', b'"x": "\\ud800"', "cell.x: contains half a character"),
     (b'"headline"', b'"headlin"', "verdict.headline"),
     (b'"robot"', b'"robott"', "robot"),
-    (b'"measured"', b'"measuret"', "curves.torque.axes.0.measured: Field required"),
-    (b'"axes"', b'"axis"', "validation.axes: Field required"),
+    (b'"measured"', b'"measuret"', "curves.torque.axes.0.measured: the key 'measured' is missing"),
+    (b'"axes"', b'"axis"', "validation.axes: the key 'axes' is missing"),
 ]
 
 

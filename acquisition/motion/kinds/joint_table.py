@@ -23,6 +23,7 @@ from config.errors import ConfigError, LimitError
 from config.load import to_yaml
 from config.plausible import Derived, Plausible, implausible, key_name
 from config.robot.robot import RobotDescription
+from config.wrong_value import explain_error
 
 AT_REST: Final = 0.02
 MOST_FACTOR: Final = 5.0
@@ -146,7 +147,7 @@ class JointTableMotion(Motion, Derived):
             )
         except ValidationError as error:
             raise ConfigError(
-                f"{path}: {error.errors()[0]['msg']}", code="RID-FILE-VALUE"
+                f"{path}: {explain_error(error.errors()[0])}", code="RID-FILE-VALUE"
             ) from None
         found = [f"{path}: {key_name(key)}: {words}" for key, words in implausible(whole)]
         if found:

@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, JsonValue, PrivateAttr, Valid
 from acquisition.runs.catalogue import find_run_below
 from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError
+from config.wrong_value import explain_error
 from rid_daq.operations.payload.payload_session import LOADED, UNLOADED, PayloadSessionRequest
 from rid_daq.report.sections.payload import EmptyFlange
 from rid_daq.runs.run_data import SESSION, RunData
@@ -124,7 +125,7 @@ class SessionFile(BaseModel):
             first = error.errors()[0]
             raise ConfigError(
                 f"{folder.file(SESSION)} is not the file of a payload session"
-                f" ({'.'.join(map(str, first['loc']))}: {first['msg']}); was it edited?",
+                f" ({'.'.join(map(str, first['loc']))}: {explain_error(first)}); was it edited?",
                 code="RID-SESSION-STATE",
             ) from None
         found._folder, found._text = folder, text

@@ -129,10 +129,12 @@ def _unconfirmed_texts(section: EstimateSection) -> Iterator[Text]:
             " the robot file: check the torques' unit and constants, the lengths and `cad`."
         )
     for moved in filter(lambda each: each.differs, section.moved_masses or ()):
+        rotor = ", although this mass includes the rotor" if moved.has_rotor else ""
         yield Text(
             text=f"The force of {moved.joint} accelerates {number(moved.drawn, 2)} times the mass"
-            " in `cad` of the robot file, although this mass includes the rotor: check the unit and"
-            " the constant of the force, the gear ratio and `cad`."
+            f" in `cad` of the robot file{rotor}: check the unit and the constant of the force, the"
+            " gear ratio and `cad`."
+            + ("" if moved.has_rotor else " If the motor has a rotor, write `armature: true`.")
         )
     if section.unconfirmed is None:
         yield Text(text="The recordings are too short to confirm the entries of the files.")

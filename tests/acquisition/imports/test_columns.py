@@ -140,6 +140,30 @@ class TestVelocityCommands:
         assert commands is not None
         np.testing.assert_allclose(commands, table()[: len(commands), 3:5], atol=1e-6)
 
+    @pytest.mark.parametrize("factor", [180.0 / np.pi, np.pi / 180.0, 30.0 / np.pi, 50.0, -1.0])
+    def test_commands_that_the_motion_contradicts_are_refused(
+        self, factor: float, read: Read
+    ) -> None:
+        """Degrees, turns per minute, the motor's speed, and the wrong sign."""
+        rows = table()
+        rows[:, [1, 3]] *= 0.1
+        rows[:, 3] *= factor
+        joints = ({**joint, "position_sign": 1} for joint in self.MAP)
+        with raises_code(DataQualityError, "RID-IMPORT-UNITS", " a ", "column 3"):
+            read(rows, layout(*joints))
+
+    @pytest.mark.parametrize("seed", range(20))
+    def test_a_loop_follows_its_commands_with_delay_and_error(self, seed: int, read: Read) -> None:
+        """The command has noise, a lead of up to 50 ms, and up to twice the speed."""
+        random = np.random.default_rng(seed)
+        rows = table()
+        size = np.std(rows[:, 3:5], axis=0)
+        rows[:, 3:5] = np.roll(rows[:, 3:5], -int(random.integers(0, 6)), axis=0)
+        rows[:, 3:5] *= random.uniform(0.6, 2.0)
+        rows[:, 3:5] += 0.3 * size * random.standard_normal((len(rows), 2))
+        recording, _ = read(rows, layout(*({**each, "position_sign": 1} for each in self.MAP)))
+        assert recording.velocity_command is not None
+
     def test_a_row_with_an_absurd_command_is_left_out(self, read: Read) -> None:
         rows = table()
         rows[100, 3] = 1e9

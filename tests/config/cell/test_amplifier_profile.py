@@ -55,7 +55,7 @@ def test_mistakes_in_a_profile_are_named() -> None:
     assert "u4" in replace_text("{time:u4}", "{time:u2}")
     assert repr(b"\xa5\x5a") in replace_text("A5C3", "A55A")
     assert "ascii: '{sequence:hex4}" in replace_text("#{sequence", "{sequence")
-    assert "fromhex" in replace_text("A55A", "row")
+    assert "'row'" in replace_text("A55A", "row")
 
 
 @pytest.mark.parametrize(

@@ -62,7 +62,7 @@ def test_full_scale_equals_the_range(tmp_path: Path) -> None:
 
 def test_seven_channels_are_refused(tmp_path: Path) -> None:
     seven = ("[-7.5, -7.5, -7.5, -7.5,", "[-7.5, -7.5, -7.5,")
-    assert_refused(tmp_path, *seven, "plate.amplifier.sensitivity_pc_n", "8 items", "7")
+    assert_refused(tmp_path, *seven, "plate.amplifier.sensitivity_pc_n", "7 values", "least 8")
 
 
 def test_millimetres_are_recognised(tmp_path: Path) -> None:
