@@ -182,8 +182,10 @@ class PayloadGuide:
     def _attach_payload(self) -> None:
         simulated, payload = self.session.simulated, self.request.payload
         if self._asks_person:
-            self.context.say("The robot is at rest and its drives are off. Attach the payload.")
-            require_yes(self.context, "Is the payload attached?", self.request.yes)
+            question = (
+                "The robot is at rest and its drives are off: attach the payload. Is it attached?"
+            )
+            require_yes(self.context, question, self.request.yes)
             self._require_cleared()
         if simulated is None:
             return

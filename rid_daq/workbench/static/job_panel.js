@@ -160,8 +160,9 @@ export class JobPanel {
     const [kind, word] = ENDS[job.state];
     view.end = { kind, words: `${kindWords(job.kind)}: ${word}` };
     const isShown = job.state === "failed" && view.isFailureShown;
-    const reason = job.reason && !isShown ? `: ${job.reason}` : "";
-    view.verdicts.push(html`<p class="verdict ${kind} end">${view.end.words}${linked(reason)}</p>`);
+    const reason = isShown ? "" : job.reason;
+    const told = reason.startsWith(word) ? reason : [word, reason].filter(Boolean).join(": ");
+    view.verdicts.push(html`<p class="verdict ${kind} end">${kindWords(job.kind)}: ${linked(told)}</p>`);
     const ended = withResult(job, view.document);
     view.links = [...this.next(ended)];
     if (job.run) view.links.push(html`<a class="button" href="${CELL}/runs/${encodeURIComponent(job.run)}">Open the run</a>`);
@@ -217,8 +218,8 @@ export class JobPanel {
     switch (event.kind) {
       case "said": if (event.text) this.say("p", event.text); break;
       case "key_refused": this.say("p", event.text, "problem"); break;
-      case "state": this.say("h3", event.text); break;
-      case "motion": this.say("h3", event.title); break;
+      case "state": this.beginPart(event.text, event.text); break;
+      case "motion": this.beginPart(event.title, view.words ? "" : view.count); break;
       case "judged": this.addVerdict(event); break;
       case "result": this.takeResult(event); break;
       case "progress": this.takeProgress(event); break;
@@ -255,9 +256,16 @@ export class JobPanel {
     this.update();
   }
 
+  // A step of the session or a motion begins: the progress of the one before it no longer applies.
+  /** @type {(text: string, count: string) => void} */
+  beginPart(text, count) {
+    this.say("h3", text);
+    Object.assign(this.view, { share: null, words: "", count, left: "", estimate: "" });
+  }
+
   /** @type {(event: Api.ProgressEvent) => void} */
   takeProgress({ title, done, total, unit, line }) {
-    const of = total ? `${Math.round(done)} of ${Math.round(total)} ${unit}` : `${Math.round(done)} ${unit}`;
+    const of = total ? `${Math.round(done)} of ${Math.round(total)} ${unit}` : `${Math.round(done)} ${Math.round(done) === 1 ? unit.replace(/s$/, "") : unit}`;
     const count = [title, of].filter(Boolean).join(" · ");
     Object.assign(this.view, { share: total ? done / total : null, count, left: "", estimate: line ?? "" });
   }
@@ -265,7 +273,7 @@ export class JobPanel {
   /** @type {(picture: LivePicture) => void} */
   showPicture({ title, words, share, count, left_s: left, stop, problem }) {
     if (!title) return; // a job that reads the drives at rest has no title: its events show the progress
-    const rest = left === null || left === undefined ? "" : `${duration(left)} left`;
+    const rest = stop || left === null || left === undefined ? "" : `${duration(left)} left`;
     Object.assign(this.view, { share, words, left: rest, count: [words, count, stop, problem].filter(Boolean).join(" · ") });
     this.update();
   }
@@ -311,9 +319,9 @@ export class JobPanel {
     return [
       text ? html`<p class="question">${text}</p>` : nothing,
       lease.key ? nothing : html`<p class="problem">Only the holder of the cell can answer: take the cell first.</p>`,
-      form === "hold" ? this.view.pad?.pad : nothing,
-      form !== "hold" && answers.length ? html`<div class="answers">${answers}</div>` : nothing,
-      form === "hold" || form === "yes_no" ? nothing : keyed(question, html`<form class="free" @submit=${send}>
+      form === "hold" ? this.view.pad?.pad
+        : answers.length ? html`<div class="answers">${answers}</div>`
+        : keyed(question, html`<form class="free" @submit=${send}>
         <label for="answer">Answer</label><input id="answer" name="answer" type="text" autocomplete="off">
         <button type="submit" class="main">Answer</button></form>`),
       html`<p class="problem" role="alert">${this.view.problem}</p>`,
@@ -358,7 +366,7 @@ export class JobPanel {
   jobParts(job) {
     const { view } = this;
     const count = job.state === "accepted" && !view.count ? "Waiting for the end of another job." : view.count;
-    const estimate = view.words ? view.estimate.replace(`${view.words}; `, "") : view.estimate; // `count` shows the state
+    const estimate = view.words ? view.estimate.replace(/^[^;]*; /, "") : view.estimate; // `count` shows the state
     return html`
       <div class="job-head"><h2>${kindWords(job.kind)}</h2>
         <button type="button" ?hidden=${over(job)} @click=${() => this.cancel()}>End this job</button></div>

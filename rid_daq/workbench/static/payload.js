@@ -26,9 +26,11 @@ on("cell", ({ job }) => {
 });
 /** @type {(job: EndedJob) => Part[]} */
 function next(job) {
+  if (job.kind in PAPERS && job.state === "done") return [html`<a class="button main" href="#${PAPERS[job.kind].id}">Show the result</a>`];
   if (job.kind !== "payload_session") return afterCheck(job, html`<a class="button main" href="#prepare">Start the session</a>`);
   if (job.state === "done") return [html`<a class="button main" href="#papers">Create the certificate</a>`];
-  return job.document?.session ? [html`<a class="button main" href="#values">What to do</a>`] : [];
+  if (job.document?.session) return [html`<a class="button main" href="#values">What to do</a>`];
+  return job.document ? [html`<a class="button main" href=${resumed ? "#prepare" : "#resume-card"}>Resume the session</a>`] : [];
 }
 const panel = new JobPanel(find("job"), { next, heard, begun, ended, isBelow });
 
@@ -118,8 +120,10 @@ async function ended(job) {
       if (now) show(now, "bad");
     }
   }
-  if (isOf(session, job)) showPaper(job, panel.view.blocks ?? []);
 }
+
+// The panel shows only the job that was started last; an earlier job can end after it.
+on("job", (job) => job.ended_s && isOf(session, job) && loadPaper(job));
 
 // Return the number in a field that can be empty; null if the field is empty.
 /** @type {(id: InputId) => number | null} */
@@ -271,11 +275,15 @@ async function showPapers() {
   const jobs = await ask("GET", `/jobs?cell=${encodeURIComponent(page.cell)}&limit=1000`);
   for (const kind of Object.keys(PAPERS)) {
     const job = jobs.find((each) => each.kind === kind && isOf(shown, each));
-    if (!job) continue;
-    const events = await ask("GET", `/jobs/${job.id}/events`);
-    const result = events.findLast((event) => event.kind === "result");
-    if (result && session?.run === shown?.run) showPaper(withResult(job, result.document), result.blocks);
+    if (job) await loadPaper(job);
   }
+}
+
+/** @type {(job: Api.Job) => Promise<void>} */
+async function loadPaper(job) {
+  const events = await ask("GET", `/jobs/${job.id}/events`);
+  const result = events.findLast((event) => event.kind === "result");
+  if (result && isOf(session, job)) showPaper(withResult(job, result.document), result.blocks);
 }
 
 // Return true if a job has computed its result from a session.
@@ -340,7 +348,10 @@ press("read-back", panel, "payload_read_back", async () => {
 });
 
 reach("prepare");
-on("again", showSessions);
+on("again", () => {
+  showSessions();
+  if (session) showPapers();
+});
 showSessions();
 const wantedRun = wanted.get("run");
 if (wantedRun) await showResult(wantedRun);

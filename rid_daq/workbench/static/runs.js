@@ -56,7 +56,7 @@ const drawKinds = () => render(kinds.map((name) => html`<option>${name}</option>
 
 function draw() {
   drawKinds();
-  render(shown.problem ? html`<p class="problem">${shown.problem}</p>` : listOf(shown.groups ?? []), find("runs"));
+  render(shown.problem ? html`<p class="problem">${shown.problem}</p><p><button type="button" @click=${() => load()}>Try again</button></p>` : listOf(shown.groups ?? []), find("runs"));
   find("compare").disabled = picked.length !== 2 || !mayMove;
   find("compare").classList.toggle("main", picked.length === 2);
   find("picked").textContent = picked.length === 2 ? `${labelOf(picked[0])} with ${labelOf(picked[1])}` : "Pick two runs of the same robot.";
@@ -123,6 +123,7 @@ on("cell", (status) => {
   if (status.job?.id !== job && shown.groups) draw();
   job = status.job?.id;
 });
+on("again", () => shown.problem && load());
 drawKinds();
 if (kinds.length) kind.value = kinds[0];
 load();

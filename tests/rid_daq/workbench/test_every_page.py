@@ -21,7 +21,14 @@ from rid_daq.workbench.menu import MENU
 from tests.builders.invented import whole_result
 from tests.rid_daq.service.conftest import ServedProcess
 from tests.rid_daq.service.test_file_edits import MOTION
-from tests.rid_daq.workbench.conftest import OpenPage, checked, estimated, give_back, take_cell
+from tests.rid_daq.workbench.conftest import (
+    OpenPage,
+    checked,
+    estimated,
+    give_back,
+    go_to,
+    take_cell,
+)
 
 pytestmark = pytest.mark.slow
 
@@ -129,6 +136,13 @@ def test_the_pairing_page_is_accessible(open_page: OpenPage, screenshots: Path) 
     expect(page.locator("#words")).to_contain_text("Waiting")
     require_axe(page)
     page.screenshot(path=screenshots / "pair-390-light.png")
+
+
+@pytest.mark.usefixtures("a_run")
+def test_an_axis_test_is_not_offered_as_data_of_a_model(open_page: OpenPage) -> None:
+    page = open_page()
+    go_to(page, "Identify")
+    expect(page.locator("#no-runs")).to_be_visible()
 
 
 def test_runs_can_be_searched(open_page: OpenPage, served_pages: ServedProcess, a_run: str) -> None:

@@ -98,7 +98,11 @@ def test_a_long_log_is_laid_out_in_parts_and_measured_once_per_batch(page: Page)
     assert counts == [10000, 1, 200, 1]  # only the last part is always laid out
 
 
-def test_the_state_of_a_motion_is_shown_once_and_no_other_text_is_removed(page: Page) -> None:
+@pytest.mark.parametrize("state", ["measuring", "run-out"])
+def test_the_state_of_a_motion_is_shown_once_and_no_other_text_is_removed(
+    page: Page, state: str
+) -> None:
+    """The live values have a newer state than the events."""
     before, after = page.evaluate(f"""async () => {{ {PANEL}
   const line = "measuring; 3 %; 2 kg";
   events.push({{ kind: "progress", title: "Run", done: 1, total: 4, unit: "periods", line }});
@@ -107,12 +111,62 @@ def test_the_state_of_a_motion_is_shown_once_and_no_other_text_is_removed(page: 
   await panel.drawing;
   const estimate = () => section.querySelector(".estimate").textContent;
   const before = estimate();
-  panel.showPicture({{ title: "Run", words: "measuring" }});
+  panel.showPicture({{ title: "Run", words: "{state}" }});
   await panel.drawing;
   window.fetch = others;
   return [before, estimate()];
 }}""")
     assert (before, after) == ("measuring; 3 %; 2 kg", "3 %; 2 kg")
+
+
+def test_a_stopping_motion_has_no_time_left_and_the_next_begins_without_progress(
+    page: Page,
+) -> None:
+    counts = page.evaluate(f"""async () => {{ {PANEL}
+  panel.show(job);
+  await panel.load();
+  const counts = [];
+  const note = async () => {{
+    await panel.drawing;
+    const way = section.querySelector(".way");
+    counts.push([way.querySelector(".count").textContent, way.querySelector("progress").value]);
+  }};
+  const picture = {{ title: "Run", words: "measuring", share: 0.5, count: "1 of 2", left_s: 24 }};
+  panel.showPicture(picture);
+  await note();
+  panel.showPicture({{ ...picture, stop: "STOP" }});
+  await note();
+  panel.receive({{ kind: "state", state: "attach", text: "Attach it." }}, 0);
+  await note();
+  panel.receive({{ kind: "motion", title: "Loaded" }}, 1);
+  await note();
+  window.fetch = others;
+  return counts;
+}}""")
+    assert counts == [
+        ["measuring · 1 of 2 · 24 s left", 0.5],
+        ["measuring · 1 of 2 · STOP", 0.5],
+        ["Attach it.", 0],
+        ["Attach it.", 0],
+    ]
+
+
+def test_a_question_with_buttons_has_no_text_field(page: Page) -> None:
+    fields = page.evaluate(f"""async () => {{ {PANEL}
+  const asked_ = {{ kind: "asked", form: "text", question: 1, text: "Name?", choices: [] }};
+  events.push(asked_, {{ ...asked_, question: 2, choices: [{{ label: "Yes", text: "ir361" }}] }});
+  panel.show(job);
+  const count = () => ["input", ".answer"].map((each) => section.querySelectorAll(each).length);
+  const fields = [];
+  await panel.load();
+  await panel.drawing;
+  fields.push(count());
+  panel.askPerson(asked_);
+  fields.push(count());
+  window.fetch = others;
+  return fields;
+}}""")
+    assert fields == [[0, 1], [1, 0]]
 
 
 def test_a_check_requests_its_events_once(open_page: OpenPage, served_pages: ServedProcess) -> None:

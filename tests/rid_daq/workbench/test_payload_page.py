@@ -129,6 +129,7 @@ def test_a_stopped_session_can_be_resumed_without_a_reload(
     expect(page.locator("[data-stage=rehearse]")).to_contain_text("now")
     page.locator("#stop").click()
     expect(page.locator("#job .verdict.end")).to_contain_text("Payload session: stopped")
+    expect(page.locator("#now-next a.main")).to_have_attribute("href", "#resume-card")
     expect(page.locator(".resume")).to_have_count(2)
     expect(page.locator(".resume").first).to_be_enabled()
 

@@ -45,10 +45,11 @@ def test_results_survive_a_reload_and_a_restart_of_the_service(
         page.get_by_role("link", name=LABEL, exact=True).click()
         page.get_by_role("link", name="Result, certificate and load data").click()
         page.locator("#certify").click()
+        page.locator("#export").click()  # before the certificate is written
         expect(page.get_by_role("link", name="Save the certificate")).to_be_visible()
-        page.locator("#export").click()
         page.locator("#typed").fill(page.locator("#load-data pre").inner_text())
         page.locator("#read-back").click()
+        expect(page.locator("#now-next a.main")).to_have_attribute("href", "#compared")
         expect_results(page)
         page.reload()
         expect_results(page)

@@ -13,8 +13,11 @@ from acquisition.runs.manifest import RunStatus
 from rid_daq.service.api.run_index import REPORT
 from tests.rid_daq.service.conftest import ServedProcess
 from tests.rid_daq.workbench.conftest import OpenPage, go_to
+from tests.rid_daq.workbench.test_every_page import SIDEWAYS
 
 MANY = 120
+HEADLINE = "The mass of the payload is 9.60 kg ± 0.11 kg"
+TABLET_PX = 820
 
 
 def recorded(
@@ -31,7 +34,7 @@ def runs(served_pages: ServedProcess) -> Path:
     for i in range(MANY):
         recorded(root, f"old {i}")
     recorded(root, "monday rehearsal", session="1", verdict="passed", headline="Good")
-    recorded(root, "monday", session="1", verdict="not judged", headline="Recorded completely")
+    recorded(root, "monday", session="1", verdict="not judged", headline=HEADLINE)
     earlier = RunFolder.create(root, "earlier")
     earlier.file(REPORT).write_text("<!doctype html>")
     earlier.finish(RunStatus.COMPLETE, {"robot": "ir361", "cell": "ir361"})
@@ -94,3 +97,19 @@ def test_more_runs_are_loaded_on_request(page: Page) -> None:
     expect(page.get_by_role("button", name="Show more")).to_have_count(0)
     page.locator("#search").fill("old 11")
     expect(page.locator("#runs tbody tr")).to_have_count(11)
+
+
+def test_a_list_that_did_not_load_can_be_requested_again(page: Page, problems: list[str]) -> None:
+    page.route("**/run-groups?*", lambda route: route.abort())
+    page.locator("#search").fill("old 11")
+    expect(page.locator("#runs .problem")).to_be_visible()
+    page.unroute("**/run-groups?*")
+    page.get_by_role("button", name="Try again").click()
+    expect(page.locator("#runs tbody tr")).to_have_count(11)
+    problems.clear()  # the browser reports the aborted request
+
+
+def test_the_table_fits_on_a_tablet(page: Page) -> None:
+    page.set_viewport_size({"width": TABLET_PX, "height": 1180})
+    page.get_by_role("button", name="1 run with it, 1 passed").click()
+    assert not page.evaluate(SIDEWAYS)
