@@ -50,8 +50,10 @@ IMPORTED_FIELDS: Final[Fields] = (
     ("phase", "u1", 1, "phase of the motion, as in the rows of the cyclic task"),
 )
 COMMANDED_FIELDS: Final[Fields] = (
-    *IMPORTED_FIELDS,
+    *IMPORTED_FIELDS[:4],
     ("velocity_command", "f8", None, "velocity command of the source [rad/s or m/s]"),
+    ("sample_index", "i4", 1, "row of the uniform time grid; -1 without a grid"),
+    *IMPORTED_FIELDS[5:],
 )
 MESSAGES: Final[dict[Layout, tuple[str, Fields]]] = {
     "cell": (MESSAGE_NAME, FIELDS),

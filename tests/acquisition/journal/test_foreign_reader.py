@@ -12,11 +12,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 from mcap.reader import make_reader
 
 from acquisition.journal.cycle_row import row_dtype
-from acquisition.journal.cycles import JournalWriter
+from acquisition.journal.cycles import JournalWriter, write_imported
 from acquisition.journal.header import JournalHeader
+from acquisition.recording.recording import Recording
 from config.cell.torque_filter import ButterworthFilter
 
 CODES = {
@@ -76,3 +78,37 @@ def test_the_plain_reader_decodes_a_recording(tmp_path: Path) -> None:
         for name, value in values.items():
             np.testing.assert_array_equal(value, row[name], err_msg=name)
         assert message.log_time == round(float(row["time_s"]) * 1e9)
+
+
+@pytest.mark.parametrize("joints", [1, 2, 3])
+@pytest.mark.parametrize("has_commands", [False, True])
+def test_the_plain_reader_decodes_an_imported_recording(
+    tmp_path: Path, joints: int, has_commands: bool
+) -> None:
+    random = np.random.default_rng(4)
+    recording = Recording(
+        joint_names=tuple("abc"[:joints]),
+        time_s=0.01 * np.arange(20.0),
+        position=random.standard_normal((20, joints)),
+        torque_nm=random.standard_normal((20, joints)),
+        valid=np.ones(20, dtype=np.bool_),
+        phase=np.full(20, 3, dtype=np.uint8),
+        sample_index=np.arange(20) - 1,
+        source="import",
+        sample_period_s=0.01,
+        velocity_command=random.standard_normal((20, joints)) if has_commands else None,
+    )
+    path = tmp_path / "recording.mcap"
+    write_imported(path, recording)
+    names = ["time_s", "position", "torque_nm", "sample_index", "valid", "phase"]
+    if has_commands:
+        names.append("velocity_command")
+    with path.open("rb") as file:
+        messages = list(make_reader(file, validate_crcs=True).iter_messages())
+    assert len(messages) == 20
+    for row, (schema, _, message) in enumerate(messages):
+        assert schema is not None
+        values = decode(schema.data.decode(), message.data)
+        for name in names:
+            expected = np.squeeze(getattr(recording, name)[row])
+            np.testing.assert_array_equal(np.squeeze(values[name]), expected, err_msg=name)
