@@ -168,7 +168,7 @@ class GainAdvice:
         joint_name: Axis with the smallest limit.
         present_per_s: Present K_v [1/s].
         largest_per_s: Largest K_v that keeps the margins on every axis, two standard deviations
-            below the estimate [1/s].
+            below the estimate [1/s]; 0 if these are more than the estimate.
         sentence: The advice in words.
     """
 
@@ -186,16 +186,23 @@ def advise(cascades: Sequence[Cascade]) -> GainAdvice:
     """
     limits = [_safe_position_gain(cascade) for cascade in cascades]
     least = int(np.argmin(limits))
-    present, largest = cascades[0].position_gain_per_s, limits[least]
+    present, largest = cascades[0].position_gain_per_s, max(0.0, limits[least])
     name = cascades[least].loop.joint_name
     rule = (
         f"{LEAST_PHASE_DEG:g}° of phase margin and {20.0 * math.log10(LEAST_GAIN):.0f} dB of gain"
         " margin"
     )
-    if present > largest:
+    if largest == 0.0:
         text = (
-            f"K_v {present:g} 1/s leaves {name} less than {rule}. Lower position_gain_per_s in the"
-            f" cell file to {largest:.3g} 1/s, which keeps these margins on every axis."
+            f"The loops of {name} are too uncertain for advice on K_v: measure again with more"
+            " periods."
+        )
+    elif present > largest:
+        probable = present > cascades[least].largest_position_gain_per_s
+        text = (
+            f"K_v {present:g} 1/s {'leaves' if probable else 'may leave'} {name} less than {rule}."
+            f" Lower position_gain_per_s in the cell file to {largest:.3g} 1/s, which keeps these"
+            " margins on every axis."
         )
     else:
         text = (

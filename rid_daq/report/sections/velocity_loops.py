@@ -166,7 +166,7 @@ class VelocityLoopsSection(Section):
         sentence: Description of the measurement.
         position_gain_per_s: Present position gain [1/s].
         largest_position_gain_per_s: Largest position gain that keeps the margins of all axes [1/s];
-            null if every gain keeps them.
+            null if every gain keeps them, 0 if the measurement is too uncertain.
         advice: Advice on the position gain.
         axes: Result of each axis.
     """

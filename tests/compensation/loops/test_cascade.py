@@ -161,6 +161,20 @@ def test_advice_names_the_limiting_axis_and_includes_uncertainty() -> None:
     assert raised.largest_per_s > raised.present_per_s
 
 
+def test_an_uncertain_loop_gets_no_negative_gain() -> None:
+    advice = advise([cascade(spread=0.8)])
+    assert advice.largest_per_s == 0.0
+    assert "too uncertain" in advice.sentence
+
+
+def test_advice_says_if_only_the_uncertainty_exceeds_the_margins() -> None:
+    certain = cascade(inertia=40.0)
+    limit = certain.largest_position_gain_per_s
+    assert "leaves axis1 less" in advise([certain]).sentence
+    near = cascade(inertia=40.0, position_gain=0.99 * limit, spread=0.05)
+    assert "may leave axis1 less" in advise([near]).sentence
+
+
 def test_loops_of_different_joints_are_refused() -> None:
     axis = replace(cascade().mechanics, joint_name="axis2")
     with raises_code(EstimationError, "RID-INTERNAL-ERROR", "axis2"):
