@@ -2,21 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from itertools import combinations
+from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from acquisition.recording.recording import Recording
 from config.errors import ConfigError
 from rid_daq.runs.run_data import RunData
 
+RowHashes = npt.NDArray[np.uint64]
+
+FEWEST_ROWS: Final = 100
+"""Smallest number of different rows in common that are no coincidence."""
+COMMON_SHARE: Final = 0.9
+"""Smallest fraction of equal rows where two imports overlap; damaged rows can be left out."""
+
 
 def refuse_repeated_imports(data: Sequence[RunData]) -> None:
-    """Refuse imported runs with equal positions and torques, whatever their names and times are.
+    """Refuse imported runs with the same positions and torques, whatever their names and times are.
 
-    Two runs of a real robot never have equal noise. Runs that rid-daq recorded are distinguished
-    by their ids.
+    Two runs of a real robot never have equal noise. This also holds for a part of a run. Runs that
+    rid-daq recorded are distinguished by their ids.
 
     Raises:
         ConfigError: Two runs have the same data; intervals would be too narrow, and differences
@@ -24,21 +33,42 @@ def refuse_repeated_imports(data: Sequence[RunData]) -> None:
         RecordingError: A recording cannot be read.
     """
     imported = [each for each in data if each.import_report is not None]
-    for one, other in combinations(imported, 2):
-        # a whole run is read only if the first parts are equal
-        if _is_same(next(one.parts()), next(other.parts())) and _is_same(
-            one.recording, other.recording
-        ):
-            names = [each.folder.manifest().label or each.folder.run_id for each in (one, other)]
+    if len(imported) < 2:
+        return
+    hashes = [row_hashes(each.parts()) for each in imported]
+    for one, other in combinations(range(len(imported)), 2):
+        if rows := rows_in_common(hashes[one], hashes[other]):
+            pair = [imported[number].folder for number in (one, other)]
+            names = [each.manifest().label or each.run_id for each in pair]
             raise ConfigError(
-                f"runs {names[0]} and {names[1]} ({one.folder.run_id}, {other.folder.run_id}) have"
-                f" the same {len(one.recording.time_s)} positions and torques, so they are one"
-                " recording: give it once",
+                f"runs {names[0]} and {names[1]} ({pair[0].run_id}, {pair[1].run_id}) have"
+                f" {rows} equal rows of positions and torques, so they are one recording or"
+                " overlapping parts of one: give each row once",
                 code="RID-OPTION-EXCLUSIVE",
             )
 
 
-def _is_same(one: Recording, other: Recording) -> bool:
-    return np.array_equal(one.torque_nm, other.torque_nm, equal_nan=True) and np.array_equal(
-        one.position, other.position, equal_nan=True
-    )
+def row_hashes(parts: Iterable[Recording]) -> RowHashes:
+    """Return a hash of the positions and torques of each row, shape (rows,)."""
+    found = [np.zeros(0, dtype=np.uint64)]
+    for part in parts:
+        bits = np.hstack([part.position, part.torque_nm]).view(np.uint64)
+        bits = (bits ^ (bits >> np.uint64(29))) * np.uint64(0x9E3779B97F4A7C15)
+        weights = np.random.default_rng(0).integers(1 << 63, size=bits.shape[1], dtype=np.uint64)
+        found.append(((bits ^ (bits >> np.uint64(32))) * (2 * weights + 1)).sum(axis=1))
+    return np.concatenate(found)
+
+
+def rows_in_common(one: RowHashes, other: RowHashes) -> int:
+    """Return the number of rows of a stretch that two runs have in common; 0 without a stretch."""
+    _, first, second = np.intersect1d(one, other, return_indices=True)
+    if len(first) == 0:
+        return 0
+    offsets, counts = np.unique(first - second, return_counts=True)
+    offset = int(offsets[np.argmax(counts)])
+    begin, end = max(offset, 0), min(len(one), len(other) + offset)
+    equal = one[begin:end] == other[begin - offset : end - offset]
+    is_whole = end - begin == len(one) == len(other) and bool(equal.all())
+    if not is_whole and (equal.mean() < COMMON_SHARE or counts.max() < FEWEST_ROWS):
+        return 0
+    return int(np.count_nonzero(equal))
