@@ -94,7 +94,7 @@ def require_current(version: str, name: str) -> None:
     """
     if version != static_version():
         raise UnknownError(
-            f"{name} has changed since the page was loaded: reload the page",
+            f"{name}: the page is of another version of the program: reload the page",
             code="RID-PAGE-OUTDATED",
         )
 
