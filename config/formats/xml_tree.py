@@ -109,26 +109,27 @@ class XmlElement:
             values = ()
         if len(values) != count or not all(abs(value) < LARGEST_NUMBER for value in values):
             raise ConfigError(
-                f"{self.where}: {name} of <{self.tag}> is {text!r}, not {count} finite"
-                f" number{'s' if count > 1 else ''}{'' if values else number_hint(text.strip())}",
+                f"{self.where}: {name} of <{self.tag}> is {text!r}, not {count}"
+                f" number{'s' if count > 1 else ''} within ±{LARGEST_NUMBER:.0e}"
+                f"{'' if values else number_hint(text.strip())}",
                 code=NUMBER_CODE,
             )
         return values
 
     def number(self, name: str) -> float:
-        """Return one finite number.
+        """Return one number.
 
         Raises:
-            ConfigError: The attribute is missing or not a finite number.
+            ConfigError: The attribute is missing, or not a number with a magnitude below 1e12.
         """
         self.attribute(name)
         return self.numbers(name, 1, ())[0]
 
     def optional_number(self, name: str) -> float | None:
-        """Return one finite number, or None if the attribute is missing.
+        """Return one number, or None if the attribute is missing.
 
         Raises:
-            ConfigError: The attribute is not a finite number.
+            ConfigError: The attribute is not a number with a magnitude below 1e12.
         """
         return self.number(name) if name in self.attributes else None
 

@@ -74,10 +74,11 @@ def _create_secret(path: Path) -> None:
 
 
 def _require_own(path: Path, status: os.stat_result, forbidden: int) -> None:
+    rights = "own, read and write" if forbidden & 0o044 else "own and write"
     if status.st_uid != os.geteuid() or stat.S_IMODE(status.st_mode) & forbidden:
         raise RecordingError(
             f"{path}: belongs to user {status.st_uid} with mode {stat.S_IMODE(status.st_mode):03o};"
-            f" only user {os.geteuid()} may own, read and write it. Find out who made it, then"
+            f" only user {os.geteuid()} may {rights} it. Find out who made it, then"
             " move it away or correct owner and mode",
             code=FOREIGN,
         )

@@ -76,7 +76,7 @@ def _header_sections(
         FileVersion=1,
         FileRevision=0,
         EDSVersion="4.0",
-        Description="Servo drive of a simulated cell (CiA 402, cyclic synchronous velocity)",
+        Description="Servo drive of a simulated cell (CiA 402)",
         CreationTime=time,
         CreationDate=date,
         CreatedBy="rid-daq",

@@ -370,7 +370,7 @@ def test_a_link_inertia_rounded_to_zero_is_reported() -> None:
         (
             robot(link("a"), link("b"), joint("j", "revolute", "a", "b", xyz="0 nan 0")),
             "RID-FILE-NUMBER",
-            ("bad.urdf:1: xyz", "<origin>", "'0 nan 0'", "3 finite"),
+            ("bad.urdf:1: xyz", "<origin>", "'0 nan 0'", "3 numbers within"),
         ),
         (
             robot(link("a"), link("b"), joint("j", "planar", "a", "b")),

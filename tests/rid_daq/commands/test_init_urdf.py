@@ -159,7 +159,7 @@ def test_all_problems_of_a_urdf_are_reported_together(
         == 2
     )
     output = capsys.readouterr().err
-    assert "value of <mass> is 'three', not 1 finite number" in output
+    assert "value of <mass> is 'three', not 1 number within" in output
     assert "two.urdf:3: the joint's axis has no direction" in output
     assert "a second link is named 'base'" in output
     assert "joint 'mount' refers to a missing link 'arm'; add it, or remove the joint" in output
