@@ -100,7 +100,7 @@ class SimulatedJog:
         self._pipe: deque[str] = deque()
         robot, self._cycle_s = LOADED.robot, LOADED.config.cycle_time_s
         dead_man = DeadMan.create()
-        self._motion = HeldMotion(robot, self._cycle_s, dead_man, now_s=self.clock)
+        self._motion = HeldMotion(LOADED.config, robot, dead_man, now_s=self.clock)
         self._motion.begin(False, START)
         line = LineCheck(LOADED.config, robot, SPEED_SHARE)
         self._jogging = JogKeys(robot, None, line, Console(as_json=True))

@@ -16,25 +16,30 @@ from acquisition.motion.samples import Phase
 from acquisition.supervision.cycle import SetPoint
 from acquisition.supervision.stop_reason import StopReason
 from config.arrays import FloatArray
+from config.cell.cell import CellConfig
 from config.process.safety_clock import safety_now_s
 from config.robot.robot import RobotDescription
+from config.robot.wrist_coupling import convert_to_motors
 from drivers.interfaces.servo_axes import Answers
+from drivers.servo.stop_ramp import quick_stop_decelerations
 
 IDLE_S: Final = 60.0
 LONGEST_S: Final = 600.0
+STOP_SHARE: Final = 0.8
+"""Largest deceleration of a line, as a fraction of that of a quick stop. A quick stop on the line
+therefore ends before the line's goal."""
 
 
 class HeldMotion:
     """Source of set-points that reads a dead-man in every cycle.
 
     The robot slows down from the first cycle in which the key is no longer held, with the
-    acceleration of an approach. A press that has ended or whose key was released does not move the
-    robot again. On a simulated cell in lock-step, the motion runs in real time if a person holds
-    the key (not `unattended`).
+    acceleration of an approach, but more slowly than in a quick stop. A press that has ended or
+    whose key was released does not move the robot again. On a simulated cell in lock-step, the
+    motion runs in real time if a person holds the key (not `unattended`).
 
     Args:
-        robot: Robot whose joint limits apply.
-        cycle_time_s: Cycle time of the cell [s].
+        cell, robot: Cycle time, decelerations of a quick stop, joint limits.
         dead_man: Shared memory with the held key.
         once: True to end the motion with the first press. Otherwise the motion ends with
             `DeadMan.finish`, or after `IDLE_S` without a held key.
@@ -45,8 +50,8 @@ class HeldMotion:
 
     def __init__(
         self,
+        cell: CellConfig,
         robot: RobotDescription,
-        cycle_time_s: float,
         dead_man: DeadMan,
         *,
         once: bool = False,
@@ -58,11 +63,13 @@ class HeldMotion:
         self._once = once
         self._unattended = unattended
         self._now_s = now_s
-        self._step_s = cycle_time_s
+        self._step_s = cell.cycle_time_s
+        self._robot = robot
         self._speed = FASTEST_SHARE * np.array([each.velocity for each in limits])
         self._low = np.array([each.position_min for each in limits])
         self._high = np.array([each.position_max for each in limits])
         self._slope = APPROACH_SPEED_FRACTION * np.array([each.acceleration for each in limits])
+        self._stop_slope = STOP_SHARE * np.array(quick_stop_decelerations(cell, robot))
         self._row = -1
         self._idle_rows = 0
         self._press = 0  # number of the key press that began the latest line
@@ -162,7 +169,11 @@ class HeldMotion:
             return False
         size = np.abs(self._way[moving])
         self._pace = min(pace, float((self._speed[moving] / size).min()))
-        self._change = float((self._slope[moving] / size).min()) * self._step_s
+        slope = float((self._slope[moving] / size).min())
+        motors = np.abs(convert_to_motors(self._robot, self._way))
+        turning = motors > 0.0
+        stop_slope = float((self._stop_slope[turning] / motors[turning]).min())
+        self._change = min(slope, stop_slope) * self._step_s
         return True
 
     def _next_pose(self) -> FloatArray:

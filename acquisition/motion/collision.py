@@ -78,9 +78,26 @@ def rows_before_collision(
         meanwhile: Function that is called before each 20 rows of the check.
         tolerance_m: Distance by which bodies that are too close at the start may come closer [m].
     """
+    least = _permitted_distances(clearances, clearances.nearest(position[:1]), tolerance_m)
+    return rows_before_closer(clearances, position, least, meanwhile)
+
+
+def rows_before_closer(
+    clearances: Clearances,
+    position: FloatArray,
+    least: FloatArray | float,
+    meanwhile: Callable[[], None] = lambda: None,
+) -> int:
+    """Return the number of rows before the first with a distance below `least`; all if none is.
+
+    Args:
+        clearances: Pairs of bodies.
+        position: Shape (samples, n). Joint positions [rad or m].
+        least: Smallest permitted distance, of each pair or of all [m].
+        meanwhile: Function that is called every few milliseconds during the check.
+    """
     if len(clearances) == 0:
         return len(position)
-    least = _permitted_distances(clearances, clearances.nearest(position[:1]), tolerance_m)
     for first in range(0, len(position), ROWS_AT_ONCE):
         meanwhile()
         rows = position[first : first + ROWS_AT_ONCE]

@@ -1,4 +1,4 @@
-"""Stopping distances on a planned motion, compared with the position limits.
+"""Stopping distances of a motion, compared with the position limits and the bodies.
 
 At every row of the motion a stop can begin: a stop that is ordered, or the drives' own stop after
 this computer has failed. From the row's position each motor continues at the row's velocity until
@@ -8,8 +8,11 @@ be within the limits, otherwise a stop moves the joint against its mechanical en
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
+from acquisition.motion.collision import rows_before_closer
 from acquisition.motion.limits import position_bounds
 from acquisition.motion.samples import MotionSamples
 from config.arrays import FloatArray
@@ -22,15 +25,33 @@ from dynamics.geometry.clearances import Clearances
 
 ORDERED_STOP_CYCLES = 2
 """Cycles from the row at which a stop is ordered until the drives begin to stop."""
-ROWS_AT_ONCE = 200
+
+
+def stop_travel(
+    velocity: FloatArray, cell: CellConfig, robot: RobotDescription, delay_s: float
+) -> FloatArray:
+    """Return the distance that each joint still moves after a stop was ordered.
+
+    In a robot with a coupled wrist, each motor stops by its own ramp.
+
+    Args:
+        velocity: Shape (rows, joints). Velocities at which the stop is ordered.
+        cell, robot: Cell with the decelerations of a quick stop, and its robot.
+        delay_s: Time until the drives begin to stop [s].
+
+    Returns:
+        Shape (rows, joints). Signed distances [rad or m].
+    """
+    motors = convert_to_motors(robot, velocity)
+    deceleration = np.array(quick_stop_decelerations(cell, robot))
+    travel = motors * delay_s + 0.5 * motors * np.abs(motors) / deceleration
+    return convert_to_joints(robot, travel)
 
 
 def rest_positions(
     samples: MotionSamples, cell: CellConfig, robot: RobotDescription, delay_s: float
 ) -> FloatArray:
     """Return the joints' positions at rest if the motion is stopped at each of its rows.
-
-    In a robot with a coupled wrist, each motor stops by its own ramp.
 
     Args:
         samples: The motion; of a periodic motion, two periods are used.
@@ -41,45 +62,75 @@ def rest_positions(
         Shape (rows, joints). Positions at rest [rad or m].
     """
     brief = samples.whole(most_periods=2)
-    motors = convert_to_motors(robot, brief.velocity)
-    deceleration = np.array(quick_stop_decelerations(cell, robot))
-    travel = motors * delay_s + 0.5 * motors * np.abs(motors) / deceleration
-    return np.asarray(brief.position + convert_to_joints(robot, travel))
+    travel = stop_travel(brief.velocity, cell, robot, delay_s)
+    return np.asarray(brief.position + travel)
 
 
 def verify_stops(
-    samples: MotionSamples, cell: CellConfig, robot: RobotDescription, clearances: Clearances
+    samples: MotionSamples,
+    cell: CellConfig,
+    robot: RobotDescription,
+    clearances: Clearances,
+    what: str = "the motion",
+    meanwhile: Callable[[], None] = lambda: None,
 ) -> None:
-    """Make sure that a stop at any row of the motion ends within limits, without a collision.
+    """Make sure that a stop at any row of a motion ends within limits, without a collision.
 
-    A joint may be beyond its position limit by the margin that the cyclic task also allows.
+    Args:
+        samples: The motion.
+        cell, robot: Cell with the decelerations of a quick stop, and its robot.
+        clearances: Pairs of bodies.
+        what: Name of the motion in the message.
+        meanwhile: Function that is called every few milliseconds during the check.
 
     Raises:
         PreflightError: A stop would end beyond a limit, or with two bodies in contact; the text
             names joint, time, distance and limit.
     """
     end = rest_positions(samples, cell, robot, ORDERED_STOP_CYCLES * cell.cycle_time_s)
+    found = bad_rest(end, cell, robot, clearances, meanwhile)
+    if found is not None:
+        row, text = found
+        raise PreflightError(
+            f"a stop {row * samples.sample_period_s:.2f} s after the start of {what} would end with"
+            f" {text}. Nothing was moved",
+            code="RID-MOTION-STOP",
+        )
+
+
+def bad_rest(
+    end: FloatArray,
+    cell: CellConfig,
+    robot: RobotDescription,
+    clearances: Clearances,
+    meanwhile: Callable[[], None] = lambda: None,
+) -> tuple[int, str] | None:
+    """Return the row of a pose at rest that is not permitted, with its reason; None without one.
+
+    A joint may be beyond its position limit by the margin that the cyclic task also allows.
+
+    Args:
+        end: Shape (rows, joints). Poses in which stops end [rad or m].
+        cell, robot: The cell and its robot.
+        clearances: Pairs of bodies; they must not be in contact.
+        meanwhile: Function that is called every few milliseconds during the check.
+    """
+    if len(end) == 0:
+        return None
     worst = _farthest_beyond(end, cell, robot)
     if worst is not None:
         row, joint, text = worst
-        raise PreflightError(
-            f"a stop {row * samples.sample_period_s:.2f} s after the motion's start would end with"
-            f" {text}; nothing was moved. Plan a motion that is slower near this limit, or raise"
-            f" quick_stop_deceleration_rad_s2 of {joint}, if motor and gear allow it",
-            code="RID-MOTION-STOP",
+        return row, (
+            f"{text}. Use a motion that is slower near this limit, or raise"
+            f" quick_stop_deceleration_rad_s2 of {joint}, if motor and gear allow it"
         )
-    if len(clearances) == 0:
-        return
-    for first in range(0, len(end), ROWS_AT_ONCE):
-        distance = clearances.nearest(end[first : first + ROWS_AT_ONCE])
-        if (distance < 0.0).any():
-            row, pair = map(int, np.unravel_index(int(np.argmin(distance)), distance.shape))
-            raise PreflightError(
-                f"a stop {(first + row) * samples.sample_period_s:.2f} s after the motion's start"
-                f" would end with {clearances.names[pair]} in contact; nothing was moved."
-                " Plan a motion that is slower near this place",
-                code="RID-MOTION-STOP",
-            )
+    row = rows_before_closer(clearances, end, 0.0, meanwhile)
+    if row == len(end):
+        return None
+    pair = int(np.argmin(clearances.nearest(end[row : row + 1])))
+    return row, (
+        f"{clearances.names[pair]} in contact. Use a motion that is slower near this place"
+    )
 
 
 def late_stop_note(samples: MotionSamples, cell: CellConfig, robot: RobotDescription) -> str:

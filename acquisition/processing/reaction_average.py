@@ -20,6 +20,8 @@ from config.errors import DataQualityError
 FEWEST_CHANNELS = 3
 EDGE_FRACTION = 0.05
 DRIFT_SIGMAS = 6.0
+CONSTANT = 1e-9
+"""Relative variation up to which a channel is constant: it does not measure."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,9 +151,9 @@ def cut_reaction(
 ) -> ReactionPeriods | None:
     """Cut a plate's channels into periods; return None if too few channels are left.
 
-    A period is unusable for a channel that lacks too many samples in it, or drifts faster in it
-    than the plate's limit. A channel is left out if more than `limits.rejected` good periods, or
-    more than a quarter of the good periods, are unusable for it.
+    A period is unusable for a channel that lacks too many samples in it, has the same value in all
+    of them, or drifts faster in it than the plate's limit. A channel is left out if more than
+    `limits.rejected` good periods, or more than a quarter of the good periods, are unusable for it.
 
     Args:
         reaction: Measurement of the plate.
@@ -175,6 +177,9 @@ def cut_reaction(
     )
     too_fast = _too_fast(values, present, reaction.drift_limit_n_s, samples * sample_period_s)
     broken |= too_fast != 0.0
+    lowest = np.where(present, values, np.inf).min(axis=1)
+    highest = np.where(present, values, -np.inf).max(axis=1)
+    broken |= highest - lowest <= CONSTANT * np.maximum(np.abs(highest), 1.0)
     used = broken[good].sum(axis=0) <= min(limits.rejected, int(good.sum()) // 4)
     if used.sum() < FEWEST_CHANNELS:
         return None

@@ -24,12 +24,12 @@ def list_runs(root: Path) -> tuple[tuple[RunFolder, Manifest], ...]:
     return tuple(
         (folder, manifest)
         for folder, manifest in _run_folders(root)
-        if isinstance(manifest, Manifest) and manifest.run_id == folder.run_id
+        if isinstance(manifest, Manifest)
     )
 
 
 def list_damaged_runs(root: Path) -> tuple[tuple[RunFolder, RecordingError], ...]:
-    """Return the runs below `root` with an unreadable manifest, and its error, oldest first."""
+    """Return the runs below `root` without a manifest of their own, and its error, oldest first."""
     return tuple(
         (folder, manifest)
         for folder, manifest in _run_folders(root)
@@ -46,9 +46,32 @@ def _run_folders(root: Path) -> Iterator[tuple[RunFolder, Manifest | RecordingEr
             continue
         folder = RunFolder(path, path.name)
         try:
-            yield folder, folder.manifest()
+            manifest = folder.manifest()
         except RecordingError as error:
             yield folder, error
+            continue
+        if manifest.run_id == folder.run_id:
+            yield folder, manifest
+        else:
+            yield (
+                folder,
+                RecordingError(
+                    f"{path}: has the manifest of run {manifest.run_id}: give the folder this"
+                    " name, or remove it",
+                    code="RID-RUN-DAMAGED",
+                ),
+            )
+
+
+def unlisted_folders(root: Path) -> tuple[str, ...]:
+    """Return the names of folders with a manifest that are links, or whose name is no run id."""
+    if not root.is_dir():
+        return ()
+    return tuple(
+        path.name.encode(errors="backslashreplace").decode()
+        for path in sorted(root.resolve().iterdir())
+        if (path / MANIFEST).is_file() and (path.is_symlink() or not RUN_ID.fullmatch(path.name))
+    )
 
 
 def find_runs(root: Path, references: Iterable[str]) -> tuple[RunFolder, ...]:

@@ -10,8 +10,10 @@ import os
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from acquisition.journal.mcap_writer import FLUSH_PERIOD_S, SYNC_PERIOD_S
 from acquisition.journal.plate import (
@@ -228,6 +230,7 @@ class _PlateRecorder:
             over = find_overloads(rows, self._task.plate.amplifier.full_scale_counts)
             words = np.packbits(over, axis=1, bitorder="little")[:, 0]
             block.add_rows(rows["force_n"], words, read.read_s)
+            self._require_operation(rows["status"])
             self._clear_overloads(amplifier, int(rows["status"][-1]) & 0xFF)
         now, before = amplifier.stream_counts, self._before
         block.count_damage(
@@ -237,6 +240,15 @@ class _PlateRecorder:
         )
         block.count_heartbeat()
         self._flush(writer)
+
+    def _require_operation(self, status: NDArray[Any]) -> None:
+        """Raise `DeviceFaultError` if the amplifier was in reset in a row of this status."""
+        if not ((status >> self._task.profile.status_bits.operate) & 1).all():
+            raise DeviceFaultError(
+                f"amplifier at {self._task.plate.amplifier.address} went into reset during the"
+                " recording: check its supply, and zero the plate",
+                code="RID-PLATE-NOT-ZEROED",
+            )
 
     def _clear_overloads(self, amplifier: SerialAmplifier, word: int) -> None:
         """Clear overload flags that are still set, so that later rows show new overloads."""

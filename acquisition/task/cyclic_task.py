@@ -22,6 +22,7 @@ from acquisition.motion.approach import approach
 from acquisition.motion.collision import refuse_collision
 from acquisition.motion.limits import refuse_pose
 from acquisition.motion.samples import MotionSamples, Phase
+from acquisition.motion.stop_distance import verify_stops
 from acquisition.supervision.cycle import Cycle, SetPoint
 from acquisition.supervision.held_positions import HeldPositions
 from acquisition.supervision.lateness import Lateness
@@ -108,8 +109,8 @@ class CyclicTask:
             Reason for which the motion was stopped before its end, as in the control block.
 
         Raises:
-            PreflightError: The robot is outside its limits, the approach would collide, or the
-                source refuses to begin.
+            PreflightError: The robot is outside its limits, the approach or a stop in it would
+                collide or end beyond a limit, or the source refuses to begin.
             DriverError: The drives cannot be enabled.
             SafetyStop: A stop was ordered while the drives were being enabled.
         """
@@ -121,7 +122,7 @@ class CyclicTask:
         approach(start, start, self._robot, self._period_s)
         reason = self._find_stop_reason()
         if reason is None:
-            self._refuse_collision(start)
+            self._refuse_approach(start)
             reason = self._find_stop_reason()
         if reason is not None:
             control.task.report_stop(reason)
@@ -147,17 +148,17 @@ class CyclicTask:
         self._ending.disable()
         return reason
 
-    def _refuse_collision(self, start: FloatArray) -> None:
-        """Check the approach for collisions before power-on, while heartbeats continue."""
+    def _refuse_approach(self, start: FloatArray) -> None:
+        """Check the approach and stops in it before power-on, while heartbeats continue."""
         clearances = Clearances.of(self._robot, self._cell.workspace)
         way = approach(self._axes.answers.position, start, self._robot, self._period_s)
-        refuse_collision(
-            clearances,
-            way.position,
-            self._period_s,
-            "the approach to the motion",
-            meanwhile=lambda: self._axes.keep_alive(self._clock.now_s()),
-        )
+        what = "the approach to the motion"
+
+        def keep_alive() -> None:
+            self._axes.keep_alive(self._clock.now_s())
+
+        refuse_collision(clearances, way.position, self._period_s, what, meanwhile=keep_alive)
+        verify_stops(way, self._cell, self._robot, clearances, what, meanwhile=keep_alive)
 
     def _stream_motion(self, way: MotionSamples, source: SetPointSource) -> StopReason | None:
         begin, answers = self._cycle + len(way), self._axes.answers

@@ -10,10 +10,12 @@ from typing import Final
 import numpy as np
 
 from acquisition.motion.collision import ROWS_AT_ONCE, refuse_collision
+from acquisition.motion.stop_distance import ORDERED_STOP_CYCLES, bad_rest, stop_travel
+from compensation.online.online import ROUNDING
 from compensation.online.point_ring import PointRing, PointsFailed
-from config.arrays import FloatArray
+from config.arrays import BoolArray, FloatArray
+from config.cell.cell import CellConfig
 from config.errors import ConfigError, PreflightError, RidDaqError
-from config.robot.bodies import Workspace
 from config.robot.robot import RobotDescription
 from dynamics.geometry.clearances import Clearances
 
@@ -21,35 +23,66 @@ PAUSE_S: Final = 0.001
 
 
 class PointGate:
-    """Collision check of points against the robot itself and its workspace.
+    """Check of points for collisions, and of the stops that can begin at them.
+
+    The speed at a point is that from the point before it.
 
     Args:
-        robot: Robot with its bodies.
-        workspace: Surroundings.
-        step_s: Time between points [s].
+        cell: Surroundings, cycle time and decelerations of a quick stop.
+        robot: Robot with its limits and bodies.
     """
 
-    def __init__(self, robot: RobotDescription, workspace: Workspace, step_s: float) -> None:
-        self._clearances = Clearances.of(robot, workspace)
-        self._step_s = step_s
+    def __init__(self, cell: CellConfig, robot: RobotDescription) -> None:
+        self._cell = cell
+        self._robot = robot
+        self._clearances = Clearances.of(robot, cell.workspace)
+        limits = [joint.limits for joint in robot.joints]
+        self._low = np.array([each.position_min for each in limits])
+        self._high = np.array([each.position_max for each in limits])
+        self._speed = (1.0 + ROUNDING) * np.array([each.velocity for each in limits])
         self._first: FloatArray | None = None
+        self._last: FloatArray | None = None
 
     def check(self, points: FloatArray) -> None:
-        """Refuse points at which two bodies come too close, up to the first non-finite point.
+        """Refuse points at which two bodies come too close, or a stop ends where it must not.
 
-        Bodies may stay as close as they are at the first point of the path.
+        Points from the first non-finite one on are not checked. Bodies may stay as close as they
+        are at the first point of the path.
 
         Raises:
-            PreflightError: Two bodies come too close; the message names them.
+            PreflightError: Two bodies come too close, or a stop would end beyond a limit or with
+                two bodies in contact; the message names them.
         """
-        numbers = np.isfinite(points).all(axis=1)
-        points = points[: len(points) if numbers.all() else int(np.argmin(numbers))]
-        if len(self._clearances) == 0 or len(points) == 0:
+        points = points[: _rows_until_not(np.isfinite(points))]
+        if len(points) == 0:
             return
-        if self._first is None:
-            self._first = points[:1].copy()
+        if self._first is None or self._last is None:
+            self._first = self._last = points[:1].copy()
+        step_s = self._cell.cycle_time_s
+        # Bodies that are too close at the first point of the path may stay as close in every batch.
         rows = np.concatenate([self._first, points])
-        refuse_collision(self._clearances, rows, self._step_s, "the path")
+        refuse_collision(self._clearances, rows, step_s, "the path")
+        velocity = np.diff(points, axis=0, prepend=self._last) / step_s
+        # `path_kernels` refuses points beyond these limits, and names their number.
+        inside = (self._low <= points) & (points <= self._high) & (np.abs(velocity) <= self._speed)
+        brief = slice(_rows_until_not(inside))
+        delay_s = ORDERED_STOP_CYCLES * step_s
+        travel = stop_travel(velocity[brief], self._cell, self._robot, delay_s)
+        found = bad_rest(points[brief] + travel, self._cell, self._robot, self._clearances)
+        if found is not None:
+            row, text = found
+            pose = ", ".join(f"{value:.4g}" for value in points[row])
+            raise PreflightError(
+                f"a stop at the point {pose} of the path would end with {text}",
+                code="RID-MOTION-STOP",
+            )
+        self._last = points[-1:].copy()
+
+
+def _rows_until_not(good: BoolArray) -> int:
+    """Return the number of rows before the first with an element that is False."""
+    bad = np.flatnonzero(~good.all(axis=1))
+    return int(bad[0]) if len(bad) else len(good)
 
 
 def feed(
@@ -61,7 +94,7 @@ def feed(
     """Write all batches of points, shape (any, joints), to a ring, and announce the end.
 
     Blocks while the ring is full. Errors are reported through the ring: the robot then stops on the
-    points that have arrived. An error that is no `RidDaqError` is also raised again.
+    points that have arrived.
 
     Args:
         gate: Check of the points.
@@ -152,10 +185,7 @@ def wait_for_points(
     patience_s: float,
     given_up: Callable[[], bool] = lambda: False,
 ) -> bool:
-    """Wait until `points` have arrived or no more will arrive.
-
-    Return False after `patience_s`, or as soon as `given_up` returns True.
-    """
+    """Wait until `points` have arrived or no more will arrive; return False after `patience_s`."""
     until_s = time.monotonic() + patience_s
     while ring.written < points and not ring.closed:
         if given_up() or time.monotonic() > until_s:

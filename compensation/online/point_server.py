@@ -24,10 +24,10 @@ from compensation.online.point_codec import PointDecoder, farewell, greeting
 from compensation.online.point_feed import PAUSE_S, PointGate, feed
 from compensation.online.point_ring import PointRing, PointsFailed
 from config.arrays import FloatArray
+from config.cell.cell import CellConfig
 from config.errors import LockedError, TransportError, system_errors
 from config.process.file_locks import file_holder, held_file
 from config.process.termination import leave_terminal
-from config.robot.bodies import Workspace
 from config.robot.robot import RobotDescription
 
 LOOK_S: Final = 0.05
@@ -42,15 +42,13 @@ class PointService:
     """Settings of the server's process.
 
     Attributes:
-        workspace: Surroundings of the robot.
-        cycle_time_s: Time between points [s].
+        cell, robot: The cell and its robot.
         buffer: Number of points between client and robot.
         silence_s: Longest time without data from the client while the ring has room [s].
     """
 
+    cell: CellConfig
     robot: RobotDescription
-    workspace: Workspace
-    cycle_time_s: float
     buffer: int
     silence_s: float = SILENCE_S
 
@@ -198,7 +196,7 @@ def serve_points(
         return
     with client:
         client.settimeout(LOOK_S)
-        gate = PointGate(service.robot, service.workspace, service.cycle_time_s)
+        gate = PointGate(service.cell, service.robot)
         feed(ring, gate, _receive_points(client, service, over), over)
         while not over():
             time.sleep(PAUSE_S)
@@ -220,7 +218,7 @@ def _receive_points(
     with system_errors(
         TransportError, "the client's connection was lost", code="RID-STREAM-CLIENT"
     ):
-        client.sendall(greeting(names, service.cycle_time_s, service.buffer))
+        client.sendall(greeting(names, service.cell.cycle_time_s, service.buffer))
         heard_s = time.monotonic()
         while not decoder.ended:
             if over():

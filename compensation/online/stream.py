@@ -65,7 +65,7 @@ def stream_motion(
             f" cycle takes {cell.cycle_time_ms} ms: plan the motion for this cell",
             code="RID-MOTION-CYCLE",
         )
-    gate = PointGate(feedforward.robot, cell.workspace, cell.cycle_time_s)
+    gate = PointGate(cell, feedforward.robot)
     gate.check(samples.position)
     compile_stage(feedforward)
     ring = PointRing.create(len(samples.joint_names), len(samples))
@@ -109,7 +109,7 @@ def stream_points(
     """
     options = options or StreamSettings()
     ring = _ring(cell, feedforward, options)
-    gate = PointGate(feedforward.robot, cell.workspace, cell.cycle_time_s)
+    gate = PointGate(cell, feedforward.robot)
     with PointFeed(ring, gate, points) as thread:
         thread.wait(ring.capacity, options.patience_s)
         return _record(feedforward, ring, record, options)
@@ -140,12 +140,8 @@ def stream_socket(
     """
     options = options or StreamSettings()
     ring = _ring(cell, feedforward, options)
-    service = PointService(
-        feedforward.robot,
-        cell.workspace,
-        cell.cycle_time_s,
-        buffer_points(options.buffer_s, cell.cycle_time_s),
-    )
+    buffer = buffer_points(options.buffer_s, cell.cycle_time_s)
+    service = PointService(cell, feedforward.robot, buffer)
     with PointServer(path, ring, service) as server:
         on_listening()
         arrived = wait_for_points(ring, ring.capacity, options.patience_s, lambda: server.dead)

@@ -320,6 +320,7 @@ class AmplifierFault(ConfigModel):
             `unplug`: the port is gone for `duration_s`, and all that was sent meanwhile is lost;
             then there is a new port. `overload`: a channel gets twice its range for `duration_s`.
             `drift`: the drift grows by `count` N/s for `duration_s`; the accumulated offset stays.
+            `reset`: the amplifier goes into reset, as after a failure of its supply.
         row: Number of the row at which the fault begins, from 0.
         count: Number of bytes or rows of the fault; for `drift`, the growth of the drift [N/s].
         duration_s: Duration of the fault on the cell's clock [s].
@@ -337,6 +338,7 @@ class AmplifierFault(ConfigModel):
         "unplug",
         "overload",
         "drift",
+        "reset",
     ]
     row: Annotated[int, Field(ge=0, le=MOST)]
     count: Count = 1

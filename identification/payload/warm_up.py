@@ -1,4 +1,4 @@
-"""Detection of a warm robot: friction power per period, and its rate of change."""
+"""Detection of a warm robot: mean power per period, and its rate of change."""
 
 from __future__ import annotations
 

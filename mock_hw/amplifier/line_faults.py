@@ -51,7 +51,10 @@ class FaultInjector:
         self.rows += rows
 
     def apply_faults(self, row: Unit) -> tuple[list[Unit], list[AmplifierFault]]:
-        """Return the units that replace a row, and the faults with a duration that begin at it."""
+        """Return the units that replace a row, and the faults of more than rows that begin at it.
+
+        These are the faults with a duration, and `reset`.
+        """
         before: list[Unit] = []
         lasting: list[AmplifierFault] = []
         data = row.data
@@ -64,7 +67,7 @@ class FaultInjector:
             elif fault.kind == "lost_bytes":
                 first = int(self._random.integers(max(1, len(data) - fault.count + 1)))
                 data = data[:first] + data[first + fault.count :]
-            elif fault.duration_s > 0.0:
+            elif fault.kind == "reset" or fault.duration_s > 0.0:
                 lasting.append(fault)
             else:
                 self._spoiling[fault.kind] = fault.count

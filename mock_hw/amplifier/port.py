@@ -240,6 +240,8 @@ class AmplifierPort:
             self._replug_s = until_s
         elif fault.kind == "overload":
             self._overloads.append((until_s, fault.channel))
+        elif fault.kind == "reset":
+            self._device.physics.reset()
         elif fault.kind == "drift":
             self._drifts.append((now_s, fault))
 

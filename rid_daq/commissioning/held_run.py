@@ -62,8 +62,8 @@ def record_held(session: RunSession, context: Context, definition: HeldRun) -> R
     robot = session.loaded.robot
     dead_man = DeadMan.create()
     motion = HeldMotion(
+        session.cell,
         robot,
-        session.cell.cycle_time_s,
         dead_man,
         once=definition.once,
         unattended=bool(definition.unattended),

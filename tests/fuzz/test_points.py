@@ -22,12 +22,14 @@ from compensation.online.point_feed import PointGate, feed
 from compensation.online.point_ring import PointRing, PointsFailed
 from compensation.online.point_server import CHUNK_BYTES, PointService, listening, serve_points
 from config.errors import ProtocolError
-from config.load import load_robot
+from config.load import load_cell
 from config.robot.bodies import Plane, Workspace
 from tests.builders.raised_codes import raises_code
 
-ROBOT = load_robot("ir361")
+LOADED = load_cell("ir361")
+CELL, ROBOT = LOADED.config, LOADED.robot
 WALL = Workspace(planes=(Plane(name="wall", normal=(-1.0, 0.0, 0.0), offset_m=-0.6),))
+WALLED = CELL.model_copy(update={"workspace": WALL})
 HELLO = json.dumps({"protocol": PROTOCOL}).encode() + b"\n"
 NESTED = b"[" * CHUNK_BYTES
 GREATEST_BYTES = max(4 + MOST_POINTS * 24, LONGEST_LINE) + 2 * CHUNK_BYTES
@@ -107,7 +109,7 @@ def test_two_megabytes_of_single_points_keep_no_memory() -> None:
 @given(points=st.lists(st.lists(doubles, min_size=3, max_size=3), max_size=20))
 def test_any_numbers_are_accepted_by_the_gate_or_refused(points: list[list[float]]) -> None:
     ring = PointRing.create(3, 100)
-    feed(ring, PointGate(ROBOT, WALL, 0.008), [np.array(points).reshape(-1, 3)])
+    feed(ring, PointGate(WALLED, ROBOT), [np.array(points).reshape(-1, 3)])
     assert ring.failed in (PointsFailed.NO, PointsFailed.REFUSED)
     assert ring.ended or ring.failure
 
@@ -121,7 +123,7 @@ def test_after_any_bytes_the_server_reports_the_reason_and_ends(parts: list[byte
 
     def served() -> None:
         try:
-            serve_points(listener, ring, PointService(ROBOT, Workspace(), 0.008, 64), over.is_set)
+            serve_points(listener, ring, PointService(CELL, ROBOT, 64), over.is_set)
         except BaseException as error:
             trouble.append(error)
 

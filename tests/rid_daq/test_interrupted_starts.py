@@ -33,7 +33,7 @@ def wait_as_device(pipe: Any) -> None:
 
 def serve_points(folder: Path) -> None:
     loaded = load_cell("ir361")
-    service = PointService(loaded.robot, loaded.config.workspace, 0.008, 10)
+    service = PointService(loaded.config, loaded.robot, 10)
     with PointServer(folder / "points", PointRing.create(3, 20), service):
         raise AssertionError("SIGINT was not received")
 

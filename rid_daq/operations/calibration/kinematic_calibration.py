@@ -12,7 +12,7 @@ import numpy as np
 from acquisition.runs.catalogue import find_runs
 from acquisition.tracker.pose_file import MeasuredPoses, read_measured_poses
 from acquisition.tracker.rests import find_rests
-from config.arrays import FloatArray
+from config.arrays import BoolArray, FloatArray
 from config.errors import ConfigError
 from config.formats.whole_file import write_new
 from config.load import load_robot, to_yaml
@@ -133,7 +133,8 @@ def calibrate_robot(request: CalibrateKinematicsRequest) -> CalibratedRobot:
             )
         require_writable(request.output)
     robot = load_robot(request.robot)
-    poses = read_measured_poses(request.poses, robot, _rests(request, robot))
+    read = read_measured_poses(request.poses, robot, _rests(request, robot))
+    poses = read.keep(_first_copies(read))
     check = None
     if request.check is not None:
         check = read_measured_poses(request.check, robot)
@@ -142,6 +143,11 @@ def calibrate_robot(request: CalibrateKinematicsRequest) -> CalibratedRobot:
     centre = point if request.load_centre is None else np.array(request.load_centre)
     gravity, notes = read_gravity(robot, request.model, request.payload, request.runs, centre)
     notes += _left_out_notes(poses, check)
+    if len(poses) < len(read):
+        notes.append(
+            f"{poses.name}: {len(read) - len(poses)} rows are left out, because they are copies of"
+            " other rows"
+        )
     found = calibrate(robot, poses, gravity, point, check)
     notes += _quality_notes(found)
     changes: tuple[tuple[str, str, str], ...] = ()
@@ -158,6 +164,14 @@ def calibrate_robot(request: CalibrateKinematicsRequest) -> CalibratedRobot:
     elif request.output is not None:
         notes.append("no robot file is written, because the calibration does not reduce the errors")
     return CalibratedRobot(found, changes, notes)
+
+
+def _first_copies(poses: MeasuredPoses) -> BoolArray:
+    """Return True for each row, (poses,), except the second and later of equal rows."""
+    values = np.column_stack([poses.position, poses.point_m, poses.load_kg])
+    first = np.zeros(len(poses), np.bool_)
+    first[np.unique(values, axis=0, return_index=True)[1]] = True
+    return first
 
 
 def _refuse_shared_rows(poses: MeasuredPoses, check: MeasuredPoses) -> None:

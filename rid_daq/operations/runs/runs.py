@@ -63,12 +63,14 @@ class RunsResult:
 
     Attributes:
         listed: The runs, oldest first.
-        damaged: Name and problem of every run whose manifest cannot be read.
+        damaged: Name and problem of every run without a readable manifest of its own.
+        unlisted: Names of folders with a manifest that are links, or whose name is no run id.
     """
 
     request: RunsRequest
     listed: tuple[ListedRun, ...]
     damaged: tuple[tuple[str, str], ...]
+    unlisted: tuple[str, ...]
 
     @property
     def problems(self) -> tuple[tuple[str, str], ...]:
@@ -97,6 +99,7 @@ class RunsResult:
         return {
             "runs": [each.document() for each in self.listed],
             "damaged": [problem for _, problem in self.damaged],
+            "unlisted": list(self.unlisted),
         }
 
     def blocks(self) -> Iterator[AnyBlock]:
@@ -110,6 +113,12 @@ class RunsResult:
             if each.strays:
                 names = ", ".join(each.strays)
                 yield Text(text=f"note: {each.run}: files that do not belong to the run: {names}")
+        if self.unlisted:
+            names = ", ".join(self.unlisted)
+            yield Text(
+                text=f"note: runs in these folders are not listed, because they are links or their"
+                f" name is not a run id: {names}"
+            )
         if self.request.verify:
             count = len(self.listed) + len(self.damaged)
             whole = count - len({run for run, _ in self.problems})
@@ -135,7 +144,7 @@ class RunsResult:
 
 def run(request: RunsRequest, _context: Context) -> RunsResult:
     """List the runs, and compare their files if requested."""
-    from acquisition.runs.catalogue import list_damaged_runs, list_runs
+    from acquisition.runs.catalogue import list_damaged_runs, list_runs, unlisted_folders
 
     listed = tuple(
         ListedRun(
@@ -159,7 +168,7 @@ def run(request: RunsRequest, _context: Context) -> RunsResult:
             f"{request.runs}: the folder contains no runs, so nothing can be verified",
             code="RID-RUN-UNKNOWN",
         )
-    return RunsResult(request, listed, damaged)
+    return RunsResult(request, listed, damaged, unlisted_folders(request.runs))
 
 
 OPERATION: Final = Operation(

@@ -91,5 +91,8 @@ def _plate_sentence(average: PeriodAverage) -> str:
     drift = 1e3 * float(np.abs(plate.drift_n_s).max())
     words = f" The force plate's channels drifted by up to {drift:.3g} mN/s, which was removed"
     if plate.left_out:
-        words += f"; {', '.join(plate.left_out)} were left out because of overload, loss or drift"
+        words += (
+            f"; {', '.join(plate.left_out)} were left out because of overload, loss, drift or a"
+            " constant value"
+        )
     return words + "."

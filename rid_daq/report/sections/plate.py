@@ -244,7 +244,9 @@ def _fit_sentence(plate: PlateFit, weight: Sequence[str]) -> str:
     words += f"; drift of up to {1e3 * abs(plate.drift_n_s).max():.3g} mN/s per channel is removed"
     left_out = sorted({name for names in plate.left_out for name in names})
     if left_out:
-        words += f"; {', '.join(left_out)} not used because of overload, loss or drift"
+        words += (
+            f"; {', '.join(left_out)} not used because of overload, loss, drift or a constant value"
+        )
     if weight:
         words += (
             f". {', '.join(weight)}: identifiable only from the robot's weight, which a plate"

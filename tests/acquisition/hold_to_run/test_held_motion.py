@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from acquisition.hold_to_run.dead_man import DEAD_MAN_S, DeadMan
 from acquisition.hold_to_run.held_motion import IDLE_S, HeldMotion
 from acquisition.hold_to_run.line import HoldLine
+from acquisition.motion.stop_distance import ORDERED_STOP_CYCLES, stop_travel
+from config.cell.cell import CanBusConfig, CellConfig, DriveAxis
+from config.cell.drive_safety import DriveSafety
 from config.robot.kinematic_table import KinematicRow, Kinematics
 from config.robot.robot import Joint, JointLimits, RobotDescription
 
@@ -34,16 +37,32 @@ ROBOT = RobotDescription(
     ),
 )
 START = np.array([0.3, -0.2])
+CELL = CellConfig(
+    name="arm",
+    robot="arm",
+    cycle_time_ms=8,
+    can=CanBusConfig(interface="virtual", channel="arm"),
+    axes=tuple(DriveAxis(joint=each.name, node_id=i) for i, each in enumerate(ROBOT.joints, 1)),
+    position_gain_per_s=10.0,
+    drive_safety=DriveSafety(quick_stop_deceleration_rad_s2=8.0, following_error_rad=0.1),
+)
 
 
 class Bench:
     """A real-time motion on a simulated clock, and its set-points so far."""
 
-    def __init__(self, *, once: bool = False, unattended: bool = False) -> None:
+    def __init__(
+        self,
+        *,
+        once: bool = False,
+        unattended: bool = False,
+        cell: CellConfig = CELL,
+        robot: RobotDescription = ROBOT,
+    ) -> None:
         self.now_s = 100.0
         self.dead_man = DeadMan.create()
         self.motion = HeldMotion(
-            ROBOT, T, self.dead_man, once=once, unattended=unattended, now_s=lambda: self.now_s
+            cell, robot, self.dead_man, once=once, unattended=unattended, now_s=lambda: self.now_s
         )
         self.motion.prepare()
         self.motion.begin(False, START)
@@ -105,6 +124,29 @@ def test_the_robot_slows_down_in_the_first_cycle_after_the_release() -> None:
     bench.dead_man.release()
     bench.run_cycles(1, held=False)
     assert bench.speed == pytest.approx(before - 0.3 * ACCELERATION * T)
+
+
+@pytest.mark.parametrize("coupling", [None, ((1.0, 0.0), (0.5, 1.0))])
+@pytest.mark.parametrize("held", [True, False])
+def test_a_quick_stop_anywhere_on_a_line_ends_before_its_goal(
+    held: bool, coupling: tuple[tuple[float, float], ...] | None
+) -> None:
+    """The drives stop more slowly than an approach brakes."""
+    safety = CELL.drive_safety.model_copy(update={"quick_stop_deceleration_rad_s2": 0.3})
+    cell = CELL.model_copy(update={"drive_safety": safety})
+    robot = ROBOT.model_copy(update={"coupling": coupling})
+    bench = Bench(cell=cell, robot=robot)
+    bench.run_cycles(1, held=False)
+    bench.press(GOAL)
+    bench.run_cycles(200, held=True)
+    if not held:
+        bench.dead_man.release()
+    bench.run_cycles(400, held=held)
+    assert bench.speed == 0.0
+    velocities = np.array(bench.velocities)
+    assert velocities[:, 0].max() == pytest.approx(0.1 * SPEED)
+    travel = stop_travel(velocities, cell, robot, ORDERED_STOP_CYCLES * T)
+    assert (np.array(bench.positions) + travel)[:, 0].max() <= GOAL[0] + 1e-3
 
 
 def test_without_key_messages_the_robot_slows_down_after_the_dead_man_time() -> None:

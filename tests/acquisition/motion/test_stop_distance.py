@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import pytest
 
+from acquisition.motion.collision import refuse_collision
 from acquisition.motion.kinds.fourier import FourierJoint, FourierMotion
 from acquisition.motion.samples import MotionSamples
 from acquisition.motion.stop_distance import (
@@ -15,6 +18,7 @@ from acquisition.motion.stop_distance import (
 )
 from config.cell.cell import CellConfig
 from config.errors import PreflightError
+from config.robot.bodies import Plane, Workspace
 from config.robot.robot import RobotDescription
 from drivers.cell import Cell
 from drivers.ports.can_link import CanLink
@@ -64,24 +68,18 @@ def test_an_axis_can_stop_faster_than_the_others() -> None:
 
 def test_a_stop_that_ends_in_contact_with_a_wall_is_refused() -> None:
     """The motion itself keeps its clearance; only the stop reaches the wall."""
-    cell, robot = cell_with(2.6)
-    reach = float(np.abs(swing(robot).position).max())
-    end = rest_positions(swing(robot), cell, robot, ORDERED_STOP_CYCLES * cell.cycle_time_s)
+    cell, robot = cell_with(2.0)
+    robot = robot.model_copy(update={"tool_offset_m": (0.2, 0.0, 0.0)})
+    samples = swing(robot)
+    reach = float(np.abs(samples.position).max())
+    end = rest_positions(samples, cell, robot, ORDERED_STOP_CYCLES * cell.cycle_time_s)
     assert np.abs(end).max() > reach
-
-    class Wall:
-        """A wall that the robot touches beyond the reach of the motion."""
-
-        names = ("arm and wall",)
-
-        def __len__(self) -> int:
-            return 1
-
-        def nearest(self, position: np.ndarray) -> np.ndarray:
-            return reach + 1e-4 - position[:, :1]
-
-    with raises_code(PreflightError, "RID-MOTION-STOP", "arm", "wall"):
-        verify_stops(swing(robot), cell, robot, Wall())  # type: ignore[arg-type]
+    lowest_m = 0.1 + 0.2 * math.cos(reach)  # of the tool point, which moves on a circle
+    wall = Plane(name="wall", normal=(1.0, 0.0, 0.0), offset_m=lowest_m - 3e-4)
+    clearances = Clearances.of(robot, Workspace(planes=(wall,), clearance_m=0.0))
+    refuse_collision(clearances, samples.position, samples.sample_period_s, "the motion")
+    with raises_code(PreflightError, "RID-MOTION-STOP", "tool point", "wall"):
+        verify_stops(samples, cell, robot, clearances)
 
 
 @pytest.mark.parametrize(("timeout_ms", "noted"), [(80, False), (2000, True)])

@@ -4,13 +4,20 @@ import errno
 import hashlib
 import json
 import os
+import shutil
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from acquisition.runs.catalogue import find_file_or_run, find_run, list_damaged_runs, list_runs
+from acquisition.runs.catalogue import (
+    find_file_or_run,
+    find_run,
+    list_damaged_runs,
+    list_runs,
+    unlisted_folders,
+)
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import MANIFEST, RunStatus
 from acquisition.runs.run_id import RUN_ID, new_run_id
@@ -286,6 +293,21 @@ def test_a_run_with_a_damaged_manifest_is_reported_and_not_skipped(
     assert [found.run_id for found, _ in list_runs(root)] == [folder.run_id]
     with raises_code(RecordingError, "RID-RUN-DAMAGED"):
         find_run(root, "latest")
+
+
+def test_a_copied_or_renamed_run_folder_is_reported_and_not_skipped(
+    root: Path, folder: RunFolder
+) -> None:
+    other = RunFolder.create(root, "second", now_ns=NOW_NS + 10**9)
+    copy, renamed, link = root / other.run_id, root / "friday", root / "link"
+    shutil.move(copy, renamed)
+    shutil.copytree(folder.path, copy)
+    link.symlink_to(renamed)
+    ((damaged, problem),) = list_damaged_runs(root)
+    assert damaged.path == copy
+    assert folder.run_id in str(problem)
+    assert unlisted_folders(root) == ("friday", "link")
+    assert [found.run_id for found, _ in list_runs(root)] == [folder.run_id]
 
 
 def test_a_lost_disk_is_a_typed_error(folder: RunFolder, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import random
 from collections.abc import Callable
@@ -121,7 +122,11 @@ def test_corrupted_bytes_lose_only_the_rows_that_they_hit_and_are_counted(
     assert block.status(0.0).bad_frames >= 3
 
 
-def test_every_overloaded_row_is_flagged(serve_amplifier: Serve, tmp_path: Path) -> None:
+def test_every_overloaded_row_is_flagged(
+    serve_amplifier: Serve, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # A slow computer would clear the flag during the overload, which then causes a second event.
+    monkeypatch.setattr("acquisition.session.plate_recorder.OVERLOAD_PERIOD_S", math.inf)
     fault = AmplifierFault(kind="overload", row=500, duration_s=0.1, channel=5)
     rows, block = record_rows(serve_amplifier(fault), tmp_path)
     full = np.abs(rows.rows["counts"].astype(int)) >= 32767
@@ -182,6 +187,19 @@ def test_an_amplifier_in_reset_is_refused(serve_amplifier: Serve, tmp_path: Path
     assert isinstance(block.error, DeviceFaultError)
     assert block.error.refusal == "RID-PLATE-NOT-ZEROED"
     assert not (tmp_path / "plate.mcap").exists()
+
+
+def test_an_amplifier_that_goes_into_reset_ends_the_recording(
+    serve_amplifier: Serve, tmp_path: Path
+) -> None:
+    served = serve_amplifier(AmplifierFault(kind="reset", row=500))
+    prepare_amplifier(served)
+    block = record(served, tmp_path / "plate.mcap", ends=False)
+    assert block.state is PlateState.FAILED
+    assert isinstance(block.error, DeviceFaultError)
+    assert block.error.refusal == "RID-PLATE-NOT-ZEROED"
+    rows = read_plate_journal(tmp_path / "plate.mcap")
+    assert int(np.argmin(rows.operating)) >= 500
 
 
 def test_an_amplifier_with_another_range_is_refused_with_its_name(

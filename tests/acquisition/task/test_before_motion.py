@@ -9,12 +9,15 @@ from collections.abc import Callable
 from pathlib import Path
 
 import can
+import numpy as np
 import pytest
 
 from acquisition.motion.known_pose import KnownPose
+from acquisition.motion.samples import MotionSamples, Phase, phases_of, standstill
 from acquisition.supervision.stop_reason import StopCode
 from acquisition.task import process
 from acquisition.task.control_block import ControlBlock
+from acquisition.task.set_points import PlannedMotion, SetPointSource
 from acquisition.task.states import RecorderState, TaskState
 from config.cell.cell import CellConfig
 from config.cell.servo_profile import ServoProfile
@@ -61,8 +64,8 @@ class Started:
     ) -> Cell:
         return Cell(cell, robot, CanLink(self.bus), write_log, stopped=stopped)
 
-    def run(self) -> None:
-        source = SpeedUp(self.cell, self.robot, 10, 1, self.control)
+    def run(self, source: SetPointSource | None = None) -> None:
+        source = source or SpeedUp(self.cell, self.robot, 10, 1, self.control)
         writes = self.folder / "writes.jsonl"
         process.run_cyclic_task(
             self.cell,
@@ -97,6 +100,24 @@ def test_without_a_stop_order_the_drives_are_checked_and_moved(started: Started)
     assert started.control.task.error is None
     assert started.control.task.cycles > 0
     assert any(any(powered) for *_, powered in started.bus.trace)
+
+
+@pytest.mark.parametrize(("deceleration", "refused"), [(3.0, True), (8.0, False)])
+def test_an_approach_whose_stop_would_end_beyond_a_limit_gets_no_power(
+    started: Started, deceleration: float, refused: bool
+) -> None:
+    cell, started.robot = one_axis(
+        deceleration=deceleration, velocity=5.0, acceleration=20.0, limit=4.0
+    )
+    started.cell = cell.model_copy(update={"simulated": True})
+    started.use(ServoProfile())
+    started.bus.axes[0].counts = started.bus.units[0].counts(3.45)
+    rest = standstill(np.array([3.98]), 5)
+    phase = phases_of((Phase.MAIN, 5))
+    started.run(PlannedMotion(MotionSamples(("joint",), cell.cycle_time_s, *rest, phase=phase)))
+    error = started.control.task.error
+    assert (error is not None and error.refusal == "RID-MOTION-STOP") is refused
+    assert any(any(powered) for *_, powered in started.bus.trace) is not refused
 
 
 @pytest.mark.parametrize("moved_rad", [0.2, -0.02])

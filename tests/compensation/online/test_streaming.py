@@ -27,12 +27,13 @@ from compensation.online.point_feed import PointFeed, PointGate, feed
 from compensation.online.point_ring import READ, PointRing, PointsFailed
 from compensation.online.point_server import PointServer, PointService, listening, serve_points
 from config.errors import ConfigError, LockedError, ProtocolError, TransportError
-from config.load import load_robot
+from config.load import load_cell
 from config.robot.bodies import Plane, Workspace
 from tests.builders.raised_codes import raises_code
 
 Points = NDArray[np.float64]
-ROBOT = load_robot("ir361")
+LOADED = load_cell("ir361")
+CELL, ROBOT = LOADED.config, LOADED.robot
 GUIDE = Path(__file__).parents[3] / "docs/guide/stream-a-path.md"
 HELLO = json.dumps({"protocol": PROTOCOL}).encode() + b"\n"
 
@@ -42,7 +43,7 @@ def path_of(count: int) -> Points:
 
 
 def gate() -> PointGate:
-    return PointGate(ROBOT, Workspace(), 0.008)
+    return PointGate(CELL, ROBOT)
 
 
 def take_points(ring: PointRing, count: int) -> Points:
@@ -178,10 +179,38 @@ class TestIterator:
         ring = PointRing.create(3, 500)
         points = np.zeros((400, 3))
         points[:, 0] = np.linspace(1.5, 0.0, 400)  # towards the wall
-        feed(ring, PointGate(ROBOT, workspace, 0.008), [points])
+        feed(ring, PointGate(CELL.model_copy(update={"workspace": workspace}), ROBOT), [points])
         assert ring.failed is PointsFailed.REFUSED
         assert "wall" in ring.failure
         assert 20 <= ring.written < 400
+
+    @pytest.mark.parametrize(("deceleration", "refused"), [(3.0, True), (20.0, False)])
+    def test_points_at_which_a_stop_would_end_beyond_a_limit_are_refused(
+        self, deceleration: float, refused: bool
+    ) -> None:
+        """The path itself brakes before the limit, more strongly than a quick stop can."""
+        safety = {"quick_stop_deceleration_rad_s2": deceleration}
+        cell = CELL.model_copy(update={"drive_safety": CELL.drive_safety.model_copy(update=safety)})
+        limits = ROBOT.joints[0].limits
+        end = limits.position_max - 0.01
+        points = np.zeros((500, 3))
+        points[:, 0] = end - 0.5 * 8.0 * (0.008 * np.arange(499, -1, -1)) ** 2
+        points = points[points[:, 0] > end - 0.4]
+        ring = PointRing.create(3, 500)
+        feed(ring, PointGate(cell, ROBOT), [points])
+        assert (ring.failed is PointsFailed.REFUSED) is refused
+        assert ("axis1" in ring.failure) is refused
+
+    @pytest.mark.parametrize("wrong", [10.0, 2.0])
+    def test_points_beyond_the_limits_are_left_to_the_path_which_names_their_number(
+        self, wrong: float
+    ) -> None:
+        """The second one jumps."""
+        points = np.zeros((10, 3))
+        points[5:, 0] = wrong
+        ring = PointRing.create(3, 50)
+        feed(ring, gate(), [points])
+        assert ring.failed is PointsFailed.NO
 
 
 @contextlib.contextmanager
@@ -191,7 +220,7 @@ def serving(silence_s: float) -> Iterator[tuple[Path, PointRing]]:
     over = threading.Event()
     with tempfile.TemporaryDirectory() as folder, listening(Path(folder) / "points") as listener:
         path = Path(folder) / "points"
-        service = PointService(ROBOT, Workspace(), 0.008, 64, silence_s)
+        service = PointService(CELL, ROBOT, 64, silence_s)
         thread = threading.Thread(target=serve_points, args=(listener, ring, service, over.is_set))
         thread.start()
         try:
@@ -310,9 +339,7 @@ class TestSocket:
         def second_is_refused() -> None:
             holder = (f"{path}: ", f"(process {os.getpid()})")
             with raises_code(LockedError, "RID-CELL-BUSY", *holder):
-                PointServer(
-                    path, PointRing.create(3, 50), PointService(ROBOT, Workspace(), 0.008, 64)
-                )
+                PointServer(path, PointRing.create(3, 50), PointService(CELL, ROBOT, 64))
             assert path.is_socket()
 
         second_is_refused()  # while the first session waits for a client

@@ -73,6 +73,21 @@ def test_the_corrected_robot_file_predicts_measured_points(
     assert np.linalg.norm(forward(Chain.from_description(corrected), pose)[0] - measured) < 6e-3
 
 
+def test_copied_rows_count_once(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Otherwise copies would narrow the intervals."""
+    lines = (folder / "poses.csv").read_text().splitlines()
+    copied = tmp_path / "poses.csv"
+    copied.write_text("\n".join([*lines, *lines[1:]]))
+    found = []
+    for poses in (folder / "poses.csv", copied):
+        assert run(["calibrate", str(folder / "robot.yaml"), str(poses), "--json"]) == 0
+        found.append(document(capsys))
+    assert found[1]["parameters"] == found[0]["parameters"]
+    assert any("40" in note for note in found[1]["notes"])
+
+
 def test_a_robot_file_is_never_replaced(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = (folder / "robot.yaml").read_bytes()
     assert run(words(folder, "-o", folder / "robot.yaml", "--json")) == 2
