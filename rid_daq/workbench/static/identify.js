@@ -133,7 +133,7 @@ async function check() {
 }
 
 async function showRuns() {
-  runs = (await completeRuns()).filter(({ kind, motion }) => kind !== "record" || motion); // axis tests and jogs have no motion file
+  runs = await completeRuns();
   find("no-runs").hidden = runs.length > 0;
   const [before, asked, kept] = [chosenRuns(), wanted.getAll("run"), keptTicks("run")];
   const chosen = [before, asked, kept].find((each) => each.length) ?? [];
