@@ -24,7 +24,7 @@ WarmUpReport = Callable[[Sequence[str], Sequence[Sequence[float]], float], None]
 
 
 class WarmUpWatch:
-    """Watch of a warm-up: ends the warm-up when the friction power per period has settled.
+    """Watch of a warm-up: ends the warm-up when the mean power per period has settled.
 
     The mean mechanical power of a joint over a period is its friction power, plus the power that it
     exchanges with the other joints. The latter is the same in every period, so changes are those of
