@@ -41,14 +41,18 @@ def criterion_of_options(robot: RobotDescription, name: str, wanted: Sequence[st
         wanted: Base parameters by name, or `torque` for the predicted torques within all limits.
 
     Raises:
-        ConfigError: A name is not a base parameter.
+        ConfigError: A name is not a base parameter, or is given twice.
     """
     if not wanted:
         return Condition() if name == "condition" else DOptimal()
     model = design_model(robot)
     base = base_parameters(model)
     rows: list[FloatArray] = []
-    for parameter in wanted:
+    for number, parameter in enumerate(wanted):
+        if parameter in wanted[:number]:
+            raise ConfigError(
+                f"--for {parameter}: named twice; name it once", code="RID-OPTION-NAME"
+            )
         if parameter == TORQUE:
             rows += list(_predictions(robot, model, base))
         elif parameter in base.names:

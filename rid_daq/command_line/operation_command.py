@@ -224,7 +224,14 @@ def _split_value(shown: ShownField, text: str) -> tuple[str, ...]:
     if not shown.is_repeated and len(words) != len(typing.get_args(shown.type)):
         form = f"must have the form {shown.option.metavar}"
         raise ConfigError(f"{shown.flag}: {text!r} {form}", code=INVALID)
-    return tuple(filter(None, map(str.strip, words)))
+    values = tuple(map(str.strip, words))
+    if not all(values):
+        raise ConfigError(
+            f"{shown.flag}: {text!r} has an empty value between commas or none at all: give values,"
+            " or leave the option out",
+            code=INVALID,
+        )
+    return values
 
 
 def _split_pair(shown: ShownField, text: str) -> tuple[str, str]:

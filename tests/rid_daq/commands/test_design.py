@@ -189,6 +189,9 @@ def test_a_model_of_another_robot_is_refused(cell: LoadedCell) -> None:
     ("words", "code", "message"),
     [
         ("--for m7", 2, "--for m7: "),
+        ("--for=", 2, "--for: ''"),
+        ("--for sx3,,Izz1", 2, "--for: 'sx3,,Izz1'"),
+        ("--for sx3,Izz1,sx3", 2, "--for sx3: "),
         ("--period 9.999", 2, "whole number of cycles"),
         ("--harmonics 40 --period 0.24", 2, "above half the sampling frequency"),
         ("--harmonics 400", 2, "--harmonics"),
