@@ -48,18 +48,15 @@ class PointSource:
 
     Args:
         feedforward: Model, velocity loops and limits.
-        ring: Source of the points.
         compensated: False for plain velocity feedforward without compensation, for comparisons.
         phase: Shape (points,). `Phase` of each point (default: `Phase.MAIN`).
         samples_per_period: Points per period of a periodic motion.
-        buffer_s: Length of the path that is read ahead, at least 64 points; the robot must be able
-            to stop within it [s].
-        prefill_patience_s: Time that `prepare` waits for the first points [s, wall clock].
-        stall_patience_s: Time that a cell in lock-step waits for points [s, wall clock].
+        buffer_s: Length of the path read ahead, in which the robot can stop; 64 points or more [s].
+        prefill_patience_s, stall_patience_s: Wall-clock time that `prepare` waits for the first
+            points, and that a cell in lock-step waits for points [s].
 
     Raises:
-        ConfigError: The points have another number of joints than the robot, or the buffer is too
-            long.
+        ConfigError: The number of joints is not the robot's, or the buffer is too long.
     """
 
     def __init__(

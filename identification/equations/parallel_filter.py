@@ -100,6 +100,15 @@ class ParallelFilter:
             a = np.ascontiguousarray(smooth[rows.start - start :][: len(q)])
         return load_torque(model, q, v, a, standard, own)
 
+    def whole_load_nm(self, model: RobotModel, standard: FloatArray, own: Conditions) -> FloatArray:
+        """Return `load_nm` of all rows of the source, (samples, n) [N m or N]."""
+        segment = self.source.segment
+        edges = [0, *(np.flatnonzero(np.diff(segment)) + 1).tolist(), len(segment)]
+        parts = [slice(first, end) for first, end in pairwise(edges)]
+        return np.concatenate(
+            [self.load_nm(model, standard, rows, own.part(rows)) for rows in parts]
+        )
+
     def conditions(self, model: RobotModel, own: Conditions) -> Conditions:
         """Return the conditions of the source's rows, including presliding hysteresis.
 

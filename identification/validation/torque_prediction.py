@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -341,20 +340,10 @@ def _predict_filtered(
     fast = moves(estimate.model, source.velocity, standstill_rad_s)
     velocity[fast] = source.velocity[fast]
     if estimate.model.transmission.losses:
-        load = _load_nm(filtered, estimate, conditions)
+        load = filtered.whole_load_nm(estimate.model, estimate.standard_values, conditions)
         conditions = replace(conditions, load_nm=load)
     torque = predict(estimate, source.position, velocity, source.acceleration, conditions)
     return _filter_torque(filtered, torque)
-
-
-def _load_nm(filtered: ParallelFilter, estimate: Estimate, conditions: Conditions) -> FloatArray:
-    """Return the torque that each gear transmits at the source's rows, (samples, n)."""
-    segment, standard = filtered.source.segment, estimate.standard_values
-    edges = [0, *(np.flatnonzero(np.diff(segment)) + 1).tolist(), len(segment)]
-    parts = [slice(first, end) for first, end in pairwise(edges)]
-    return np.concatenate(
-        [filtered.load_nm(estimate.model, standard, rows, conditions.part(rows)) for rows in parts]
-    )
 
 
 def _gear_torques(estimate: Estimate, source: SmoothedSignals | UnfilteredSignals) -> FloatArray:

@@ -26,6 +26,7 @@ interface LivePicture {
   base_wrench?: LiveWrench | null;
   cell: string;
   count: string;
+  drives_off: boolean;
   joints: LiveJoint[];
   left_s: number | null;
   moving: boolean;

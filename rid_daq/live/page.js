@@ -163,10 +163,12 @@ function look() {
   const ended = shown !== null && shown.over;
   document.body.classList.toggle("old", silent && !ended);
   /** @type {HTMLButtonElement} */ (byId("stop")).disabled = ended && silent;
+  const unsure = ended && !shown.drives_off ? " It is not confirmed that the drives are off." : "";
   const rest = shown && shown.at_rest_s !== null ? ` All axes at rest ${shown.at_rest_s.toFixed(2)} s later.` : "";
   if (unknown) banner("bad", "Access refused: open the complete address that the terminal shows.");
-  else if (shown && shown.stop !== null) banner("bad", `${stopWords(shown.stop)}.${rest}`);
-  else if (shown && shown.problem !== null) banner("bad", shown.problem);
+  else if (shown && shown.stop !== null) banner("bad", `${stopWords(shown.stop)}.${rest}${unsure}`);
+  else if (shown && shown.problem !== null) banner("bad", `${shown.problem}${unsure ? `.${unsure}` : ""}`);
+  else if (unsure) banner("bad", `The motion has ended.${unsure}`);
   else if (ended) banner("good", "The motion has ended; the drives are off.");
   else if (silent && shown !== null) banner("bad", "NOT LIVE: the values on this page are old.");
   else if (shown && shown.stop_asked) banner("wait", "Stop requested.");

@@ -91,6 +91,7 @@ class MotionPicture:
             else control.recorder.state.name.lower(),
             "notes": [*control.task.notes, *filter(None, [control.monitor.note])],
             "over": control.task_gone,
+            "drives_off": control.task.state is TaskState.FINISHED and control.task.power_off,
         }
 
     def _progress_values(self, progress: TaskProgress, now_s: float) -> dict[str, object]:

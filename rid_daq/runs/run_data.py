@@ -136,9 +136,8 @@ class RunData:
             changing_load: True to accept a run during which the payload changed.
 
         Raises:
-            RecordingError: The folder contains no recording, the recording cannot be read, or a
-                file does not belong to the run.
-            ConfigError: A file of the run is damaged.
+            ConfigError, RecordingError: The folder contains no recording, or a file is damaged or
+                does not belong to the run.
             LockedError: The run is still being recorded.
             DataQualityError: The run was never finished, and `unfinished` is False; or its payload
                 changed, and `changing_load` is False.

@@ -36,3 +36,17 @@ def test_the_page_shows_the_joints_and_its_button_stops_the_motion(browser: Brow
         page.close()
         live.close()
     assert problems == []
+
+
+def test_a_dead_task_is_not_shown_as_drives_that_are_off(browser: Browser) -> None:
+    live = Served(Access("127.0.0.1", 0, TOKEN))
+    page = browser.new_page()
+    try:
+        page.set_default_timeout(PATIENCE_MS)
+        page.goto(live.access.url)
+        expect(page.locator("article")).to_have_count(3)
+        live.control.program.declare_task_gone()
+        expect(page.locator("#banner.bad")).to_contain_text("not confirmed")
+    finally:
+        page.close()
+        live.close()
