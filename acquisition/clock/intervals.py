@@ -50,8 +50,8 @@ FAR_OFF: Final = 4.0
 deviations].
 """
 WINDOWS_PER_STRIDE: Final = 8
-"""Number of windows of 0.1 s that begin within 0.1 s; more of them overlap so far that they add
-time, but almost no information."""
+"""Smallest number of windows of 0.1 s that begin within 0.1 s, if there are enough rows. More
+windows overlap so much that they cost computing time, but give almost no information."""
 _MAD: Final = 1.4826
 
 

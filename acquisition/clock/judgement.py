@@ -175,7 +175,10 @@ def _rebuild_times(
     report = replace(report, torque_gain=None if torque is None else torque[0])
     if gain is None:
         if torque is None or torque[0] < max(2.0 * torque[1], LEAST_GAIN):
-            return keep_stamps("only one joint moves, and the torques do not confirm other times")
+            return keep_stamps(
+                "too few joints move, or they move too little, to check other times, and the"
+                " torques do not confirm them"
+            )
     elif torque is not None and torque[0] < min(-TORQUE_SIGMAS * torque[1], TORQUE_WORSE):
         doubtful = True
         return keep_stamps(

@@ -226,7 +226,7 @@ def _obvious_contradiction(moved: float, recorded: float, opposed: bool) -> str:
 
 
 def _rate_findings(rows: ImportRows, import_map: ImportMap) -> Iterator[str]:
-    """Yield a finding if the sampling rate is too low for the robot's accelerations."""
+    """Yield a finding if rows are more than `SELDOM_S` apart, too far to show accelerations."""
     step_s = float(np.median(np.diff(rows.time_s)))
     if step_s <= SELDOM_S:
         return

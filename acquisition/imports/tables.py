@@ -38,7 +38,9 @@ def read_tables(
         optional: Requested columns in which cells may be empty; an empty cell becomes NaN.
 
     Raises:
-        ConfigError: A file cannot be read, or it ends before the rows that the map requests.
+        ConfigError: A file cannot be read, ends before the rows that the map requests, or, as a
+            further file, has fewer than two readable rows.
+        DataQualityError: A column with empty cells has values in fewer than two rows.
     """
     first = read_table(files[0], import_map, 0, columns, damaged, optional, None)
     for number, path in enumerate(files[1:], start=1):
@@ -142,7 +144,7 @@ def _append_columns(
             code="RID-IMPORT-ROWS",
         )
     near = rows_near(stamps, first.time_s)
-    reason = f"without a row in {path.name} near its time"
+    reason = f"with no row of {path.name} near in time"
     damaged.extend(
         DamagedRow(int(row), reason, f"its time stamp is {stamp:.9g} s")
         for row, stamp in zip(first.row[~near], first.time_s[~near], strict=True)

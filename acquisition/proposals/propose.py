@@ -163,7 +163,7 @@ def _other_columns(names: Sequence[str], robot: RobotDescription) -> str:
 
 
 def _same_names(groups: Mapping[str, ColumnGroup], table: SourceTable) -> tuple[str, ...]:
-    """Return a doubt for each column whose name another column has, too."""
+    """Return a doubt for each used column whose name other columns have, too."""
     return tuple(
         f"{quantity}: {table.names.count(table.names[column])} columns are named"
         f" {table.names[column]}; the first one, column {column}, is used"

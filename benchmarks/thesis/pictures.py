@@ -163,7 +163,7 @@ def _warming(found: Tree) -> Figure:
     for axes, key, label in zip(
         grid[0],
         ("coulomb_nm", "viscous_nm_s"),
-        ("Coulomb friction [% of first]", "viscous friction [% of first]"),
+        ("Coulomb friction [% of first value]", "viscous friction [% of first value]"),
         strict=False,
     ):
         for j, values in enumerate(cold[key]):

@@ -257,7 +257,10 @@ def _gravity_functions(
     joint: int,
     positions: Sequence[FloatArray],
 ) -> list[FloatArray]:
-    """Return the functions of the joint's position that can contribute to its torque at rest."""
+    """Return the values, at some positions, of the functions that its torque at rest can contain.
+
+    The functions are independent of each other. There is one array for each of `positions`.
+    """
     model = ModelOptions(rotors=False, friction=False).build(robot)
 
     def at_rest(position: FloatArray) -> FloatArray:

@@ -26,9 +26,9 @@ def served_name(cell: CellConfig) -> str:
 
 
 def adapter_path(channel: str) -> Path:
-    """Return the path of an adapter from a channel, without `@` and the text after it.
+    """Return the path of the serial port of an slcan channel, without `@` and the text after it.
 
-    For a name without a folder, the path is in the runtime folder.
+    A name without a folder is a simulated adapter: NAME.tty in the runtime folder.
 
     Raises:
         TransportError: The runtime folder cannot be used.

@@ -36,7 +36,7 @@ def lines_before_bus(
     These are bus load, disk, axis test, geometry, and the drives' torque filter.
     """
     geometry = [
-        CheckLine("robot file", "angles of the kinematics", "exact", note, "ok")
+        CheckLine("robot file", "fixed angles under kinematics", "exact", note, "ok")
         for note in loaded.robot.kinematics.notes
     ]
     return [

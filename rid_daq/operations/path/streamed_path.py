@@ -46,10 +46,11 @@ def stream_path(request: StreamRequest, context: Context) -> tuple[RecordedRun, 
     """Stream a path and record it into a new run folder.
 
     Returns:
-        The run, and reasons to doubt the loops and the model.
+        The run, and notes: reasons to doubt the loops and the model, and effects that are not
+        considered.
 
     Raises:
-        ConfigError, PreflightError: The request was refused before anything moved.
+        ConfigError, EstimationError, PreflightError: The request was refused before anything moved.
         RidDaqError: As raised by `RunSession.recording`.
     """
     loaded = load_cell(request.cell)

@@ -37,7 +37,7 @@ from rid_daq.terminal.job_events import (
 AT_REST: Final = "the drives are read without power"
 
 MOST_WAITING_BYTES: Final = 1 << 15
-"""Queue limit of a worker that does not read; beyond it, key messages are dropped [bytes]."""
+"""Limit of unread bytes in a worker's input; above it, messages about held keys are dropped."""
 
 
 class EventTail:

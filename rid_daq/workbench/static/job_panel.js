@@ -348,7 +348,7 @@ export class JobPanel {
     /** @type {() => void} */
     const show = () => (this.section.querySelector(".questions:has(*)") ?? this.section).scrollIntoView({ block: "start" });
     const [first] = links;
-    // an element can be in one place only: the line then leads to the panel
+    // a node can be in one place only: it stays in the panel, and the header gets a button that scrolls to it
     if (end && first instanceof Node) return { ...end, isRunning: false, steps: [html`<button type="button" class="main" @click=${show}>Show the next step</button>`] };
     if (end) return { ...end, isRunning: false, steps: first ? [first] : [] };
     const step = question

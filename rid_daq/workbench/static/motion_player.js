@@ -4,7 +4,7 @@ import { element, timeOf } from "./dom.js";
 const STRIP_PX = 40; // height of the clearance chart
 const FINENESS = 4; // pixels per interval; with fewer, bars of unequal width would leave gaps
 const WIDE = 3; // clearances below this multiple of the allowed distance are coloured as a warning
-const LEAST_MARGIN = 0.01; // the chart's scale is computed for at least this allowed distance [m]
+const LEAST_MARGIN = 0.01; // a smaller allowed distance is replaced by this one in the chart's scale [m]
 const DEGREES = 180 / Math.PI;
 
 export class MotionPlayer {

@@ -138,7 +138,7 @@ function showReach() {
   let text = "";
   if (!values && !requests) text = "The service does not answer: use the emergency stop. The values on this page are old. The page tries again.";
   else if (!values) text = "NOT LIVE: no values arrive from the service, so the values on this page may be old. The page tries again.";
-  else if (!requests) text = "The service does not answer requests: buttons and links do not work now. Values still arrive. This page tries again.";
+  else if (!requests) text = "The service does not answer requests: buttons and links do not work now, except STOP. Values still arrive. The page tries again.";
   if (stays) text += " This page stays open, because the next page would not load.";
   banner.hidden = text === "";
   banner.textContent = text;

@@ -168,8 +168,9 @@ def test_a_repeated_period_is_checked_like_a_stored_one() -> None:
 def test_an_accepted_feedforward_is_commanded_within_the_limits(
     size: float, pace: float, phase: float, joint: int
 ) -> None:
-    """Either the feedforward is refused, or a simulated position loop with this feedforward stays
-    within every limit.
+    """Either the feedforward is refused, or a simulated position loop with it stays within limits.
+
+    These are position, velocity with its margin, and 1.5 times the acceleration.
     """
     samples = motion(periods=1)
     k = np.arange(len(samples), dtype=float)

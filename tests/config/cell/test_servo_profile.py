@@ -1,4 +1,4 @@
-"""Drive family in a cell file, and combinations of the keys of profile, cell and axis."""
+"""Servo profiles of a cell file, and keys of cell and axis that replace those of the profile."""
 
 from __future__ import annotations
 

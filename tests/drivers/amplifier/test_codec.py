@@ -1,4 +1,7 @@
-"""Commands and answers of an amplifier, byte by byte; some were recorded from a real one."""
+"""Commands and answers of an amplifier, byte by byte.
+
+Only the command `operate` was seen on a real one; the answers are assumed.
+"""
 
 from __future__ import annotations
 

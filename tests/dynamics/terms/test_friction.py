@@ -13,13 +13,13 @@ from dynamics.terms.conditions import Conditions
 from dynamics.terms.friction import Friction
 from tests.builders.raised_codes import raises_code
 
-ALL_TERMS = ("coulomb", "viscous", "offset", "cubic", "cube_root")
+FIVE_TERMS = ("coulomb", "viscous", "offset", "cubic", "cube_root")
 
 
 @pytest.fixture
 def robot(ir361):
-    """Axis 1 has all friction terms, axis 2 (prismatic) has one, axis 3 has none."""
-    chosen = (ALL_TERMS, ("viscous",), ())
+    """Axis 1 has five friction terms, axis 2 (prismatic) has one, axis 3 has none."""
+    chosen = (FIVE_TERMS, ("viscous",), ())
     kinds = ("revolute", "prismatic", "revolute")
     joints = tuple(
         joint.model_copy(update={"friction": terms, "type": kind})

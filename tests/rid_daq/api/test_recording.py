@@ -1,4 +1,4 @@
-"""A recording from arrays: errors and notes name the arrays and their rows."""
+"""A recording from arrays: an error names the array, and rows that were left out are noted."""
 
 from __future__ import annotations
 

@@ -21,7 +21,10 @@ WHO = "/api/v1/whoami"
 
 
 class Squatter(http.server.ThreadingHTTPServer):
-    """Another program of this computer that stores all requests it receives."""
+    """Another program of this computer, which stores the headers of each request.
+
+    Its page shows what it finds in localStorage.
+    """
 
     allow_reuse_address = True
 
