@@ -60,7 +60,7 @@ def explain_error(error: ErrorDetails, hint: str = "") -> str:
         return "unknown key: remove it"
     if kind in BOUNDS:
         key, words = BOUNDS[kind]
-        return f"{_shown(given)} is outside its range: give {words} {context[key]:g}"
+        return f"{given} is outside its range: give {words} {context[key]:g}"
     if kind in _LENGTHS:
         key, words = _LENGTHS[kind]
         length = len(given) if isinstance(given, str | list | dict | tuple) else None

@@ -10,6 +10,7 @@ import pytest
 
 from acquisition.processing.smoothing import smooth_nonperiodic
 from acquisition.processing.torque_channel import TorqueChannel
+from acquisition.processing.unfiltered import smooth_gaussian
 from benchmarks.honest_choice import BAND_HZ, FRICTIONS, Case, recording
 from benchmarks.known_arms import ARMS, drive
 from config.arrays import FloatArray
@@ -50,7 +51,13 @@ def load_nm(friction: str, terms: Terms) -> FloatArray:
 def true_load_nm(friction: str) -> FloatArray:
     own = equations(friction)
     links = drawn_parameters(own.model, ARMS["three"].description())
-    return own.pieces[0].rigid @ own.base.from_standard(links)
+    return smooth_load_nm(own, own.base.from_standard(links))
+
+
+def smooth_load_nm(own: CandidateEquations, values: FloatArray) -> FloatArray:
+    """Return the torque of base parameters without the noise of the positions, (rows, n)."""
+    piece = own.pieces[0]
+    return smooth_gaussian(piece.rigid @ values, piece.step_s, piece.load_width_s)
 
 
 def errors(found_nm: FloatArray, true_nm: FloatArray) -> FloatArray:
@@ -72,5 +79,5 @@ def test_without_such_friction_these_rotors_count_as_part_of_the_links(
         np.array([arm.rotor[int(name[2:]) - 1] if name in ("Ia1", "Ia2") else 0.0
                   for name in own.base.standard_names])
     )  # fmt: skip
-    lumped_nm = true_load_nm(friction) + own.pieces[0].rigid @ inertia
+    lumped_nm = true_load_nm(friction) + smooth_load_nm(own, inertia)
     np.testing.assert_array_less(errors(load_nm(friction, terms), lumped_nm), 0.1)

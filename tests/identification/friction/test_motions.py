@@ -48,7 +48,7 @@ def test_walls_shorten_the_runs() -> None:
 def test_a_workspace_without_free_runs_is_refused_with_the_reason() -> None:
     robot = load_robot("ir361")
     wall = Plane(name="wall", normal=(-1.0, 0.0, 0.0), offset_m=5.0)  # x below -5 m: nowhere
-    with raises_code(ConfigError, "RID-DESIGN-NONE", "2000"):
+    with raises_code(ConfigError, "RID-DESIGN-NONE", "2001"):
         constant_velocity_motion(robot, Workspace(planes=(wall,)))
 
 
