@@ -163,7 +163,7 @@ function look() {
   const ended = shown !== null && shown.over;
   document.body.classList.toggle("old", silent && !ended);
   /** @type {HTMLButtonElement} */ (byId("stop")).disabled = ended && silent;
-  const unsure = ended && !shown.drives_off ? " It is not confirmed that the drives are off." : "";
+  const unsure = shown !== null && shown.over && !shown.drives_off ? " It is not confirmed that the drives are off." : "";
   const rest = shown && shown.at_rest_s !== null ? ` All axes at rest ${shown.at_rest_s.toFixed(2)} s later.` : "";
   if (unknown) banner("bad", "Access refused: open the complete address that the terminal shows.");
   else if (shown && shown.stop !== null) banner("bad", `${stopWords(shown.stop)}.${rest}${unsure}`);

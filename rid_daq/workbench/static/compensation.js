@@ -4,7 +4,7 @@ import { JobPanel } from "./job_panel.js";
 import { html } from "./lit.js";
 import { showChosenPlan } from "./planned_view.js";
 import { on } from "./service.js";
-import { completeRuns, modelOf, nameOf, numberOf, offer, options, press, runWords, showRun, wanted } from "./work.js";
+import { modelOf, motionRuns, nameOf, numberOf, offer, options, press, runWords, showRun, wanted } from "./work.js";
 
 const panel = new JobPanel(find("job"), { next, begun, ended, isBelow: ({ kind }) => ["loop", "tracking"].includes(kind) });
 
@@ -35,7 +35,7 @@ const selectAfter = /** @type {HTMLSelectElement} */ (find("after"));
 
 /** @type {(newest?: string | null) => Promise<void>} */
 async function showRuns(newest = null) {
-  const runs = await completeRuns();
+  const runs = await motionRuns();
   /** @type {(chosen: Api.RunEntry[]) => { value: string, words: string }[]} */
   const list = (chosen) => chosen.map((run) => ({ value: run.id, words: runWords(run) }));
   for (const select of /** @type {NodeListOf<HTMLSelectElement>} */ (document.querySelectorAll("select.runs"))) options(select, list(runs));

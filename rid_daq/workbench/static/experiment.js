@@ -5,7 +5,7 @@ import { html, render } from "./lit.js";
 import { showChosenPlan } from "./planned_view.js";
 import { newest } from "./requests.js";
 import { CELL, go, on, page } from "./service.js";
-import { blocksUrl, completeRuns, modelOf, nameOf, numberOf, offer, press, showBlocks, wanted } from "./work.js";
+import { blocksUrl, modelOf, motionRuns, nameOf, numberOf, offer, press, showBlocks, wanted } from "./work.js";
 
 const OTHER_SEED = 1;
 const motion = find("motion");
@@ -44,7 +44,7 @@ const panel = new JobPanel(find("job"), {
   },
   begun: async (job) => {
     if (job.kind !== "record") return;
-    const runs = await completeRuns().catch(() => []); // without a connection, no validation is offered
+    const runs = await motionRuns().catch(() => []); // without a connection, no validation is offered
     modelled = runs.find((each) => each.id !== job.run && each.files.includes("model.json")) ?? null;
   },
   ended: (job) => {

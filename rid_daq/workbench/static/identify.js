@@ -5,7 +5,7 @@ import { JobPanel } from "./job_panel.js";
 import { html, keyed, live, render } from "./lit.js";
 import { newest } from "./requests.js";
 import { CELL, mayMove, on } from "./service.js";
-import { completeRuns, fileLink, findings, look, nameOf, numberOf, options, press, runWords, showRun, wanted } from "./work.js";
+import { fileLink, findings, look, motionRuns, nameOf, numberOf, options, press, runWords, showRun, wanted } from "./work.js";
 
 const solve = find("solve");
 /** @type {Api.RunEntry[]} */
@@ -133,7 +133,7 @@ async function check() {
 }
 
 async function showRuns() {
-  runs = await completeRuns();
+  runs = await motionRuns();
   find("no-runs").hidden = runs.length > 0;
   const [before, asked, kept] = [chosenRuns(), wanted.getAll("run"), keptTicks("run")];
   const chosen = [before, asked, kept].find((each) => each.length) ?? [];

@@ -156,13 +156,15 @@ export function offer(select, path, words = path, kind = "") {
 /** @type {(run: Api.RunEntry) => string} */
 export const runWords = (run) => `${run.label || run.id}, ${timeOf(run.created_utc)}`;
 
-// Return the newest complete runs of this cell with data of a motion; axis tests and jogs have no motion file.
 /** @type {() => Promise<Api.RunEntry[]>} */
 export async function completeRuns() {
   const runs = await ask("GET", `/runs?limit=200&cell=${encodeURIComponent(page.cell)}`);
-  return runs.filter(({ kind, motion, status }) =>
-    kind !== "payload session" && (kind !== "record" || motion) && (status === "complete" || status === "recovered"));
+  return runs.filter((run) => run.kind !== "payload session" && (run.status === "complete" || run.status === "recovered"));
 }
+
+// Return complete runs without axis tests and jogs, which have no motion file.
+/** @type {() => Promise<Api.RunEntry[]>} */
+export const motionRuns = async () => (await completeRuns()).filter(({ kind, motion }) => kind !== "record" || motion);
 
 // Return the number that the user has entered in a field; throw an error with a message if it is not valid.
 /** @type {(id: InputId, limits?: { least?: number, whole?: boolean }) => number} */
