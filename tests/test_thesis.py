@@ -170,6 +170,7 @@ def test_each_row_of_table_5_3_is_a_case_of_the_program(facts: dict[str, Any]) -
 
 
 @pytest.mark.long
+@pytest.mark.timeout(1800)  # 15 minutes at a load of 10 on two cores
 @pytest.mark.usefixtures("plain_reports")
 def test_a_quick_run_reproduces_the_results(
     facts: dict[str, Any],
