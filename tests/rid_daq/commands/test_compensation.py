@@ -97,10 +97,7 @@ def test_a_reference_run_of_another_cell_is_refused(
 def test_compensation_reduces_the_circle_error_by_an_order_of_magnitude(
     workshop: Path, compensated: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The commands read no value from the plant file.
-
-    In the thesis, the mean path error was 1.42 mm without and 0.25 mm with compensation.
-    """
+    """In the thesis, the mean path error was 1.42 mm without and 0.25 mm with compensation."""
     loops = json.loads((workshop / "loops.json").read_text())["loops"]
     for axis, gain in zip(loops, (900.0, 1300.0, 250.0), strict=True):
         assert axis["gain"] == pytest.approx(gain, rel=0.02)
