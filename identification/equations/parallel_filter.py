@@ -10,6 +10,7 @@ cut-off.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final
@@ -102,9 +103,7 @@ class ParallelFilter:
 
     def whole_load_nm(self, model: RobotModel, standard: FloatArray, own: Conditions) -> FloatArray:
         """Return `load_nm` of all rows of the source, (samples, n) [N m or N]."""
-        segment = self.source.segment
-        edges = [0, *(np.flatnonzero(np.diff(segment)) + 1).tolist(), len(segment)]
-        parts = [slice(first, end) for first, end in pairwise(edges)]
+        parts = [slice(first, end) for first, end in _segments(self.source.segment)]
         return np.concatenate(
             [self.load_nm(model, standard, rows, own.part(rows)) for rows in parts]
         )
@@ -263,14 +262,19 @@ class ParallelFilter:
         return math.ceil(time_s / self.source.sample_period_s)
 
 
+def _segments(segment: IntArray) -> Iterator[tuple[int, int]]:
+    """Return the first row of each segment, and the row after its last one."""
+    edges = (np.flatnonzero(np.diff(segment)) + 1).tolist()
+    return pairwise([0, *edges, len(segment)])
+
+
 def _rows_near(marked: BoolArray, segment: IntArray, ahead: int, behind: int) -> BoolArray:
     """Return a mask of the rows up to `ahead` rows before or `behind` rows after a marked row.
 
     Marked rows of other segments do not count.
     """
     near = np.zeros_like(marked)
-    edges = (np.flatnonzero(np.diff(segment)) + 1).tolist()
-    for first, end in pairwise([0, *edges, len(marked)]):
+    for first, end in _segments(segment):
         for start in range(first, end, PIECE_ROWS):  # piece by piece, to limit the memory
             stop = min(start + PIECE_ROWS, end)
             begin, beyond = max(start - behind, first), min(stop + ahead, end)

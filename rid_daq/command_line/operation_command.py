@@ -227,8 +227,7 @@ def _split_value(shown: ShownField, text: str) -> tuple[str, ...]:
     values = tuple(map(str.strip, words))
     if not all(values):
         raise ConfigError(
-            f"{shown.flag}: {text!r} has an empty value between commas or none at all: give values,"
-            " or leave the option out",
+            f"{shown.flag}: {text!r} has an empty value: give values, or leave the option out",
             code=INVALID,
         )
     return values
