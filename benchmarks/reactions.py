@@ -83,7 +83,7 @@ class Frame:
 
 
 Mark = Callable[[list[Frame]], float]
-"""Earliest time at which a fault is detectable [s], from the last second before the quick stop."""
+"""Function of the frames in the last second before the quick stop: the time of the fault [s]."""
 
 
 @dataclass(frozen=True)
@@ -92,10 +92,10 @@ class Kind:
 
     Attributes:
         name: Description of the fault.
-        mark: Function for the earliest time at which the fault is detectable.
-        cycles: Time allowed from this time until the last axis's quick stop [cycles]; see
+        mark: Function that finds the time of the fault in the frames.
+        cycles: Time allowed from the detection until the last axis's quick stop [cycles]; see
             docs/faults.md.
-        waits_s: Additional time allowed until the fault is detected [s].
+        waits_s: Additional time allowed from the fault until its detection [s].
     """
 
     name: str

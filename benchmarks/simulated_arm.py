@@ -125,7 +125,7 @@ class SimulatedArm:
 
 
 def _body(mass_kg: float, random: np.random.Generator) -> Any:
-    """Return the inertia of a body without symmetry."""
+    """Return the inertia of a uniform cuboid with random edges, orientation and centre of mass."""
     size = random.uniform(0.1, 0.35, 3)
     turn = pin.exp3(random.normal(size=3))
     around = np.diag(mass_kg / 12.0 * (np.sum(size**2) - size**2))

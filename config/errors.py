@@ -30,7 +30,10 @@ class RidDaqError(Exception):
 
 
 class ConfigError(RidDaqError):
-    """A file or an argument is invalid. The text names the place in the file, or the argument."""
+    """A file, an argument or the installation does not allow what was requested.
+
+    The text names the place in the file, or the argument, if one of them is the cause.
+    """
 
 
 class LimitError(ConfigError):

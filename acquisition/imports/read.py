@@ -131,8 +131,8 @@ def import_csv(
         raise DataQualityError(
             f"{file.name}: only {used} of {table.rows_read} rows have new values with map"
             f" {import_map.name!r} ({FEWEST_ROWS} are needed): {clock.repeated_rows} rows repeat"
-            " the previous row although the robot moves. Record longer, or at the rate at which"
-            " the source updates",
+            " the previous row although the robot moves. Record longer, or make the source update"
+            " its values more often",
             code="RID-IMPORT-REPEATED-ROWS",
         )
     rows = replace(rows.keep(judged.kept), time_s=judged.time_s, position=judged.position)

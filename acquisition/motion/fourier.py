@@ -71,7 +71,7 @@ class FourierTrajectory:
         if 2 * len(self.sine) >= self.samples_per_period:
             raise ConfigError(
                 f"harmonic {len(self.sine)} of a period of {self.samples_per_period} samples is"
-                " beyond half the sampling frequency: use fewer harmonics or a longer period",
+                " not below half the sampling frequency: use fewer harmonics or a longer period",
                 code="RID-MOTION-BAND",
             )
 

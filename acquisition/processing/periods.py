@@ -268,7 +268,10 @@ def _lost(table: PeriodTable) -> dict[int, str]:
 
 
 def _incomplete(present: BoolArray) -> dict[int, str]:
-    """Return the periods with too few rows in `present`, (periods, K), with the reason."""
+    """Return the periods with too many or too long gaps, each with the reason.
+
+    `present` is True for each row that was recorded, (periods, K).
+    """
     rejected = {}
     periods, samples = present.shape
     for period in range(periods):

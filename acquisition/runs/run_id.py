@@ -10,7 +10,8 @@ from pathlib import Path
 _ALPHABET = "0123456789ABCDEFGHJKMNPQRSTVWXYZ"
 _LENGTH = 26
 _RANDOM_BITS = 80
-# if the clock was set back by more than this, its earlier times were wrong
+# Largest step back of the clock after which new ids still sort behind the existing ones. After a
+# larger step, the times of the existing runs are considered wrong.
 _CLOCK_STEP_NS = 24 * 3600 * 10**9
 RUN_ID = re.compile(rf"[0-7][{_ALPHABET}]{{{_LENGTH - 1}}}")
 

@@ -31,10 +31,10 @@ class TimedMotion:
         motion: Content of its motion file.
         ways: Its parts from rest to rest.
         moving_s, original_s: Duration of the motion after and before retiming, without rests [s].
-        off: Largest distance between the original motion's rows and the curve [rad or m].
-        was_periodic: True if the original motion had periods; all periods together are one part
-            now.
-        places: For each part, the path length at each row of the original motion.
+        off: Largest deviation of a joint of the curve from the original motion [rad or m].
+        was_periodic: True if the original motion had periods. The retimed motion has none: its
+            parts end at rests and at turning points.
+        places: For each part, the path lengths of its rows in the original motion.
     """
 
     motion: TimedPathMotion

@@ -154,6 +154,8 @@ class _Builder:
             if not isinstance(key_node, yaml.ScalarNode):
                 self._refuse(key_node, "a key must be a plain word", "RID-FILE-SYNTAX")
             key = key_node.value
+            if key_node.tag == "tag:yaml.org,2002:merge":
+                self._refuse(key_node, "merge keys are not allowed; write the keys", "RID-FILE-TAG")
             if key in result:
                 self._refuse(
                     key_node,

@@ -20,8 +20,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from config.errors import TransportError
 
-# Header of 8-byte words, each written atomically: sequence number (odd during a write), number of
-# axes, time, payload, announced row of a motion plus 1 (0: none).
+# Header of 8-byte words, each written atomically. The simulation writes the sequence number (odd
+# during a write), the number of axes and the time. Readers request a payload by its number (0: no
+# payload), and announce the row of a motion that begins with the next SYNC (row + 1; 0: none).
 _SEQUENCE, _AXES, _TIME, _PAYLOAD, _ROW = 0, 1, 2, 3, 4
 _HEADER_WORDS = 5
 _ROWS = 5

@@ -316,9 +316,10 @@ class Model:
         Raises:
             ConfigError: `urdf` cannot be read, or its axes are not those of the robot
                 (RID-URDF-KINEMATICS).
-            EstimationError: The model does not explain its own data (RID-MODEL-MISFIT), no
-                physically consistent parameters explain the data (RID-MODEL-INCONSISTENT), or
-                links of `urdf` do not fit into the identified bodies (RID-EXPORT-FIXED-LINKS).
+            EstimationError: A joint did not move (RID-MODEL-STILL), the model does not explain its
+                own data (RID-MODEL-MISFIT), no physically consistent parameters explain the data
+                (RID-MODEL-INCONSISTENT), or links of `urdf` do not fit into the identified bodies
+                (RID-EXPORT-FIXED-LINKS).
         """
         if urdf is None and tip is not None:
             raise ConfigError(
@@ -345,7 +346,7 @@ class Model:
             despite_misfit: As for `to_urdf`.
 
         Raises:
-            EstimationError: As for `to_urdf`.
+            EstimationError: As for `to_urdf` without a file.
         """
         names: dict[str, Any] = {}
         source = pinocchio_model(self._export_model(Format.PINOCCHIO, despite_misfit))
@@ -360,7 +361,7 @@ class Model:
 
         Raises:
             ConfigError: MuJoCo is not installed (RID-INSTALL-LIBRARY).
-            EstimationError: As for `to_urdf`.
+            EstimationError: As for `to_urdf` without a file.
         """
         try:
             mujoco: Any = importlib.import_module("mujoco")

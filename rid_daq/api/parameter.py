@@ -32,7 +32,10 @@ class Parameter:
         return self.value - 2.0 * self.sigma, self.value + 2.0 * self.sigma
 
     def __str__(self) -> str:
-        """Return the combination with its estimate and 95 % interval, as in `print(model)`."""
+        """Return one line: the combination, its estimate, and half of its 95 % interval.
+
+        If the recordings do not determine the combination, the line says so instead of the values.
+        """
         value, reach = format_measured(self.value, 2.0 * self.sigma)
         shown = f"{value} ± {reach} {self.unit}" if self.is_shown else "not determined"
         return f"{self.expression} = {shown}"

@@ -120,7 +120,8 @@ class MovedMassEntry(Section):
         mass_kg: Mass that the joint's force accelerates, with the inertia of the rotor [kg].
         std_kg: Standard deviation of the mass [kg].
         held: Force that holds the joint against gravity, relative to the weight of this mass; null
-            if gravity does not load the joint, or if the robot file states a counterbalance.
+            if gravity does not load the joint or loads it by a force that varies with the pose, if
+            the robot file states a spring or a counterbalance, or if the mass is not positive.
         held_std: Standard deviation of `held`, with that of a friction offset.
         drawn: The mass relative to that of the links in `cad`; null without `cad`.
         drawn_std: Standard deviation of `drawn`.

@@ -271,7 +271,7 @@ class Outcome:
         self.bus.run_until(self.bus.now_s + 0.05)
 
     def stated_s(self, joint: str) -> float:
-        """Return the time to rest that the preflight shows for a joint [s]."""
+        """Return the time of a joint's stop from top speed that the preflight shows [s]."""
         (shown,) = (
             s
             for s in self.settings

@@ -131,10 +131,11 @@ def validation_motion(robot: RobotDescription) -> MultipointMotion:
 def limit_to_motors(robot: RobotDescription) -> tuple[RobotDescription, tuple[str, ...]]:
     """Return the robot with limits that its motors can keep, and notes on the changes.
 
-    A torque limit that gravity nearly uses up is raised. A joint that could cross its whole range
-    before a stop is slowed down. If the validation motion needs more torque than available, speed
-    and acceleration of all joints are lowered together: the path stays the same, and the torques of
-    inertia fall with the square of the speed.
+    A torque limit is raised if gravity needs more than `GRAVITY_SHARE` of it. A speed limit is
+    lowered if the joint could cross its range in less than `LEAST_CROSSING_S`. If the validation
+    motion needs more torque than available, all speed limits are multiplied by a factor, and the
+    acceleration limits by its square: the path stays the same, and the torques of inertia fall with
+    the square of the factor.
 
     Raises:
         ConfigError: The robot has no `cad`, or its bodies leave no space for the validation motion.

@@ -133,18 +133,22 @@ class RoundedPositionsEntry(Section):
 
 @dataclass(frozen=True)
 class EstimateChecks:
-    """Checks of an estimate; None stands for a check that was not made.
+    """Results of the checks of an estimate.
 
     Attributes:
-        findings: Remarks on the estimate.
-        mistakes: Probable mistakes in wiring, units and files.
-        driving: Joints with negative friction power.
-        late_torques: Joints whose recorded torque is later than any bus explains.
-        arm_weight: Weight of the arm implied by the torques.
-        moved_masses: Moving mass and holding force of each prismatic joint.
-        unconfirmed: Entries of the files that the recordings do not confirm.
+        findings: Remarks on the estimate; None if it was not checked.
+        mistakes: Probable mistakes in wiring, units and files; None if there was no search.
+        driving: Joints with negative friction power; None if this was not checked.
+        late_torques: Joints whose recorded torque has a delay that no bus explains, or passed a
+            filter; empty if there are none, or if this was not checked.
+        arm_weight: Weight of the arm implied by the torques; None if they do not determine it, or
+            if this was not checked.
+        moved_masses: Moving mass and holding force of each prismatic joint that the torques
+            determine.
+        unconfirmed: Entries of the files that the recordings do not confirm; None if a mistake was
+            found, if there are too few data, or if there was no search.
         rounded: Rounded positions with a material effect; None if there are none.
-        consistency: Test of physical consistency.
+        consistency: Test of physical consistency; None if it was not made.
     """
 
     findings: tuple[str, ...] | None = None

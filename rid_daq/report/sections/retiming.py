@@ -26,8 +26,8 @@ if TYPE_CHECKING:
 REACHED: Final = 0.98
 CHANGES: Final = "a change of acceleration"
 PERIODIC: Final = (
-    " The motion was periodic. All its periods, including those for settling, are now one part"
-    " from rest to rest, so a recording of the retimed motion has no periods."
+    " The motion was periodic. The retimed motion contains all its periods, including those for"
+    " settling, but it is not periodic itself, so its recording has no periods."
 )
 WRENCH: Final = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 
@@ -139,8 +139,8 @@ class RetimingSection(Section):
         joints: Largest values of each joint.
         base: Largest values of the base wrench; left out if it is not limited.
         ways: Curves of each part of the path from rest to rest.
-        was_periodic: True if the original motion had periods, which are one part of the retimed
-            motion. Left out otherwise.
+        was_periodic: True if the original motion had periods; the retimed motion has none. Left out
+            otherwise.
         driven: Measurements on a robot; left out if the path was not driven.
     """
 

@@ -156,7 +156,7 @@ function perpendicular(vector, axis, size) {
 }
 
 // ---- wrench of the base on the robot, as a force plate measures it
-const FULL_LENGTH = 4; // length of an arrow with the full value, as a multiple of `size`
+const FULL_LENGTH = 4; // length of an arrow at full scale (see `show`), as a multiple of `size`
 const LEAST_SHARE = 0.02; // fraction of FULL_LENGTH; shorter arrows are not drawn
 /** @type {[string, "force_n" | "moment_nm", string, typeof arrow][]} */
 const KINDS = [["force", "force_n", "N", arrow], ["moment", "moment_nm", "N m", momentArrow]];

@@ -151,8 +151,8 @@ export class JobPanel {
     this.update();
     if (!over(job) || view.over) return;
     view.over = true;
-    // load a second time if the event `ended` is missing: the first request may have begun before the last events. A
-    // killed job never sends this event
+    // If `ended` is missing after one load, load once more: the first request may have been sent before the last event
+    // existed. A killed job never sends `ended`, so there is no third attempt.
     for (let i = 0; i < 2 && view.last !== "ended"; i++) await this.load();
     if (this.view !== view) return; // the user has chosen another job meanwhile
     this.drop();

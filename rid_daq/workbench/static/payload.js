@@ -70,7 +70,7 @@ function leaveLast() {
   forgetEntries();
 }
 
-// The buttons that need a session are shown only with its result.
+// Not null where it is used: the buttons that need a session are shown only with its result.
 const chosenSession = () => /** @type {{ run: string, payload: string }} */ (session);
 const make = /** @type {HTMLSelectElement} */ (find("make"));
 

@@ -49,7 +49,7 @@ def tool_error_m(robot: RobotDescription, wanted: FloatArray, found: FloatArray)
 
 
 def trapezoid_s(curve: JointCurve, model: Estimate, limits: TimingLimits, cycle_s: float) -> float:
-    """Return the shortest time of a trapezoidal profile of path speed within all limits."""
+    """Return the shortest time of trapezoidal profiles that keep speed, acceleration and torque."""
     begin, end = curve.ends
     length, best = end - begin, np.inf
     for speed in np.linspace(0.2, 2.0, 19):

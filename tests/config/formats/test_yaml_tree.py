@@ -54,6 +54,7 @@ def test_every_value_knows_its_line_and_column() -> None:
         (b"a: !!python/name:os.system", "1:4", "RID-FILE-TAG", "name:os.system"),
         (b"a: !secret x", "1:4", "RID-FILE-TAG", "'!secret'"),
         (b"a: !!set {x, y}", "1:4", "RID-FILE-TAG", ":set'"),
+        (b"a: &x {b: 1}\nc:\n  <<: *x", "3:3", "RID-FILE-TAG", "keys"),
         (b"a: !!str 5", "1:4", "RID-FILE-TAG", ":str'"),
         (b"a: !!float 5", "1:4", "RID-FILE-TAG", ":float'"),
         (b"? [a, b]\n: 1", "1:3", "RID-FILE-SYNTAX", "key"),

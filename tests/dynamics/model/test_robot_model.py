@@ -66,7 +66,7 @@ def test_torque_is_the_regressor_times_the_parameters(model, random_motion) -> N
 
 
 def test_parts_of_the_regressor_in_reused_memory_equal_the_whole(ir361) -> None:
-    """The regressor depends on each sample's temperature and load."""
+    """Each block uses the temperatures and loads of its own samples."""
     joint = {"friction": ("viscous", "temperature"), "efficiency": 0.9}
     joints = tuple(j.model_copy(update=joint) for j in ir361.joints)
     model = RobotModel.from_description(ir361.model_copy(update={"joints": joints}), payload=True)

@@ -55,7 +55,7 @@ def true_load_nm(friction: str) -> FloatArray:
 
 
 def smooth_load_nm(own: CandidateEquations, values: FloatArray) -> FloatArray:
-    """Return the torque of base parameters without the noise of the positions, (rows, n)."""
+    """Return the torque of base parameters, smoothed like the load in a fit, (rows, n)."""
     piece = own.pieces[0]
     return smooth_gaussian(piece.rigid @ values, piece.step_s, piece.load_width_s)
 

@@ -1,4 +1,4 @@
-"""Friction estimated from recordings with analytic friction laws."""
+"""Friction estimated from simulated recordings whose friction law is known."""
 
 from __future__ import annotations
 

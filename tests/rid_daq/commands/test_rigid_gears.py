@@ -28,7 +28,7 @@ COMMANDS = {
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with a short path, velocity loops, and two models of one arm."""
+    """Return a folder with a motion file, velocity loops, and models of motors and links."""
     folder, cell = tmp_path_factory.mktemp("rigid"), load_cell("ir361")
     write_path_files(folder, joint_path([0.0, 0.0, 0.0], [0.1, 0.1, 0.1]))
     write_estimate(folder / "links.json", links_model(cell))

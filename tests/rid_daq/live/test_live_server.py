@@ -39,7 +39,7 @@ STOP_BODY = b"Content-Length: 2\r\n\r\n{}"
 
 
 class Served:
-    """The live page of a simulated motion, in a separate process."""
+    """The live page in a separate process; the tests write its state, and nothing moves."""
 
     def __init__(self, access: Access) -> None:
         loaded = load_cell("ir361")

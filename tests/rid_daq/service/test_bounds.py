@@ -119,13 +119,13 @@ def _properties(schema: Any) -> Iterator[str]:
             yield from _properties(each)
 
 
-@pytest.mark.promise("no-scheduler")
+@pytest.mark.promise("no-outgoing-connections")
 def test_no_request_has_a_field_for_an_address() -> None:
     names = {name for kind in request_schemas().values() for name in _properties(kind)}
     assert not {name for name in names if name in ("scheduler", "address", "host", "url", "port")}
 
 
-@pytest.mark.promise("no-scheduler")
+@pytest.mark.promise("no-outgoing-connections")
 @pytest.mark.parametrize("where", ["excitation", "multisine", ""])
 def test_a_scheduler_is_refused_in_every_place(tmp_path: Path, where: str) -> None:
     named = {"scheduler": "tcp://127.0.0.1:8786"}

@@ -1,4 +1,4 @@
-"""Faults and crashed processes end a motion and require a check by a person."""
+"""Faults, and processes that die during a motion, put the cell into the state FAULT."""
 
 from __future__ import annotations
 

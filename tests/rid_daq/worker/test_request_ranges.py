@@ -1,4 +1,4 @@
-"""Each range is declared once; every entry point refuses a number outside it."""
+"""Every number of a request has a range; service and worker refuse a number outside it."""
 
 from __future__ import annotations
 

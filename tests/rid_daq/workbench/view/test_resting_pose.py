@@ -18,7 +18,7 @@ MEASURED = (0.1, -0.2, 0.3)
 
 @pytest.fixture
 def cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> LoadedCell:
-    """Return a cell without a last pose; the test may store one in a folder of its own."""
+    """Return a cell without a stored last pose; a pose that a test stores is removed after it."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     return load_cell("ir361")
 
