@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from enum import StrEnum
-from typing import Final
+from functools import cache
 
 from rid_daq.operations.catalogue import OF_KINDS, operation
 from rid_daq.operations.operation import Operation
@@ -22,5 +22,10 @@ class JobKind(StrEnum):
         return operation(OF_KINDS[self.value])
 
 
-HELD_KINDS: Final = tuple(kind for kind in JobKind if kind.operation.is_held)
-"""Kinds of jobs in which the robot moves only while a key is held."""
+@cache
+def held_kinds() -> tuple[JobKind, ...]:
+    """Return the kinds of jobs in which the robot moves only while a key is held.
+
+    This imports every operation, so it is not done when a command starts.
+    """
+    return tuple(kind for kind in JobKind if kind.operation.is_held)

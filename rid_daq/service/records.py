@@ -8,7 +8,7 @@ from typing import Annotated, Final, Literal
 from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 from rid_daq.preflight.check_line import CheckLine
-from rid_daq.service.job_kinds import HELD_KINDS, JobKind
+from rid_daq.service.job_kinds import JobKind, held_kinds
 
 MOST_CHARACTERS: Final = 200
 """Maximum length of names, notes and other texts that every answer repeats."""
@@ -194,7 +194,7 @@ class CellStatus(Record):
     preflight_limit_s: float
     not_ready_because: str = ""
     not_held_because: str = ""
-    held_kinds: tuple[JobKind, ...] = HELD_KINDS
+    held_kinds: tuple[JobKind, ...] = Field(default_factory=held_kinds)
     job: Job | None = None
     lease: Lease | None = None
 

@@ -22,7 +22,7 @@ from config.process.safety_clock import safety_now_s
 from rid_daq.service.files.edited_file import FileLocks
 from rid_daq.service.files.editors import Editors
 from rid_daq.service.folder_files import Uploads
-from rid_daq.service.job_kinds import HELD_KINDS, JobKind
+from rid_daq.service.job_kinds import JobKind, held_kinds
 from rid_daq.service.job_runner import JobRunner
 from rid_daq.service.leases import Leases
 from rid_daq.service.logs import LOG, ErrorIsolator
@@ -155,7 +155,7 @@ class CellService:
             preflight_age_s=None if obstacle and not fault else self.readiness.age_s(cell),
             preflight_limit_s=PREFLIGHT_LIMIT_S,
             not_ready_because=obstacle,
-            not_held_because=self.readiness.obstacle(cell, HELD_KINDS[0]),
+            not_held_because=self.readiness.obstacle(cell, held_kinds()[0]),
             job=None if running is None else running.job,
             lease=self.leases.lease_of(cell.name),
         )
