@@ -76,6 +76,18 @@ def test_the_list_of_commands_is_shown_without_importing_any(
     assert "emergency stop is required" in " ".join(shown.stdout.split())
 
 
+def test_the_help_of_a_command_imports_no_operation_of_another() -> None:
+    program = (
+        "import sys; from rid_daq.app import run; run(['demo', '--help']);"
+        "parts = [n.split('.') for n in sys.modules if n.startswith('rid_daq.operations')];"
+        "print('groups:', {name[2] for name in parts if len(name) == 4})"
+    )
+    shown = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120.0, check=True
+    )
+    assert shown.stdout.endswith("groups: {'start'}\n")
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
