@@ -35,7 +35,8 @@ from acquisition.maps.import_map import ImportMap
 from acquisition.maps.time_column import numbered
 from acquisition.maps.torque_meaning import torque_findings
 from acquisition.motion.samples import Phase
-from acquisition.processing.smoothing import GAP_STEPS, resample_periods
+from acquisition.processing.imported_periods import resample_periods
+from acquisition.processing.smoothing import GAP_STEPS
 from acquisition.recording.recording import Recording
 from config.arrays import lock
 from config.cell.torque_filter import ButterworthFilter

@@ -241,7 +241,7 @@ def smooth_nonperiodic(
         sample_period_s=step_s,
         cutoff_hz=cutoff_hz,
         temperature_k=(
-            None if recording.temperature_k is None else _temperature_at(recording, joined.time_s)
+            None if recording.temperature_k is None else temperature_at(recording, joined.time_s)
         ),
         unfiltered=UnfilteredSignals(
             **_join(rough)._asdict(),
@@ -271,7 +271,7 @@ def _numbers(segments: Sequence[_Segment]) -> IntArray:
     return np.repeat(np.arange(len(segments)), [len(piece.time_s) for piece in segments])
 
 
-def _temperature_at(recording: Recording, time_s: FloatArray) -> FloatArray:
+def temperature_at(recording: Recording, time_s: FloatArray) -> FloatArray:
     """Return the drives' temperatures at other times, (times, joints); no columns if unknown."""
     if recording.temperature_k is None:
         return np.empty((len(time_s), 0))
@@ -281,67 +281,3 @@ def _temperature_at(recording: Recording, time_s: FloatArray) -> FloatArray:
     )
     n = len(recording.joint_names)
     return lock(ColumnFile.of_columns(columns, n, len(time_s)))
-
-
-def resample_periods(recording: Recording, period_s: float) -> Recording:
-    """Return a periodic recording, resampled to a uniform grid that divides its period.
-
-    The first row is the start of the first period; rows after the last whole period are left out.
-    Grid rows in a gap of more than 5 median steps are marked invalid.
-
-    Args:
-        recording: Whole periods from its first row on.
-        period_s: True period [s]; it is not estimated from the recording.
-
-    Raises:
-        DataQualityError: The recording has fewer than two whole periods, or a period fewer than
-            four rows.
-    """
-    from scipy.interpolate import CubicSpline  # a slow import that few commands need
-
-    time_s = recording.time_s[recording.valid]
-    step_s = float(np.median(np.diff(time_s))) if len(time_s) > 1 else np.inf
-    periods = int((time_s[-1] - time_s[0] + step_s) / period_s) if len(time_s) > 1 else 0
-    if periods < 2:
-        raise DataQualityError(
-            f"the recording has {periods} whole periods of {period_s:g} s, but averaging needs"
-            " at least 2: correct period_s and rows in the map, or leave period_s out",
-            code="RID-IMPORT-RANGE",
-        )
-    if period_s < 4.0 * step_s:
-        raise DataQualityError(
-            f"a period of {period_s:g} s has {period_s / step_s:.3g} rows of the recording, but"
-            " averaging needs at least 4: correct period_s in the map, or leave it out",
-            code="RID-IMPORT-RANGE",
-        )
-    samples_per_period = round(period_s / step_s)
-    sample_period_s = period_s / samples_per_period
-    index = np.arange(periods * samples_per_period)
-    grid = time_s[0] + index * sample_period_s
-    n = len(recording.joint_names)
-    commands = recording.velocity_command
-    if commands is None:
-        commands = np.empty((len(recording), 0))
-    measured = np.hstack([recording.position, recording.torque_nm, commands])
-    values = measured[recording.valid]
-    resampled = CubicSpline(time_s, values)(np.minimum(grid, time_s[-1]))
-    after = np.clip(np.searchsorted(time_s, grid), 1, len(time_s) - 1)
-    valid = time_s[after] - time_s[after - 1] <= GAP_STEPS * step_s
-    return Recording(
-        joint_names=recording.joint_names,
-        time_s=grid,
-        position=resampled[:, :n],
-        torque_nm=resampled[:, n : 2 * n],
-        velocity_command=None if recording.velocity_command is None else resampled[:, 2 * n :],
-        valid=valid,
-        phase=np.full(len(grid), recording.phase[0], dtype=np.uint8),
-        sample_index=index,
-        source=recording.source,
-        sample_period_s=sample_period_s,
-        samples_per_period=samples_per_period,
-        torque_filter=recording.torque_filter,
-        temperature_k=None if recording.temperature_k is None else _temperature_at(recording, grid),
-        cell_name=recording.cell_name,
-        robot_name=recording.robot_name,
-        run_id=recording.run_id,
-    )

@@ -132,12 +132,14 @@ def as_numbers(name: str, values: npt.ArrayLike, *, finite: bool = True) -> Floa
 
     Args:
         name: Name of the argument.
-        values: The argument.
+        values: The argument; masked values count as NaN.
         finite: False if the caller treats NaN itself, such as damaged rows of a recording.
 
     Raises:
         ConfigError: The values are not real numbers, are ragged, or are not finite.
     """
+    if isinstance(values, np.ma.MaskedArray):
+        values = np.ma.filled(values.astype(np.float64), np.nan)
     try:
         found = np.asarray(values)
     except ValueError:

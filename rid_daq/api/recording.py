@@ -98,7 +98,8 @@ class Recording:
             ConfigError: An array has a wrong shape, or not real numbers; or positions are far
                 beyond the limits, probably in degrees; or `torques` has another value; or the
                 period is not positive (RID-API-ARGUMENT); or the name is invalid (RID-FILE-NAME).
-            DataQualityError: Too many rows are damaged, or the values are impossible for a robot.
+            DataQualityError: Too many rows are damaged, the values are impossible for a robot, or
+                the motion does not repeat after the period (RID-IMPORT-PERIOD).
         """
         robot = as_robot("robot", robot)
         n = len(robot.joint_names)

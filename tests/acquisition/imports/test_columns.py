@@ -42,12 +42,12 @@ def read(tmp_path: Path) -> Read:
     return read_table
 
 
-def table() -> np.ndarray:
+def table(rows: int = ROWS) -> np.ndarray:
     """Return a table with columns for the time, two positions, two velocities, two torques or
     currents, and two temperatures in °C.
     """
-    t = 0.01 * np.arange(ROWS)
-    warmth = np.linspace(20.0, 45.0, ROWS)
+    t = 0.01 * np.arange(rows)
+    warmth = np.linspace(20.0, 45.0, rows)
     return np.column_stack(
         [
             t,
@@ -135,10 +135,11 @@ class TestVelocityCommands:
 
     def test_commands_are_put_on_the_grid_of_the_periods(self, read: Read) -> None:
         joints = ({**joint, "position_sign": 1} for joint in self.MAP)
-        recording, _ = read(table(), layout(*joints, period_s=1.0))
-        commands = recording.velocity_command
-        assert commands is not None
-        np.testing.assert_allclose(commands, table()[: len(commands), 3:5], atol=1e-6)
+        recording, _ = read(table(1300), layout(*joints, period_s=2.0 * np.pi))
+        t = recording.time_s
+        expected = np.column_stack([3.0 * np.cos(3.0 * t), -2.0 * np.sin(2.0 * t)])
+        assert recording.velocity_command is not None
+        np.testing.assert_allclose(recording.velocity_command, expected, atol=1e-6)
 
     @pytest.mark.parametrize("factor", [180.0 / np.pi, np.pi / 180.0, 30.0 / np.pi, 50.0, -1.0])
     def test_commands_that_the_motion_contradicts_are_refused(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +9,12 @@ import pytest
 
 from acquisition.imports.read import import_csv
 from acquisition.maps.import_map import ImportMap, RowRange
+from acquisition.processing.imported_periods import resample_periods
 from acquisition.processing.periods import average_periods
-from acquisition.processing.smoothing import resample_periods, smooth_nonperiodic
+from acquisition.processing.smoothing import smooth_nonperiodic
+from config.errors import DataQualityError
 from config.load import load_bundled_or_path, load_robot
+from tests.builders.raised_codes import raises_code
 
 SOUND = (
     "ur-20_01_17-ptp_10_points",
@@ -100,9 +102,9 @@ class TestPeriods:
         assert rejected.index == 0
         assert "position of joint 'joint2' differs" in rejected.reason
 
-    def test_a_wrong_period_increases_the_variance(self, real_robot: Path) -> None:
+    def test_a_wrong_period_is_refused(self, real_robot: Path) -> None:
         import_map = layout().model_copy(update={"rows": RowRange(first=387, last=5805)})
         recording, _ = import_csv(real_robot / "ur-20_01_22-joint_2.csv", import_map)
-        right = average_periods(resample_periods(recording, 10.0))
-        wrong = average_periods(resample_periods(replace(recording), 9.9))
-        assert wrong.position_variance[1] > 1e4 * right.position_variance[1]
+        assert average_periods(resample_periods(recording, 10.0)).periods_kept > 2
+        with raises_code(DataQualityError, "RID-IMPORT-PERIOD", "joint2", "10 s"):
+            resample_periods(recording, 9.9)

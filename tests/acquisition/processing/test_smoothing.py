@@ -12,7 +12,8 @@ import pytest
 from scipy import signal
 
 from acquisition.motion.samples import Phase
-from acquisition.processing.smoothing import low_pass, resample_periods, smooth_nonperiodic
+from acquisition.processing.imported_periods import resample_periods
+from acquisition.processing.smoothing import low_pass, smooth_nonperiodic
 from acquisition.recording.recording import Recording
 from config.errors import ConfigError, DataQualityError
 from tests.builders.raised_codes import raises_code
@@ -21,7 +22,7 @@ W = 2.0 * np.pi * 0.5
 
 
 def truth(t: np.ndarray) -> np.ndarray:
-    return np.stack([np.sin(W * t) + 0.3 * np.sin(2.3 * W * t), 0.5 * np.cos(W * t)], axis=1)
+    return np.stack([np.sin(W * t) + 0.3 * np.sin(2.5 * W * t), 0.5 * np.cos(W * t)], axis=1)
 
 
 def recording_with_uneven_stamps(
@@ -151,6 +152,26 @@ class TestResamplePeriods:
         inside = (resampled.time_s > 104.0) & (resampled.time_s < 104.2)
         assert not resampled.valid[inside].any()
         assert resampled.valid[~inside].sum() > len(resampled) - 25
+
+    @pytest.mark.parametrize(("period_s", "share"), [(3.7, 95), (2.0, 29), (3.96, 15)])
+    def test_a_motion_that_does_not_repeat_after_its_period_is_refused(
+        self, period_s: float, share: int
+    ) -> None:
+        recording = recording_with_uneven_stamps(duration_s=13.0)
+        with raises_code(DataQualityError, "RID-IMPORT-PERIOD", f"{share} %", "4 s"):
+            resample_periods(recording, period_s)
+
+    def test_a_motion_that_never_repeats_gets_no_period(self) -> None:
+        recording = recording_with_uneven_stamps(duration_s=13.0)
+        away = replace(recording, position=recording.position + 0.5 * recording.time_s[:, None])
+        with raises_code(DataQualityError, "RID-IMPORT-PERIOD") as caught:
+            resample_periods(away, 4.0)
+        assert "repeat after about" not in str(caught.value)
+
+    def test_one_period_may_differ(self) -> None:
+        recording = recording_with_uneven_stamps(duration_s=13.0)
+        moved = recording.position + np.where(recording.time_s[:, None] < 103.0, 0.5, 0.0)
+        assert len(resample_periods(replace(recording, position=moved), 4.0)) == 1200
 
     def test_less_than_two_periods_are_refused(self) -> None:
         with raises_code(DataQualityError, "RID-IMPORT-RANGE"):

@@ -25,6 +25,21 @@ def test_rows_that_are_left_out_are_noted(arm: Arm) -> None:
     assert str(recording).splitlines()[1:3] == list(report.notes)
 
 
+def test_masked_values_are_left_out(arm: Arm) -> None:
+    time_s, q, v, a = arm.motion(5, 10.0)
+    masked = np.ma.array(arm.torque_nm(q, v, a))
+    masked[5:9, 2] = np.ma.masked
+    recording = Recording.from_arrays(time_s, q, masked, robot=arm.robot)
+    assert len(recording) == len(time_s) - 4
+
+
+def test_a_period_after_which_the_motion_does_not_repeat_is_refused(arm: Arm) -> None:
+    time_s, q, v, a = arm.motion(5, 20.0)
+    torque_nm = arm.torque_nm(q, v, a)
+    with raises_code(DataQualityError, "RID-IMPORT-PERIOD"):
+        Recording.from_arrays(time_s, q, torque_nm, robot=arm.robot, period_s=7.3)
+
+
 def test_an_error_names_the_array_and_not_a_file(arm: Arm) -> None:
     time_s, q, v, a = arm.motion(5, 10.0)
     with raises_code(DataQualityError, "RID-IMPORT-UNITS", "velocity[:, 0]", "mine") as raised:
