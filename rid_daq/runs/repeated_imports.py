@@ -1,4 +1,4 @@
-"""`refuse_repeated_imports`: a recording that was imported twice must not count as two runs."""
+"""Recordings that were imported twice: they must not count as two runs, or validate themselves."""
 
 from __future__ import annotations
 
@@ -19,6 +19,10 @@ FEWEST_ROWS: Final = 100
 """Smallest number of different rows in common that are no coincidence."""
 COMMON_SHARE: Final = 0.9
 """Smallest fraction of equal rows where two imports overlap; damaged rows can be left out."""
+SAMPLED_ROWS: Final = 256
+"""Number of rows by which a model recognises the imports from which it was identified."""
+FEWEST_SAMPLED: Final = 8
+"""Smallest number of these rows in another run that are no coincidence."""
 
 
 def refuse_repeated_imports(data: Sequence[RunData]) -> None:
@@ -46,6 +50,27 @@ def refuse_repeated_imports(data: Sequence[RunData]) -> None:
                 " overlapping parts of one: give each row once",
                 code="RID-OPTION-EXCLUSIVE",
             )
+
+
+def sample_imported_rows(data: Sequence[RunData]) -> tuple[int, ...]:
+    """Return hashes of rows that represent all rows of the imported runs; empty without imports.
+
+    They are the smallest hashes, so that every part of a run contains its share of them. Each has
+    at most 53 bits, which every JSON reader keeps.
+    """
+    hashes = [row_hashes(each.parts()) for each in data if each.import_report is not None]
+    if not hashes:
+        return ()
+    return tuple((np.unique(np.concatenate(hashes))[:SAMPLED_ROWS] >> np.uint64(11)).tolist())
+
+
+def share_of_samples(sampled: Sequence[int], data: RunData) -> float:
+    """Return the fraction of sampled rows that an imported run contains; 0 if it is negligible."""
+    if not sampled or data.import_report is None:
+        return 0.0
+    own = row_hashes(data.parts()) >> np.uint64(11)
+    common = np.count_nonzero(np.isin(np.array(sampled, dtype=np.uint64), own))
+    return common / len(sampled) if common >= min(FEWEST_SAMPLED, len(sampled)) else 0.0
 
 
 def row_hashes(parts: Iterable[Recording]) -> RowHashes:

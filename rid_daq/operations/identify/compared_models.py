@@ -18,6 +18,7 @@ from rid_daq.operations.cell_files import refuse_other_robot
 from rid_daq.operations.identify.compare import CompareRequest
 from rid_daq.operations.stated_payload import state_payload
 from rid_daq.runs.measured_torques import require_torques
+from rid_daq.runs.repeated_imports import share_of_samples
 from rid_daq.runs.run_data import RunData, all_defects
 from rid_daq.runs.run_model import read_model
 from rid_daq.terminal.choices import MODEL
@@ -133,10 +134,11 @@ def _gear_notes(models: list[tuple[str, Estimate]]) -> list[str]:
 
 
 def _predict_run(one: Estimate, other: Estimate, data: RunData) -> RunPrediction:
-    run_id = data.folder.run_id
+    used = [
+        data.folder.run_id in each.run_ids or share_of_samples(each.imported_rows, data) > 0.0
+        for each in (one, other)
+    ]
     found = [
         validate_torques(each, data.recording, cutoff_hz=each.band_hz) for each in (one, other)
     ]
-    return RunPrediction(
-        data, (run_id in one.run_ids, run_id in other.run_ids), common_relative_errors(*found)
-    )
+    return RunPrediction(data, (used[0], used[1]), common_relative_errors(*found))

@@ -38,7 +38,7 @@ from rid_daq.report.sections.validation import RunErrors, ValidationSection
 from rid_daq.report.sections.verdict import VerdictCheck, VerdictSection
 from rid_daq.requests.request import refuse_unused
 from rid_daq.runs.measured_torques import require_torques
-from rid_daq.runs.repeated_imports import refuse_repeated_imports
+from rid_daq.runs.repeated_imports import refuse_repeated_imports, share_of_samples
 from rid_daq.runs.run_data import RunData
 
 SHORTEST_S: Final = 5.0
@@ -168,6 +168,13 @@ def _predict_torques(request: ValidateRequest, estimate: Estimate, data: RunData
             f"{data.folder.path}: no verdict: the model was identified from this run, so the run"
             " does not show the error on other motions. Validate with a run that was not used"
             " for the estimate",
+            code="RID-VALIDATE-SAME-RUN",
+        )
+    if share := share_of_samples(estimate.imported_rows, data):
+        raise DataQualityError(
+            f"{data.folder.path}: no verdict: this run contains about {100.0 * share:.0f} % of the"
+            " rows from which the model was identified, imported again. Validate with rows that"
+            " were not used for the estimate",
             code="RID-VALIDATE-SAME-RUN",
         )
     if not external:

@@ -158,6 +158,24 @@ def test_a_validation_passes_on_another_motion_only(
         validate(model, train)
 
 
+def test_rows_of_the_fit_are_recognised_in_another_recording(
+    model: Model, train: Recording, tmp_path: Path
+) -> None:
+    half = len(train) // 2
+    part = Recording.from_arrays(
+        5.0 + train.time_s[:half],
+        train.position[:half],
+        train.torque_nm[:half],
+        robot=train.robot,
+        torques="motor_torque",
+        name="part",
+    )
+    model.save(tmp_path / "model.json")
+    assert len(model.estimate.imported_rows) == 256
+    with raises_code(DataQualityError, "RID-VALIDATE-SAME-RUN", " 53 %"):
+        validate(Model.load(tmp_path / "model.json"), part)
+
+
 def test_short_recordings_are_judged_together_without_a_filter_across_them(
     model: Model, arm: Arm
 ) -> None:
