@@ -1,4 +1,5 @@
-"""The scripts' environment: which Python they use."""
+"""The Python that the scripts use: the base Python, and neither a shim nor a virtual environment.
+"""
 
 from __future__ import annotations
 

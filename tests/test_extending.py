@@ -1,4 +1,4 @@
-"""The examples of docs/extending.md work on a copy of the program if only their text is used."""
+"""The examples of docs/extending.md work as written on a copy of the program."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ JOINTS = ("axis1", "axis2", "axis3")
 
 
 def written(kind: str) -> Result:
-    """Return the result of a run on a bundled cell, with long curves shortened."""
+    """Return a stored result of a command on a bundled cell, with long curves shortened."""
     return Result.model_validate_json((WRITTEN / f"{kind}.json").read_bytes())
 
 
@@ -86,7 +86,7 @@ def payload(*, held: str = "", unseen: str = "") -> PayloadEstimate:
 
 
 def all_figures() -> dict[str, Plot]:
-    """Return all figures with their names."""
+    """Return all figures by name."""
     long, cell = invented_result(), load_cell("kr15")
     curves, tracking, friction = long.curves, long.tracking, written("friction").friction
     loops = written("velocity_loops").velocity_loops
@@ -132,5 +132,5 @@ def all_figures() -> dict[str, Plot]:
 
 
 def tables(plot: Plot) -> dict[str, PlotTable]:
-    """Return the data tables of a figure with their names."""
+    """Return the data tables of a figure by name."""
     return {each.name: each for each in plot_tables(plot)}

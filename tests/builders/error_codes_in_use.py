@@ -52,8 +52,9 @@ def errors_without_code(module: ast.Module, classes: dict[str, bool]) -> list[in
 
 
 def error_classes() -> dict[str, bool]:
-    """Return the classes of the project's errors, each with True if the class itself sets a code.
+    """Return the classes of the project's errors by name.
 
+    A value is True if the class or one of its base classes sets a code. The function
     `system_errors`, which also constructs errors, is included.
     """
     children: dict[str, list[ast.ClassDef]] = {}

@@ -1,4 +1,4 @@
-"""Mesh files of solids with known dimensions, written number by number."""
+"""Mesh files of solids with known dimensions, written without a mesh library."""
 
 from __future__ import annotations
 

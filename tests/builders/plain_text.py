@@ -36,7 +36,7 @@ NAMES: Final = frozenset(
         "wanted",
     )
 )
-"""Participles and pronouns that functions and classes must not have as names."""
+"""Words that functions and classes must not have as names."""
 
 PHRASES: Final = {
     r"\bwhere (?:a|an|the|one|that|this|it|they|none|no|not|its|their|nothing|several)\b": (

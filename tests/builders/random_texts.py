@@ -53,7 +53,7 @@ def texts(path: Path) -> Iterator[Passage]:
 
 
 def draw(seed: str, count: int, names: tuple[str, ...] = _READ) -> list[tuple[str, str]]:
-    """Return `count` texts, each with its kind and place."""
+    """Return `count` texts, each after its place; the place begins with the kind."""
     kinds: dict[str, list[tuple[str, str]]] = {}
     for name in names:
         for path in files(ROOT / name):

@@ -34,7 +34,10 @@ def environment(tmp_path: Path) -> dict[str, str]:
 
 
 def run_in_shell(shell: str, arguments: list[str], environment: dict[str, str]) -> list[str]:
-    """Run a script in a shell, and return its output lines."""
+    """Run a script in a shell, and return its output lines.
+
+    Assert that the program imports none of the modules that take long.
+    """
     if shutil.which(shell) is None:
         pytest.skip(f"{shell} is not installed")
     done = subprocess.run(

@@ -1,4 +1,4 @@
-"""The separate path of STOP, over real sockets, while another program locks the database."""
+"""The separate path of STOP over real sockets: locked database, access rules, stop lines."""
 
 from __future__ import annotations
 

@@ -9,7 +9,7 @@ from tests.rid_daq.workbench.conftest import OpenPage
 pytestmark = pytest.mark.slow
 
 LEAST = 4.5
-"""WCAG 2.2, success criterion 1.4.3."""
+"""Minimum contrast of text: WCAG 2.2, success criterion 1.4.3."""
 
 KINDS = (
     *('<p class="banner">words</p>', '<p class="banner bad">words</p>'),

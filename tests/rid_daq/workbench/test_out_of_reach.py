@@ -49,7 +49,7 @@ def start_motion(page: Page, served: ServedProcess, policy: str, pace: float) ->
 
 
 def shorten_lease(page: Page, served: ServedProcess) -> None:
-    """Shorten the lease of a page that cannot renew it from 15 to 2 seconds."""
+    """Shorten the lease of a page from 15 s to 2 s; the page cannot renew it."""
     key = page.evaluate(f"() => sessionStorage.getItem('rid-daq lease {CELL}')")
     with served.client as client:
         client.ask("PUT", f"/cells/{CELL}/lease", {"seconds": 2.0}, key)

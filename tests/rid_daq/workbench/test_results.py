@@ -165,7 +165,7 @@ def warming(served_pages: ServedProcess) -> Iterator[None]:
 def test_a_model_with_warming_requires_the_joint_temperature(
     open_page: OpenPage, served_pages: ServedProcess
 ) -> None:
-    """One field sets the temperature for all operations that use the model."""
+    """One field sets the temperature for `compensate`, `retime` and `refine`."""
     (served_pages.folder / "turns.yaml").write_text(TURNS)
     page = open_page(width=820)
     page.get_by_role("link", name="Compensation", exact=True).click()
