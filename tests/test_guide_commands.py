@@ -116,8 +116,7 @@ def texts_in(value: object) -> Iterator[str]:
 
 
 def is_data(text: str) -> bool:
-    """Return True for Python code, and for YAML or JSON without texts of over `MOST_WORDS` words.
-    """
+    """Return True for Python code, and for YAML or JSON without texts of over `MOST_WORDS` words."""
     try:
         found = yaml.safe_load(text)
     except yaml.YAMLError:

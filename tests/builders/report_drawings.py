@@ -1,5 +1,4 @@
-"""Reports without plots and pictures. Drawing needs most of the time of a command that writes one.
-"""
+"""Reports without plots and pictures. Drawing needs most of the time of a command that writes one."""
 
 from __future__ import annotations
 

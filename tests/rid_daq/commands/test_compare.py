@@ -52,7 +52,7 @@ def tuesday(measure: Measure) -> Estimate:
 
 @pytest.fixture(scope="module")
 def arm_with_more_friction(measure: Measure) -> Estimate:
-    """Return the estimate of the arm with 20 % more friction in one joint."""
+    """Return the estimate of the arm with 20 % more Coulomb friction in axis2."""
     return measure("dry", 3, fc_axis2=1.2)
 
 

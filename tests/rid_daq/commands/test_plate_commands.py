@@ -32,11 +32,12 @@ LIMITS = "  limits: {force_n: [300.0, 300.0, 2000.0], moment_nm: [900.0, 900.0, 
 
 @dataclass(frozen=True)
 class Prepared:
-    """A folder with two runs on a force plate, and what `identify` showed of the first.
+    """A folder with two runs on a force plate, and outputs of `identify` for the first run.
 
     Attributes:
+        folder: The folder.
         internal: Text of the identification from the torques.
-        combined: Document and text of the identification from torques and plate, which came later.
+        combined: Document and text of the identification from torques and plate, made afterwards.
     """
 
     folder: Path

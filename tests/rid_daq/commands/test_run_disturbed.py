@@ -24,7 +24,7 @@ from tests.builders.json_output import document
 pytestmark = pytest.mark.slow
 
 INTO = 100
-"""Number of commanded rows at the time of the change."""
+"""Number of the first set-point after which the change is made."""
 
 Disturb = Callable[[RunFolder], None]
 Meddle = Callable[[Disturb], None]

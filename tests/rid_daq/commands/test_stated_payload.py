@@ -1,4 +1,4 @@
-"""`--payload`: the stated payload is used by every command that predicts torques."""
+"""`--payload`: commands that predict torques use the stated payload."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def last_link(name: str) -> FloatArray:
-    """Return the true parameters of the last link in the frame of the flange."""
+    """Return the true parameters of the last link in the frame of the flange, shape (10,)."""
     cell = load_cell(name)
     assert cell.plant is not None
     model = RobotModel.from_description(cell.robot)

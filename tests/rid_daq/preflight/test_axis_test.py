@@ -1,6 +1,6 @@
 """On a real cell, a valid axis test is part of the preflight.
 
-The test expires when a file changes.
+A change of a file of the cell makes the test invalid.
 """
 
 from __future__ import annotations
