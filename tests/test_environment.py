@@ -1,4 +1,4 @@
-"""The Python that the scripts use: the base Python, and neither a shim nor a virtual environment."""
+"""The Python that the scripts use: the base Python, and no shim or virtual environment."""
 
 from __future__ import annotations
 

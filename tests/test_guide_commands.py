@@ -1,4 +1,7 @@
-"""Commands and options in README, guides and tutorials exist in the program."""
+"""Commands and options in README, guides and tutorials exist in the program.
+
+Each output that README or a guide shows names the test that compares it.
+"""
 
 from __future__ import annotations
 
@@ -116,7 +119,7 @@ def texts_in(value: object) -> Iterator[str]:
 
 
 def is_data(text: str) -> bool:
-    """Return True for Python code, and for YAML or JSON without texts of over `MOST_WORDS` words."""
+    """Return True for Python code, and for YAML or JSON without texts over `MOST_WORDS` words."""
     try:
         found = yaml.safe_load(text)
     except yaml.YAMLError:

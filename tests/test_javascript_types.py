@@ -1,4 +1,4 @@
-"""Types of the pages' JavaScript, with the types of the service's answers and requests."""
+"""The pages' JavaScript has no type errors; wrong names of the service's API are type errors."""
 
 from __future__ import annotations
 

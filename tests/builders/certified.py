@@ -1,4 +1,4 @@
-"""Files of a completed payload session, without recording a motion."""
+"""Files of a completed payload session for which no motion is recorded."""
 
 from __future__ import annotations
 

@@ -59,8 +59,8 @@ def payload(*, held: str = "", unseen: str = "") -> PayloadEstimate:
     """Return a payload of 5 kg with its centre of gravity 20, -10 and 80 mm from the flange.
 
     Args:
-        held: A parameter that was known before the measurement.
-        unseen: A parameter that the motion cannot determine.
+        held: Name of a parameter that was known before the measurement; empty for none.
+        unseen: Name of a parameter that the motion cannot determine; empty for none.
     """
     body = PayloadBody(5.0, np.array([0.02, -0.01, 0.08]), np.diag([0.04, 0.05, 0.02]))
     names: list[str] = list(PARAMETERS)

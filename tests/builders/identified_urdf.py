@@ -114,7 +114,7 @@ def rnea(model: pin.Model, q: FloatArray, v: FloatArray, a: FloatArray) -> Float
 
 
 def random_motion(n: int, samples: int = 400) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return random positions, velocities and accelerations, (samples, n) each."""
+    """Return random positions, velocities and accelerations in SI units, (samples, n) each."""
     random = np.random.default_rng(5)
     q, v, a = (random.uniform(-1.0, 1.0, (samples, n)) for _ in range(3))
     return q, 2.0 * v, 5.0 * a

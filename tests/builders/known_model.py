@@ -25,7 +25,7 @@ from tests.builders.certified import MEDIUM, write_payload_file
 def known_estimate(cell: LoadedCell, deviations: dict[str, float]) -> Estimate:
     """Return a simulated arm's true parameters as an estimate.
 
-    `deviations` contains factors for the standard deviations of some parameters.
+    `deviations` contains factors for the standard deviations of some parameters, by name.
     """
     assert cell.plant is not None
     model = design_model(cell.robot)

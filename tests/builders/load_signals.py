@@ -71,9 +71,8 @@ def source_of(forward: OnlineFeedforward) -> PointSource:
 def follow(source: PointSource, level: Levels, lost: Levels = lambda _: False) -> list[SetPoint]:
     """Return the set-points of a whole path.
 
-    `level` and `lost` state, by the time of the path [s], the level of the input of axis 2, and
-    True if
-    the answer of its drive is lost.
+    `level` and `lost` are functions of the time of the path [s]: the level of the input of axis 2,
+    and True if the answer of its drive is lost.
     """
     points: list[SetPoint] = []
     for row in range(5000):

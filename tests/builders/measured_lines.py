@@ -3,8 +3,8 @@
 `tests/conftest.py` imports this module before all others. If the environment variable
 `RID_DAQ_LINES` names a folder, each pytest process writes a file there when it ends. The library
 SlipCover counts the lines: its probes remove themselves after their first execution; a tracer would
-double the time. Lines that other processes execute, such as the cyclic task, and lines that
-numba compiles are not counted.
+double the time. Lines that numba compiles, or that
+other processes such as the cyclic task execute, are not counted.
 
 `python -m tests.builders.measured_lines FOLDER` adds the files, compares each package with its
 minimum, and lists the worst files with `--worst N`.

@@ -27,7 +27,7 @@ def box(low: Sequence[float], high: Sequence[float]) -> tuple[FloatArray, IntArr
 
 
 def joined(*parts: tuple[FloatArray, IntArray]) -> tuple[FloatArray, IntArray]:
-    """Return several shapes as one."""
+    """Return the vertices and triangles of several shapes as one shape."""
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
     return (
         np.vstack([vertices for vertices, _ in parts]),

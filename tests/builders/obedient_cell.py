@@ -232,7 +232,7 @@ class SpeedUp:
 
 
 class Outcome:
-    """Outcome for one cell: an error of the bring-up, or the motion and its stop."""
+    """Outcome for one cell: an error, or the motion and its stop."""
 
     def __init__(
         self, cell: CellConfig, robot: RobotDescription, increments: int, rows: int, sign: int

@@ -24,8 +24,7 @@ def send_batches(
     """Send batches to a listening socket; yield a list that receives the answer at the end.
 
     Each batch has shape (points, joints) [rad]. With `end`, the client ends the stream and waits
-    for
-    the answer. Without it, the client disconnects after the last batch.
+    for the answer. Without it, the client disconnects after the last batch.
     """
     messages: list[dict[str, Any]] = []
 

@@ -70,7 +70,7 @@ DISTANCES = (2e-3, 1e-3, 3e-3)
 
 
 def remembering() -> tuple[RobotModel, Points]:
-    """Return the true model of the arm with presliding hysteresis."""
+    """Return the arm's model with presliding hysteresis, and its true parameters."""
     joints = tuple(
         joint.model_copy(
             update={"friction": (*joint.friction, "presliding"), "presliding_distance": distance}

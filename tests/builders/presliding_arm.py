@@ -131,7 +131,7 @@ def _torques(
 
 
 def signals_of(q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> SmoothedSignals:
-    """Return arrays as a smoothed recording."""
+    """Return positions, velocities, accelerations and torques as a smoothed recording."""
     return SmoothedSignals(
         joint_names=arm().joint_names,
         time_s=STEP_S * np.arange(len(q), dtype=np.float64),

@@ -1,4 +1,7 @@
-"""Reports without plots and pictures. Drawing needs most of the time of a command that writes one."""
+"""Reports without plots and pictures.
+
+Drawing takes most of the time of a command that writes a report.
+"""
 
 from __future__ import annotations
 

@@ -56,10 +56,10 @@ def stream_batches(
 
 
 def require_rest_on(path: NDArray[np.float64], printed: dict[str, Any]) -> None:
-    """Require that the set-points follow a path within the limits and that the robot rests at the
-    end.
+    """Require that the set-points follow a path and that the robot rests at the end.
 
-    Also require that measured speeds and torques are within their limits.
+    Also require that accelerations of the set-points and measured speeds and torques are within
+    their limits.
 
     Args:
         path: Points [rad], (points, joints).

@@ -108,9 +108,7 @@ class Truth:
         return float(np.abs(after).max())
 
     def rest_s(self, slow: float = 1e-3) -> float:
-        """Return the time after which all axes stay slower than `slow` [s]; infinite if none
-        exists.
-        """
+        """Return the time after which all axes stay slower than `slow` [s]; infinite if never."""
         fast = [i for i, v in enumerate(self.velocity) if np.abs(v).max() > slow]
         return self.time_s[fast[-1] + 1] if fast[-1] + 1 < len(self.time_s) else float("inf")
 
@@ -288,7 +286,7 @@ def loaded() -> LoadedCell:
 
 @pytest.fixture(scope="session")
 def motion(loaded: LoadedCell) -> MotionSamples:
-    """Return one period of 1.6 s between ramps of 0.8 s, in which every axis moves."""
+    """Return one period of 1.6 s between ramps of 0.8 s; every axis moves."""
     return fourier(loaded, periods=1)
 
 

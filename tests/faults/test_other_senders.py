@@ -64,7 +64,7 @@ def test_a_foreign_node_that_answers_before_the_drive_stops_the_motion(
 def test_slowly_drifting_false_positions_do_not_steer_the_axis(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
-    """The false positions do not jump: without a check for second answers, the axis would follow."""
+    """The false positions do not jump: without the guard against them, the axis would follow."""
     creeping = [
         {"kind": "spoof", "joint": "axis2", "at_cycle": AT + k, "position_counts": 40 * (k + 1)}
         for k in range(60)

@@ -17,7 +17,7 @@ from rid_daq.command_line.root import COMMANDS
 
 @pytest.fixture
 def environment(tmp_path: Path) -> dict[str, str]:
-    """Return an environment with a program that reports its imported modules at its end."""
+    """Return an environment with a program that reports at its end the slow modules in use."""
     program = tmp_path / "rid-daq"
     program.write_text(
         f"#!{sys.executable}\nimport atexit, sys\n"

@@ -36,7 +36,7 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def measure(root: Path) -> Measure:
-    """Return a function that records the bundled arm into a run folder and identifies it."""
+    """Return a function that writes a computed run of the bundled arm, and its estimate."""
     return functools.partial(identified_run, root, arm_in_motion())
 
 

@@ -47,7 +47,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with a model, velocity loops, and the run of a circle without compensation."""
+    """Return a folder with a model, velocity loops, and the run of an uncompensated circle."""
     folder = tmp_path_factory.mktemp("compensation")
     # The cell has no force plate, because simulating a plate takes as long as all the rest.
     bundled = load_cell("ir361").config

@@ -1,7 +1,7 @@
 """The bundled six-axis cell in lock-step with all its processes: motion, temperature, payload.
 
-The plant uses Pinocchio in motor coordinates, the estimators use our model in joint coordinates.
-If the coupling matrix of the wrist is applied twice or not at all, the parameters are wrong.
+The plant uses Pinocchio in motor coordinates; the estimators use our model in joint coordinates.
+Without the coupling matrix of the wrist, the identified friction is wrong.
 """
 
 from __future__ import annotations

@@ -134,7 +134,7 @@ def test_a_deleted_or_truncated_recording_stops_the_motion(
     disturb: Disturb,
     became: str,
 ) -> None:
-    """In lock-step, the simulated time waits after each period until the program has judged it.
+    """In lock-step, the simulated time waits after each period until the program has evaluated it.
 
     So the motion cannot end before the change is noticed.
     """

@@ -1,4 +1,4 @@
-"""Problems that external testers found, each reproduced through a command."""
+"""Problems that external testers found, and the tests that cover them."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ from tests.builders.raised_codes import raises_code
 
 @pytest.fixture(autouse=True)
 def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return a new state folder for this user account."""
+    """Set a new state folder for this test, and return the folder of rid-daq in it."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     return tmp_path / "state" / "rid-daq"
 

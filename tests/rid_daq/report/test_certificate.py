@@ -66,7 +66,7 @@ def page_text(certificate: Certificate) -> str:
 
 
 def row_of(text: str, quantity: str) -> tuple[float, float]:
-    """Return value and interval of the first row of a quantity."""
+    """Return value and interval of the first row of a quantity [kg or mm]."""
     found = re.search(rf"{quantity} (-?[\d.]+) ± ([\d.]+) (?:kg|mm)", text)
     assert found is not None, quantity
     return float(found[1]), float(found[2])

@@ -34,7 +34,7 @@ LARGEST_BYTES = 3_000_000
 
 
 class _Page(HTMLParser):
-    """Collect loaded addresses, ids, the content policy and the scripts of a page."""
+    """Parser that collects addresses, ids, plots, scripts and the content policy of a page."""
 
     def __init__(self) -> None:
         super().__init__()

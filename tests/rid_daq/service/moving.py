@@ -43,7 +43,7 @@ def begin_motion(served: ServedProcess, lease: str, pace: float = 1.0, **options
 
 
 def is_in_motion(pid: int) -> bool:
-    """Return True if a worker's robot has left the start of its motion."""
+    """Return True from the end of the approach until the robot holds its last position."""
     control = ControlBlock.of_process(pid)
     return control is not None and Phase.RUN_IN <= control.progress.phase < Phase.HOLD
 

@@ -28,7 +28,7 @@ BEGIN = """async (pace) => {
 """Start a motion with the page's panel, which asks what to do if the connection is lost."""
 
 TIMERS_STAND = "window.setInterval = () => 0;"
-"""Stop all timers, which is more than browsers do to a page in the background."""
+"""Make `setInterval` do nothing, which is more than browsers do to a page in the background."""
 
 
 def start_motion(page: Page, served: ServedProcess, policy: str, pace: float) -> Job:

@@ -1,4 +1,4 @@
-"""Comparing and recovering runs and measuring velocity loops with the buttons of the pages."""
+"""Buttons of the pages: compare and recover runs, identify friction, compensate a path."""
 
 from __future__ import annotations
 

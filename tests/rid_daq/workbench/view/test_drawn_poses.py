@@ -1,4 +1,4 @@
-"""The drawn robot is where Pinocchio says, and a mistake in a file changes the picture."""
+"""The drawn robot is where Pinocchio computes it, and a mistake in a file changes the picture."""
 
 from __future__ import annotations
 
