@@ -48,8 +48,9 @@ class BadLink:
         self._stalled = re.compile(paths)
 
     def stall_after(self, passing: int, paths: str) -> None:
-        """Let `passing` new connections with a matching path pass, and stop the traffic of all
-        later ones.
+        """Let `passing` new connections with a matching path pass.
+
+        The traffic of all later connections with a matching path stops.
         """
         self._passing = passing
         self.stall(paths)

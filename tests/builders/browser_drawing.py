@@ -23,7 +23,7 @@ WEBGL: Final = (
     "--enable-unsafe-swiftshader",
     "--ignore-gpu-blocklist",
 )
-"""Options of Chromium that draw 3-D pictures without a graphics card."""
+"""Options with which Chromium draws 3-D pictures without a graphics card."""
 
 MARKER_PX: Final = 6.0
 VISIBLE: Final = 12

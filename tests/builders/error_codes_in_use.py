@@ -16,7 +16,7 @@ CODE: Final = re.compile(r"RID(-[A-Z0-9]+){2,}")
 
 
 def modules(package: str) -> Iterator[tuple[Path, ast.Module]]:
-    """Yield the syntax tree of every file of a package."""
+    """Yield the path and the syntax tree of every file of a package."""
     for path in source_files(package):
         yield path.relative_to(ROOT), tree_of(path)
 

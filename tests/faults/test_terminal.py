@@ -83,7 +83,7 @@ class Shell:
             shown += os.read(self.terminal, 4096)
 
     def processes(self) -> list[int]:
-        """Return the running processes of the session, except the shell itself."""
+        """Return the ids of the running processes of the session, except that of the shell."""
         found = []
         for pid in filter(str.isdigit, os.listdir("/proc")):
             try:

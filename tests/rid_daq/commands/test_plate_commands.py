@@ -47,7 +47,7 @@ class Prepared:
 
 @pytest.fixture(scope="module")
 def prepared(tmp_path_factory: pytest.TempPathFactory) -> Prepared:
-    """Make a folder by init, and record an excitation and a validation run on a force plate."""
+    """Record an excitation and a validation run on a force plate, and identify the first one."""
     folder = tmp_path_factory.mktemp("workshop")
     assert run(["init", str(folder)]) == 0
     cell = folder / "cell.yaml"

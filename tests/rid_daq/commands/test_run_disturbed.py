@@ -24,7 +24,7 @@ from tests.builders.json_output import document
 pytestmark = pytest.mark.slow
 
 INTO = 100
-"""Number of the first set-point after which the change is made."""
+"""Number of the first set-point at which the folder can be changed."""
 
 Disturb = Callable[[RunFolder], None]
 Meddle = Callable[[Disturb], None]

@@ -36,7 +36,7 @@ def pendulum(*, drawn: bool = True, **changes: object) -> RobotDescription:
 
 
 def lifting(torque_nm: float, *, speed: float = 0.02) -> NDArray[Any]:
-    """Return rows of a slow motion with a torque [N m], between rests with 40 % of it."""
+    """Return rows of a slow motion with a torque [N m]; at rest before and after it is 40 %."""
     kind = [(name, "f8", (1,)) for name in ("position", "target_velocity", "torque_nm")]
     rows = np.zeros(300, np.dtype([*kind, ("valid", "u1", (1,))]))
     rows["valid"] = 1

@@ -40,7 +40,7 @@ def runs(tmp_path: Path) -> list[RunFolder]:
 
 
 def age(folder: RunFolder, seconds: float = 3600.0) -> None:
-    """Set the time stamps of a run back."""
+    """Set the time stamps of a run back by `seconds`."""
     then = time.time() - seconds
     for path in (folder.path / MANIFEST, folder.path):
         os.utime(path, (then, then))

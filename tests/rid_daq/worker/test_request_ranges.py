@@ -108,7 +108,10 @@ NUMBERS: list[Any] = [
     for place, schema in numbers(whole, whole)
 ]
 OWN = [each for each in NUMBERS if "faults" not in each.values[1]]
-"""Numbers of all requests without fault scripts, whose ranges are checked as in files."""
+"""Numbers of all requests, except those of fault scripts.
+
+Ranges of numbers in fault scripts are checked like those in files.
+"""
 
 
 def test_the_list_of_numbers_covers_the_main_jobs() -> None:
