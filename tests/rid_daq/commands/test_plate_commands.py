@@ -1,4 +1,4 @@
-"""`identify` and `validate` on runs with a force plate."""
+"""`identify`, `validate`, `average` and `retime` on a cell with a force plate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""`tracking --tracker`: the error at the tool is shown next to the error at the motors."""
+"""`tracking --tracker`: the error at the tool is shown next to the error at the motors.
+
+Another test finds the rests of a recording for a calibration.
+"""
 
 from __future__ import annotations
 

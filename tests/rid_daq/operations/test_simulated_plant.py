@@ -1,4 +1,4 @@
-"""The velocity loops that `init --urdf` selects: stiff and not too fast in every pose."""
+"""Velocity loops and limits that `init --urdf` selects for a simulated arm."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Verdict on two runs of the same motion."""
+"""Section on path errors: verdict, deflection of the gears, and errors measured at the tool."""
 
 from __future__ import annotations
 

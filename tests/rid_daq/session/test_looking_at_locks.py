@@ -1,4 +1,7 @@
-"""A session can acquire its locks although another program reads the locks at any time."""
+"""A session can acquire its locks although another program reads the locks at any time.
+
+A recording is detected while it is written.
+"""
 
 from __future__ import annotations
 
