@@ -67,7 +67,6 @@ def inline(page: Path) -> Iterator[str]:
 
 
 def options() -> set[str]:
-    """Return every option of the program."""
     root = Root()
     found: list[click.Command] = [
         root, *(OperationCommand(operation(" ".join(words))) for words in command_words())
@@ -77,7 +76,6 @@ def options() -> set[str]:
 
 
 def without_blocks(page: Path) -> str:
-    """Return a page without its fenced blocks."""
     text = page.read_text(encoding="utf-8")
     return re.sub(r"^ *```.*?^ *```$", "", text, flags=re.M | re.S)
 

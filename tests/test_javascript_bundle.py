@@ -66,7 +66,6 @@ _EXPORTED = re.compile(r"\bexport ?\{([^}]*)\}")
 
 
 def exported_names(module: str) -> set[str]:
-    """Return the names that a module exports."""
     lists = [part for listed in _EXPORTED.findall(module) for part in listed.split(",")]
     named = {part.split(" as ")[-1].strip() for part in lists}
     return {*_EXPORT.findall(module), *named} - {""}

@@ -86,7 +86,6 @@ def payload(*, held: str = "", unseen: str = "") -> PayloadEstimate:
 
 
 def all_figures() -> dict[str, Plot]:
-    """Return all figures by name."""
     long, cell = invented_result(), load_cell("kr15")
     curves, tracking, friction = long.curves, long.tracking, written("friction").friction
     loops = written("velocity_loops").velocity_loops

@@ -44,7 +44,6 @@ def binary_stl(vertices: FloatArray, faces: IntArray, head: bytes = b"test") -> 
 
 
 def ascii_stl(vertices: FloatArray, faces: IntArray) -> str:
-    """Return the text of an ASCII STL file."""
     facets = [
         "facet normal 0 0 0\nouter loop\n"
         + "".join(f"vertex {x!r} {y!r} {z!r}\n" for x, y, z in vertices[face].tolist())
@@ -55,7 +54,6 @@ def ascii_stl(vertices: FloatArray, faces: IntArray) -> str:
 
 
 def obj(vertices: FloatArray, faces: IntArray) -> str:
-    """Return the text of an OBJ file."""
     corners = "".join(f"v {x!r} {y!r} {z!r}\n" for x, y, z in vertices.tolist())
     return corners + "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in faces.tolist())
 

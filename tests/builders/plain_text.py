@@ -103,7 +103,6 @@ class Name(NamedTuple):
 
 @cache
 def passages(path: Path) -> tuple[Passage, ...]:
-    """Return the texts of a file."""
     if path.suffix == ".py":
         return tuple(_of_python(path))
     source = path.read_text(encoding="utf-8")

@@ -30,7 +30,6 @@ _CODE = re.compile(
 
 
 def kind_of(path: Path, passage: Passage) -> str:
-    """Return the kind of a text."""
     if path.suffix == ".md":
         return "decision" if path.parent.name == "decisions" else "document"
     if path.suffix in (".html", ".js"):

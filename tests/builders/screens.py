@@ -59,7 +59,6 @@ class Screen:
         return screen_lines(self.text)
 
     def svg(self, theme: TerminalTheme) -> str:
-        """Return the screen as SVG."""
         drawn = RichConsole(
             record=True, width=self.columns, file=io.StringIO(), force_terminal=True, height=100
         )

@@ -42,7 +42,6 @@ def execute(*command: str | Path) -> None:
 
 
 def journal_bytes(disk: Path) -> int:
-    """Return the size of the journal [B]."""
     return sum(file.stat().st_size for file in disk.glob(JOURNAL))
 
 

@@ -75,7 +75,6 @@ def replay(real_robot: Path, tmp_path_factory: pytest.TempPathFactory) -> Replay
 
 
 def exported(replay: Replay, name: str, *words: str) -> dict[str, Any]:
-    """Export the model, and return the result."""
     command = ["export", str(replay.folder / "model.json"), *words, "-o", str(replay.folder / name)]
     output = io.StringIO()
     with contextlib.redirect_stdout(output):

@@ -58,7 +58,6 @@ def text(stored_session: Session) -> str:
 
 
 def page_text(certificate: Certificate) -> str:
-    """Return the text of a certificate's page."""
     page = render_certificate(certificate).partition("</head>")[2]
     page = re.sub(r"<svg.*?</svg>", "", page, flags=re.DOTALL)
     shown = html.unescape(re.sub(r"<[^>]*>", " ", page))

@@ -25,7 +25,6 @@ FLAT: Columns = ((0.0,) * 100, (0.1,) * 100)
 
 
 def empty_result() -> Result:
-    """Return a result without sections."""
     whole = whole_result()
     kept = {key: whole[key] for key in ("schema", "title", "robot", "verdict", "software")}
     return Result.model_validate_json(json.dumps(kept))

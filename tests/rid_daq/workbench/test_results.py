@@ -289,6 +289,5 @@ def run_by_button(page: Page, served: ServedProcess, button: str, end: str) -> s
 
 
 def newest(served: ServedProcess) -> Job:
-    """Return the job that was started last."""
     with served.client as client:
         return Job.model_validate(client.ask("GET", "/jobs?limit=1")[0])
