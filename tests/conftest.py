@@ -1,4 +1,6 @@
-"""Settings of each test worker (one BLAS thread, own simulated buses), and common fixtures."""
+"""Settings of each test worker, such as one BLAS thread and its own simulated buses, and common
+fixtures.
+"""
 
 import os
 import tempfile
@@ -52,7 +54,7 @@ LONG_TESTS = [
         "rid_daq",
     )
 ]
-"""Tests that start first, in this order: other workers would wait for a long test at the end."""
+"""Tests that start first, in this order, so that no worker waits for a long test at the end."""
 
 # Hypothesis uses the same examples in each run and no time limits, so that results are repeatable.
 settings.register_profile(
@@ -98,7 +100,7 @@ def pytest_sessionfinish() -> None:
 
 
 def end_by_signals() -> None:
-    """Restore default signal handlers, as for a program started from a terminal."""
+    """Restore Python's default handlers of SIGINT, SIGTERM and SIGHUP."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
@@ -106,13 +108,16 @@ def end_by_signals() -> None:
 
 @pytest.fixture(autouse=True)
 def signals() -> Iterator[None]:
-    """Restore the signal handlers, because a command that is ending ignores further signals."""
+    """Restore the signal handlers after a test: a command ignores further signals once it ends."""
     yield
     end_by_signals()
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Run the longest tests first, so that the workers end at about the same time."""
+    """Select the tests for `--only`, and run the longest tests first.
+
+    Also note the rows of docs/faults.md that each test covers.
+    """
     if places := [Path(place).resolve() for place in config.getoption("--only")]:
         paths = {item.path for item in items if any(map(item.path.is_relative_to, places))}
         config.hook.pytest_deselected(items=[item for item in items if item.path not in paths])
@@ -126,8 +131,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 class FaultPage:
-    """Collect the measured values of the fault tests, in one process or from several test
-    workers.
+    """Collector of the fault tests' measured values, from one process or several test workers.
+
+    At the end it writes them into docs/faults.md.
     """
 
     def __init__(self) -> None:
@@ -170,7 +176,10 @@ def measured(record_property: Callable[[str, object], None]) -> Callable[[str], 
 
 @pytest.fixture(scope="session")
 def real_robot() -> Path:
-    """Folder of recordings of a real UR10e; tests without it are skipped, in CI they fail."""
+    """Folder of recordings of a real UR10e.
+
+    If the folder is missing, a test is skipped; in CI, it fails.
+    """
     root = os.environ.get("RID_DAQ_DATA", "")
     folder = Path(root) / "ur10e"
     if not root or not folder.is_dir():
@@ -182,10 +191,11 @@ def real_robot() -> Path:
 
 
 class ServedAmplifier(threading.Thread):
-    """The simulated amplifier alone at a pseudo-terminal; its time advances while rows stream.
+    """A simulated amplifier, without a cell, at a pseudo-terminal.
 
-    Its output is a function of its seed and its commands, and does not depend on speed. After
-    `stream_s` of streaming its time stops, and `on_end` is called once.
+    Its time advances while it streams rows. Its output depends on its seed and its commands, and
+    not on the speed of the computer. After `stream_s` of streaming its time stops, and `on_end` is
+    called once.
     """
 
     def __init__(self, settings: PlateSettings) -> None:
@@ -314,7 +324,7 @@ def drawn_reports(plain_reports: pytest.MonkeyPatch) -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder with a cell and a short motion."""
+    """Folder with the files of `rid-daq init` and a validation motion of 2 points."""
     from rid_daq.app import run
 
     folder = tmp_path_factory.mktemp("workshop")

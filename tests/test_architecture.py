@@ -20,7 +20,7 @@ FUNCTION = re.compile(
     re.MULTILINE,
 )
 JAVASCRIPT = r"(?:function {0}|\n  (?:async )?{0})\(.*?\n(?:  )?\}}\n"
-"""A function of a module, or a method of a class."""
+"""Regular expression of a function of a module, or a method of a class."""
 
 
 @pytest.fixture(scope="module")
@@ -154,7 +154,6 @@ def test_a_click_is_checked_by_the_service_and_by_the_worker() -> None:
 
 
 def test_limits_are_checked_before_the_motion_and_by_the_supervisor() -> None:
-    """`record_motion_file` refuses a feedforward beyond the limits before it asks the operator."""
     verify = re.compile(r"\bverify_limits\b")
     steps = [(file, function) for _, _, file, function in paths()[1][1]]
     found = [function for file, function in steps if verify.search(source_of(file, function))]

@@ -1,4 +1,4 @@
-"""The scripts' environment: which Python they use."""
+"""The Python that the scripts use: the base Python, and no shim or virtual environment."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The examples of docs/extending.md work on a copy of the program if only their text is used."""
+"""The examples of docs/extending.md work as written on a copy of the program."""
 
 from __future__ import annotations
 
@@ -30,7 +30,6 @@ EXAMPLES = (
 
 
 def example(title: str) -> str:
-    """Return the text of one example."""
     text = PAGE.read_text(encoding="utf-8")
     return text.split(f"\n### Example: {title}\n")[1].split("\n## ")[0].split("\n### ")[0]
 

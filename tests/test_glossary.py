@@ -1,4 +1,4 @@
-"""docs/glossary.md: each thing has one term; terms that were replaced are not used again."""
+"""docs/glossary.md: the terms are in alphabetical order; replaced terms are not used again."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Commands and options in README, guides and tutorials exist in the program."""
+"""Commands and options in README, guides and tutorials exist in the program.
+
+Each output that README or a guide shows names the test that compares it.
+"""
 
 from __future__ import annotations
 
@@ -64,7 +67,6 @@ def inline(page: Path) -> Iterator[str]:
 
 
 def options() -> set[str]:
-    """Return every option of the program."""
     root = Root()
     found: list[click.Command] = [
         root, *(OperationCommand(operation(" ".join(words))) for words in command_words())
@@ -74,7 +76,6 @@ def options() -> set[str]:
 
 
 def without_blocks(page: Path) -> str:
-    """Return a page without its fenced blocks."""
     text = page.read_text(encoding="utf-8")
     return re.sub(r"^ *```.*?^ *```$", "", text, flags=re.M | re.S)
 
@@ -116,7 +117,7 @@ def texts_in(value: object) -> Iterator[str]:
 
 
 def is_data(text: str) -> bool:
-    """Return True for Python code, and for YAML or JSON without long texts."""
+    """Return True for Python code, and for YAML or JSON without texts over `MOST_WORDS` words."""
     try:
         found = yaml.safe_load(text)
     except yaml.YAMLError:

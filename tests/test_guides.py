@@ -1,4 +1,4 @@
-"""Statements of guides and decisions that are checked against the code."""
+"""Statements of guides, decisions and the changelog that are checked against the code."""
 
 from __future__ import annotations
 

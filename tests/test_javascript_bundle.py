@@ -51,7 +51,7 @@ def test_the_bundle_was_made_from_the_present_files() -> None:
 
 
 def test_the_modules_evaluate_no_text_and_load_nothing() -> None:
-    """The pages' Content-Security-Policy has neither `unsafe-eval` nor other hosts."""
+    """The pages' Content-Security-Policy allows neither `unsafe-eval` nor other hosts."""
     modules = list(BUNDLE.glob("*.js"))
     assert modules
     for path in modules:
@@ -66,14 +66,13 @@ _EXPORTED = re.compile(r"\bexport ?\{([^}]*)\}")
 
 
 def exported_names(module: str) -> set[str]:
-    """Return the names that a module exports."""
     lists = [part for listed in _EXPORTED.findall(module) for part in listed.split(",")]
     named = {part.split(" as ")[-1].strip() for part in lists}
     return {*_EXPORT.findall(module), *named} - {""}
 
 
 def test_every_imported_name_is_exported() -> None:
-    """A name that a module lacks stops all scripts of a page."""
+    """A missing name stops all scripts of a page."""
     modules = {
         name: content.decode() for name, content in static_files().items() if name.endswith(".js")
     }
@@ -139,7 +138,7 @@ def build(
 
 
 NO_REGISTRY = "http://127.0.0.1:9"
-"""Port 9 (discard) refuses connections."""
+"""Address without a registry: port 9 (discard) refuses connections."""
 
 
 @pytest.mark.slow

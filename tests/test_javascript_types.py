@@ -1,4 +1,4 @@
-"""Types of the pages' JavaScript, with the types of the service's answers and requests."""
+"""The pages' JavaScript has no type errors; wrong names of the service's API are type errors."""
 
 from __future__ import annotations
 
@@ -34,7 +34,11 @@ WRONG_NAMES = {
     13: "feedforward",
     14: "run",
 }
-"""Misspelt name of each wrong line; the address with a mistake has no answer."""
+"""Wrong name in each wrong line of `MISTAKES`.
+
+In line 7, the answer to the misspelt address has no fields; in lines 13 and 14, the kind of job has
+no such result.
+"""
 
 
 def test_the_javascript_has_no_type_errors() -> None:

@@ -1,4 +1,4 @@
-"""Every package that rid-daq needs has a wheel for each supported Python."""
+"""Every package that rid-daq needs has a wheel for each supported Python on Linux, x86-64."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ GLIBC_2_28 = [
     *(f"manylinux_2_{minor}_x86_64" for minor in range(5, 29)),
     *("manylinux1_x86_64", "manylinux2010_x86_64", "manylinux2014_x86_64"),
 ]
-"""Debian 10, Ubuntu 20.04, RHEL 8 and later versions."""
+"""Tags of wheels for glibc 2.28: Debian 10, Ubuntu 20.04, RHEL 8 and later versions."""
 
 
 def needed_packages(minor: int) -> list[dict[str, Any]]:
-    """Return the locked packages that the program needs on one Python version."""
+    """Return the locked packages that the program needs on Linux with Python 3.`minor`."""
     locked = tomllib.loads((ROOT / "uv.lock").read_text())["package"]
     environment = {
         "python_full_version": f"3.{minor}.0",

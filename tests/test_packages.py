@@ -44,7 +44,7 @@ def test_a_file_has_at_most_400_lines() -> None:
 
 
 def test_a_subpackage_has_at_most_20_files() -> None:
-    """A folder has at most 20 files, `__init__.py` included."""
+    """Only Python files are counted, `__init__.py` included."""
     full = {
         str(room.relative_to(ROOT)): files
         for package in PACKAGES
@@ -89,7 +89,7 @@ One process imports the modules in this order; begin with the modules that need 
 
 @pytest.fixture(scope="module")
 def imported() -> dict[str, list[str]]:
-    """For each module in `UNUSED`: libraries that it must not import, but that are imported."""
+    """Libraries that are imported although `UNUSED` forbids it, by module."""
     program = (
         "import importlib, json, sys\n"
         "found = {}\n"
@@ -161,7 +161,7 @@ def test_a_function_has_at_most_eight_parameters() -> None:
 
 
 def test_the_program_has_few_untyped_dictionaries() -> None:
-    """Data with a known structure have a class; dictionaries only hold data that are passed on."""
+    """Data with a known structure have a class instead of `dict[str, Any]`."""
     found = {
         str(path.relative_to(ROOT)): count
         for path in source_files("rid_daq")
@@ -171,7 +171,7 @@ def test_the_program_has_few_untyped_dictionaries() -> None:
 
 
 def test_the_kind_of_a_motion_is_hardly_ever_queried() -> None:
-    """Differences between the kinds of motion belong into their classes."""
+    """Differences between the kinds of motion belong in their classes."""
     kinds = ROOT / "acquisition" / "motion" / "kinds"
     names = {
         node.name

@@ -1,7 +1,7 @@
 """The commands of each tutorial, run in an empty folder, print what the tutorial shows.
 
-A shell runs the commands of one tutorial. This process runs those of the others, without drawings
-in their reports, which takes half of the CPU time.
+A shell runs the commands of one tutorial. This process runs those of the others, and draws nothing
+in their reports; that halves the CPU time.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """`BadLink`: a TCP proxy to a served cell that can stall, delay or cut connections.
 
 Each connection to the service carries one request or one WebSocket, and is identified by its path.
-The proxy has its own port and replaces its address by that of the service in each request head.
+The proxy has its own port. In each request head it replaces its own address with the service's.
 """
 
 from __future__ import annotations
@@ -48,18 +48,22 @@ class BadLink:
         self._stalled = re.compile(paths)
 
     def stall_after(self, passing: int, paths: str) -> None:
-        """Let `passing` new connections with a matching path pass, and stop the traffic of all
-        later ones.
+        """Let `passing` new connections with a matching path pass.
+
+        The traffic of all later connections with a matching path stops.
         """
         self._passing = passing
         self.stall(paths)
 
     def make_late(self, share: float, least_s: float, most_s: float) -> None:
-        """Delay random parts of all data. The order of a connection's data does not change."""
+        """Delay a random fraction `share` of the received pieces by `least_s` to `most_s`.
+
+        The order of a connection's data does not change.
+        """
         self._late = (share, least_s, most_s)
 
     def cut(self) -> None:
-        """End all connections, and accept no new ones."""
+        """Abort all connections, and each new connection, until `mend`."""
         self._cut = True
         self._loop.call_soon_threadsafe(self._end_all)
 
@@ -149,7 +153,7 @@ class BadLink:
 
 @contextlib.contextmanager
 def bad_link(port: int) -> Iterator[BadLink]:
-    """Run a proxy to a port while the `with` block is active."""
+    """Yield a proxy to a port of the loopback interface; it runs until the `with` block ends."""
     link = BadLink(port)
     link._thread.start()
     link._listens.wait()

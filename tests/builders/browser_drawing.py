@@ -23,10 +23,10 @@ WEBGL: Final = (
     "--enable-unsafe-swiftshader",
     "--ignore-gpu-blocklist",
 )
-"""Options of Chromium that draw 3-D pictures without a graphics card."""
+"""Options with which Chromium draws 3-D pictures without a graphics card."""
 
 MARKER_PX: Final = 6.0
-TOLD: Final = 12
+VISIBLE: Final = 12
 
 _READY = "() => document.getElementById('view')?.robotView?.drawing?.frames > 0"
 _OPEN = """async ({ scene, binary, position }) => {
@@ -80,7 +80,7 @@ class Pinhole:
     """A pinhole camera that looks at a point, with z up.
 
     Attributes:
-        eye, target: Shape (3,). Place of the camera, and the point that it looks at [m].
+        eye, target: Shape (3,). Position of the camera, and the point that it looks at [m].
         field_deg: Vertical field of view.
         size_px: Width and height of the picture.
     """
@@ -97,7 +97,7 @@ class Pinhole:
         return cls(np.array(found["eye"]), np.array(found["target"]), found["field_deg"], size)
 
     def project(self, points: np.ndarray) -> np.ndarray:
-        """Return the places [px] in the picture, (k, 2), of points in the upright frame, (k, 3)."""
+        """Return the pixel coordinates, (k, 2), of points [m], (k, 3), in a frame with z up."""
         back = (self.eye - self.target) / np.linalg.norm(self.eye - self.target)
         right = np.cross([0.0, 0.0, 1.0], back)
         right /= np.linalg.norm(right)
@@ -108,7 +108,10 @@ class Pinhole:
 
 
 def wait_for_picture(page: Page) -> None:
-    """Wait until the view has drawn a picture (the pages' policy forbids `wait_for_function`)."""
+    """Wait until the view has drawn a picture.
+
+    The content security policy of the pages forbids `wait_for_function`.
+    """
     for _ in range(600):
         if page.evaluate(_READY):
             return
@@ -117,7 +120,7 @@ def wait_for_picture(page: Page) -> None:
 
 
 def open_scene(page: Page, scene: RobotScene, position: np.ndarray) -> None:
-    """Show another robot's scene, in a pose [rad or m], in the page's view."""
+    """Show another scene in the page's view, in a pose [rad or m]."""
     document, binary = encode_scene(scene, "/of/a/test", "small")
     encoded = base64.b64encode(binary).decode()
     scene_document = document.model_dump(mode="json")
@@ -133,16 +136,18 @@ def show_pose(page: Page, position: np.ndarray) -> None:
 
 
 def drawn_points(page: Page, poses: np.ndarray) -> list[tuple[np.ndarray, Pinhole]]:
-    """Return for each pose the places of base, links and tool in the picture [px], and the
-    camera.
+    """Return the pixel coordinates of the frames and the camera for each pose [rad or m].
+
+    The frames are those of the base, the links and the tool.
     """
     found = page.evaluate(_POINTS, poses.tolist())
     return [(np.array(each["points"]), Pinhole.of(each)) for each in found]
 
 
 def marker_place(page: Page, link: int, radius_m: float) -> np.ndarray:
-    """Draw a ball at the frame of a link (the tool if it is the last), and return its place in the
-    picture [px].
+    """Draw only a ball at a frame, and return the pixel coordinates of its centre.
+
+    `link` counts the frames of `drawn_points` from 0; the last is the tool.
     """
     page.evaluate(_MARK, {"link": link, "radius": radius_m})
     picture = picture_of(page)
@@ -152,11 +157,11 @@ def marker_place(page: Page, link: int, radius_m: float) -> np.ndarray:
 
 
 def picture_of(page: Page) -> np.ndarray:
-    """Return the view's picture without its border, (rows, columns, 3)."""
+    """Return the view's picture without its border: RGB values, (rows, columns, 3)."""
     shot = page.locator("#view .view-picture canvas").screenshot()
     return np.asarray(Image.open(io.BytesIO(shot)).convert("RGB")).astype(int)
 
 
 def changed_share(one: np.ndarray, other: np.ndarray) -> float:
-    """Return the share of pixels that differ visibly between two pictures."""
-    return float((np.abs(one - other).max(axis=2) > TOLD).mean())
+    """Return the share of pixels that differ by more than 12 of 255 in a colour."""
+    return float((np.abs(one - other).max(axis=2) > VISIBLE).mean())

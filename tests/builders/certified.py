@@ -1,4 +1,4 @@
-"""Files of a completed payload session, without recording a motion."""
+"""Files of a completed payload session for which no motion is recorded."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ SIGMA = 5e-3
 
 @dataclass(frozen=True)
 class Session:
-    """Folder of a session, the runs of its payload, and the payload."""
+    """Folder and session file of a payload session, and its payload."""
 
     folder: RunFolder
     state: SessionFile
@@ -50,7 +50,7 @@ def certified_session(
         runs: Folder of all runs.
         label: Label of the session.
         simulated: True if the cell file declares a simulated cell.
-        mass_percent: Limit of the mass in the verdict.
+        mass_percent: Limit of two standard deviations of the mass in the verdict.
     """
     loaded = load_cell("kr15")
     folder = RunFolder.create(runs, label, kind="payload session", software={"rid-daq": "0.1.0"})
@@ -109,12 +109,11 @@ def estimate_of(loaded: LoadedCell, run_ids: tuple[str, ...]) -> PayloadEstimate
 
 
 def without_checks(payload: PayloadResult) -> PayloadResult:
-    """Return a payload that was not compared with a reference."""
     return replace(payload, checks=())
 
 
 def with_unseen_inertia(payload: PayloadResult) -> PayloadResult:
-    """Return a payload whose inertia about z is not identifiable."""
+    """Return a payload whose parameter Izz is not identifiable."""
     estimate = replace(payload.estimate, unseen=np.eye(10)[:, 9:])
     return PayloadResult(estimate, check_payload(estimate, PayloadLimits()))
 
@@ -127,7 +126,7 @@ def _write_cell(folder: RunFolder, loaded: LoadedCell, simulated: bool) -> None:
 
 
 def write_payload_file(path: Path, parameters: FloatArray) -> Path:
-    """Write a payload of the bundled arm that passed its verdict.
+    """Write a payload of the bundled three-axis arm that passed its verdict.
 
     Args:
         path: Path of the file.

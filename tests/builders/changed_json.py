@@ -17,7 +17,7 @@ MARK = "changed here"
 
 
 def places(document: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-    """Return the path of every value; of long lists only the first and last value."""
+    """Return the path of every value; of a list, only of its first and last item."""
     found = [path]
     if isinstance(document, dict):
         children = list(document.items())
@@ -30,7 +30,10 @@ def places(document: Any, path: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 
 
 def change(document: Any, path: tuple[Any, ...], nasty: str | None) -> bytes:
-    """Return the document with one value replaced by `nasty`, or removed if `nasty` is None."""
+    """Return a JSON document with one value replaced by the JSON text `nasty`.
+
+    If `nasty` is None, the value is removed.
+    """
     tree = copy.deepcopy(document)
     parent = tree
     for key in path[:-1]:
@@ -43,6 +46,6 @@ def change(document: Any, path: tuple[Any, ...], nasty: str | None) -> bytes:
 
 
 def changes(document: Any) -> st.SearchStrategy[bytes]:
-    """Draw a document with one changed value."""
+    """Return a strategy for a document with one value changed or removed."""
     where, what = st.sampled_from(places(document)[1:]), st.sampled_from((None, *NASTY))
     return st.builds(lambda path, nasty: change(document, path, nasty), where, what)

@@ -31,7 +31,6 @@ _NO_CODE: Final = (
 
 
 def code_lines(source: str) -> int:
-    """Return the number of lines of code of a module."""
     tokens = tokenize.generate_tokens(io.StringIO(source).readline)
     kept = (each for each in tokens if each.type not in _NO_CODE)
     lines = {line for each in kept for line in range(each.start[0], each.end[0] + 1)}

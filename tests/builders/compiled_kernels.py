@@ -1,4 +1,4 @@
-"""Removal of compiled kernels that are older than a kernel that they call.
+"""Removal of all compiled kernels after a change of any kernel.
 
 numba stores compiled code next to the source file and reuses it while this file is unchanged.
 Called kernels are compiled into the caller. After a pull that changes only the called kernel, the
@@ -18,11 +18,13 @@ _COMPILES = re.compile(rb"^@(kernel|njit)\b", re.MULTILINE)
 def forget_stale_kernels(root: Path) -> bool:
     """Delete all compiled kernels if the source of any kernel has changed since the last call.
 
+    The first call deletes them too.
+
     Args:
         root: Folder of the packages; ``build/kernels`` below it stores the digest of the sources.
 
     Returns:
-        True if a source has changed.
+        True if the compiled kernels were deleted.
     """
     files = sorted(file for package in PACKAGES for file in (root / package).rglob("*.py"))
     digest = hashlib.sha256()

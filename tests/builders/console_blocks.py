@@ -87,7 +87,7 @@ def require_shown(
 ) -> str:
     """Compare the lines that a page shows with an output, and return the rest of the output.
 
-    Paths, run ids and the widths of columns may differ. An ellipsis stands for any text.
+    Paths, run ids and the widths of columns may differ. An ellipsis matches any text.
 
     Args:
         shown: Lines of the page.
@@ -106,7 +106,10 @@ def require_shown(
 
 
 def _comparable(text: str, same_numbers: bool) -> str:
-    """Return a text on one line, without paths and run ids, and without numbers if requested."""
+    """Return a text on one line, with placeholders for paths and run ids.
+
+    Unless `same_numbers`, numbers are replaced too.
+    """
     text = _RUN.sub("RUN", _PATH.sub("PATH", text))
     if not same_numbers:
         text = _NUMBER.sub("#", _HEXADECIMAL.sub("#", text))

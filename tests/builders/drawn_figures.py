@@ -36,7 +36,7 @@ JOINTS = ("axis1", "axis2", "axis3")
 
 
 def written(kind: str) -> Result:
-    """Return the result of a run on a bundled cell, with long curves shortened."""
+    """Return a stored result of a command on a bundled cell, with long curves shortened."""
     return Result.model_validate_json((WRITTEN / f"{kind}.json").read_bytes())
 
 
@@ -59,8 +59,8 @@ def payload(*, held: str = "", unseen: str = "") -> PayloadEstimate:
     """Return a payload of 5 kg with its centre of gravity 20, -10 and 80 mm from the flange.
 
     Args:
-        held: A parameter that was known before the measurement.
-        unseen: A parameter that the motion cannot determine.
+        held: Name of a parameter that was known before the measurement; empty for none.
+        unseen: Name of a parameter that the motion cannot determine; empty for none.
     """
     body = PayloadBody(5.0, np.array([0.02, -0.01, 0.08]), np.diag([0.04, 0.05, 0.02]))
     names: list[str] = list(PARAMETERS)
@@ -86,7 +86,6 @@ def payload(*, held: str = "", unseen: str = "") -> PayloadEstimate:
 
 
 def all_figures() -> dict[str, Plot]:
-    """Return all figures with their names."""
     long, cell = invented_result(), load_cell("kr15")
     curves, tracking, friction = long.curves, long.tracking, written("friction").friction
     loops = written("velocity_loops").velocity_loops
@@ -132,5 +131,5 @@ def all_figures() -> dict[str, Plot]:
 
 
 def tables(plot: Plot) -> dict[str, PlotTable]:
-    """Return the data tables of a figure with their names."""
+    """Return the data tables of a figure by name."""
     return {each.name: each for each in plot_tables(plot)}

@@ -14,7 +14,13 @@ from tests.builders.known_model import known_estimate
 
 
 def write_elastic_model(model: Path, path: Path, joints: list[int]) -> None:
-    """Read a model, give some joints of its robot gears of 2e4 N m/rad, and write it to `path`."""
+    """Write a model to `path` with gears of 2e4 N m/rad at some joints.
+
+    Args:
+        model: Path of the model that is read.
+        path: Path of the new model.
+        joints: Numbers of the joints, from 0.
+    """
     estimate = read_estimate(model)
     gears = [
         joint.model_copy(update={"stiffness_nm_rad": 2e4}) if number in joints else joint
@@ -25,7 +31,10 @@ def write_elastic_model(model: Path, path: Path, joints: list[int]) -> None:
 
 
 def links_model(cell: LoadedCell, stiffness_nm_rad: float = 2e4) -> Estimate:
-    """Return the true parameters of a simulated arm as a model of links behind elastic gears."""
+    """Return the true parameters of a simulated arm as a model of links behind elastic gears.
+
+    The gears have a damping of 50 N m s/rad and motors of 5 kg m2.
+    """
     gears = {
         "stiffness_nm_rad": stiffness_nm_rad,
         "damping_nm_s": 50.0,

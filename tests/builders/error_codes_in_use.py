@@ -16,7 +16,7 @@ CODE: Final = re.compile(r"RID(-[A-Z0-9]+){2,}")
 
 
 def modules(package: str) -> Iterator[tuple[Path, ast.Module]]:
-    """Yield the syntax tree of every file of a package."""
+    """Yield the path and the syntax tree of every file of a package."""
     for path in source_files(package):
         yield path.relative_to(ROOT), tree_of(path)
 
@@ -52,8 +52,9 @@ def errors_without_code(module: ast.Module, classes: dict[str, bool]) -> list[in
 
 
 def error_classes() -> dict[str, bool]:
-    """Return the classes of the project's errors, each with True if the class itself sets a code.
+    """Return the classes of the project's errors by name.
 
+    A value is True if the class or one of its base classes sets a code. The function
     `system_errors`, which also constructs errors, is included.
     """
     children: dict[str, list[ast.ClassDef]] = {}

@@ -59,7 +59,10 @@ def as_lines(table: np.ndarray, separator: str = ",") -> list[str]:
 
 
 def two_joint_robot(**changes: object) -> RobotDescription:
-    """A robot of two joints with limits of 3 rad, 4 rad/s and 50 N m."""
+    """Return a robot of two joints with limits of 3 rad, 4 rad/s and 50 N m.
+
+    `changes` replaces keys of its description.
+    """
     limits = {"position_min": -3.0, "position_max": 3.0, "velocity": 4.0, "acceleration": 90.0}
     joints = [
         {"name": name, "limits": limits | {"torque": 50.0}, "gear_ratio": 100.0} for name in "ab"

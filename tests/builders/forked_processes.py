@@ -4,8 +4,8 @@ A new Python process imports its modules first; a simulated device also prepares
 start hundreds of processes, so a server does this once for all tests of a worker. The server is a
 new Python process: it has no threads and no state of a test.
 
-Tests of starts, of resource limits and of faults of the program, which act on its child processes,
-use `new_processes`. Programs that a test starts, such as services, always start new processes.
+Tests of starts, of resource limits, and of faults of child processes use `new_processes`. Programs
+that a test starts, such as services, always start new processes.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ PREPARED = "tests.builders.prepared_processes"
 
 
 class ForkedProcess(ForkServerProcess):
-    """Process with folder, environment variables and outputs of the process that starts it.
+    """Process with the working folder, environment variables and outputs of its starter.
 
     Resource limits are those of the server.
 
@@ -35,7 +35,7 @@ class ForkedProcess(ForkServerProcess):
         target: Main function of the process.
         args: Its arguments.
         name: Name of the process within Python.
-        daemon: True if the process ends with this process.
+        daemon: True if the process ends with its starter.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class ForkedProcess(ForkServerProcess):
         super().__init__(target=_call, args=arguments, name=name, daemon=daemon)
 
     def start(self) -> None:
-        """Start the process, and before the first process the server."""
+        """Start the process; start the server first if it does not run."""
         with chdir(ROOT):  # the server imports `PREPARED` from its start folder
             forkserver.ensure_running()
         super().start()
@@ -69,7 +69,10 @@ def _call(
     target: Callable[..., None],
     args: tuple[Any, ...],
 ) -> None:
-    """Call the main function; its parent is the process that started it, and not the server."""
+    """Call the main function with the environment variables and outputs of the starter.
+
+    `os.getppid` then returns the id of the starter, and not of the server.
+    """
     os.environ.clear()
     os.environ.update(variables)
     for number, output in enumerate(outputs, start=1):
@@ -94,7 +97,7 @@ def fork_processes() -> None:
 
 @contextmanager
 def new_processes() -> Iterator[None]:
-    """Let this process start new Python processes, as the program, while the block is active."""
+    """Let this process start new Python processes, as the program does, in a `with` block."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(own_process, "NewProcess", multiprocessing.get_context("spawn").Process)
         yield

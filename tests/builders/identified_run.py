@@ -59,7 +59,7 @@ class ArmInMotion:
 
 
 def arm_in_motion() -> ArmInMotion:
-    """Design the excitation."""
+    """Return one period of a designed excitation."""
     cell = load_cell("ir361")
     motion = design_two_harmonic(
         cell.robot, TwoHarmonicOptions(5.0, highest_harmonic=6, tries=20, periods=PERIODS), CYCLE_S
@@ -130,7 +130,10 @@ def friction_run(root: Path, label: str, seed: int) -> RunFolder:
 def _journalled(
     folder: RunFolder, cell: LoadedCell, rows: NDArray[np.void], seed: int, period: int | None
 ) -> Recording:
-    """Write a cell's files and its recording with 1 N m of noise; return the recording."""
+    """Write a cell's files and its recording, and return the recording.
+
+    The torques get noise with a standard deviation of 1 N m.
+    """
     rows["time_s"] = np.arange(len(rows)) * CYCLE_S
     rows["cycle"] = rows["sample_index"] = np.arange(len(rows))
     rows["torque_nm"] += np.random.default_rng(seed).standard_normal((len(rows), 3))

@@ -33,7 +33,7 @@ class IdentifiedUrdf:
         data: The URDF's bytes.
         estimate: Base parameters fitted to the torques of Pinocchio.
         truth: The true arm: heavier links with other centres, with armatures.
-        held: Positions of the URDF's other joints by name.
+        held: Positions of the URDF's other joints by name [rad or m].
     """
 
     data: bytes
@@ -87,9 +87,9 @@ def identified_urdf(data: bytes, tip: str | None = None) -> IdentifiedUrdf:
 
 
 def arm_of(data: bytes, joints: tuple[str, ...], held: dict[str, float]) -> pin.Model:
-    """Return the joints of an arm in Pinocchio.
+    """Return an arm with the named joints in Pinocchio.
 
-    The other joints are fixed at their stated positions.
+    The other joints are fixed at the positions `held` [rad or m], or else at their neutral ones.
     """
     whole = pin.buildModelFromXML(data.decode())
     q = pin.neutral(whole)
@@ -104,14 +104,17 @@ def arm_of(data: bytes, joints: tuple[str, ...], held: dict[str, float]) -> pin.
 
 
 def rnea(model: pin.Model, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
-    """Return the torques of Pinocchio, with armatures and without friction, (samples, joints)."""
+    """Return the torques of Pinocchio without friction [N m], (samples, joints).
+
+    They include the armatures of the model.
+    """
     data = model.createData()
     samples = zip(q, v, a, strict=True)
     return np.array([pin.rnea(model, data, _configuration(model, q), v, a) for q, v, a in samples])
 
 
 def random_motion(n: int, samples: int = 400) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return random positions, velocities and accelerations, (samples, n) each."""
+    """Return random positions, velocities and accelerations in SI units, (samples, n) each."""
     random = np.random.default_rng(5)
     q, v, a = (random.uniform(-1.0, 1.0, (samples, n)) for _ in range(3))
     return q, 2.0 * v, 5.0 * a
@@ -126,7 +129,7 @@ def _configuration(model: pin.Model, q: FloatArray) -> FloatArray:
 
 
 def _heavier(model: pin.Model) -> pin.Model:
-    """Give each body more mass, another centre and more inertia."""
+    """Give each body more mass, another centre and more inertia, and each joint an armature."""
     random = np.random.default_rng(1)
     for number in range(1, model.njoints):
         body = model.inertias[number]

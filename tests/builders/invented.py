@@ -1,4 +1,4 @@
-"""A result document with invented numbers, for pages that show all sections."""
+"""A result document with invented numbers, for pages that show many sections."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 
 def whole_result() -> dict[str, Any]:
-    """Return a result document that contains every section of the report."""
+    """Return a result document with a verdict and most sections of an identification report."""
     count = 400
     time_s = [0.02 * i for i in range(count)]
     joints = ("axis1", "axis2", "axis3")

@@ -1,9 +1,11 @@
 """Check the types of the pages' JavaScript: `.venv/bin/python -m tests.builders.javascript_types`.
 
-Types of requests, answers and events come from the OpenAPI document, types of the results of jobs
-and of the documents that only pages receive from their Python types, and types of elements from the
-templates. They are written to `javascript/types/generated.d.ts`, which git ignores; editors read it
-too. `tsc` then checks all JavaScript by `tsconfig.json`.
+The types are written to `javascript/types/generated.d.ts`, which git ignores; editors read it too.
+`tsc` then checks all JavaScript by `tsconfig.json`. The sources of the types are:
+
+- requests, answers and events: the OpenAPI document;
+- results of jobs, and documents that only pages receive: their Python types;
+- elements: the templates.
 """
 
 from __future__ import annotations
@@ -36,7 +38,7 @@ _NAMES: Final = {
     "null": "null",
 }
 _START: Final = '""'
-"""First part of an address that begins with a slash."""
+"""Empty first part of an address that begins with a slash."""
 
 _HEAD: Final = "// Made by tests/builders/javascript_types.py. Do not edit.\n"
 _PARTS: Final = """\
@@ -95,7 +97,6 @@ def element_tags() -> dict[str, set[str]]:
 
 
 def write_types() -> None:
-    """Write the generated declarations."""
     GENERATED.write_text(generated_types(), encoding="utf-8")
 
 
@@ -110,7 +111,7 @@ def type_errors(project: Path = ROOT) -> str:
 
 
 def compiled_scripts(scripts: Mapping[str, str], folder: Path) -> dict[str, str]:
-    """Return scripts as `tsc` writes them again: without comments, and with its own line breaks.
+    """Return scripts as `tsc` rewrites them: without comments, and with its own line breaks.
 
     Args:
         scripts: Texts by file name.
@@ -138,7 +139,10 @@ def _compiler() -> Path:
 
 
 def assert_declared(document: Mapping[str, object], interface: str) -> None:
-    """Assert that a document has the keys of an interface that is written by hand."""
+    """Assert that a document fits a hand-written interface.
+
+    The document must have all required keys and no undeclared key.
+    """
     text = "".join(path.read_text(encoding="utf-8") for path in GENERATED.parent.glob("*.d.ts"))
     (body,) = re.findall(
         rf"^interface {interface} \{{\n(.*?)\n\}}$", text, re.DOTALL | re.MULTILINE
@@ -201,7 +205,7 @@ def _with_resolved_names(document: Any) -> Any:
 
 
 def _result_type(types: tuple[Any, ...]) -> str:
-    """Return the type of a result; if a part of it is not declared, any key can be absent."""
+    """Return the type of a result; any key can be absent if one of `types` is no `TypedDict`."""
     declared = " | ".join(sorted(each.__name__ for each in types if is_typeddict(each)))
     if not declared:
         return "Record<string, unknown>"
@@ -209,7 +213,10 @@ def _result_type(types: tuple[Any, ...]) -> str:
 
 
 def _request_schemas(document: Mapping[str, Any], schemas: Mapping[str, Any]) -> set[str]:
-    """Return the names of the schemas of requests; a field with a default may be absent there."""
+    """Return the names of the schemas of requests and of the schemas that they reference.
+
+    In them, a field with a default can be absent.
+    """
     waiting = [name for name in schemas if name.startswith("Request-")]
     for verbs in document["paths"].values():
         for operation in verbs.values():
@@ -234,7 +241,7 @@ def _references(schema: Any) -> Iterator[str]:
 
 
 def _declaration(name: str, schema: Mapping[str, Any], *, is_partial: bool) -> str:
-    """Return the declaration of a schema; if it is partial, keys that are not required can lack."""
+    """Return the declaration of a schema; if `is_partial`, optional keys can be absent."""
     if "properties" not in schema:
         return f"  type {_identifier(name)} = {_type(schema)};\n"
     required = schema.get("required", ()) if is_partial else schema["properties"]
@@ -276,7 +283,10 @@ def _type(schema: Mapping[str, Any]) -> str:
 
 
 def _routes(document: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the types `AnswerTo` and `BodyOf` of a method and the parts of an address."""
+    """Yield the declarations of the types `AnswerTo` and `BodyOf`.
+
+    Their parameters are a method and the parts of an address.
+    """
     answers, bodies = {}, {}
     for path, verbs in document["paths"].items():
         if not path.startswith("/api/v1/"):

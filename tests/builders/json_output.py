@@ -9,7 +9,7 @@ import pytest
 
 
 def document(capsys: pytest.CaptureFixture[str]) -> dict[str, Any]:
-    """Return the printed document; nothing else may be printed."""
+    """Return the JSON document on stdout; nothing else may be printed there."""
     found = json.loads(capsys.readouterr().out)
     assert isinstance(found, dict)
     return found

@@ -19,7 +19,7 @@ def link_parameters(link: int) -> tuple[str, ...]:
 def bodies_text(
     name: str, of_link: int, share: float, *, on_link: int | None = None, mass_sigma_kg: float = 0.0
 ) -> str:
-    """Return the key `bodies` of a file, with one body.
+    """Return the YAML text of the key `bodies` with one body.
 
     Args:
         name: Name of the body.

@@ -25,7 +25,7 @@ from tests.builders.certified import MEDIUM, write_payload_file
 def known_estimate(cell: LoadedCell, deviations: dict[str, float]) -> Estimate:
     """Return a simulated arm's true parameters as an estimate.
 
-    `deviations` contains the standard deviations of some parameters.
+    `deviations` contains factors for the standard deviations of some parameters, by name.
     """
     assert cell.plant is not None
     model = design_model(cell.robot)
@@ -56,7 +56,14 @@ def known_estimate(cell: LoadedCell, deviations: dict[str, float]) -> Estimate:
 def estimate_with_terms(
     cell: LoadedCell, terms: tuple[FrictionTerm, ...], size: float, nonlinear: float | None = None
 ) -> Estimate:
-    """Return the true parameters with other friction terms, whose coefficients are all `size`."""
+    """Return the true parameters of an arm with other friction terms.
+
+    Args:
+        cell: Cell of the arm.
+        terms: Friction terms of all joints.
+        size: Value of each parameter that the simulated arm does not have.
+        nonlinear: Value of all nonlinear parameters; None for the default values.
+    """
     true = known_estimate(cell, {})
     joints = tuple(joint.model_copy(update={"friction": terms}) for joint in cell.robot.joints)
     robot = cell.robot.model_copy(update={"joints": joints})
@@ -80,7 +87,7 @@ def estimate_with_terms(
 
 
 def with_payload_columns(alone: Estimate, kind: ModelKind = "internal") -> Estimate:
-    """Return an estimate that contains a payload's parameters, as `identify --loaded` does."""
+    """Return an estimate with a payload's parameters, as `identify --loaded` makes it."""
     options = replace(alone.options, payload=True, kind=kind)
     base = base_parameters(options.build(alone.robot), kind=kind)
     standard = dict(zip(alone.model.parameter_names, alone.standard_values, strict=True))
@@ -101,7 +108,7 @@ def with_payload_columns(alone: Estimate, kind: ModelKind = "internal") -> Estim
 
 
 def joint_path(*poses: list[float]) -> str:
-    """Return a motion file of `ir361`: a curve through poses [rad] at 0.3 of the speed limits."""
+    """Return a motion file of `ir361`: a curve through poses [rad] with `speed_fraction` 0.3."""
     rows = "".join(f"- {pose}\n" for pose in poses)
     return f"kind: joint_path\nrobot: ir361\nspeed_fraction: 0.3\npoints:\n{rows}"
 

@@ -53,7 +53,7 @@ def robot_of(cell: LoadedCell, terms: tuple[FrictionTerm, ...] = CLASSICAL) -> R
 
 
 def late(recording: Recording, delay_ms: Sequence[float]) -> Recording:
-    """Return a recording with its torques delayed by `delay_ms`."""
+    """Return a recording with the torque of each joint delayed by its value in `delay_ms`."""
     torque = [
         CubicSpline(recording.time_s, column)(recording.time_s - 1e-3 * by)
         for column, by in zip(recording.torque_nm.T, delay_ms, strict=True)

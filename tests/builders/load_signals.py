@@ -1,4 +1,4 @@
-"""Load changes at signals, and a streamed path during which they come."""
+"""Load changes that digital inputs trigger, and a streamed path during which they occur."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ Levels = Callable[[float], bool]
 
 
 def change(at_s: float = AT_S, payload: str = "model", **signal: Any) -> LoadChange:
-    """Return a change at a signal of axis 2; keys of the signal can be replaced."""
+    """Return a load change at an input of axis 2; `signal` replaces keys of its signal."""
     keys: dict[str, Any] = {"joint": "axis2", "bit": BIT, "debounce_s": 0.0}
     keys |= {"early_s": 0.1, "late_s": 0.2, "missed": "stop"}
     own = LoadSignal.model_validate(keys | signal)
@@ -47,7 +47,7 @@ def change(at_s: float = AT_S, payload: str = "model", **signal: Any) -> LoadCha
 
 
 def forward_of(*changes: LoadChange, loads: tuple[Estimate, ...] = (LOADED,)) -> OnlineFeedforward:
-    """Return the arm without load, and with a load after each change."""
+    """Return the online feedforward of an arm without load, and with a load after each change."""
     begin_s = np.array([each.at_s for each in changes])
     load = RampedLoad((ALONE, *loads), begin_s, np.full(len(changes), RAMP_S))
     forward = OnlineFeedforward.from_model(CELL.config, CELL.robot, load, loops_of(CELL))
@@ -69,7 +69,11 @@ def source_of(forward: OnlineFeedforward) -> PointSource:
 
 
 def follow(source: PointSource, level: Levels, lost: Levels = lambda _: False) -> list[SetPoint]:
-    """Drive a path; the input of axis 2 has a level at times of the path."""
+    """Return the set-points of a whole path.
+
+    `level` and `lost` are functions of the time of the path [s]: the level of the input of axis 2,
+    and True if the answer of its drive is lost.
+    """
     points: list[SetPoint] = []
     for row in range(5000):
         time_s = points[-1].sample_index * T if points else -T  # the last row of the approach
@@ -83,7 +87,10 @@ def follow(source: PointSource, level: Levels, lost: Levels = lambda _: False) -
 
 
 def answers_of(position: Points, level: bool, lost: bool = False) -> Answers:
-    """Return the drives' answers with a level of the input of axis 2."""
+    """Return the drives' answers with a level of the input of axis 2.
+
+    If `lost`, the answer of axis 2 is missing.
+    """
     answers = answers_at(position, inputs=(0, int(level) << BIT, 0))
     answers.received[1] = not lost
     return answers
@@ -104,6 +111,6 @@ def changes_of(source: PointSource) -> tuple[LoadChange, ...]:
 
 
 def stated_at(time_s: float, load: Estimate = LOADED) -> Points:
-    """Return the feedforward of a load that changes at a stated time."""
+    """Return the feedforward [rad/s], (samples, joints), with a load change at a stated time."""
     stated = LoadChange(at_s=time_s, payload="model", ramp_s=RAMP_S)
     return arrays(follow(source_of(forward_of(stated, loads=(load,))), lambda _: False))[2]

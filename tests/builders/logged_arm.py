@@ -18,8 +18,8 @@ class LoggedArm:
     """Motion of an arm: sums of sines without a common period, from a seed.
 
     Attributes:
-        amplitude, omega, phase: Shape (joints, sines). A joint's position is the sum of amplitude *
-            sin(omega * t + phase).
+        amplitude, omega, phase: Shape (joints, sines) [rad, rad/s, rad]. A joint's position is the
+            sum of amplitude * sin(omega * t + phase).
     """
 
     amplitude: FloatArray
@@ -60,7 +60,7 @@ def row_times(rows: int = 2500) -> FloatArray:
 
 
 def inserted(true_s: FloatArray, repeat: BoolArray) -> FloatArray:
-    """Return the true times of rows, some of which are written twice."""
+    """Return the true times of the rows if the rows with `repeat` are written twice."""
     return np.asarray(np.repeat(true_s, np.where(repeat, 2, 1)))
 
 

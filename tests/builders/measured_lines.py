@@ -3,8 +3,8 @@
 `tests/conftest.py` imports this module before all others. If the environment variable
 `RID_DAQ_LINES` names a folder, each pytest process writes a file there when it ends. The library
 SlipCover counts the lines: its probes remove themselves after their first execution; a tracer would
-double the time. Lines executed by other processes, such as the cyclic task, or compiled by numba
-are not counted.
+double the time. Lines that numba compiles, or that
+other processes such as the cyclic task execute, are not counted.
 
 `python -m tests.builders.measured_lines FOLDER` adds the files, compares each package with its
 minimum, and lists the worst files with `--worst N`.
@@ -131,7 +131,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 write_lines = measure_lines(Path(folder)) if (folder := os.environ.get("RID_DAQ_LINES")) else None
-"""Function that writes the counts of this process to the folder; None without counting."""
+"""Function that writes the counts of this process; None if `RID_DAQ_LINES` is not set."""
 
 if __name__ == "__main__":
     sys.exit(main(sys.argv[1:]))

@@ -1,4 +1,4 @@
-"""Mesh files of solids with known dimensions, written number by number."""
+"""Mesh files of solids with known dimensions, written without a mesh library."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def box(low: Sequence[float], high: Sequence[float]) -> tuple[FloatArray, IntArr
 
 
 def joined(*parts: tuple[FloatArray, IntArray]) -> tuple[FloatArray, IntArray]:
-    """Return several shapes as one."""
+    """Return the vertices and triangles of several shapes as one shape."""
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
     return (
         np.vstack([vertices for vertices, _ in parts]),
@@ -44,7 +44,6 @@ def binary_stl(vertices: FloatArray, faces: IntArray, head: bytes = b"test") -> 
 
 
 def ascii_stl(vertices: FloatArray, faces: IntArray) -> str:
-    """Return the text of an ASCII STL file."""
     facets = [
         "facet normal 0 0 0\nouter loop\n"
         + "".join(f"vertex {x!r} {y!r} {z!r}\n" for x, y, z in vertices[face].tolist())
@@ -55,7 +54,6 @@ def ascii_stl(vertices: FloatArray, faces: IntArray) -> str:
 
 
 def obj(vertices: FloatArray, faces: IntArray) -> str:
-    """Return the text of an OBJ file."""
     corners = "".join(f"v {x!r} {y!r} {z!r}\n" for x, y, z in vertices.tolist())
     return corners + "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in faces.tolist())
 

@@ -38,7 +38,7 @@ STEP_S = 0.002
 
 
 class IdealAxis(AxisPort):
-    """An axis that follows its drive's ramp exactly; without power its brake stops it."""
+    """An axis that follows its drive's ramp exactly; without power it stops at once."""
 
     def __init__(self, counts: float) -> None:
         self.counts = counts
@@ -188,7 +188,7 @@ RING = {joints: Ring.create(joints, 8192) for joints in (1, 2)}
 
 
 class SpeedUp:
-    """Set-points that accelerate all joints from rest towards a limit; then a stop is requested."""
+    """Set-points that accelerate all joints to their speed limits; then a stop is requested."""
 
     samples_per_period = None
     period_ends: Mapping[int, int] = {}
@@ -232,7 +232,7 @@ class SpeedUp:
 
 
 class Outcome:
-    """Outcome for one cell: the preflight refuses it, or its axes move and stop."""
+    """Outcome for one cell: an error, or the motion and its stop."""
 
     def __init__(
         self, cell: CellConfig, robot: RobotDescription, increments: int, rows: int, sign: int

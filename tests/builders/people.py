@@ -1,6 +1,4 @@
-"""Processes that belong to several users of one computer, such as sessions and holders of false
-locks.
-"""
+"""Processes of several users of one computer: sessions, and holders of false locks."""
 
 from __future__ import annotations
 
@@ -13,7 +11,7 @@ from typing import Any
 
 ME = os.getuid()
 STRANGER = "import sys; [print('alive', flush=True) for _ in sys.stdin]"
-"""A process that is unrelated to rid-daq."""
+"""Program that is unrelated to rid-daq; it answers each line of input."""
 
 LIAR = """
 import contextlib, fcntl, os, sys
@@ -36,7 +34,7 @@ print("alive", flush=True)
 for _ in sys.stdin:
     print("alive", flush=True)
 """
-"""A process that holds a lock file with false content."""
+"""Program that makes a lock file with false content and locks it."""
 
 PERSON = """
 import ctypes, os, signal, sys
@@ -62,11 +60,11 @@ with hold_cell(cell):
     print("alive", flush=True)
     signal.pause()
 """
-"""A user of this computer, who runs a session or `rid-daq stop`."""
+"""Program that holds a session, or runs `rid-daq stop --all`, as the user with a given id."""
 
 
 class People:
-    """Processes of several users, some with false locks; all end with the test."""
+    """Processes of several users, some with false locks; the exit stack ends them."""
 
     def __init__(self, stack: contextlib.ExitStack) -> None:
         self._stack = stack

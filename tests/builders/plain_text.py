@@ -36,7 +36,7 @@ NAMES: Final = frozenset(
         "wanted",
     )
 )
-"""Participles and pronouns that functions and classes must not have as names."""
+"""Words that functions and classes must not have as names."""
 
 PHRASES: Final = {
     r"\bwhere (?:a|an|the|one|that|this|it|they|none|no|not|its|their|nothing|several)\b": (
@@ -103,7 +103,6 @@ class Name(NamedTuple):
 
 @cache
 def passages(path: Path) -> tuple[Passage, ...]:
-    """Return the texts of a file."""
     if path.suffix == ".py":
         return tuple(_of_python(path))
     source = path.read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""A program that sends points to `rid-daq stream`."""
+"""A client that sends points to `rid-daq stream`."""
 
 from __future__ import annotations
 
@@ -21,9 +21,10 @@ from compensation.online.point_codec import PROTOCOL
 def send_batches(
     path: Path, batches: Sequence[NDArray[np.float64]], *, end: bool = True
 ) -> Iterator[list[dict[str, Any]]]:
-    """Send batches to a listening socket; yield the received messages.
+    """Send batches to a listening socket; yield a list that receives the answer at the end.
 
-    The client disconnects at the end of the block; without `end` it disconnects early.
+    Each batch has shape (points, joints) [rad]. With `end`, the client ends the stream and waits
+    for the answer. Without it, the client disconnects after the last batch.
     """
     messages: list[dict[str, Any]] = []
 

@@ -56,7 +56,7 @@ FORWARD = OnlineFeedforward.of(
 def answers_at(
     position: Points, counts_per_rad: float = 1e6, inputs: tuple[int, ...] = (0, 0, 0)
 ) -> Answers:
-    """Return answers of all drives at a position, with encoders of this resolution."""
+    """Return answers of all drives at a position [rad], with these digital inputs."""
     answers = Answers.initial(len(position))
     answers.received[:] = True
     answers.position[:] = position
@@ -70,7 +70,7 @@ DISTANCES = (2e-3, 1e-3, 3e-3)
 
 
 def remembering() -> tuple[RobotModel, Points]:
-    """Return the true model of the arm with presliding hysteresis."""
+    """Return the arm's model with presliding hysteresis, and its true parameters."""
     joints = tuple(
         joint.model_copy(
             update={"friction": (*joint.friction, "presliding"), "presliding_distance": distance}
@@ -115,7 +115,10 @@ def drive(source: PointSource, rows: Iterable[int] | None = None) -> list[SetPoi
 
 
 def waves(seed: int, count: int, size: float = 0.5) -> Points:
-    """Return a smooth path within all limits that starts at rest and does not end at rest."""
+    """Return a smooth path [rad], (count, 3), that starts at rest and does not end at rest.
+
+    With the default size it is within all limits.
+    """
     rng = np.random.default_rng(seed)
     time_s = np.arange(count)[:, np.newaxis] * T
     rise = np.clip(time_s / 1.0, 0.0, 1.0)
@@ -164,7 +167,11 @@ Spoiler = st.sampled_from(["no", "nan", "inf", "jump", "step", "noise", "huge", 
 
 @st.composite
 def streams(draw: st.DrawFn) -> tuple[Points, list[int], bool, list[int]]:
-    """Draw valid or invalid points, the number per cycle, the stream's end, and skipped cycles."""
+    """Draw a stream: points, points per cycle, an end mark, and skipped cycles.
+
+    The points [rad], (points, 3), can be invalid. The third value is True if the stream has an end
+    mark.
+    """
     path = waves(draw(st.integers(0, 50)), draw(st.integers(1, 500)), draw(st.floats(0.05, 3.0)))
     at = draw(st.integers(0, len(path) - 1))
     joint, size = draw(st.integers(0, 2)), draw(st.floats(-3.0, 3.0))

@@ -55,7 +55,7 @@ def dahl(path: FloatArray, distance: float) -> FloatArray:
 
 
 def motion(seconds: float, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return q, v, a of a motion with many reversals and some rest, (samples, 3)."""
+    """Return q, v, a [rad, rad/s, rad/s2] of a motion with reversals and rest, (samples, 3)."""
     random = np.random.default_rng(seed)
     t = STEP_S * np.arange(round(seconds / STEP_S))
     omega = 2.0 * np.pi * np.array([0.07, 0.21, 0.4, 0.63])
@@ -84,8 +84,8 @@ def recording(
     """Return a recording of the arm with noise and low-pass filter.
 
     Args:
-        directions: For some joints, series between -1 and 1 that replace sign(v) in the Coulomb
-            friction.
+        directions: For some joints, by number from 0, series between -1 and 1 that replace sign(v)
+            in the Coulomb friction.
     """
     tau = _torques(directions, way, noise_nm, seed)
     return signals_of(*way, low_pass(tau, STEP_S, CUTOFF_HZ))
@@ -97,8 +97,9 @@ def measured(
     *,
     rows: slice = slice(None),
 ) -> Recording:
-    """Return the noisy `Recording`, or some of its rows; the joints have already moved before the
-    first row.
+    """Return a `Recording` with 1 N m of noise and without filter.
+
+    `rows` selects rows of the motion; before the first one the joints may have moved.
     """
     tau, q = _torques(directions, way, 1.0, 0)[rows], way[0][rows]
     return Recording(
@@ -130,7 +131,7 @@ def _torques(
 
 
 def signals_of(q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> SmoothedSignals:
-    """Return arrays as a smoothed recording."""
+    """Return positions, velocities, accelerations and torques as a smoothed recording."""
     return SmoothedSignals(
         joint_names=arm().joint_names,
         time_s=STEP_S * np.arange(len(q), dtype=np.float64),
@@ -145,7 +146,7 @@ def signals_of(q: FloatArray, v: FloatArray, a: FloatArray, tau: FloatArray) -> 
 
 
 def with_presliding(joints: Sequence[int], distance: float, share: float = 1.0) -> RobotDescription:
-    """Return the arm with presliding on some joints, with start values of distance and fraction."""
+    """Return the arm with presliding on some joints; distance and fraction are start values."""
     robot = arm()
     own = tuple(
         joint.model_copy(

@@ -48,6 +48,6 @@ def raises_invalid(key: str, *details: str) -> Iterator[pytest.ExceptionInfo[Val
 
 
 def line_of(path: Path, key: str) -> int:
-    """Return the first line of a YAML file with a key."""
+    """Return the number of the first line with a key in a YAML file, from 1."""
     lines = path.read_text().splitlines()
     return next(n for n, line in enumerate(lines, 1) if line.lstrip(" -").startswith(f"{key}:"))

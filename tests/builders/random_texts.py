@@ -30,7 +30,6 @@ _CODE = re.compile(
 
 
 def kind_of(path: Path, passage: Passage) -> str:
-    """Return the kind of a text."""
     if path.suffix == ".md":
         return "decision" if path.parent.name == "decisions" else "document"
     if path.suffix in (".html", ".js"):
@@ -53,7 +52,7 @@ def texts(path: Path) -> Iterator[Passage]:
 
 
 def draw(seed: str, count: int, names: tuple[str, ...] = _READ) -> list[tuple[str, str]]:
-    """Return `count` texts, each with its kind and place."""
+    """Return `count` texts, each after its place; the place begins with the kind."""
     kinds: dict[str, list[tuple[str, str]]] = {}
     for name in names:
         for path in files(ROOT / name):

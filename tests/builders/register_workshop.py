@@ -29,7 +29,7 @@ TIMEOUT_S = 4.0  # timeout for answers that may never arrive
 
 
 def registers(unit: int) -> dict[int, int] | None:
-    """Return registers of three drives at 20, 30 and 100 °C."""
+    """Return the registers of one of three drives at 20, 30 and 100 °C; None for other units."""
     if unit not in UNITS:
         return None
     return encode(
@@ -52,7 +52,7 @@ def at_first(kind: Any, **more: Any) -> RegisterFault:
 
 
 class Workshop:
-    """Start register services, and end them with the test."""
+    """Starter of register services; the exit stack ends them."""
 
     def __init__(self, path: Path, stack: ExitStack) -> None:
         self._path = path

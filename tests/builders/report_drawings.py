@@ -1,4 +1,7 @@
-"""Reports without plots and pictures, which need most of the time of a command that writes one."""
+"""Reports without plots and pictures.
+
+Drawing takes most of the time of a command that writes a report.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +28,7 @@ def without_drawings() -> Iterator[pytest.MonkeyPatch]:
 
 
 def leave_out_drawings(patch: pytest.MonkeyPatch) -> None:
-    """Replace the functions that draw the plots and pictures of a report."""
+    """Replace the functions that draw a report's plots and pictures by constants."""
     from rid_daq.report_page import render
     from rid_daq.report_page.live_figures import LiveFigures
     from rid_daq.robot_view import robot_pictures

@@ -59,7 +59,6 @@ class Screen:
         return screen_lines(self.text)
 
     def svg(self, theme: TerminalTheme) -> str:
-        """Return the screen as a picture."""
         drawn = RichConsole(
             record=True, width=self.columns, file=io.StringIO(), force_terminal=True, height=100
         )
@@ -102,7 +101,7 @@ def screen_lines(written: str) -> list[str]:
 
 @contextlib.contextmanager
 def terminal(columns: int) -> Iterator[io.StringIO]:
-    """Redirect all output to a terminal of `columns` columns, and yield the terminal."""
+    """Redirect stdout to a terminal of `columns` columns with colours, and yield it."""
     size = {"COLUMNS": str(columns), "LINES": "100", "FORCE_COLOR": "1", "TERM": "xterm-256color"}
     shown = io.StringIO()
     with (
@@ -115,7 +114,7 @@ def terminal(columns: int) -> Iterator[io.StringIO]:
 
 
 def command_lines() -> list[tuple[str, ...]]:
-    """Return every command, and every command of a group."""
+    """Return the program without a command, every command, and every command of a group."""
     return list(dict.fromkeys([(), *((name,) for name in COMMANDS), *command_words()]))
 
 
@@ -181,7 +180,10 @@ def store_screen(screen: Screen, folder: str) -> None:
 
 
 def require_fitting(words: Sequence[str], calls: Sequence[Call], folder: str = "more") -> None:
-    """Store the screens of a command, and require that all lines fit the width."""
+    """Store the screens of a command, and require that its lines fit the width.
+
+    The lines that `too_wide` excepts may be longer.
+    """
     for columns in WIDTHS:
         screen = replay(words, calls, columns)
         store_screen(screen, folder)
@@ -190,7 +192,10 @@ def require_fitting(words: Sequence[str], calls: Sequence[Call], folder: str = "
 
 
 def too_wide(lines: list[str], columns: int) -> list[str]:
-    """Return lines that are wider than the terminal, except commands and paths."""
+    """Return lines that are wider than the terminal.
+
+    Lines that begin with `rid-daq` or end with an absolute path are excepted.
+    """
     return [
         line
         for line in lines
@@ -201,7 +206,7 @@ def too_wide(lines: list[str], columns: int) -> list[str]:
 
 
 def replay(words: Sequence[str], calls: Sequence[Call], columns: int) -> Screen:
-    """Return the screen of a command from its console calls; fast commands are run again."""
+    """Return the screen of a command from its console calls; `runs` is run again."""
     with terminal(columns) as shown:
         if words[0] == "runs":
             run(list(words))
@@ -212,7 +217,7 @@ def replay(words: Sequence[str], calls: Sequence[Call], columns: int) -> Screen:
 
 
 def main_commands(folder: Path) -> Iterator[tuple[list[str], list[Call]]]:
-    """Run the main commands on the small simulated cell, and return their console calls."""
+    """Run the main commands on the small simulated cell; yield their words and console calls."""
     runs, motion = ["--runs", str(folder / "runs")], str(folder / "motion.yaml")
     small = ["--method", "two-harmonic", "--tries", "3", "--period", "4", "--periods", "3"]
     model = str(folder / "model.json")

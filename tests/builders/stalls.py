@@ -1,7 +1,7 @@
 """Detection of stalls of the computer; a test is repeated only if it failed during a stall.
 
 A virtual machine sometimes stands still for up to a second. A real-time test that fails during such
-a stall proves nothing. A witness process only wakes up periodically and measures the longest delay.
+a stall proves nothing. A witness process wakes up periodically; it measures its longest delay.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def witness() -> Iterator[Witness]:
 
 
 def where_time_runs(attempt: Callable[[], T], stall_s: float) -> T:
-    """Return the result of a real-time attempt; it is repeated only after a stall.
+    """Return the result of a real-time attempt; repeat it only after a stall of `stall_s` or more.
 
     Args:
         attempt: Function with assertions that can be repeated.

@@ -22,12 +22,11 @@ LIMITS = [joint.limits for joint in load_robot("ir361").joints]
 
 
 def model_and_loops(workshop: Path) -> list[str]:
-    """Return the options for model and loops."""
     return ["--model", str(workshop / "model.json"), "--loop", str(workshop / "loops.json")]
 
 
 def joint_path() -> NDArray[np.float64]:
-    """Return a spline through random poses, which was not used to tune the compensation."""
+    """Return the points [rad], (points, 3), of a path that did not tune the compensation."""
     motion = MultipointMotion(kind="multipoint", robot="ir361", points=4, seed=11)
     return np.array(motion.plan(load_robot("ir361"), 0.008).position)
 
@@ -57,8 +56,14 @@ def stream_batches(
 
 
 def require_rest_on(path: NDArray[np.float64], printed: dict[str, Any]) -> None:
-    """Require that the robot came to rest on the path, stayed within its limits, and did not
-    jump.
+    """Require that the set-points follow a path and that the robot rests at the end.
+
+    Also require that accelerations of the set-points and measured speeds and torques are within
+    their limits.
+
+    Args:
+        path: Points [rad], (points, joints).
+        printed: Result document of `rid-daq stream`.
     """
     rows = read_journal(Path(printed["folder"]) / "recording.mcap").rows
     moving = rows[rows["sample_index"] >= 0]

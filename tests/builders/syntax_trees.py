@@ -17,7 +17,6 @@ def source_files(*folders: str) -> tuple[Path, ...]:
 
 @cache
 def text_of(path: Path) -> str:
-    """Return the text of a source file."""
     return path.read_text(encoding="utf-8")
 
 

@@ -16,7 +16,7 @@ PATIENCE_S = 180.0
 
 
 class Typist:
-    """Runs the command line in its own terminal while the `with` block is active."""
+    """A command line in a terminal of its own; it runs while the `with` block is active."""
 
     def __init__(self, *words: object, environment: dict[str, str] | None = None) -> None:
         self._terminal, inside = pty.openpty()

@@ -50,7 +50,7 @@ def motors(time_constant_s: tuple[float | None, ...], copper_w: float) -> MotorT
 
 
 def motion(seconds: float, seed: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return q, v, a of a motion that is alternately fast and slow."""
+    """Return q, v, a [rad, rad/s, rad/s2] of an alternately fast and slow motion, (samples, 3)."""
     random = np.random.default_rng(seed)
     t = STEP_S * np.arange(round(seconds / STEP_S))
     omega = 2.0 * np.pi * np.array([0.13, 0.31, 0.52])

@@ -35,7 +35,7 @@ REMOVED = {
     socket: ("AF_CAN", "PF_CAN", "CAN_RAW", "SO_PEERCRED", "AF_NETLINK", "AF_PACKET"),
     time: ("CLOCK_BOOTTIME", "CLOCK_MONOTONIC_RAW"),
 }
-"""Names that Python has on Linux, but not on macOS."""
+"""Names that Python has on Linux, but not on macOS, by module."""
 HIDDEN = ("/proc", "/sys", "/dev/shm")
 _ROOT = str(Path(__file__).resolve().parents[2])
 

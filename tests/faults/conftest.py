@@ -1,7 +1,7 @@
 """A simulated cell in lock-step within the test's process: hub, drives, plant and cyclic task.
 
 Frames of the master go through the hub's socket and its simulated bus, as between processes. Tests
-compare the frames on the bus and the motion of the simulated axes, and do not check calls.
+check the frames on the bus and the motion of the simulated axes.
 """
 
 from __future__ import annotations
@@ -63,12 +63,12 @@ class Logged(NamedTuple):
 
     @property
     def velocity(self) -> int:
-        """The velocity of a command, 60FFh."""
+        """The target velocity of a command, 60FFh, as it is on the bus."""
         return int.from_bytes(self.data[2:6], "little", signed=True)
 
 
 def parse_log(text: str) -> list[Logged]:
-    """Read candump's format."""
+    """Return the frames of a log in candump's format, without remote frames."""
     frames = []
     for line in text.splitlines():
         time_text, _, frame = line.split(" ")
@@ -103,17 +103,17 @@ class Truth:
         self.powered.append(list(powered))
 
     def speed_after(self, time_s: float) -> float:
-        """Return the largest speed of any axis after a time [rad/s]."""
+        """Return the largest speed of any axis from a time on [rad/s]."""
         after = [v for t, v in zip(self.time_s, self.velocity, strict=True) if t >= time_s]
         return float(np.abs(after).max())
 
     def rest_s(self, slow: float = 1e-3) -> float:
-        """Return the time after which all axes remain at rest [s]."""
+        """Return the time after which all axes stay slower than `slow` [s]; infinite if never."""
         fast = [i for i, v in enumerate(self.velocity) if np.abs(v).max() > slow]
         return self.time_s[fast[-1] + 1] if fast[-1] + 1 < len(self.time_s) else float("inf")
 
     def at(self, time_s: float) -> int:
-        """Return the number of the first state at or after a time [s]."""
+        """Return the index of the first state at or after a time [s]."""
         return int(np.searchsorted(self.time_s, time_s))
 
 
@@ -153,7 +153,11 @@ class Run:
         return cycle
 
     def assert_at_rest(self, moved_before_s: float = 5 * T) -> float:
-        """Assert that the axes moved and came to rest; return the time from quick stop to rest."""
+        """Assert that the axes moved, came to rest, and have no power.
+
+        Returns:
+            Time from quick stop to rest [s].
+        """
         stop_s = min(self.quick_stops().values())
         moving = self.truth.velocity[self.truth.at(stop_s - moved_before_s)]
         assert np.abs(moving).max() > 0.05, "no axis moved before the fault"
@@ -164,7 +168,7 @@ class Run:
         return rest_s - stop_s
 
     def motion_frames_after(self, time_s: float) -> list[Logged]:
-        """Return the frames after a time that could move an axis; the time is in s."""
+        """Return the commands after a time [s] that enable operation."""
         return [f for f in self.frames if f.time_s > time_s and _is(f, ENABLE)]
 
 
@@ -215,7 +219,7 @@ class Rig:
         self.config = cell.model_copy(update={"can": channel})
 
     def frames(self) -> list[Logged]:
-        """Return all frames that were on the bus."""
+        """Return all frames that were on the bus, without remote frames."""
         return parse_log(self._log.getvalue())
 
     def close(self) -> None:
@@ -227,7 +231,6 @@ class Rig:
 
     @contextlib.contextmanager
     def session(self) -> Iterator[Cell]:
-        """Open the cell."""
         with open_cell(self.config, self._loaded.robot) as cell:
             yield cell
 
@@ -253,7 +256,7 @@ class Rig:
         hook: Callable[[Cell, ControlBlock], None] | None = None,
         config: CellConfig | None = None,
     ) -> Run:
-        """Bring up the axes, run a motion and close the session, as the cyclic task does."""
+        """Bring up the axes, run the cyclic task for a motion, and close the session."""
         control, ring = ControlBlock.create(), Ring.create(3, 8192)
         reason, error = None, None
         try:
@@ -283,13 +286,13 @@ def loaded() -> LoadedCell:
 
 @pytest.fixture(scope="session")
 def motion(loaded: LoadedCell) -> MotionSamples:
-    """Return a motion of 1.5 s in which every axis moves back and forth from its start."""
+    """Return one period of 1.6 s between ramps of 0.8 s; every axis moves."""
     return fourier(loaded, periods=1)
 
 
 @pytest.fixture(scope="session")
 def motion_of(loaded: LoadedCell) -> Callable[[str, int], FourierMotion]:
-    """Return a function that makes the same motion for a robot and a number of periods."""
+    """Return a function that makes this motion for a robot and a number of periods."""
     return lambda robot, periods: plan_of(loaded, robot, periods)
 
 
@@ -312,7 +315,7 @@ def plan_of(loaded: LoadedCell, robot: str, periods: int) -> FourierMotion:
 
 @pytest.fixture
 def serve(loaded: LoadedCell, tmp_path: Path) -> Iterator[Serve]:
-    """Serve a cell with faults: ``serve(bus=[{...}], drives=[{...}])``."""
+    """Return a function that serves a cell with faults: ``serve(bus=[{...}], drives=[{...}])``."""
     rigs: list[Rig] = []
 
     def start(**script: object) -> Rig:

@@ -15,12 +15,12 @@ from config.load import LoadedCell
 T = 0.008
 AT = 230
 FRAME_S = 1e-4
-"""Time by which the bus can delay a heartbeat."""
+"""Longest delay of a heartbeat on the bus."""
 Measured = Callable[[str], None]
 
 
 def heartbeat_times_s(run: Any, node: int, until_s: float) -> list[float]:
-    """Return the times of a drive's heartbeats on the bus [s]."""
+    """Return the times of a drive's heartbeats on the bus before `until_s` [s]."""
     return [f.time_s for f in run.frames if f.can_id == 0x700 + node and f.time_s < until_s]
 
 

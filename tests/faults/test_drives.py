@@ -1,4 +1,6 @@
-"""Drives that reset, fail, stop sending, lose power or ignore commands (faults.md, rows 8-15)."""
+"""Drives that reset, fail, stop sending, lose power or ignore commands (docs/faults.md, rows 8 to
+11 and 13 to 15).
+"""
 
 from __future__ import annotations
 
@@ -76,7 +78,7 @@ def test_a_fault_of_one_drive_stops_all_axes(
 
 
 class CallCounter:
-    """Counts the function calls of the cyclic task in each cycle."""
+    """Counter of the function calls of the cyclic task in each cycle."""
 
     def __init__(self) -> None:
         self.calls: list[int] = []
@@ -294,10 +296,6 @@ def test_an_axis_that_runs_the_wrong_way_is_stopped_within_the_allowed_travel(
 def test_an_axis_that_ignores_the_quick_stop_loses_its_power(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
-    """The stop begins with a quick stop.
-
-    If this fails, the power is switched off, and then NMT is used.
-    """
     deaf = {"kind": "ignores_quick_stop", "joint": "axis1", "at_cycle": AT}
     fault = {"kind": "emergency", "joint": "axis2", "at_cycle": AT}
     run = serve(drives=[deaf, fault]).move(motion)

@@ -1,6 +1,6 @@
 """A disk that fails during `rid-daq record`: every access to its block device returns EIO.
 
-It needs a separate kernel: tests/socketcan/test_guest.py runs this in its virtual machine.
+The test needs a separate kernel: tests/socketcan/test_guest.py runs it in a virtual machine.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ PATIENCE_S = 400.0  # a virtual machine is slow on a busy host
 ENOUGH_BYTES = 40_000
 JOURNAL = "*/recording.mcap"
 GONE = "(Input/output error|Read-only file system)"
-"""Errors of ext4: the first at once, the second up to 5 s later, when its own journal fails."""
+"""Errors of ext4: the first at once, the second up to 5 s later, when the journal of ext4 fails."""
 
 pytestmark = pytest.mark.skipif(
     "User Mode Linux" not in Path("/proc/cpuinfo").read_text() or not Path(RAM_DISK).exists(),
@@ -42,7 +42,6 @@ def execute(*command: str | Path) -> None:
 
 
 def journal_bytes(disk: Path) -> int:
-    """Return the size of the journal [B]."""
     return sum(file.stat().st_size for file in disk.glob(JOURNAL))
 
 

@@ -20,7 +20,7 @@ Measured = Callable[[str], None]
 
 
 class AxesStore:
-    """Stores the axes of a session, to read their frame counters afterwards."""
+    """Hook that stores the axes of a session, to read their frame counters afterwards."""
 
     axes: CanServoAxes
 

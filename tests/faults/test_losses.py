@@ -36,7 +36,7 @@ Measured = Callable[[str], None]
 
 
 class RecordedOutput(NamedTuple):
-    """Output of the program about a recording."""
+    """Exit code, JSON document and HTML report of `rid-daq record`."""
 
     code: int
     document: dict[str, Any]
@@ -60,7 +60,7 @@ def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def record(
     workshop: Path, motion_of: Callable[[str, int], FourierMotion], tmp_path: Path, capsys: Any
 ) -> Callable[..., RecordedOutput]:
-    """Record eight periods of 1.6 s with faults on the bus."""
+    """Return a function that records eight periods of 1.6 s with faults on the bus."""
 
     def record_with_faults(*faults: FrameFault, seed: int = 0) -> RecordedOutput:
         motion, script = tmp_path / "motion.yaml", tmp_path / "faults.yaml"
@@ -80,7 +80,10 @@ def record(
 
 
 def spread_losses(first_cycle: int, bad_periods: int, lost: int) -> list[FrameFault]:
-    """Drop `lost` single answers of axis2 in each of `bad_periods` consecutive periods."""
+    """Return faults that drop single answers of axis2.
+
+    Each of `bad_periods` consecutive periods loses `lost` answers, 20 cycles apart.
+    """
     return [
         FrameFault(kind="drop", joint="axis2", at_cycle=first_cycle + ROWS * period + 20 * wait)
         for period in range(bad_periods)
@@ -131,7 +134,10 @@ def test_more_than_five_bad_periods_are_named_with_exit_code_6(
 
 
 def recording(lost: dict[int, int], periods: int | None, rows: int = 1000) -> Recording:
-    """Return a motion of two joints that each lost some answers, never two in a row."""
+    """Return a recording of two joints without some answers, never two in a row.
+
+    `lost` contains the number of lost answers by joint.
+    """
     answered = np.ones((rows, 2), dtype=bool)
     for joint, count in lost.items():
         answered[np.linspace(5, rows - 5, count).astype(int), joint] = False

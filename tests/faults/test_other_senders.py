@@ -1,4 +1,4 @@
-"""Another node that sends a drive's answers before the drive does (docs/faults.md, row 49)."""
+"""Other nodes that send a drive's answers or unknown identifiers (docs/faults.md, rows 7, 49)."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ def test_a_foreign_node_that_answers_before_the_drive_stops_the_motion(
 def test_slowly_drifting_false_positions_do_not_steer_the_axis(
     serve: Any, motion: MotionSamples, measured: Measured
 ) -> None:
-    """The false positions do not jump, so without this guard the axis would follow them."""
+    """The false positions do not jump: without the guard against them, the axis would follow."""
     creeping = [
         {"kind": "spoof", "joint": "axis2", "at_cycle": AT + k, "position_counts": 40 * (k + 1)}
         for k in range(60)

@@ -30,7 +30,7 @@ Measured = Callable[[str], None]
 
 
 class RecordedOutcome(NamedTuple):
-    """Outcome of a recording."""
+    """Exit code, JSON document, run folder and journal of a recording."""
 
     code: int
     document: dict[str, Any]
@@ -61,7 +61,7 @@ def record(workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
 
 
 def rows_missing(journal: Journal) -> int:
-    """Return how many rows are missing between the first and the last one."""
+    """Return the number of missing rows between the first and the last one."""
     return int(np.sum(np.diff(journal.rows["cycle"].astype(np.int64)) - 1))
 
 
@@ -154,7 +154,7 @@ def test_a_killed_program_leaves_a_complete_recording(
 def test_a_full_disk_gives_exit_code_7_and_a_complete_file(
     workshop: Path, tmp_path: Path, measured: Measured
 ) -> None:
-    """The disk is a small RAM disk in its own mount namespace, and disappears with it."""
+    """The disk is a small RAM disk in a mount namespace of its own, and disappears with it."""
     small, kept = tmp_path / "small", tmp_path / "kept"
     words = record_words(workshop, f"{{kind: disk_full, at_cycle: {AT}}}", small)
     program = [sys.executable, "-m", "rid_daq", *words]
@@ -188,7 +188,7 @@ def test_a_full_disk_gives_exit_code_7_and_a_complete_file(
 def test_a_task_that_was_suspended_sends_the_quick_stop_before_any_set_point(
     workshop: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], measured: Measured
 ) -> None:
-    """Suspend the task for 0.6 s in real time; no other delay exceeds the wide limits."""
+    """The task is suspended for 0.6 s in real time; the wide limits permit all other delays."""
     patient = {
         "late_cycles_limit: 3": "late_cycles_limit: 10000\n  late_answers_limit: 100\n"
         "  late_by_cycles_limit: 60",

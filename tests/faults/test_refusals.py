@@ -28,7 +28,7 @@ Measured = Callable[[str], None]
 
 
 def true_estimate(loaded: LoadedCell, robot: RobotDescription) -> Estimate:
-    """Return an estimate with the plant's true parameters."""
+    """Return an estimate with the plant's true parameters and no uncertainty."""
     assert loaded.plant is not None
     model = RobotModel.from_description(robot)
     base, n = base_parameters(model), len(robot.joints)
@@ -53,7 +53,7 @@ def true_estimate(loaded: LoadedCell, robot: RobotDescription) -> Estimate:
 
 
 def weak_robot(robot: RobotDescription) -> RobotDescription:
-    """Return a robot whose second joint has a very low torque limit."""
+    """Return a robot whose second joint has a torque limit of 20 N m."""
     first, second, third = robot.joints
     limits = second.limits.model_copy(update={"torque": 20.0})
     return robot.model_copy(
@@ -62,7 +62,7 @@ def weak_robot(robot: RobotDescription) -> RobotDescription:
 
 
 def far_table(plan: FourierMotion) -> str:
-    """Return a table of joint positions that leaves the first joint's range."""
+    """Return a CSV table of joint positions [rad] that leaves the first joint's range."""
     names = [joint.joint for joint in plan.joints]
     turns = np.linspace(0.0, 1.0, 200)
     rows = [f"{4.0 * s:.4f},{6.0 * (1.0 - np.cos(2.0 * np.pi * s)):.6f},0,0" for s in turns]

@@ -1,6 +1,6 @@
-"""Only a person can reset a fault.
+"""A fault is reset only on request, and a reset powers no axis.
 
-Afterwards a complete preflight is required before any motion.
+The next motion brings the drives up again.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Files that are too large, and shortages of memory, disk space, file descriptors or processes."""
+"""Oversized, unusual and damaged files; too little memory, disk space, files or processes."""
 
 from __future__ import annotations
 

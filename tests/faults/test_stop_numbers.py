@@ -1,4 +1,4 @@
-"""With any settings of the stop: every axis stops if the preflight has passed (faults.md, row
+"""Random settings of the stop: every axis stops if the preflight has passed (docs/faults.md, row
 39).
 """
 
@@ -56,7 +56,7 @@ def wide(low: float, high: float) -> st.SearchStrategy[float]:
 
 @st.composite
 def numbers(draw: st.DrawFn) -> dict[str, Any]:
-    """Draw the numbers of a cell: most are near their usual values, up to three have any value."""
+    """Draw the numbers of a cell: most are near their usual values, up to three are any number."""
     wild = draw(st.sets(st.sampled_from(sorted(NUMBERS)), max_size=3))
     found: dict[str, Any] = {}
     for name, (usual, low, high) in NUMBERS.items():

@@ -93,7 +93,7 @@ def test_an_axis_with_a_slower_ramp_than_commanded_is_powered_off(
 def test_an_axis_that_reaches_its_limit_during_the_stop_is_powered_off(
     sign: int, measured: Measured
 ) -> None:
-    """The preflight accepts the long ramp; the stop is ordered just before the limit."""
+    """The preflight accepts the long ramp; the stop is ordered 0.2 rad before the limit."""
     cell, robot = one_axis(deceleration=2.0, velocity=1.5, acceleration=6.0, limit=1.0)
     outcome = Outcome(cell, robot, 65536, rows_until(cell, robot, 0.8), sign)
     assert any("exceeded its limit during the stop" in note for note in outcome.notes)

@@ -1,4 +1,4 @@
-"""Loss of the bus, invalid set-points, stop requests, and delays of the cyclic task."""
+"""Loss of the bus, invalid motions and set-points, stop requests, and delays of the cyclic task."""
 
 from __future__ import annotations
 

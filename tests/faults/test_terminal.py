@@ -42,11 +42,11 @@ while True:
     print("suspended", flush=True)
 print("ended", os.waitstatus_to_exitcode(status), flush=True)
 """
-"""A session leader that runs a program in the foreground of its terminal, like a shell."""
+"""Program of a session leader that runs another program in the foreground, like a shell."""
 
 
 class Shell:
-    """A terminal whose foreground program records a long motion in lock-step.
+    """A terminal with `rid-daq` in the foreground.
 
     Attributes:
         terminal: The master side of the terminal, for input and output.
@@ -83,7 +83,7 @@ class Shell:
             shown += os.read(self.terminal, 4096)
 
     def processes(self) -> list[int]:
-        """Return the running processes of the session, except the shell itself."""
+        """Return the ids of the running processes of the session, except that of the shell."""
         found = []
         for pid in filter(str.isdigit, os.listdir("/proc")):
             try:
@@ -126,7 +126,7 @@ def environment() -> Iterator[dict[str, str]]:
 def shell(
     tmp_path: Path, motion_of: Callable[[str, int], FourierMotion], environment: dict[str, str]
 ) -> Iterator[Shell]:
-    """A shell whose program moves the robot."""
+    """A terminal in which `rid-daq record` records a long motion in lock-step."""
     path = tmp_path / "motion.yaml"
     path.write_text(to_yaml(motion_of("ir361", 200)))
     words = ["record", "ir361", str(path), "--live", "--listen", "127.0.0.1:0"]

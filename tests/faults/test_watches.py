@@ -49,7 +49,7 @@ def test_drives_and_computer_detect_each_others_missing_heartbeats(
 def test_a_drive_with_an_inactive_watchdog_is_red(
     serve: Any, loaded: LoadedCell, measured: Measured
 ) -> None:
-    """All settings read back correctly; only the test shows that the watchdog is inactive."""
+    """All settings read back correctly; only the watchdog test shows the inactive watchdog."""
     rig = serve(drives=[{"kind": "watch_asleep", "joint": "axis2"}])
     with open_cell(rig.config, loaded.robot) as cell:
         cell.axes.bring_up()
@@ -86,7 +86,7 @@ def test_a_trial_without_a_reaction_reports_never(serve: Any, loaded: LoadedCell
 def test_a_drives_silence_counts_from_when_its_heartbeat_was_switched_off(
     serve: Any, loaded: LoadedCell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The drives are silenced one after the other: with many drives, this takes some time."""
+    """Each switch-off takes 20 ms longer, as with many drives that are silenced one by one."""
     config, write = serve().config, SdoPort.write
     with open_cell(config, loaded.robot) as cell:
 

@@ -78,13 +78,13 @@ def runs(workshop: Path) -> list[str]:
 
 @pytest.fixture
 def result() -> dict[str, Any]:
-    """Return a result document with invented numbers and every section of the report."""
+    """Return a result document with invented numbers and most sections of the report."""
     return whole_result()
 
 
 @pytest.fixture(scope="session")
 def certificate(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return files of a TLS certificate and its key."""
+    """Return a file with a TLS certificate and its key."""
     folder = tmp_path_factory.mktemp("tls")
     key, cert = folder / "key.pem", folder / "cert.pem"
     subprocess.run(

@@ -112,7 +112,7 @@ class EmptyRequest(Request):
 
 
 def replace_command(does: Callable[[], object], monkeypatch: pytest.MonkeyPatch) -> None:
-    """Replace the operation of `rid-daq recover`."""
+    """Replace the operation of every command by one that calls `does`."""
 
     def run_it(_request: EmptyRequest, _context: object) -> OperationResult:
         does()

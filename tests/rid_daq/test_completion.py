@@ -17,7 +17,7 @@ from rid_daq.command_line.root import COMMANDS
 
 @pytest.fixture
 def environment(tmp_path: Path) -> dict[str, str]:
-    """Return an environment with a program that reports its imported modules at its end."""
+    """Return an environment with a program that reports at its end the slow modules in use."""
     program = tmp_path / "rid-daq"
     program.write_text(
         f"#!{sys.executable}\nimport atexit, sys\n"
@@ -34,7 +34,10 @@ def environment(tmp_path: Path) -> dict[str, str]:
 
 
 def run_in_shell(shell: str, arguments: list[str], environment: dict[str, str]) -> list[str]:
-    """Run a script in a shell, and return its output lines."""
+    """Run a script in a shell, and return its output lines.
+
+    Assert that the program imports none of the modules that take long.
+    """
     if shutil.which(shell) is None:
         pytest.skip(f"{shell} is not installed")
     done = subprocess.run(

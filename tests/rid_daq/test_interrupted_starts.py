@@ -50,8 +50,7 @@ def start_stories(folder: Path) -> None:
 def started(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
     """Raise SIGINT after the start of each process; yield the list of their process ids.
 
-    The kernel can deliver a signal to any thread. Here another thread than the one that starts
-    processes receives it.
+    The kernel can deliver a signal to any thread. Here a thread receives it that starts no process.
     """
     pids: list[int] = []
     start = SpawnProcess.start

@@ -1,4 +1,4 @@
-"""Commands that need no bus run on a system that is not Linux; the others refuse it."""
+"""Commands that need no bus run on a system that is not Linux; the others refuse to run there."""
 
 from __future__ import annotations
 

@@ -31,11 +31,15 @@ class Arm:
     theta: FloatArray
 
     def torque_nm(self, q: FloatArray, v: FloatArray, a: FloatArray) -> FloatArray:
-        """Return the true torques of a motion [N m]."""
+        """Return the true torques of a motion, shape (samples, 3)."""
         return torque(self.model, q, v, a, self.theta)
 
     def motion(self, seed: int, seconds: float) -> tuple[FloatArray, ...]:
-        """Return times, positions, velocities and accelerations of a sum of sines."""
+        """Return times, positions, velocities and accelerations of a sum of sines.
+
+        Returns:
+            Times [s], shape (samples,); then arrays of shape (samples, 3) [rad, rad/s, rad/s2].
+        """
         draws, time_s = np.random.default_rng(seed), np.arange(0.0, seconds, STEP_S)
         limits = [joint.limits for joint in self.robot.description.joints]
         middle = np.array([0.5 * (each.position_min + each.position_max) for each in limits])
@@ -49,7 +53,7 @@ class Arm:
         return time_s, middle + q, v, a
 
     def recording(self, seed: int, seconds: float = 20.0) -> Recording:
-        """Return a noisy recording of a motion."""
+        """Return a recording of a motion; its torques have noise of 1 N m."""
         time_s, q, v, a = self.motion(seed, seconds)
         noise = np.random.default_rng(seed + 100).standard_normal(q.shape)
         measured = self.torque_nm(q, v, a) + noise

@@ -1,4 +1,4 @@
-"""A service's cell, used through the Python API: its state, a job, a recorded motion."""
+"""A service's cell in the Python API: recorded and driven motions, downloads, need of a lease."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ MASS_KG, CENTRE_M = 20.0, np.array([0.02, -0.01, 0.1])
 
 
 def with_payload(arm: Arm, seed: int, mass_kg: float) -> Recording:
-    """Return a noisy recording of the arm with a body on its flange."""
+    """Return a recording of the arm with a body on its flange; noise of 1 N m."""
     robot = arm.robot.description
     model = RobotModel.from_description(robot, payload=True)
     body = PayloadBody(mass_kg, CENTRE_M, np.diag([0.2, 0.2, 0.1]))

@@ -1,4 +1,4 @@
-"""`propose_map`: a file without a map, from Python: the program proposes, a person confirms."""
+"""`propose_map` in Python: the program proposes a map of a file, and a person confirms it."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ SPEED = np.array([0.1, 0.2, 0.4, 0.8, 1.2, 1.6])
 
 
 def verdicts(result: FrictionResult | LoopResult) -> list[bool | None]:
-    """Return the verdicts that a page shows."""
+    """Return the verdicts of a result as a page shows them: True, False or None."""
     return [block.passed for block in result.blocks() if isinstance(block, Verdict)]
 
 

@@ -39,7 +39,7 @@ torques: motor_torque
 
 @pytest.fixture(scope="module")
 def prepared(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with a valid motion, an unreachable real cell, and damaged files."""
+    """Return a folder with valid and damaged files, an unreachable real cell, and runs."""
     folder = tmp_path_factory.mktemp("prepared")
     write = {
         "good.yaml": MOTION,

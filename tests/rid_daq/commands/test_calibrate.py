@@ -1,4 +1,4 @@
-"""`rid-daq calibrate`: a robot file is corrected from measured points; nothing is replaced."""
+"""`rid-daq calibrate`: measured points correct a robot file; no robot file is replaced."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def arm() -> MeasuredArm:
 
 @pytest.fixture(scope="module")
 def folder(arm: MeasuredArm, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with the nominal robot, the measured poses and further poses."""
+    """Return a folder with a nominal robot, and poses with measured points to fit and to check."""
     folder = tmp_path_factory.mktemp("calibrate")
     (folder / "robot.yaml").write_text(to_yaml(arm.robot))
     probes = probe_positions(arm.robot, 60)

@@ -1,4 +1,4 @@
-"""`--payload bodies.yaml`: known bodies on any link are part of the model of every command."""
+"""`--payload bodies.yaml`: known bodies on any link are added to the model."""
 
 from __future__ import annotations
 

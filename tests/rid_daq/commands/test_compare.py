@@ -36,7 +36,7 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def measure(root: Path) -> Measure:
-    """Return a function that records the bundled arm into a run folder and identifies it."""
+    """Return a function that writes a computed run of the bundled arm, and its estimate."""
     return functools.partial(identified_run, root, arm_in_motion())
 
 
@@ -52,7 +52,7 @@ def tuesday(measure: Measure) -> Estimate:
 
 @pytest.fixture(scope="module")
 def arm_with_more_friction(measure: Measure) -> Estimate:
-    """Return the estimate of the arm with 20 % more friction in one joint."""
+    """Return the estimate of the arm with 20 % more Coulomb friction in axis2."""
     return measure("dry", 3, fc_axis2=1.2)
 
 

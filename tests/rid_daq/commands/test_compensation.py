@@ -47,7 +47,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return files of a model, its velocity loops, and the run of a circle without compensation."""
+    """Return a folder with a model, velocity loops, and the run of an uncompensated circle."""
     folder = tmp_path_factory.mktemp("compensation")
     # The cell has no force plate, because simulating a plate takes as long as all the rest.
     bundled = load_cell("ir361").config
@@ -379,7 +379,6 @@ class TestStream:
 def test_a_timed_path_is_compensated_recorded_and_streamed(
     workshop: Path, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    """The acceleration limits of the robot file hold in every pose."""
     cell, runs = str(workshop / "arm.yaml"), ["--runs", str(workshop / "runs")]
     (tmp_path / "pick.yaml").write_text(PICK)
     pick, fast, ahead = (str(tmp_path / name) for name in ("pick.yaml", "fast.yaml", "ahead.json"))

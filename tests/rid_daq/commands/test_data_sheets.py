@@ -62,7 +62,6 @@ def cell(workshop: Path, tmp_path: Path) -> Callable[..., str]:
 def preflight_lines(
     cell: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], code: int
 ) -> list[dict[str, Any]]:
-    """Run a preflight and return its lines."""
     capsys.readouterr()
     words = ["check", cell, "--seconds", "0.1", "--json", "--runs", str(tmp_path / "runs")]
     assert run(words) == code

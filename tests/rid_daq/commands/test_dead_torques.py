@@ -1,4 +1,4 @@
-"""A joint that moves with a constant torque column is not identified."""
+"""A run in which a moving joint has a constant torque is refused."""
 
 from __future__ import annotations
 

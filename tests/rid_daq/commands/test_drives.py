@@ -177,7 +177,7 @@ def test_restored_values_survive_a_reset_only_with_store(workplace: Workplace) -
 
 
 def heartbeat_after_reset(workplace: Workplace) -> int:
-    """Return 1017h of node 3 after a reset of the communication [ms]."""
+    """Return the heartbeat time (1017h) of node 3 after a reset of the communication [ms]."""
     loaded = load_cell(workplace.cell)
     with open_cell(loaded.config, loaded.robot) as cell:
         cell.link.send(nmt_frame(NmtCommand.RESET_COMMUNICATION, 3))

@@ -1,4 +1,4 @@
-"""A run's recording as CSV, Parquet, MAT and MDF 4, each read by a third-party library."""
+"""A run's recording as CSV, Parquet, MAT and MDF 4, each read by code other than rid-daq's."""
 
 from __future__ import annotations
 

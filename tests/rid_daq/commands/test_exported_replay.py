@@ -37,7 +37,7 @@ class Replay:
 
     Attributes:
         folder: Folder of the model, `model.json`.
-        q, v, a: Shape (samples, 6). The recorded motion, low-pass filtered.
+        q, v, a: Shape (samples, 6). The recorded motion, low-pass filtered [rad, rad/s, rad/s2].
         predicted_nm, measured_nm: Shape (samples, 6). Torques of the model and of the recording.
     """
 
@@ -50,11 +50,11 @@ class Replay:
 
     @property
     def moves(self) -> BoolArray:
-        """True for the samples in which friction is not stiction."""
+        """True for speeds above `SLOWEST_RAD_S`, shape (samples, 6); slower joints may stick."""
         return np.asarray(np.abs(self.v) > SLOWEST_RAD_S)
 
     def rms(self, torques: FloatArray) -> FloatArray:
-        """Return the RMS of each joint over the samples in which it moves."""
+        """Return the RMS of each joint over the samples in which it moves, shape (6,)."""
         return np.sqrt(np.mean(torques**2, axis=0, where=self.moves))
 
 
@@ -75,7 +75,6 @@ def replay(real_robot: Path, tmp_path_factory: pytest.TempPathFactory) -> Replay
 
 
 def exported(replay: Replay, name: str, *words: str) -> dict[str, Any]:
-    """Export the model, and return the result."""
     command = ["export", str(replay.folder / "model.json"), *words, "-o", str(replay.folder / name)]
     output = io.StringIO()
     with contextlib.redirect_stdout(output):

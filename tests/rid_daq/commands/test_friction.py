@@ -47,7 +47,7 @@ THERE_AND_BACK = ReversedMotion(
 
 
 def true_friction(joint: int, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the lower and upper bound of the plant's friction at a speed."""
+    """Return the lower and upper bounds of the plant's friction [N m] at speeds [rad/s]."""
     assert CELL.plant is not None
     assert CELL.plant.unmodelled is not None
     axis, extra = CELL.plant.axes[joint], CELL.plant.unmodelled.axes[joint]

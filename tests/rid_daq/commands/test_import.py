@@ -1,4 +1,4 @@
-"""`rid-daq import`: mistakes in another program's recording or in its map."""
+"""`rid-daq import`: mistakes in a recording or its map, omitted rows, and sources of a run."""
 
 from __future__ import annotations
 

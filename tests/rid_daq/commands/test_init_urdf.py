@@ -1,4 +1,7 @@
-"""`rid-daq init --urdf`: a URDF becomes a working cell, simulated if its masses are known."""
+"""`rid-daq init --urdf`: a URDF becomes a working simulated cell.
+
+Links without a mass in the URDF are simulated as cylinders.
+"""
 
 from __future__ import annotations
 

@@ -59,7 +59,7 @@ def values_of(estimate: dict[str, Any]) -> dict[str, tuple[float, float]]:
 def test_runs_with_known_bodies_give_the_robot_alone(
     root: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The order of the runs does not matter: the first one may carry a body."""
+    """The first run carries the body."""
     found = estimate_of(root, capsys, "loaded", "empty", text=loads_text(0.0, "loaded"))
     cell = load_cell("ir361")
     assert cell.plant is not None

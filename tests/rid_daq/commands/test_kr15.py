@@ -1,7 +1,7 @@
 """The bundled six-axis cell in lock-step with all its processes: motion, temperature, payload.
 
-The plant uses Pinocchio in motor coordinates, the estimators use our model in joint coordinates.
-If the coupling matrix of the wrist is applied twice or not at all, the parameters are wrong.
+The plant uses Pinocchio in motor coordinates; the estimators use our model in joint coordinates.
+Without the coupling matrix of the wrist, the identified friction is wrong.
 """
 
 from __future__ import annotations
@@ -196,7 +196,7 @@ class TestACoupledRobot:
         wrist: RobotDescription,
         excited: tuple[RecordOutcome, Recording, MonitorStream],
     ) -> None:
-        """Without the coupling matrix, or with it twice, mainly the wrist's friction is wrong."""
+        """The friction of at least one joint is then wrong by more than 50 %."""
         assert loaded.plant is not None
         _, recording, _ = excited
         blind = wrist.model_copy(update={"coupling": None})
@@ -250,7 +250,10 @@ def fast_cell(loaded: LoadedCell) -> SimulatedCell:
 def session(
     loaded: LoadedCell, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[tuple[SimulatedCell, list[tuple[RecordOutcome, RunFolder]]]]:
-    """Yield runs without and with a payload at a cycle of 4 ms; drive 5 misses one answer."""
+    """Yield runs without and with a payload at a cycle of 4 ms.
+
+    The drive monitor misses one answer of drive 5 in the first run.
+    """
     path = tmp_path_factory.mktemp("runs")
     with fast_cell(loaded) as simulated:
         runs = [record(loaded, simulated.cell, motion(1, 0.1, 2.0), path)]

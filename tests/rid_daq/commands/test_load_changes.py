@@ -155,7 +155,7 @@ def test_nothing_ignores_a_change_silently(
 
 @pytest.fixture(scope="module")
 def changed_run(tmp_path_factory: pytest.TempPathFactory) -> RunFolder:
-    """Return a run during which the payload changed, in a folder that also contains a model."""
+    """Return a run with a load change; a model is next to the folder of runs."""
     root = tmp_path_factory.mktemp("changed")
     write_estimate(root / "model.json", identified_run(root / "runs", arm_in_motion(), "one", 1))
     folder = find_run(root / "runs", "one")

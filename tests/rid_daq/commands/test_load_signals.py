@@ -190,7 +190,7 @@ def test_a_run_that_an_error_ended_contains_its_signals(
 def test_a_run_whose_program_was_killed_does_not_claim_that_a_signal_was_missed(
     tmp_path: Path,
 ) -> None:
-    """A run contains the stated changes from the beginning on."""
+    """The run contains the stated changes, but not their outcomes."""
     changes = read_load_changes(load_file(tmp_path, "killed", "late_s: 0"))
     folder = RunFolder.create(tmp_path / "runs", "killed", software={}, facts={})
     folder.write(LOAD_CHANGES, load_changes_bytes(changes))

@@ -33,7 +33,7 @@ def motion(six_axis_motion: Callable[[int], Path]) -> Path:
 
 
 def is_recording(runs: Path) -> bool:
-    """Return True if a run in a folder has recorded a minimum number of rows."""
+    """Return True if a run in a folder has more than 100 rows."""
     for file in runs.glob(f"*/{RECORDING}"):
         try:
             if len(read_journal(file).rows) > 100:

@@ -104,7 +104,7 @@ def test_a_completed_session_gives_a_certificate(
 
 
 def periods_of(run: Path, begun: int, periods: int) -> NewPeriods:
-    """Return the periods of a run from `begun` up to `periods`, as a session's watch gets them."""
+    """Return the periods `begun` to `periods` - 1 of a run, as a session's watch gets them."""
     recording = read_journal(run / RECORDING).recording()
     samples = recording.samples_per_period
     assert samples is not None

@@ -22,7 +22,10 @@ JOINTS = [{"joint": f"axis{j}", "position": j, "torque": 3 + j} for j in (1, 2, 
 
 
 def settled_periods() -> FloatArray:
-    """Return times, positions and torques; axes 2 and 3 have presliding hysteresis."""
+    """Return times [s], positions [rad] and torques [N m] in columns, (rows, 7).
+
+    Axes 2 and 3 have presliding hysteresis.
+    """
     random = np.random.default_rng(5)
     times = STEP_S * np.arange(round(PERIODS * PERIOD_S / STEP_S))
     omega = 2.0 * np.pi / PERIOD_S * np.array([1.0, 2.0, 4.0, 7.0])

@@ -1,4 +1,4 @@
-"""`identify` and `validate` on runs with a force plate."""
+"""`identify`, `validate`, `average` and `retime` on a cell with a force plate."""
 
 from __future__ import annotations
 
@@ -32,11 +32,12 @@ LIMITS = "  limits: {force_n: [300.0, 300.0, 2000.0], moment_nm: [900.0, 900.0, 
 
 @dataclass(frozen=True)
 class Prepared:
-    """A folder with two runs on a force plate, and what `identify` showed of the first.
+    """A folder with two runs on a force plate, and outputs of `identify` for the first run.
 
     Attributes:
+        folder: The folder.
         internal: Text of the identification from the torques.
-        combined: Document and text of the identification from torques and plate, which came later.
+        combined: Document and text of the identification from torques and plate, made afterwards.
     """
 
     folder: Path
@@ -46,7 +47,7 @@ class Prepared:
 
 @pytest.fixture(scope="module")
 def prepared(tmp_path_factory: pytest.TempPathFactory) -> Prepared:
-    """Make a folder by init, and record an excitation and a validation run on a force plate."""
+    """Record an excitation and a validation run on a force plate, and identify the first one."""
     folder = tmp_path_factory.mktemp("workshop")
     assert run(["init", str(folder)]) == 0
     cell = folder / "cell.yaml"

@@ -1,4 +1,4 @@
-"""`rid-daq recover` on run folders and files in every state."""
+"""`rid-daq recover` on killed, damaged and complete run folders, and on single files."""
 
 from __future__ import annotations
 

@@ -79,7 +79,10 @@ def test_a_payload_that_did_not_pass_its_verdict_is_refused(
 
 
 def tool_torques(samples: MotionSamples) -> FloatArray:
-    """Return the torques due to the tool, as the difference of two Pinocchio models."""
+    """Return the torques due to the tool [N m], shape (samples, joints).
+
+    They are the difference of two Pinocchio models.
+    """
     cell = load_cell("ir361")
     assert cell.plant is not None
     xx, yy, zz = INERTIA_KG_M2
@@ -251,7 +254,7 @@ def test_several_turns_of_a_circle_become_one_path(
 
 
 def tool_positions(samples: MotionSamples) -> FloatArray:
-    """Return the x and y positions of the tool point [m]."""
+    """Return the x and y positions of the tool point [m], shape (samples, 2)."""
     chain = Chain.from_description(load_cell("ir361").robot)
     return np.asarray(forward(chain, samples.position)[:, :2])
 

@@ -24,7 +24,7 @@ from tests.builders.json_output import document
 pytestmark = pytest.mark.slow
 
 INTO = 100
-"""Number of commanded rows at the time of the change."""
+"""Number of the first set-point at which the folder can be changed."""
 
 Disturb = Callable[[RunFolder], None]
 Meddle = Callable[[Disturb], None]
@@ -134,7 +134,7 @@ def test_a_deleted_or_truncated_recording_stops_the_motion(
     disturb: Disturb,
     became: str,
 ) -> None:
-    """In lock-step, the simulated time waits after each period until the program has judged it.
+    """In lock-step, the simulated time waits after each period until the program has evaluated it.
 
     So the motion cannot end before the change is noticed.
     """

@@ -124,7 +124,6 @@ def other_run(make_run: Made) -> RunFolder:
 
 @pytest.fixture(scope="module")
 def unfinished_run(make_run: Made) -> RunFolder:
-    """Return the unfinished run of a killed program."""
     return make_run("killed", 3, None)
 
 

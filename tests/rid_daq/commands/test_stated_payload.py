@@ -1,4 +1,4 @@
-"""`--payload`: the stated payload is used by every command that predicts torques."""
+"""`--payload`: commands that predict torques use the stated payload."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ LINK_3 = link_parameters(3)
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return files of a robot: models without and with payload, velocity loops and a path."""
+    """Return a folder with models without and with payload, a payload, loops and a path."""
     folder = tmp_path_factory.mktemp("stated")
     write_path_files(folder, CIRCLE)
     return folder
@@ -41,7 +41,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return runs of the robot without and with a payload, and the files of model and payload."""
+    """Return a folder with runs without and with a payload, models, and the payload."""
     root = tmp_path_factory.mktemp("loaded")
     arm = arm_in_motion()
     model = identified_run(root / "runs", arm, "alone", 1)
@@ -54,7 +54,7 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def last_link(name: str) -> FloatArray:
-    """Return the true parameters of the last link in the frame of the flange."""
+    """Return the true parameters of the last link in the frame of the flange, shape (10,)."""
     cell = load_cell(name)
     assert cell.plant is not None
     model = RobotModel.from_description(cell.robot)

@@ -22,7 +22,7 @@ from tests.builders.screens import both_outputs
 pytestmark = pytest.mark.slow
 
 STIFFNESS, DAMPING = (5e4, 6e4, 2e4), (100.0, 110.0, 25.0)
-"""Those of the bundled plant."""
+"""Stiffness [N m/rad] and damping [N m s/rad] of the gears of the bundled plant."""
 EXCITATION = "--period 9.6 --periods 4 --method two-harmonic --limit-fraction 0.85 --seed"
 IDENTIFY = "rid-daq stiffness excitation-1 excitation-2 multisine"
 BY_TRACKER = (

@@ -1,4 +1,4 @@
-"""`rid-daq token`: the owner of a service's folder creates tokens without having one."""
+"""`rid-daq token`: without a token, the owner of a service's folder adds tokens and devices."""
 
 from __future__ import annotations
 

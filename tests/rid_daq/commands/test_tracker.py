@@ -1,4 +1,7 @@
-"""`tracking --tracker`: the error at the tool is shown next to the error at the motors."""
+"""`tracking --tracker`: the error at the tool is shown next to the error at the motors.
+
+Another test finds the rests of a recording for a calibration.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +22,7 @@ from tests.builders.json_output import document
 pytestmark = pytest.mark.slow
 
 BENT = np.array([0.0, 1e-3, -5e-4])
-"""Deflection of the gears in one half of the motion [rad]."""
+"""Deflection of the gears in the second half of the motion [rad]."""
 
 
 @pytest.fixture(scope="module")

@@ -1,4 +1,4 @@
-"""Problems that external testers found, each reproduced through a command."""
+"""Problems that external testers found, and the tests that cover them."""
 
 from __future__ import annotations
 
@@ -349,7 +349,7 @@ def test_a_map_with_rate_and_zero_offset_reads_rows_without_time_stamps(
 def test_rows_after_a_jump_of_the_clock_are_used(
     import_and_identify: Engineer, sound: UserFiles
 ) -> None:
-    """One time stamp is late and the following ones are right; the following rows must be used."""
+    """From row 1500 on, all time stamps are 9.8 ms too early."""
     time_s = sound.time_s.copy()
     time_s[1500:] -= 0.0098
     text = sound.map_text + "plausible: {position: 7.0, speed: 2.7, torque: 800.0}\n"

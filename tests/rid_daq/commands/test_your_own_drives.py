@@ -96,7 +96,7 @@ def test_the_key_that_replaces_a_missing_standard_object_is_named(
 def test_drives_with_fixed_pdos_or_polled_torque_record_the_same_torques(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """The cell has one axis of each kind; it is checked and recorded in lock-step."""
+    """One axis keeps its standard drive, and each other axis has another kind of drive."""
     assert run(["init", str(tmp_path)]) == 0
     motion = tmp_path / "validation.yaml"
     motion.write_text(motion.read_text().replace("points: 20", "points: 3"))

@@ -1,4 +1,4 @@
-"""A stop of the axis test names the units of the drive before the motion and the robot file."""
+"""The message on a stop of the axis test names the keys of units that may be wrong."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def stopped(code: StopCode) -> StopReason:
 
 
 def of_mode(servo: ServoProfile) -> CellConfig:
-    """Return the cell with other drives."""
+    """Return the cell with another servo profile."""
     return CELL.model_copy(update={"servo": servo})
 
 

@@ -20,7 +20,10 @@ LIMIT_NM = 400.0
 
 
 def pendulum(*, drawn: bool = True, **changes: object) -> RobotDescription:
-    """Return a horizontal bar of 20 kg, whose positive motion lifts it."""
+    """Return a horizontal bar of 20 kg that its positive motion lifts.
+
+    If not `drawn`, the robot has no CAD data.
+    """
     limits = {"position_min": -1.0, "position_max": 1.0, "velocity": 1.0, "acceleration": 5.0}
     robot: dict[str, object] = {
         "name": "bar",
@@ -33,7 +36,7 @@ def pendulum(*, drawn: bool = True, **changes: object) -> RobotDescription:
 
 
 def lifting(torque_nm: float, *, speed: float = 0.02) -> NDArray[Any]:
-    """Return rows of a slow motion, with rest before and after."""
+    """Return rows of a slow motion with a torque [N m]; at rest before and after it is 40 %."""
     kind = [(name, "f8", (1,)) for name in ("position", "target_velocity", "torque_nm")]
     rows = np.zeros(300, np.dtype([*kind, ("valid", "u1", (1,))]))
     rows["valid"] = 1

@@ -50,7 +50,7 @@ def test_a_completed_motion_is_described_in_the_same_terms() -> None:
 
 
 def test_up_is_opposite_to_gravity() -> None:
-    """Test bases whose z points down, bases on a wall, and inclined bases."""
+    """The base is upside down, on a wall, or inclined."""
     turn = np.deg2rad(2.0)
     hung = ARM.model_copy(update={"gravity_m_s2": (0.0, 0.0, 9.81)})
     assert "2° clockwise, seen from above" in direction_words(hung, POSE, 0, turn)

@@ -144,7 +144,11 @@ def test_an_axis_without_room_is_not_tested(monkeypatch: pytest.MonkeyPatch) -> 
 def axis_test_rows(
     moved_rad: float, *, told_rad: float | None = None, valid: int = 1
 ) -> NDArray[Any]:
-    """Return rows in which axis 2 rests, moves by `moved_rad` and rests."""
+    """Return rows in which axis 2 rests, moves by `moved_rad` and rests.
+
+    The set-points move by `told_rad`, or by `moved_rad` if it is None. `valid` is the validity of
+    axis 2 in 20 rows of the motion.
+    """
     count = 200
     commanded_rad = moved_rad if told_rad is None else told_rad
     found = np.zeros(count, dtype=row_dtype(N))

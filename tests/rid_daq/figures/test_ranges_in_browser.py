@@ -23,7 +23,7 @@ FREQUENCY = Axis("frequency", "Hz", log=True)
 SHORT = Line("short", (1.0, 100.0), (20.0, 21.0), "blue", width=4.0)
 LONG = Line("long", (1.0, 10_000.0), (20.0, 21.0), "orange", width=4.0)
 NOISE = Line("noise", (1.0, 100.0), (0.0018826, 17.42), "blue", width=4.0)
-"""With the margin, its range begins at 0.00099."""
+"""Line whose range, with its margin, begins at 0.00099."""
 PERIODS = Line("power", (1.0, 2.0, 3.0), (20.0, 21.0, 22.0), "blue")
 RESIDUAL = Line("residual", (0.0, 1.0, 2.0), (-0.27, 0.1, 0.3), "orange")
 PLOT = Plot(

@@ -79,7 +79,7 @@ class Served:
     def watch(self) -> socket.socket:
         """Return an open event stream.
 
-        Try again while clients that have left still count against the limit.
+        Try again while clients that have disconnected still count against the limit.
         """
         until_s = time.monotonic() + PATIENCE_S
         while True:

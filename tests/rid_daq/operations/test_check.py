@@ -24,7 +24,7 @@ Looked = Callable[..., None]
 
 
 def real_cell(*, with_power: bool) -> LoadedCell:
-    """Return a cell of real drives."""
+    """Return the bundled cell as a cell with real drives."""
     loaded = load_cell("ir361")
     config = loaded.config
     safety = config.drive_safety.model_copy(update={"trip_watchdog_with_power": with_power})

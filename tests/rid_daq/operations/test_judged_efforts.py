@@ -21,7 +21,7 @@ UR10_BAG = "ur10_exciting_trajectory.db3"
 
 @pytest.fixture(scope="module")
 def source(real_robot: Path) -> Source:
-    """Return a part of a recording of a UR10e, whose robot file states weight and constants."""
+    """Return a part of a recording of a UR10e, whose masses and torque constants are known."""
     path = real_robot / "ur-20_02_12-50sec_12harm.csv"
     return Source.of(np.loadtxt(path, delimiter=",", skiprows=354, max_rows=2000))
 

@@ -253,7 +253,7 @@ def test_a_motion_monitors_the_service_that_started_it(
 
 
 class Client:
-    """A service with one real cell, which stores the requested jobs."""
+    """Client of a service with one real cell; it stores the requested jobs."""
 
     def __init__(self) -> None:
         self.begun: list[tuple[JobKind, bool]] = []

@@ -30,7 +30,7 @@ TRUE = np.where(IS_MOTOR, 1e-4, 10.0) * TRUE
 
 
 def rows(step_deg: float, periods: int) -> FloatArray:
-    """Return time [s], rounded positions [deg] and torques with 1 % noise."""
+    """Return time [s], rounded positions [deg] and torques [N m] with 1 % noise, (rows, 7)."""
     random = np.random.default_rng(1)
     time_s = STEP_S * np.arange(round(periods * PERIOD_S / STEP_S))
     omega = 2.0 * np.pi / PERIOD_S * np.arange(1, 8)
@@ -43,7 +43,7 @@ def rows(step_deg: float, periods: int) -> FloatArray:
 
 
 def imported(folder: Path, step_deg: float, periodic: bool) -> RunData:
-    """Import rounded positions."""
+    """Return the imported data of four periods with rounded positions."""
     np.savetxt(folder / "log.csv", rows(step_deg, 4), delimiter=",", fmt="%.9g")
     layout: dict[str, object] = {
         "name": "rounded",
@@ -63,12 +63,10 @@ def imported(folder: Path, step_deg: float, periodic: bool) -> RunData:
 
 
 def identified(folder: Path, step_deg: float, periodic: bool, band_hz: float) -> IdentifiedRobot:
-    """Import rounded positions and identify the robot."""
     return identified_from(imported(folder, step_deg, periodic), band_hz=band_hz)
 
 
 def identified_from(*data: RunData, band_hz: float) -> IdentifiedRobot:
-    """Identify the robot of some runs."""
     asked = {"names": ["log"], "diagnose": False, "how": {"options": {"band_hz": band_hz}}}
     request = IdentifyRequest.of(asked, shown="identify")
     return identify_robot(request, data, SilentConsole())

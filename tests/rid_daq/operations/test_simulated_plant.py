@@ -1,4 +1,4 @@
-"""The velocity loops that `init --urdf` selects: stiff and not too fast in every pose."""
+"""Velocity loops and limits that `init --urdf` selects for a simulated arm."""
 
 from __future__ import annotations
 
@@ -32,7 +32,10 @@ CYCLE_S = 0.008
 
 
 def arm(torques: tuple[float, ...], wrist_kg: float = 0.05) -> RobotDescription:
-    """Return an arm with a vertical first axis and an upper arm of 8 kg; it states no rotors."""
+    """Return an arm with a vertical first axis and an upper arm of 8 kg.
+
+    It states no rotor inertias. `torques` are the torque limits of the joints [N m].
+    """
     rows = (
         KinematicRow(d_m=0.3),
         KinematicRow(alpha_rad=np.pi / 2),

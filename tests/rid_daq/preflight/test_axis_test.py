@@ -1,6 +1,6 @@
 """On a real cell, a valid axis test is part of the preflight.
 
-The test expires when a file changes.
+A change of a file of the cell makes the test invalid.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from tests.builders.raised_codes import raises_code
 
 @pytest.fixture(autouse=True)
 def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return a new state folder for this user account."""
+    """Set a new state folder for this test, and return the folder of rid-daq in it."""
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     return tmp_path / "state" / "rid-daq"
 

@@ -1,4 +1,4 @@
-"""Output of `check` about the drives' answers: lost answers are red, and results are stored."""
+"""Lines of `check` on drives: lost and late answers, faults, settings, and positions."""
 
 from __future__ import annotations
 

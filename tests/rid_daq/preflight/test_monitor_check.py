@@ -28,9 +28,10 @@ def loaded() -> LoadedCell:
 
 @pytest.fixture
 def serve(loaded: LoadedCell, tmp_path: Path) -> Iterator[Serve]:
-    """Return a function that serves six drives.
+    """Return a function that serves the registers of up to six drives.
 
-    By default, they have the motors that the robot file states.
+    By default, they have the motors that the robot file states. `temperature_k` and `constant`, a
+    factor of the torque constant, apply to drive 3.
     """
     profile = loaded.drive_profile
     monitor = loaded.config.monitor

@@ -1,5 +1,6 @@
-"""The robot executes exactly the motion that the user approved: every file is read once, before the
-question.
+"""The robot executes the motion that the user approved: no file is read after the question.
+
+Motions whose speed or torque with the feedforward exceeds a limit are refused.
 """
 
 from __future__ import annotations

@@ -37,7 +37,7 @@ Lead = Callable[..., tuple[str, RecordedRun] | None]
 
 
 class Person(Console):
-    """A user who answers yes, except to some questions."""
+    """A user who answers yes, except to questions that contain `denies`."""
 
     asked: list[str]
 

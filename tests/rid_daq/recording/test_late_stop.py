@@ -49,7 +49,10 @@ LATE = StopReason(StopCode.STOP_BUTTON, "stopped once the motion was over; no ot
 
 @pytest.fixture
 def executed_motions(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> list[str]:
-    """List the executed motions; each reaches its end, and a stop arrives just after it."""
+    """Return a list that receives the role of each executed motion.
+
+    Each motion reaches its end, and a stop arrives just after it.
+    """
     roles: list[str] = []
 
     @contextlib.contextmanager

@@ -35,7 +35,7 @@ NEW = cast(NewPeriods, SimpleNamespace(recording=SimpleNamespace(joint_names=JOI
 def decisions(
     watch: WarmUpWatch, monkeypatch: pytest.MonkeyPatch, *pieces: list[list[float]]
 ) -> list[bool]:
-    """Return for each group of new periods whether the watch ends the warm-up after it.
+    """Return True for each group of new periods after which the watch ends the warm-up.
 
     Args:
         pieces: The groups. A period has one friction power per joint [W].

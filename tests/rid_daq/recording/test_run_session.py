@@ -1,4 +1,4 @@
-"""The outcome of a motion and its warnings are reported even if the run folder is unusable."""
+"""If the output or the result cannot be written, the motion and its outcome are still complete."""
 
 from __future__ import annotations
 

@@ -58,7 +58,6 @@ def text(stored_session: Session) -> str:
 
 
 def page_text(certificate: Certificate) -> str:
-    """Return the text of a certificate's page."""
     page = render_certificate(certificate).partition("</head>")[2]
     page = re.sub(r"<svg.*?</svg>", "", page, flags=re.DOTALL)
     shown = html.unescape(re.sub(r"<[^>]*>", " ", page))
@@ -66,7 +65,7 @@ def page_text(certificate: Certificate) -> str:
 
 
 def row_of(text: str, quantity: str) -> tuple[float, float]:
-    """Return value and interval of the first row of a quantity."""
+    """Return value and interval of the first row of a quantity [kg or mm]."""
     found = re.search(rf"{quantity} (-?[\d.]+) ± ([\d.]+) (?:kg|mm)", text)
     assert found is not None, quantity
     return float(found[1]), float(found[2])

@@ -14,7 +14,7 @@ from tests.builders.invented import whole_result
 
 
 def full_result() -> Result:
-    """Return a result with every section that belongs to a model."""
+    """Return a result with three of the sections that belong to a model."""
     return Result.model_validate_json(json.dumps(whole_result())).with_sections(
         model=ModelFile(name="model.json", sha256="1" * 64)
     )

@@ -34,7 +34,7 @@ LARGEST_BYTES = 3_000_000
 
 
 class _Page(HTMLParser):
-    """Collect loaded addresses, ids, the content policy and the scripts of a page."""
+    """Parser that collects addresses, ids, plots, scripts and the content policy of a page."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -82,7 +82,7 @@ def result_without_drawings(result: dict[str, Any]) -> dict[str, Any]:
 
 @pytest.fixture(scope="module")
 def page() -> str:
-    """Return the report with every section."""
+    """Return the report of a result with most sections."""
     return render_report(result_of(whole_result()))
 
 
@@ -96,7 +96,7 @@ def test_the_page_loads_no_other_file(page: str) -> None:
 
 
 def test_a_wide_table_scrolls_on_a_narrow_screen() -> None:
-    """A table that is wider than a phone scrolls; the page does not."""
+    """Each table of the templates is in a box that scrolls."""
     pages = files("rid_daq.report_page") / "templates"
     cut = {
         template.name

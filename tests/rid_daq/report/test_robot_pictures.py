@@ -58,7 +58,7 @@ def pictures(folder: RunFolder, result: Result) -> list[Picture]:
 
 
 def started_at(position: float | None) -> Result:
-    """Return a result whose first axis starts at a position, and the other axes at 0."""
+    """Return a result whose first axis starts at a position [rad], and the other axes at 0."""
     document = whole_result()
     joints = load_cell("ir361").robot.joint_names
     axis = document["runs"][0]["axes"][0]

@@ -1,4 +1,4 @@
-"""Verdict on two runs of the same motion."""
+"""Section on path errors: verdict, deflection of the gears, and errors measured at the tool."""
 
 from __future__ import annotations
 
@@ -68,7 +68,10 @@ def test_every_verdict_names_the_errors_that_encoders_do_not_measure() -> None:
 
 
 def run_with_deflection(*stiffness: float | None) -> TrackingSection:
-    """Return the section of a run with a path error of 0.1 mm due to loaded gears."""
+    """Return the section of a run with errors of 0.1 mrad at each joint, and loaded gears.
+
+    `stiffness` contains the stiffness of each gear [N m/rad], or None if it is unknown.
+    """
     robot = load_robot("ir361")
     joints = tuple(
         joint.model_copy(update={"stiffness_nm_rad": each})
@@ -120,7 +123,10 @@ def test_the_headline_states_the_change_at_the_motors_and_at_the_tool() -> None:
 
 
 def measured(mean_m: float, share: float = 0.95) -> ToolSideSize:
-    """Return the errors at the tool by an instrument."""
+    """Return errors at the tool as an instrument measured them.
+
+    `share` is the fraction of the motion that was measured.
+    """
     return ToolSideSize(
         run="a",
         file="t.csv",

@@ -21,20 +21,17 @@ from tests.builders.raised_codes import raises_code
 
 Columns = tuple[tuple[float, ...], ...]
 FLAT: Columns = ((0.0,) * 100, (0.1,) * 100)
-"""An invalid path of only two coordinates."""
+"""An invalid path: it has only two coordinates [m]."""
 
 
 def empty_result() -> Result:
-    """Return a result without sections."""
     whole = whole_result()
     kept = {key: whole[key] for key in ("schema", "title", "robot", "verdict", "software")}
     return Result.model_validate_json(json.dumps(kept))
 
 
 def tracking(wanted_m: Columns) -> TrackingSection:
-    """Return the tracking section with invented numbers for one motion, with another path of the
-    tool.
-    """
+    """Return a tracking section with invented numbers for one motion and this path of the tool."""
     section = Result.model_validate_json(json.dumps(whole_result())).tracking
     assert section is not None
     motion = section.motions[0]

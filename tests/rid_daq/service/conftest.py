@@ -56,7 +56,7 @@ def periodic(periods: int, period_s: float = 4.8) -> str:
 
 @pytest.fixture
 def service(tmp_path: Path) -> CellService:
-    """Return a service of one simulated cell; the service starts no workers."""
+    """Return a service of one simulated cell in this process."""
     return CellService(tmp_path, [ServedCell("ir361", 20.0)])
 
 
@@ -107,7 +107,7 @@ def as_worker(process: Worker) -> WorkerProcess:
 
 @pytest.fixture
 def worker(monkeypatch: pytest.MonkeyPatch) -> Worker:
-    """Return the worker that the service starts next, after one step of the event loop."""
+    """Return the simulated worker that the service receives when it starts a worker."""
     worker = Worker()
 
     async def start_worker(_template: WorkerTemplate) -> WorkerProcess:
@@ -161,7 +161,7 @@ class ServedProcess:
 
 @contextlib.contextmanager
 def serving(folder: Path, *more: str, cell: str = "ir361") -> Iterator[ServedProcess]:
-    """Run a service of a bundled cell while the `with` block is active."""
+    """Run a service of a cell while the `with` block is active."""
     running = serve(folder, *more, cell=cell)
     try:
         yield running
@@ -170,7 +170,7 @@ def serving(folder: Path, *more: str, cell: str = "ir361") -> Iterator[ServedPro
 
 
 def serve(folder: Path, *more: str, cell: str = "ir361") -> ServedProcess:
-    """Start a service of a bundled cell in a folder, and wait until it answers."""
+    """Start a service of a cell in a folder, and wait until it answers."""
     with (folder / "serve.log").open("ab") as log:
         process = subprocess.Popen(
             [

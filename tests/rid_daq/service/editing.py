@@ -68,6 +68,6 @@ class Editing:
         return (self.folder / name).read_text()
 
     def hold(self) -> None:
-        """Let another client hold the cell."""
+        """Give another client the lease of the cell."""
         other = Identity(name="Bert", role=Role.OPERATOR, person=True, token="Bert")
         self.service.leases.take("ir361", other, "weighing", 60.0)

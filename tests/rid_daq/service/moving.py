@@ -43,7 +43,7 @@ def begin_motion(served: ServedProcess, lease: str, pace: float = 1.0, **options
 
 
 def is_in_motion(pid: int) -> bool:
-    """Return True if a worker's robot has left the start of its motion."""
+    """Return True from the end of the approach until the robot holds its last position."""
     control = ControlBlock.of_process(pid)
     return control is not None and Phase.RUN_IN <= control.progress.phase < Phase.HOLD
 
@@ -55,7 +55,10 @@ def events(client: ServiceClient, job: Job) -> list[dict[str, object]]:
 
 @contextlib.contextmanager
 def leased_cell(served: ServedProcess, motion: str) -> Iterator[str]:
-    """Lease a cell that is ready to move, and yield the key of the lease."""
+    """Lease a cell, make it ready to move, and yield the key of the lease.
+
+    At the end, the cell is stopped and the lease is returned.
+    """
     (served.folder / "motion.yaml").write_text(motion, encoding="utf-8")
     with served.client as client:
         key = str(client.ask("POST", "/cells/ir361/lease", {"seconds": 600.0})["key"])
@@ -75,7 +78,7 @@ def served_port(served: ServedProcess) -> int:
 
 
 def front_process(served: ServedProcess) -> int | None:
-    """Return the front process of a service, or None."""
+    """Return the process id of the front process of a service, or None."""
     task = Path(f"/proc/{served.process.pid}/task/{served.process.pid}/children")
     for child in map(int, task.read_text().split()):
         words = Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0")

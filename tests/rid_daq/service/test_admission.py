@@ -37,7 +37,7 @@ PAIRING = "/api/v1/pairing/state"
 
 
 class Admissions:
-    """Sends requests of every role to a service's admission, and returns its decisions."""
+    """Client with a token of each role; it returns the decisions of a service's admission."""
 
     def __init__(self, service: CellService) -> None:
         access = Access("127.0.0.1", 8642, "")

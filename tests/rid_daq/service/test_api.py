@@ -23,7 +23,7 @@ HEARTBEAT = CheckLine("axis1, node 1", "heartbeat", "", "", "red")
 
 
 class Api:
-    """A client of a service in this process."""
+    """Client of a service in this process, with a token of each role."""
 
     def __init__(self, service: CellService) -> None:
         self.service = service

@@ -47,7 +47,7 @@ class BrokenJob(RunningJob):
 
 
 def start_job(service: CellService, kind: type[RunningJob], worker: Worker) -> Any:
-    """Start a job."""
+    """Return a running job of a class; the service monitors it like a started one."""
     job = Job(
         id="1",
         cell="ir361",

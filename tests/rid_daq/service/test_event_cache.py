@@ -1,4 +1,4 @@
-"""Repeated requests for a job's events do not delay STOP and leases."""
+"""Events of a job: old lines are not read again, and files are read outside the event loop."""
 
 from __future__ import annotations
 

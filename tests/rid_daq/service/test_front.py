@@ -1,4 +1,4 @@
-"""The front process: it answers STOP even while the service hangs, and forwards other requests."""
+"""The front process: STOP reaches the motion while the service hangs; a dead one is replaced."""
 
 from __future__ import annotations
 

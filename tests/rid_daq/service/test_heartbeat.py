@@ -1,4 +1,4 @@
-"""The service's heartbeat, a suspended service, and stops right after the start of a job."""
+"""Lease ends of jobs, a suspended service, and the reasons with which jobs end."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Hidden files and the files of a cell, which no request can read or write."""
+"""Refused paths in requests: hidden files, files outside the folder, and files of a cell as
+outputs.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The WebSocket of a revoked token is closed and cannot move anything."""
+"""Held keys over a WebSocket need a valid token, role, lease and challenge.
+
+The WebSocket of a revoked token is closed.
+"""
 
 from __future__ import annotations
 
@@ -98,7 +101,7 @@ class Keys:
         self._came.set()
 
     async def next(self) -> KeyMessage:
-        """Wait for a message, and return it."""
+        """Wait for a message, and return the newest one."""
         await self._came.wait()
         self._came.clear()
         return self.passed_on[-1]

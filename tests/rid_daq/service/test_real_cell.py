@@ -39,7 +39,7 @@ JOBS = "/cells/ir361/jobs"
 
 @pytest.fixture
 def drives(tmp_path: Path) -> Iterator[Path]:
-    """Return the file of a real cell whose drives are on their bus."""
+    """Return the file of a cell that counts as real, while its simulated drives run."""
     group = f"239.74.163.9@{20_000 + os.getpid() % 20_000}"
     safety = load_cell("ir361").config.drive_safety  # a real cell has shorter timeouts
     config = patient_cell("udp_multicast", group).config

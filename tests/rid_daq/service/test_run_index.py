@@ -40,7 +40,7 @@ def runs(tmp_path: Path) -> list[RunFolder]:
 
 
 def age(folder: RunFolder, seconds: float = 3600.0) -> None:
-    """Set the time stamps of a run back."""
+    """Set the time stamps of a run back by `seconds`."""
     then = time.time() - seconds
     for path in (folder.path / MANIFEST, folder.path):
         os.utime(path, (then, then))
@@ -77,9 +77,7 @@ def test_a_changed_new_or_removed_run_is_noticed(
 def test_a_run_that_was_just_changed_is_read_again(
     runs: list[RunFolder], read: Read, tmp_path: Path
 ) -> None:
-    """A change within the resolution of the file system's time stamps cannot be detected by the
-    time stamps.
-    """
+    """Time stamps do not show a change within their resolution."""
     index = RunIndex(tmp_path)
     age(runs[0], seconds=0.5)
     index.newest_first()

@@ -36,7 +36,7 @@ def lease(editing: Editing) -> HeldLease:
 
 
 class HeldCheck:
-    """Check of a file's content that waits, after its start, until the test releases it."""
+    """Check of a file's content that returns only when the test releases it."""
 
     def __init__(self) -> None:
         self.begun, self.release = threading.Event(), threading.Event()

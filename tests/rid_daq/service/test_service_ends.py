@@ -1,4 +1,4 @@
-"""Any end of a service stops the motion and marks its job; no job restarts by itself."""
+"""The end of a service by SIGTERM or SIGKILL stops the motion; its job is not restarted."""
 
 from __future__ import annotations
 

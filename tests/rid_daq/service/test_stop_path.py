@@ -1,4 +1,4 @@
-"""The separate path of STOP, over real sockets, while another program locks the database."""
+"""The separate path of STOP over real sockets: locked database, access rules, stop lines."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ async def place(service: CellService, limits: Limits = LONG) -> Place:
 
 @contextlib.asynccontextmanager
 async def moving(service: CellService) -> Any:
-    """Run a motion in this process while the `with` block is active."""
+    """Start a job in this process, and yield the control block of its motion."""
     await service.job_runner.begin(job(), service.cell("ir361"), cleared=False)
     control = ControlBlock.create()
     try:

@@ -23,7 +23,7 @@ Perform = Callable[[Scenario], None]
 
 @pytest.fixture(scope="module")
 def perform() -> Iterator[Perform]:
-    """Return a function that performs a scenario in the event loop of all tests."""
+    """Return a function that runs a scenario; all tests of this file use one event loop."""
     with asyncio.Runner() as runner:
         yield lambda scenario: runner.run(asyncio.wait_for(scenario(), PATIENCE_S))
 

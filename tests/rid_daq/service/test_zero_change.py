@@ -1,4 +1,4 @@
-"""A measured zero of the force plate is written into the cell file, completely or not at all."""
+"""A measured zero of the force plate is written into the cell file, or refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""A session can acquire its locks although another program reads the locks at any time."""
+"""A session can acquire its locks although another program reads the locks at any time.
+
+A recording is detected while it is written.
+"""
 
 from __future__ import annotations
 
@@ -80,7 +83,7 @@ def test_reading_locks_never_prevents_a_session_from_starting(
 
 
 def call_at_every_step(patch: pytest.MonkeyPatch, start: Callable[[], None]) -> None:
-    """Call `start` before and after every operation on a file descriptor."""
+    """Call `start` before and after each open, fstat and pread of `os`, and before each close."""
     busy = False
 
     def at_this_moment(call: Callable[..., Any]) -> Callable[..., Any]:

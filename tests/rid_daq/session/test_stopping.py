@@ -21,7 +21,7 @@ LIMIT = StopReason(StopCode.POSITION_LIMIT, "axis2 is beyond its limit")
 
 
 class FakeSession:
-    """A session with a behaviour that the test sets; it counts the stops that it receives."""
+    """A session with a behaviour that the test sets; it counts its terminations."""
 
     def __init__(
         self,

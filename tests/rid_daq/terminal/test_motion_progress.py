@@ -23,7 +23,10 @@ PERIOD = 50
 
 
 def motion(*, periodic: bool) -> MotionSamples:
-    """Return a motion at rest: one transient period and three measured ones."""
+    """Return a motion at rest.
+
+    If `periodic`, it has one transient period and three measured ones.
+    """
     rows = 4 * PERIOD
     phase = np.full(rows, Phase.MAIN, dtype=np.uint8)
     phase[:PERIOD] = Phase.TRANSIENT

@@ -1,4 +1,4 @@
-"""Holding a key for a real cell is refused on every kind of remote terminal."""
+"""Holding a key for a real cell is refused on each kind of remote terminal that is detected."""
 
 from __future__ import annotations
 

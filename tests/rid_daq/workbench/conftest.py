@@ -48,7 +48,10 @@ def problems() -> list[str]:
 def open_page(
     browser: Browser, served_pages: ServedProcess, problems: list[str]
 ) -> Iterator[OpenPage]:
-    """Return a function that opens a page in a new browser profile, by default logged in."""
+    """Return a function that opens a page in a new browser profile, by default logged in.
+
+    After the test, it fails on errors and warnings in the consoles of the pages.
+    """
     contexts = []
 
     def note(message: ConsoleMessage) -> None:
@@ -94,7 +97,7 @@ def open_page_of(browser: Browser) -> Iterator[OpenPage]:
 
 @pytest.fixture
 def link(served_pages: ServedProcess) -> Iterator[BadLink]:
-    """Run a link to the service that a test can stall, delay or cut."""
+    """Run a proxy to the service that can stall, delay or cut connections."""
     with bad_link(urlsplit(served_pages.url).port or 0) as link:
         yield link
 
@@ -176,7 +179,7 @@ def ready(page: Page, served: ServedProcess) -> None:
 
 
 def estimated(root: Path, label: str, value: float, robot: str = "ir361") -> str:
-    """Write a run with one estimate, and return its id."""
+    """Write a run with an estimate of one parameter, and return its id."""
     folder = RunFolder.create(root, label)
     folder.finish(RunStatus.COMPLETE, {"robot": robot})
     parameter = {"name": "fc1", "words": "Coulomb friction of axis1", "unit": "N m"}

@@ -17,18 +17,20 @@ from tests.rid_daq.service.moving import CHECK, begin_motion, until
 
 CELL = "ir361"
 SOON_S = 0.5
-"""Maximum time from a press of STOP to its arrival in the driving process, without the link [s]."""
+"""Maximum time from a press of STOP to its arrival in the driving process, with an undisturbed
+link.
+"""
 
 
 @dataclass
 class StoppedMotion:
-    """A motion, and the time at which its drives received the stop [s of `time.monotonic`]."""
+    """A motion, and the time at which its process received the stop [s of `time.monotonic`]."""
 
     stopped: threading.Event
     stopped_s: float = 0.0
 
     def require_stopped(self, pressed_s: float, within_s: float = SOON_S) -> None:
-        """Require that the drives received the stop within a time after the press."""
+        """Require that the process received the stop within a time after the press."""
         assert self.stopped.wait(60.0), "the process did not receive the stop"
         assert 0.0 < self.stopped_s - pressed_s <= within_s
 
@@ -65,7 +67,11 @@ def moving(served: ServedProcess, lease: str) -> Iterator[StoppedMotion]:
 
 
 def press(page: Page) -> float:
-    """Press STOP without releasing it or waiting for the page; return the time of the press [s]."""
+    """Press STOP without releasing it or waiting for the page.
+
+    Returns:
+        Time of the press [s of `time.monotonic`].
+    """
     box = page.locator("#stop").bounding_box()
     assert box is not None
     page.mouse.up()

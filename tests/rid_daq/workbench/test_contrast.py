@@ -9,7 +9,7 @@ from tests.rid_daq.workbench.conftest import OpenPage
 pytestmark = pytest.mark.slow
 
 LEAST = 4.5
-"""WCAG 2.2, success criterion 1.4.3."""
+"""Minimum contrast of text: WCAG 2.2, success criterion 1.4.3."""
 
 KINDS = (
     *('<p class="banner">words</p>', '<p class="banner bad">words</p>'),
@@ -38,7 +38,7 @@ KINDS = (
         for state in ("closed", "checking", "ready", "moving", "stopping", "fault", "unknown")
     ),
 )
-"""One element of each kind that carries information, as created by the pages."""
+"""HTML of one element of each kind of alarm, badge and button, as the pages create it."""
 
 CONTRASTS = """async (kinds) => {
   const link = document.createElement("link");
@@ -85,7 +85,7 @@ CONTRASTS = """async (kinds) => {
   }
   return found;
 }"""
-"""The contrast of each text on the page with its background."""
+"""Function that returns the contrast of each text on the page with its background."""
 
 
 @pytest.mark.promise("alarms-can-be-read")

@@ -56,7 +56,7 @@ def require_axe(page: Page) -> None:
 
 @pytest.fixture(scope="module")
 def a_run(served_pages: ServedProcess) -> str:
-    """Record a run of the served cell for the pages."""
+    """Record an axis test and write two runs with estimates; return the id of the axis test."""
     client = served_pages.client
     with client, client.lease("ir361") as cell:
         cell.run("check").require_done()

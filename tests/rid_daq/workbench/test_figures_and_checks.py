@@ -1,4 +1,4 @@
-"""Blocks of a run, compatibility of runs, and the kind of a motion, without a browser."""
+"""Blocks of a run, compatibility of runs, and facts of a motion, without a browser."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ HEIGHT = 844
 MOST_HIDDEN_PX = 300
 HIDDEN_PX = """() => document.querySelector("header").getBoundingClientRect().bottom
   + innerHeight - document.querySelector("footer").getBoundingClientRect().top"""
-"""Height of the window that the header and STOP cover after scrolling [px]."""
+"""Height of the part of the window that the header and STOP cover [px]."""
 
 
 SIZES = ((390, 844), (820, 1180), (1440, 900), (844, 390))

@@ -28,7 +28,7 @@ BEGIN = """async (pace) => {
 """Start a motion with the page's panel, which asks what to do if the connection is lost."""
 
 TIMERS_STAND = "window.setInterval = () => 0;"
-"""Stop all timers, which is more than browsers do to a page in the background."""
+"""Make `setInterval` do nothing, which is more than browsers do to a page in the background."""
 
 
 def start_motion(page: Page, served: ServedProcess, policy: str, pace: float) -> Job:
@@ -49,7 +49,7 @@ def start_motion(page: Page, served: ServedProcess, policy: str, pace: float) ->
 
 
 def shorten_lease(page: Page, served: ServedProcess) -> None:
-    """Shorten the lease of a page that cannot renew it from 15 to 2 seconds."""
+    """Shorten the lease of a page from 15 s to 2 s; the page cannot renew it."""
     key = page.evaluate(f"() => sessionStorage.getItem('rid-daq lease {CELL}')")
     with served.client as client:
         client.ask("PUT", f"/cells/{CELL}/lease", {"seconds": 2.0}, key)

@@ -1,4 +1,4 @@
-"""Comparing and recovering runs and measuring velocity loops with the buttons of the pages."""
+"""Buttons of the pages: compare and recover runs, identify friction, compensate a path."""
 
 from __future__ import annotations
 
@@ -165,7 +165,7 @@ def warming(served_pages: ServedProcess) -> Iterator[None]:
 def test_a_model_with_warming_requires_the_joint_temperature(
     open_page: OpenPage, served_pages: ServedProcess
 ) -> None:
-    """One field sets the temperature for all operations that use the model."""
+    """One field sets the temperature for `compensate`, `retime` and `refine`."""
     (served_pages.folder / "turns.yaml").write_text(TURNS)
     page = open_page(width=820)
     page.get_by_role("link", name="Compensation", exact=True).click()
@@ -289,6 +289,5 @@ def run_by_button(page: Page, served: ServedProcess, button: str, end: str) -> s
 
 
 def newest(served: ServedProcess) -> Job:
-    """Return the job that was started last."""
     with served.client as client:
         return Job.model_validate(client.ask("GET", "/jobs?limit=1")[0])

@@ -29,7 +29,7 @@ def recorded(
 
 @pytest.fixture(scope="module")
 def runs(served_pages: ServedProcess) -> Path:
-    """Write one hundred and twenty old runs, an experiment, a stopped run, and foreign runs."""
+    """Write old runs, an experiment, a run with only a report, a stopped run, and foreign runs."""
     root = served_pages.folder / "runs"
     for i in range(MANY):
         recorded(root, f"old {i}")

@@ -33,7 +33,7 @@ RECORD = """async () => {
   const request = { motion: "motion.yaml", simulation: { pace: 1 } };
   return await ask("POST", `${CELL}/jobs`, { kind: "record", request, cleared: true });
 }"""
-"""Start a motion of several minutes with the page's module and lease."""
+"""Start `motion.yaml` with the page's module and lease."""
 
 
 NEEDS = """async ([ready, held]) => {
@@ -42,7 +42,7 @@ NEEDS = """async ([ready, held]) => {
   now.status = { ...now.status, not_ready_because: ready, not_held_because: held };
   return [missing("ready"), missing("held")];
 }"""
-"""Return the missing conditions of the page's buttons for a state of the service."""
+"""Return the missing conditions of buttons for a motion and for a held motion."""
 
 
 def test_a_new_user_leases_the_cell_and_checks_it(open_page: OpenPage) -> None:

@@ -1,6 +1,6 @@
 """STOP of the pages over stalled or slow links, and on incomplete pages.
 
-Each test presses STOP during a motion, and measures when the driving process receives it.
+Most tests press STOP during a motion, and measure when the driving process receives it.
 """
 
 from __future__ import annotations

@@ -64,7 +64,7 @@ def squatting(port: int = 0) -> Iterator[Squatter]:
 
 
 def status_with(service: str, headers: dict[str, str]) -> int:
-    """Return the service's status for a program that repeats received headers."""
+    """Return the HTTP status of the service's answer to a program that repeats received headers."""
     kept = {
         name: value for name, value in headers.items() if name.lower() not in ("host", "origin")
     }

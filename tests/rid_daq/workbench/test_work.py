@@ -47,7 +47,7 @@ REPEATED = """() => {
   const below = new Set(lines("stage-result").filter((each) => each.length > 20)); // no button
   return lines("job").filter((each) => below.has(each));
 }"""
-"""Sentences of the job's card that stand again in the result below it."""
+"""Sentences of the job's card that are repeated in the result below it."""
 
 
 def pictured(page: Page, screenshots: Path, name: str) -> None:

@@ -1,6 +1,6 @@
-"""The output of a job is stored as events.
+"""The console of a job: output, questions and held keys as events.
 
-When the events are displayed, they equal the output of the command.
+Displayed events equal the output of the command.
 """
 
 from __future__ import annotations

@@ -108,7 +108,10 @@ NUMBERS: list[Any] = [
     for place, schema in numbers(whole, whole)
 ]
 OWN = [each for each in NUMBERS if "faults" not in each.values[1]]
-"""Numbers of all requests, except fault scripts, whose ranges are checked like those of files."""
+"""Numbers of all requests, except those of fault scripts.
+
+Ranges of numbers in fault scripts are checked like those in files.
+"""
 
 
 def test_the_list_of_numbers_covers_the_main_jobs() -> None:
@@ -132,7 +135,7 @@ def test_every_number_of_every_request_has_a_range(
 
 
 def values_outside(schema: Schema) -> Iterator[float]:
-    """Yield values just outside a range."""
+    """Yield values just outside a range, and three numbers that are not finite."""
     whole_number = schema["type"] == "integer"
     if "minimum" in schema:
         low = schema["minimum"]

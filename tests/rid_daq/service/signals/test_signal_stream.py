@@ -24,7 +24,10 @@ pytestmark = pytest.mark.slow
 async def receive_bins(
     served: ServedProcess, least: int
 ) -> tuple[dict[str, Any], dict[int, NDArray[Any]]]:
-    """Return the newest head, and bins by their numbers, once no more bins wait."""
+    """Return the newest head and the bins by their numbers.
+
+    It waits for the first bin and for at least `least` bins.
+    """
     found: dict[int, NDArray[Any]] = {}
     head: dict[str, Any] = {}
     async with unix_connect(

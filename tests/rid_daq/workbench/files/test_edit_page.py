@@ -43,7 +43,7 @@ def edit(open_page: OpenPage, served_pages: ServedProcess) -> Edit:
 
 
 def replace(page: Page, old: str, new: str) -> None:
-    """Replace a part of the text as a person does who types."""
+    """Replace a part of the text in the editor."""
     text = page.locator("#text").input_value()
     assert old in text
     page.locator("#text").fill(text.replace(old, new))

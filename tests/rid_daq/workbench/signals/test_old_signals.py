@@ -1,4 +1,7 @@
-"""Live signals of drives at rest count as old after the end of the motion or of the service."""
+"""Live signals are old after the end of a motion or of the service.
+
+They are live while drives at rest are watched.
+"""
 
 from __future__ import annotations
 

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from rid_daq.workbench.static_files import static_files
 
 LEAST_CONTRAST = 3.0
-"""WCAG 2.1, success criterion 1.4.11, for parts of graphics."""
+"""Minimum contrast of parts of graphics: WCAG 2.1, success criterion 1.4.11."""
 
 LEAST_DISTANCE = 0.07
-"""Least distance of two colours in Oklab; a difference that is just visible is about 0.02."""
+"""Minimum distance of two colours in Oklab; a barely visible difference is about 0.02."""
 
 # Machado, Oliveira, Fernandes (2009): matrices of full colour blindness, for linear RGB
 VISIONS = {

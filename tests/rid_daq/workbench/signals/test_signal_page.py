@@ -136,7 +136,10 @@ def test_zoom_by_buttons_mouse_and_fingers(
 
 
 def pinch(session_send: object, box: object, first: float, last: float) -> None:
-    """Set two fingers on a plot and move them apart, symmetrically to its centre."""
+    """Set two fingers on a plot and move them, symmetrically to its centre.
+
+    `first` and `last` are their distances from the centre, relative to the width of the plot.
+    """
     assert callable(session_send)
     assert isinstance(box, dict)
 

@@ -27,8 +27,10 @@ TRANSFERRED_KB = r"""() => Object.values(Object.fromEntries(performance.getEntri
   .filter((each) => !/\/triangles\/|login\.js|\/(\?t=[^\/]*)?$/.test(each.name))
   .map(({ name, entryType, transferSize }) => [entryType + name, transferSize ?? 0])))
   .reduce((sum, size) => sum + size, 0) / 1000"""
-"""Without the page on which a user logs in. The state of the cell is requested again and again, and
-counted once."""
+"""Return the transferred kilobytes, without triangles and without the page of the login.
+
+Repeated requests of an address, such as that of the state of the cell, count once.
+"""
 
 NO_WEBGL = "HTMLCanvasElement.prototype.getContext = () => null"
 

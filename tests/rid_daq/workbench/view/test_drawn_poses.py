@@ -1,4 +1,4 @@
-"""The drawn robot is where Pinocchio says, and a mistake in a file changes the picture."""
+"""The drawn robot is where Pinocchio computes it, and a mistake in a file changes the picture."""
 
 from __future__ import annotations
 
@@ -47,7 +47,9 @@ def page(browser: Browser, served_pages: ServedProcess) -> Iterator[Page]:
 
 
 def upright_points(robot: RobotDescription, scene: RobotScene, q: np.ndarray) -> np.ndarray:
-    """Return the origins of base, links and tool by Pinocchio, in the upright frame, (n + 2, 3)."""
+    """Return the origins of base, links and tool by Pinocchio [m], in a frame with z up, (n + 2,
+    3).
+    """
     model, tool = pinocchio_of(robot)
     data = model.createData()
     pin.forwardKinematics(model, data, q)

@@ -59,7 +59,7 @@ def largest_deviation(found: MotionPlayback, samples: MotionSamples) -> float:
 
 
 def write_table(path: Path, times_s: np.ndarray, position: np.ndarray) -> Path:
-    """Write a motion of the six-axis robot through joint positions."""
+    """Write a motion of the six-axis robot through joint positions [rad], (samples, 6)."""
     names = ",".join(("time_s", *KR15.robot.joint_names))
     rows = np.column_stack([times_s, position])
     np.savetxt(path.with_suffix(".csv"), rows, delimiter=",", header=names, comments="")

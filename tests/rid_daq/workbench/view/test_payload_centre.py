@@ -57,7 +57,7 @@ def test_a_centre_that_the_motion_does_not_determine_is_not_drawn(tmp_path: Path
 
 @pytest.fixture(scope="module")
 def served_pages(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedProcess]:
-    """Run a service of the bundled six-axis cell with a payload session."""
+    """Run a service of the bundled six-axis cell."""
     with serving(tmp_path_factory.mktemp("payload"), cell="kr15") as running:
         yield running
 
