@@ -51,7 +51,7 @@ def criterion_of_options(robot: RobotDescription, name: str, wanted: Sequence[st
     for number, parameter in enumerate(wanted):
         if parameter in wanted[:number]:
             raise ConfigError(
-                f"--for {parameter}: named twice; name it once", code="RID-OPTION-NAME"
+                f"--for {parameter}: named twice; name it once", code="RID-OPTION-EXCLUSIVE"
             )
         if parameter == TORQUE:
             rows += list(_predictions(robot, model, base))

@@ -295,7 +295,7 @@ def _torque_limits_percent(text: str | None, data: RunData) -> tuple[float, ...]
     try:
         values = parse_numbers(text)
     except ConfigError as error:
-        raise ConfigError(f"--limits {text}: {error}", code="RID-OPTION-RANGE") from error
+        raise ConfigError(f"--limits {text}: {error}", code="RID-OPTION-SYNTAX") from error
     if not all(0.0 < value < 1e6 for value in values):
         raise ConfigError(
             f"--limits {text}: give percentages above 0 and below 1e6", code="RID-OPTION-RANGE"

@@ -148,7 +148,7 @@ def _plan_path(
             raise ConfigError(
                 "--load-changes: the changes are timed from the first row of a motion file, but"
                 " another program sends the points: give a motion file",
-                code="RID-OPTION-EXCLUSIVE",
+                code="RID-OPTION-NEEDS",
             )
         return "Points sent by another program.", None, {}
     if "patience_s" in request.options.model_fields_set:

@@ -146,6 +146,11 @@ def test_options_select_the_criterion(
     assert isinstance(criterion_of_options(cell.robot, name, expected), kind)
 
 
+def test_a_wanted_parameter_that_is_named_twice_is_refused(cell: LoadedCell) -> None:
+    with raises_code(ConfigError, "RID-OPTION-EXCLUSIVE"):
+        criterion_of_options(cell.robot, "d-optimal", ["torque", "torque"])
+
+
 def test_earlier_runs_direct_the_design_to_uncertain_parameters(cell: LoadedCell) -> None:
     weak = {"Ixz3": 100.0, "Iyz3": 100.0}
     earlier = known_estimate(cell, weak)

@@ -129,7 +129,7 @@ RECORDINGS = {
 @pytest.mark.parametrize(
     ("name", "code"),
     [
-        ("points of a socket", "RID-OPTION-EXCLUSIVE"),
+        ("points of a socket", "RID-OPTION-NEEDS"),
         ("rehearsal", "RID-OPTION-EXCLUSIVE"),
         ("a feedforward for one load", "RID-LOAD-CHANGES"),
         ("a torque check for one load", "RID-LOAD-CHANGES"),

@@ -146,7 +146,7 @@ def test_validate_predicts_the_reaction_on_the_base(
 
 @pytest.mark.parametrize(
     ("limits", "code"),
-    [("10,10", "RID-OPTION-COUNT"), ("0", "RID-OPTION-RANGE"), ("ten", "RID-OPTION-RANGE")],
+    [("10,10", "RID-OPTION-COUNT"), ("0", "RID-OPTION-RANGE"), ("ten", "RID-OPTION-SYNTAX")],
 )
 def test_limits_that_are_not_percentages_are_refused(
     limits: str, code: str, workshop: Path, runs: list[str], capsys: pytest.CaptureFixture[str]
