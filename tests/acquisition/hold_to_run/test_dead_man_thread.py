@@ -20,7 +20,7 @@ GOAL = np.array([0.1, 0.7])
 
 
 class Desk:
-    """The key that the test holds down, and the keys for which the thread has planned a motion."""
+    """The key that the test holds down, and the keys for which the thread has called `plan`."""
 
     def __init__(self) -> None:
         self.key = ""

@@ -59,13 +59,13 @@ class Bench:
         self.axes: Axes = axes
         self.clock = clock
         self.lockstep = True
-        self._create_secret = lambda: CyclicTask(
+        self._new_task = lambda: CyclicTask(
             axes, clock, cell, robot, self.ring, self.control, lockstep=self.lockstep,
             orders=StopOrders(self.control, lambda: self.parent_gone, self.service, self.now),
         )  # fmt: skip
 
     def run(self, motion: MotionSamples | PlannedMotion) -> StopReason | None:
-        return self._create_secret().run(
+        return self._new_task().run(
             PlannedMotion(motion) if isinstance(motion, MotionSamples) else motion
         )
 

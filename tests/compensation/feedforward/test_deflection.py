@@ -52,7 +52,7 @@ def elastic_arm() -> Plant:
 
 
 def driven_circle(plant: Plant) -> tuple[Recording, FloatArray]:
-    """Drive a circle; return motor torques and encoder positions, and the true positions."""
+    """Drive a circle; return the recording (motor side) and the true joint positions (rad)."""
     circle = CircleMotion(
         kind="circle",
         robot="ir361",

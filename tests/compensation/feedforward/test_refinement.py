@@ -64,7 +64,7 @@ SPLINE = PathMotion.model_validate(
         ),
     }
 )
-"""Lines and a spline, which are not used for tuning."""
+"""A line and a spline, which are not used for tuning."""
 
 
 @pytest.fixture(scope="module")
@@ -182,8 +182,8 @@ class TestRefinement:
         model: Estimate,
         planned: MotionSamples,
     ) -> None:
-        """With all unmodelled effects, the mean error falls by a factor of 200, the maximum error
-        by 50.
+        """With all unmodelled effects, the mean error falls to less than 1/200, the maximum to
+        1/50.
         """
         before = error_of(cell, drive, planned)
         sizes, samples, found = repeat(cell, drive, loops, model, planned)

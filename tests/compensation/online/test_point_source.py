@@ -228,7 +228,7 @@ class TestFallback:
     def test_a_torque_that_is_not_a_number_falls_back_to_plain_feedforward(
         self, forward: OnlineFeedforward
     ) -> None:
-        """A number of a link in the model is not a number."""
+        """One inertial parameter of a link in the model is NaN."""
         samples = planned()
         sound = forward.torque.arrays
         links = np.array(sound[3])

@@ -133,7 +133,10 @@ def test_gravity_beyond_a_torque_limit_is_refused_with_joint_and_pose() -> None:
 
 
 def zero_inertia_path() -> tuple[PathTimer, JointCurve]:
-    """Return a path on which joint 2 turns against joint 1 and cancels its inertia."""
+    """Return the timer and a path of an arm whose joint 2 turns against joint 1.
+
+    At some points of the path, the inertia along it is zero.
+    """
     robot = arm(axis("one", torque=60.0), axis("two", torque=25.0))
     return timer_of(robot), straight_curve(
         (-0.8, 1.2), (0.0, 0.0), (0.2, -1.5), (0.9, -2.2), (1.2, -1.0)
