@@ -112,7 +112,10 @@ def signals() -> Iterator[None]:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Run the longest tests first, so that the workers end at about the same time."""
+    """Select the tests of `--only`, and move the files of `LONG_TESTS` to the front.
+
+    Then the workers end at about the same time. The rows of `fault` marks are added to the report.
+    """
     if places := [Path(place).resolve() for place in config.getoption("--only")]:
         paths = {item.path for item in items if any(map(item.path.is_relative_to, places))}
         config.hook.pytest_deselected(items=[item for item in items if item.path not in paths])
@@ -184,7 +187,7 @@ def real_robot() -> Path:
 class ServedAmplifier(threading.Thread):
     """The simulated amplifier alone at a pseudo-terminal; its time advances while rows stream.
 
-    Its output is a function of its seed and its commands, and does not depend on speed. After
+    Its output is a function of its seed and its commands, whatever the computer's speed. After
     `stream_s` of streaming its time stops, and `on_end` is called once.
     """
 

@@ -82,7 +82,11 @@ def mutations(data: bytes, count: int, seed: int) -> Iterator[bytes]:
 
 
 def refusals_of_changed(read: Callable[[Path], Any], path: Path, data: bytes, count: int) -> int:
-    """Read unsuitable texts and changed copies of a file; return how many copies were refused."""
+    """Read unsuitable texts and changed copies of a file.
+
+    Returns:
+        Number of refused copies; one less if the reader accepts one of the texts.
+    """
     messages = []
     for changed in (*NOTHING, *mutations(data, count, seed=1)):
         path.write_bytes(changed)
@@ -202,7 +206,7 @@ def test_changed_urdfs_are_read_or_refused(tmp_path: Path) -> None:
 
 @pytest.fixture
 def document(tmp_path: Path) -> Callable[[str, Any], RunFolder]:
-    """Return a run folder with one JSON file in it."""
+    """Return a function that makes a run folder with one JSON file."""
 
     def make(name: str, content: Any) -> RunFolder:
         folder = RunFolder.create(tmp_path / "runs", "fuzz")
@@ -263,7 +267,7 @@ def test_changed_models_are_used_or_refused(
 
 @pytest.fixture
 def json_files(tmp_path: Path) -> dict[Any, bytes]:
-    """JSON files that match the schema, some with absurd values, to reach the later checks."""
+    """JSON files with a valid format number, by the function that reads them."""
     loops = {
         "format": 1,
         "robot": "ir361",
