@@ -36,7 +36,7 @@ class ServedHub:
 
 @pytest.fixture
 def serve(tmp_path: Path) -> Iterator[Callable[..., ServedHub]]:
-    """Serve a hub until the test's end."""
+    """Return a function that serves a hub until the test's end."""
     hubs: list[ServedHub] = []
     stoppers: list[tuple[int, threading.Thread]] = []
 

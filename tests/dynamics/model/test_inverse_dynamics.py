@@ -35,11 +35,12 @@ def links_only(robot) -> RobotModel:
 
 
 def all_terms(ir361, coupling: np.ndarray | None = None) -> RobotModel:
-    """Return an arm with every term that a robot can have."""
-    joints = [
-        joint.model_copy(update={"friction": EVERY_FRICTION, "armature": joint.name == "joint3"})
-        for joint in ir361.joints
-    ]
+    """Return the bundled arm with every term that a robot can have; an armature replaces rotor 3.
+    """
+    *joints, last = (
+        joint.model_copy(update={"friction": EVERY_FRICTION}) for joint in ir361.joints
+    )
+    joints.append(last.model_copy(update={"armature": True, "rotor": None}))
     robot = ir361.model_copy(update={"joints": tuple(joints)})
     model = RobotModel.from_description(robot, payload=True, sign_smoothing_rad_s=0.3)
     if coupling is None:
