@@ -20,7 +20,7 @@ FUNCTION = re.compile(
     re.MULTILINE,
 )
 JAVASCRIPT = r"(?:function {0}|\n  (?:async )?{0})\(.*?\n(?:  )?\}}\n"
-"""A function of a module, or a method of a class."""
+"""Pattern of a JavaScript function of a module, or of a method of a class, by its name."""
 
 
 @pytest.fixture(scope="module")

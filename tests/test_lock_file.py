@@ -16,7 +16,7 @@ GLIBC_2_28 = [
     *(f"manylinux_2_{minor}_x86_64" for minor in range(5, 29)),
     *("manylinux1_x86_64", "manylinux2010_x86_64", "manylinux2014_x86_64"),
 ]
-"""Debian 10, Ubuntu 20.04, RHEL 8 and later versions."""
+"""Platform tags of wheels for Debian 10, Ubuntu 20.04, RHEL 8 and later versions."""
 
 
 def needed_packages(minor: int) -> list[dict[str, Any]]:

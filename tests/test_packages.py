@@ -44,7 +44,7 @@ def test_a_file_has_at_most_400_lines() -> None:
 
 
 def test_a_subpackage_has_at_most_20_files() -> None:
-    """A folder has at most 20 files, `__init__.py` included."""
+    """`__init__.py` counts too."""
     full = {
         str(room.relative_to(ROOT)): files
         for package in PACKAGES
@@ -171,7 +171,7 @@ def test_the_program_has_few_untyped_dictionaries() -> None:
 
 
 def test_the_kind_of_a_motion_is_hardly_ever_queried() -> None:
-    """Differences between the kinds of motion belong into their classes."""
+    """Differences between the kinds of motion belong in their classes."""
     kinds = ROOT / "acquisition" / "motion" / "kinds"
     names = {
         node.name

@@ -75,7 +75,7 @@ def test_a_release_contains_the_files_to_install_and_to_verify(release: Path) ->
 
 @pytest.mark.long
 def test_the_wheel_contains_every_file_of_the_packages(release: Path) -> None:
-    """Every command, including the demo, finds its files from an empty directory."""
+    """From any directory, commands find their files only in the installed wheel."""
     with zipfile.ZipFile(next(release.glob("rid_daq-*.whl"))) as wheel:
         packed = set(wheel.namelist())
     words = ("git", "ls-tree", "-r", "--name-only", "HEAD", *PACKAGES)
