@@ -30,7 +30,6 @@ EXAMPLES = (
 
 
 def example(title: str) -> str:
-    """Return the text of one example."""
     text = PAGE.read_text(encoding="utf-8")
     return text.split(f"\n### Example: {title}\n")[1].split("\n## ")[0].split("\n### ")[0]
 

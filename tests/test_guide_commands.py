@@ -64,7 +64,6 @@ def inline(page: Path) -> Iterator[str]:
 
 
 def options() -> set[str]:
-    """Return every option of the program."""
     root = Root()
     found: list[click.Command] = [
         root, *(OperationCommand(operation(" ".join(words))) for words in command_words())

@@ -1,4 +1,4 @@
-"""The thread that reads the jog keys plans one straight motion (a line) for each key press."""
+"""The thread that reads the jog keys and plans a straight motion (a line) for a key press."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""For a file of each known recorder, the program proposes the right import map.
+"""Import maps that are proposed for files of known recorders; files without torques are refused.
 
 The names and their order are those of ur_rtde 1.6.5, UR's `record.py`, libfranka 0.15, RSIPI 0.3.0,
 abb_libegm, PlotJuggler, TwinCAT Scope View and our own export.
@@ -213,8 +213,7 @@ def own_export(folder: Path, motion: Motion) -> Path:
 
 
 class Recorder(NamedTuple):
-    """Function that writes a recorder's file, its known source, and additions to the proposed map.
-    """
+    """Function that writes a recorder's file, its known source, and additions to the proposed map."""
 
     write: Callable[[Path, Motion], Path]
     title: str

@@ -199,7 +199,7 @@ def recording_with_drift(*parts: tuple[int, int, float], limit_n_s: float = 0.5)
 
 
 def test_a_period_of_drift_is_excluded_and_named() -> None:
-    """Row 29 of docs/faults.md: exactly the periods whose drift exceeds the limit are marked."""
+    """Row 29 of docs/faults.md: exactly the periods whose drift exceeds the limit are rejected."""
     average = average_periods(
         recording_with_drift((3 * K, 4 * K, 0.6), (7 * K + 40, 7 * K + 60, -12.0))
     )

@@ -105,7 +105,7 @@ def test_the_first_set_point_is_the_robots_position(bench: Bench, motion: Motion
 
 @dataclass(frozen=True)
 class Watching(PlannedMotion):
-    """A motion that stores the data that the task passes to it about the robot."""
+    """A motion that stores the measured positions that the task passes to it."""
 
     positions_seen: list[NDArray[np.float64]] = field(default_factory=list)
 

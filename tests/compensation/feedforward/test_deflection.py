@@ -39,7 +39,6 @@ def robot_with(*stiffness: float | None) -> RobotDescription:
 
 
 def elastic_arm() -> Plant:
-    """Return the bundled plant with elastic gears."""
     assert CELL.plant is not None
     unmodelled = CELL.plant.unmodelled
     assert unmodelled is not None

@@ -99,7 +99,7 @@ def repeat(
     model: Estimate,
     planned: MotionSamples,
 ) -> tuple[list[FloatArray], MotionSamples, Refinement]:
-    """Refine over three runs; return the errors, the last motion and the last refinement."""
+    """Refine over three runs; return each run's RMS errors, the last motion and refinement."""
     samples = compensated_motion(planned, model, loops)
     sizes = []
     for seed in range(3):

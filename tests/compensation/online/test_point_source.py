@@ -66,7 +66,9 @@ class TestGoodPoints:
     def test_the_feedforward_equals_that_of_the_whole_motion(
         self, forward: OnlineFeedforward
     ) -> None:
-        """The feedforward differs little from that computed off line from the whole motion."""
+        """The median difference is below 1e-5 rad/s, and 95 % of all differences are below 2e-3
+        rad/s.
+        """
         samples = planned()
         _, _, ahead = arrays(drive(source_of(forward, samples.position)))
         model, parameters = true_model(CELL)

@@ -40,7 +40,7 @@ def axis(name: str, kind: str = "revolute", torque: float = 20.0, **more: object
 
 
 def arm(*joints: Joint, alpha: float = math.pi / 2) -> RobotDescription:
-    """Return a chain of links of 0.5 m: axis 1 is horizontal, the others are parallel to it."""
+    """Return a chain of links of 0.5 m; its axes are parallel, and horizontal by default."""
     rows = [KinematicRow(alpha_rad=alpha)] + [KinematicRow(a_m=ARM)] * (len(joints) - 1)
     return RobotDescription(
         name="few",

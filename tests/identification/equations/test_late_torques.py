@@ -1,4 +1,4 @@
-"""Delays that no bus explains are found in recordings of the simulated arm with all its effects."""
+"""Late torques that no bus explains: delays and filters are found in simulated recordings."""
 
 from __future__ import annotations
 
