@@ -71,11 +71,7 @@ class Bench:
         self.velocities: list[list[float]] = []
 
     def run_cycles(self, count: int, *, held: bool) -> bool:
-        """Run cycles; in each of them the key is held if `held`.
-
-        Returns:
-            False if the motion has ended.
-        """
+        """Run cycles with the key held or not; return False if the motion has ended."""
         for _ in range(count):
             if held:
                 self.dead_man.hold(self.now_s + DEAD_MAN_S)

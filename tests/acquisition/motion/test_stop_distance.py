@@ -1,4 +1,4 @@
-"""Where a stop during a planned motion ends, compared with limits, bodies and simulated drives."""
+"""End positions of stops during a motion, compared with limits, bodies and simulated drives."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Streamed points are refused at a collision, and where a stop would end beyond a limit."""
+"""Streamed points are refused at a collision, or if a stop would end beyond a limit."""
 
 from __future__ import annotations
 
