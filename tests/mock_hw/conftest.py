@@ -206,7 +206,7 @@ class Bench:
         self.run_for(0.008)
 
     def enable(self, velocity: int = 0) -> None:
-        """Bring the drive to Operation Enabled, and to a speed."""
+        """Bring the drive to Operation Enabled, then to a velocity in the drive's unit."""
         for word in (0x0000, 0x0006, 0x0007, 0x000F, 0x000F):
             self.cycle(word)
         for _ in range(3):

@@ -22,7 +22,7 @@ NUMBERS = (
 
 @pytest.fixture
 def recording() -> Recording:
-    """A recording of two joints: 20 rows before the motion, its rows, and 10 rows after its end.
+    """A recording of two joints: 20 rows before the motion, and 9 rows after its last sample.
 
     Some answers are lost.
     """
