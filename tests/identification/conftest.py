@@ -216,7 +216,7 @@ PLATE = PlateConfig(
 def base_wrench(
     cell: LoadedCell, q: NDArray[np.float64], v: NDArray[np.float64], a: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the wrench of the base on links and rotors about the base frame's origin, (rows, 6)."""
+    """Return the wrench of the base on links and rotors about the base's origin, (rows, 6)."""
     assert cell.plant is not None
     bodies = build_rigid_bodies(cell.robot, cell.plant.without_unmodelled())
     model, data = bodies.model, bodies.model.createData()

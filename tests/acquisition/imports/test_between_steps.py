@@ -32,7 +32,7 @@ def rows(time_s: FloatArray, position: FloatArray, velocity: FloatArray) -> Impo
 
 
 def creeping_joint() -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return time (s), position (rad) and velocity (rad/s) of a joint that creeps back and forth."""
+    """Return time (s), position (rad) and velocity (rad/s) of a joint that creeps to and fro."""
     time_s = np.arange(0.0, 10.0, 0.008)
     position = 3e-4 * np.sin(0.8 * time_s) + 1e-4 * np.sin(3.0 * time_s)
     velocity = 2.4e-4 * np.cos(0.8 * time_s) + 3e-4 * np.cos(3.0 * time_s)

@@ -213,7 +213,7 @@ def own_export(folder: Path, motion: Motion) -> Path:
 
 
 class Recorder(NamedTuple):
-    """Function that writes a recorder's file, its known source, and additions to the proposed map."""
+    """Function that writes a recorder's file, its known source, and additions to the map."""
 
     write: Callable[[Path, Motion], Path]
     title: str

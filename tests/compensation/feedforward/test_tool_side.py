@@ -100,7 +100,7 @@ def test_a_foreign_run_is_refused(recording: Recording) -> None:
 
 @pytest.fixture(scope="module")
 def corrected(recording: Recording) -> tuple[Recording, FloatArray]:
-    """Return a run whose motors are ahead of the path by the gear deflection, and this lead (rad)."""
+    """Return a run whose motors are ahead of the path by the deflection, and this lead (rad)."""
     path = recording.target_position
     assert path is not None
     lead = np.column_stack(

@@ -25,7 +25,7 @@ def corners(shape: tuple[FloatArray, IntArray]) -> FloatArray:
 
 
 def tube(count: int = 60) -> FloatArray:
-    """Return the triangles (n, 3, 3) of the side of a round tube of radius 0.1 m and length 0.5 m."""
+    """Return the triangles (n, 3, 3) of the side of a round tube, radius 0.1 m, length 0.5 m."""
     angles = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
     rings = np.array(
         [[(0.1 * np.cos(a), 0.1 * np.sin(a), z) for a in angles] for z in (0.0, 0.5)]

@@ -35,7 +35,7 @@ def links_only(robot) -> RobotModel:
 
 
 def all_terms(ir361, coupling: np.ndarray | None = None) -> RobotModel:
-    """Return the bundled arm with every term that a robot can have; an armature replaces rotor 3."""
+    """Return the bundled arm with every term of a robot; an armature replaces rotor 3."""
     *joints, last = (
         joint.model_copy(update={"friction": EVERY_FRICTION}) for joint in ir361.joints
     )
