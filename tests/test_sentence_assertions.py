@@ -10,7 +10,7 @@ from tests.builders.sentence_assertions import sentence_assertions
 
 TESTS: Final = ROOT / "tests"
 AT_MOST: Final = 71
-"""Maximum number of assertions on sentences, 60 of them in variables; it must only decrease."""
+"""Maximum number of assertions on sentences; it must only decrease."""
 
 
 def test_the_number_of_assertions_on_sentences_does_not_grow() -> None:

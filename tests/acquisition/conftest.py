@@ -22,7 +22,10 @@ COUNTS_PER_RAD = 100_000.0
 
 
 class SteppedClock:
-    """Clock that advances only during a sleep; `oversleep_s` lengthens each sleep."""
+    """Simulated clock; it advances by sleeps, or if a test changes `time_s`.
+
+    `oversleep_s` maps the number of a sleep (from 1) to its delay in s.
+    """
 
     def __init__(self) -> None:
         self.time_s = 0.0

@@ -29,7 +29,7 @@ def cell() -> LoadedCell:
 
 @pytest.fixture(scope="session")
 def drive(cell: LoadedCell) -> Drive:
-    """Return a function that simulates a motion with its feedforward, and returns the recording."""
+    """Function that simulates a motion with its feedforward and returns the recording."""
     assert cell.plant is not None
     return partial(closed_loop, cell, cell.plant)
 

@@ -84,7 +84,7 @@ def test_warm_is_the_steady_state_of_the_repeated_motion(followed: Estimate) -> 
 
 
 def _after_an_hour(warming: Warming, estimate: Estimate) -> np.ndarray:
-    """Return the mean temperatures in the last repetition after an hour of the motion."""
+    """Return the mean temperatures (K) in the last repetition after an hour of the motion."""
     one = recording(20.0, (None, None, None), seed=4)
     turns = 30
     rows = len(one) * turns

@@ -39,7 +39,7 @@ def load_on(cell_friction: tuple[float, float] | None = None) -> RampedLoad:
 
 
 def carried_share(time_s: FloatArray) -> FloatArray:
-    """Return the fraction of the payload that the arm carries at times."""
+    """Return the fraction of the payload that the arm carries at the times `time_s`."""
     times = (0.0, UP_S, UP_S + RAMP_S, DOWN_S, DOWN_S + RAMP_S, 1e3)
     return np.interp(time_s, times, (0.0, 0.0, 1.0, 1.0, 0.0, 0.0))
 
@@ -50,7 +50,7 @@ def samples() -> MotionSamples:
 
 
 def pinocchio_torque(samples: MotionSamples, share: FloatArray) -> FloatArray:
-    """Return the torques of links, rotors and a fraction of the payload, by Pinocchio."""
+    """Return the torques (N m) of links, rotors and a fraction of the payload, by Pinocchio."""
     assert CELL.plant is not None
     bodies = build_rigid_bodies(CELL.robot, CELL.plant.without_unmodelled())
     model, gearing = bodies.model, bodies.gearing

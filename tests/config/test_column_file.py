@@ -25,12 +25,12 @@ def memory_bytes(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch
 
 
 def resident_bytes() -> int:
-    """Return the memory of this process that the system holds."""
+    """Return the resident memory of this process [bytes]."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * resource.getpagesize()
 
 
 def table_of(columns: int) -> np.ndarray[tuple[int, int], np.dtype[np.float64]]:
-    """Return a table in a file, and write it in blocks of different lengths."""
+    """Return a table of consecutive numbers that was appended in blocks of different lengths."""
     file = ColumnFile(columns, ROWS)
     numbers = np.arange(ROWS * columns, dtype=np.float64).reshape(ROWS, columns)
     for part in np.split(numbers, [0, 1, 7000]):

@@ -30,7 +30,7 @@ WITHOUT_CODE = {
     "mock_hw": 0,
     "rid_daq": 0,
 }
-"""How many errors each package still constructs without a code: these numbers must not grow."""
+"""Number of errors that each package constructs without a code: these numbers must not grow."""
 
 
 @pytest.fixture(scope="module")

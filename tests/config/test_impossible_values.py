@@ -24,7 +24,10 @@ def bundled(kind: str, name: str = "ir361") -> str:
 
 @pytest.fixture
 def write_cell(tmp_path: Path) -> Write:
-    """Return a function that writes the bundled cell ir361 with replaced texts."""
+    """Return a function that writes cell, robot and plant ir361, with replaced texts in one file.
+
+    It returns the path of the cell file.
+    """
 
     def write(*replaced: tuple[str, str], kind: str = "cell") -> str:
         for name in ("cell", "robot", "plant"):

@@ -32,7 +32,7 @@ def bundled(kind: str, name: str = "ir361") -> str:
 
 
 def load_file(folder: Path, kind: str, text: str) -> None:
-    """Load a file of a kind: a robot, cell, plant, motion or import map."""
+    """Write a text as a robot, cell, plant, motion or import map (`kind`), and load it."""
     path = folder / f"{kind}.yaml"
     path.write_text(text)
     if kind == "robot":
@@ -285,7 +285,7 @@ WITHOUT_RANGE = {
 
 
 def numbers(model: type[BaseModel], visited: set[type[BaseModel]]) -> Iterator[tuple[str, Any]]:
-    """Yield every number that a file may contain: its key and its annotation."""
+    """Yield key and annotation of every floating-point number that a file may contain."""
     visited.add(model)
     for name, field in model.model_fields.items():
         parts = [*pieces(field.annotation), *field.metadata]

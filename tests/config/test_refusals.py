@@ -1,4 +1,4 @@
-"""Validation messages describe a required text format in words and not as a pattern."""
+"""Validation messages describe formats in words, and truth values do not count as numbers."""
 
 from __future__ import annotations
 

@@ -60,7 +60,7 @@ def paths(tree: Any, path: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
 
 
 def changed(tree: Any, path: tuple[Any, ...], value: Any) -> bytes:
-    """Return a file in which one value is another one."""
+    """Return a JSON file in which the value at `path` is replaced."""
     if not path:
         return json.dumps(value).encode()
     wrong = copy.deepcopy(tree)

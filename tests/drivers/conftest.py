@@ -348,7 +348,7 @@ def joint(name: str) -> Joint:
 
 @pytest.fixture
 def default_objects() -> dict[tuple[int, int], tuple[int, int]]:
-    """Every object of the scripted drive: (index, subindex) to (bytes, value)."""
+    """Every object of the scripted drive: (index, subindex) to (size in bytes, value)."""
     return DEFAULT_OBJECTS | ALL_MAPPINGS
 
 

@@ -93,7 +93,7 @@ def change_bytes(data: bytes, chance: random.Random) -> bytes:
 
 
 def outcome(data: bytes) -> str:
-    """Read an EDS file; return the error without positions and values, or a text for success."""
+    """Read an EDS file; return `read`, or the error without positions and values."""
     try:
         sheet = parse_eds(data, "drive.eds")
     except ConfigError as error:

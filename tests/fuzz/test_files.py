@@ -1,12 +1,11 @@
 """Randomly changed files are read, or refused with one of the project's own errors.
 
-Real files of every kind are changed with a seed: bytes are flipped, cut, doubled, or replaced by
-text that has broken parsers before. Other exceptions and long run times are failures.
+Files of many kinds are changed with a seed: bytes are flipped, cut, doubled, or replaced by text
+that has broken parsers before. Other exceptions and long run times are failures.
 """
 
 from __future__ import annotations
 
-import json
 import random
 import time
 from collections.abc import Callable, Iterator
@@ -25,23 +24,29 @@ from acquisition.maps.import_map import load_import_map
 from acquisition.motion.motion_file import load_motion
 from acquisition.runs.folder import RunFolder
 from acquisition.session.repair import examine_journal
+from benchmarks.closed_loop import true_loops
 from compensation.feedforward.file import read_feedforward
-from compensation.loops.loop_file import read_loops
+from compensation.loops.loop_file import read_loops, write_loops
 from config.errors import RidDaqError
 from config.load import load_cell, load_faults, load_robot
 from identification.choices import LoadFormat
-from identification.estimation.file import read_estimate
+from identification.estimation.file import read_estimate, write_estimate
 from identification.payload.body import PayloadBody
 from identification.payload.controllers.formats import load_data, read_load_data
-from identification.payload.file import read_payload
+from identification.payload.file import read_payload, write_payload
+from identification.payload.verdict import PayloadCheck, PayloadResult
 from rid_daq.operations.payload.session_states import SessionFile
 from rid_daq.operations.start.init import InitRequest
 from rid_daq.operations.start.urdf_starter import starting_robot
 from rid_daq.report.result_file import read_result
+from tests.builders.certified import estimate_of
+from tests.builders.known_model import known_estimate
+from tests.compensation.feedforward.test_feedforward_file import content
 
 pytestmark = pytest.mark.slow
 
 BUNDLED = Path(__file__).resolve().parents[2] / "config" / "bundled"
+RESULT = Path(__file__).resolve().parents[1] / "rid_daq/report/results/recording.json"
 LONGEST_S = 30.0  # processor time: detects an endless loop
 NASTY = (
     b"NaN", b"-Infinity", b"1e999", b"-1e308", b"9" * 400, b"0x1F", b"1_0", b"true", b"null",
@@ -82,7 +87,11 @@ def mutations(data: bytes, count: int, seed: int) -> Iterator[bytes]:
 
 
 def refusals_of_changed(read: Callable[[Path], Any], path: Path, data: bytes, count: int) -> int:
-    """Read unsuitable texts and changed copies of a file; return how many copies were refused."""
+    """Read unsuitable texts and changed copies of a file.
+
+    Returns:
+        Number of refused copies; one less if the reader accepts one of the texts.
+    """
     messages = []
     for changed in (*NOTHING, *mutations(data, count, seed=1)):
         path.write_bytes(changed)
@@ -200,33 +209,26 @@ def test_changed_urdfs_are_read_or_refused(tmp_path: Path) -> None:
     )
 
 
-@pytest.fixture
-def document(tmp_path: Path) -> Callable[[str, Any], RunFolder]:
-    """Return a run folder with one JSON file in it."""
+@pytest.mark.parametrize("name", ["result.json", "session.json"])
+def test_changed_result_and_session_files_are_read_or_refused(name: str, tmp_path: Path) -> None:
+    folder = RunFolder.create(tmp_path / "runs", "fuzz")
+    session = SessionFile(cell="kr15", done={"unloaded 1": "r"}, facts={"drift": 1.0})
+    data = {
+        "result.json": RESULT.read_bytes(),
+        "session.json": session.model_dump_json(by_alias=True).encode(),
+    }[name]
 
-    def make(name: str, content: Any) -> RunFolder:
-        folder = RunFolder.create(tmp_path / "runs", "fuzz")
-        folder.write(name, json.dumps(content).encode())
-        return folder
+    def read(path: Path) -> None:
+        folder.write(name, path.read_bytes())
+        if name == "result.json":
+            read_result(folder)
+        else:
+            SessionFile.read(folder)
 
-    return make
-
-
-def test_changed_result_and_session_files_are_read_or_refused(
-    document: Callable[[str, Any], RunFolder],
-) -> None:
-    result = {"schema": "rid-daq result 1", "title": "t", "verdict": {"passed": None}}
-    folder = document("result.json", result)
-    data = json.dumps(result).encode()
-    assert (
-        refusals_of_changed(lambda _: read_result(folder), folder.file("result.json"), data, 200)
-        > 60
-    )
-    state = {"schema": "rid-daq payload session 1", "cell": "kr15", "done": {}, "facts": {}}
-    folder = document("session.json", state)
-    data = json.dumps(state).encode()
-    path = folder.file("session.json")
-    assert refusals_of_changed(lambda _: SessionFile.read(folder), path, data, 100) > 50
+    path = tmp_path / "changed.json"
+    path.write_bytes(data)
+    read(path)  # the unchanged file is accepted
+    assert refusals_of_changed(read, path, data, 150) > 100
 
 
 def test_changed_manifests_are_read_or_refused(tmp_path: Path) -> None:
@@ -261,25 +263,26 @@ def test_changed_models_are_used_or_refused(
     assert refusals_of_changed(read, tmp_path / "changed.json", json_files[read], 200) > 100
 
 
-@pytest.fixture
-def json_files(tmp_path: Path) -> dict[Any, bytes]:
-    """JSON files that match the schema, some with absurd values, to reach the later checks."""
-    loops = {
-        "format": 1,
-        "robot": "ir361",
-        "run": "r",
-        "loops": [
-            {
-                "joint": "axis1", "gain": 1.0, "integral_time_s": 0.01, "delay_s": 0.001,
-                "lag_s": None, "fitted": ["gain"], "covariance": [[1.0]], "p_value": 0.5,
-                "sentence": "",
-            }
-        ],
-    }  # fmt: skip
-    texts = {read_loops: loops, read_feedforward: {"format": 1, "cycle_time_ms": 8}}
-    texts |= {read_estimate: {"kind": "rid-daq estimate", "format": 5}}
-    texts |= {read_payload: {"kind": "rid-daq payload", "format": 3}}
-    return {read: json.dumps(content).encode() for read, content in texts.items()}
+@pytest.fixture(scope="module")
+def json_files(tmp_path_factory: pytest.TempPathFactory) -> dict[Any, bytes]:
+    """Complete JSON files, by the function that reads them."""
+    folder, cell = tmp_path_factory.mktemp("complete"), load_cell("ir361")
+    loops, estimate, payload = (folder / name for name in ("loops", "estimate", "payload"))
+    write_loops(loops, true_loops(cell), "ir361", "r")
+    write_estimate(estimate, known_estimate(cell, {}))
+    passed = (PayloadCheck("rank", 10, "≥", 10),)
+    write_payload(payload, PayloadResult(estimate_of(cell, ()), passed))
+    feedforward = folder / "feedforward"
+    feedforward.write_bytes(content())
+    files = {
+        read_loops: loops,
+        read_estimate: estimate,
+        read_payload: payload,
+        read_feedforward: feedforward,
+    }
+    for read, path in files.items():
+        read(path)  # the unchanged file is accepted
+    return {read: path.read_bytes() for read, path in files.items()}
 
 
 def test_recordings_of_random_content_are_read_or_refused(tmp_path: Path) -> None:

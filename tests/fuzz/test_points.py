@@ -117,7 +117,9 @@ def test_any_numbers_are_accepted_by_the_gate_or_refused(points: list[list[float
 @settings(max_examples=40)
 @given(parts=sessions)
 def test_after_any_bytes_the_server_reports_the_reason_and_ends(parts: list[bytes]) -> None:
-    """The client sends and disconnects; then the server thread ends and the ring has the reason."""
+    """The client sends and disconnects; then the ring has an end or the reason, and the thread
+    ends.
+    """
     ring, over = PointRing.create(3, 4 * MOST_POINTS), threading.Event()
     trouble: list[BaseException] = []
 

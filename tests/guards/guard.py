@@ -62,13 +62,12 @@ class Section(BaseModel):
 
 
 def sections() -> list[Section]:
-    """Return the guards of motion, sorted by the names of their files."""
+    """Return the sections of guards, sorted by the names of their files."""
     files = sorted(FOLDER.glob("*.yaml"))
     return [Section.model_validate(yaml.safe_load(each.read_text("utf-8"))) for each in files]
 
 
 def guards() -> list[Guard]:
-    """Return all guards."""
     return [guard for section in sections() for guard in section.guards]
 
 

@@ -41,7 +41,7 @@ The command `python -m tests.guards.removed --page` writes this page from the li
 
 
 def page(parts: Sequence[Section]) -> str:
-    """Return the page of all guards."""
+    """Return the text of `docs/guards.md`."""
     lines = [_HEAD]
     for part in parts:
         lines += [
@@ -88,7 +88,7 @@ def fails_without(guard: Guard, copy: Path) -> bool:
 
 
 def main() -> int:
-    """Try the guards; return 1 if a guard can be removed without a failing test."""
+    """Try the guards, or write the page; return 1 if no test fails without a guard."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("texts", nargs="*", metavar="TEXT", help="Part of a sentence or file name.")
     parser.add_argument("--page", action="store_true", help="Write docs/guards.md.")

@@ -73,7 +73,10 @@ Measure = Callable[..., Recording]
 
 @pytest.fixture(scope="session")
 def measure(arm: KnownArm) -> Measure:
-    """Return periods that obey the model exactly, with filter, noise and rounding."""
+    """Return a function that makes periods which obey the model exactly.
+
+    Filter, noise and rounding of the encoders are added.
+    """
 
     def of(
         seed: int = 0,
@@ -130,7 +133,10 @@ Run = Callable[[MotionSamples, int], Recording]
 
 @pytest.fixture(scope="session")
 def run(cell: LoadedCell) -> Run:
-    """Run the simulated robot along a motion: servo loops, stiction, encoders."""
+    """Return a function that runs the simulated robot along a motion.
+
+    The simulation has servo loops, stiction and encoders, but no unmodelled effects.
+    """
 
     def through(samples: MotionSamples, seed: int) -> Recording:
         assert cell.plant is not None
@@ -147,7 +153,7 @@ class PinocchioArm:
     geometry: pin.GeometryModel
 
     def distances(self, q: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the distance of each pair of bodies on links that are not neighbours."""
+        """Return the distance [m] of each pair of bodies on links that are not neighbours."""
         data, places = self.model.createData(), self.geometry.createData()
         pin.computeDistances(self.model, data, self.geometry, places, q)
         return np.array([result.min_distance for result in places.distanceResults])
@@ -210,7 +216,7 @@ PLATE = PlateConfig(
 def base_wrench(
     cell: LoadedCell, q: NDArray[np.float64], v: NDArray[np.float64], a: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the wrench of the base on links and rotors, about the base frame's origin."""
+    """Return the wrench of the base on links and rotors about the base's origin, (rows, 6)."""
     assert cell.plant is not None
     bodies = build_rigid_bodies(cell.robot, cell.plant.without_unmodelled())
     model, data = bodies.model, bodies.model.createData()
@@ -289,7 +295,7 @@ Weigh = Callable[..., Recording]
 
 @pytest.fixture(scope="session")
 def weigh(arm: KnownArm, cell: LoadedCell, measure: Measure) -> Weigh:
-    """Return periods like those of `measure`, on a force plate loaded by Pinocchio.
+    """Return a function that makes periods like `measure`, on a force plate loaded by Pinocchio.
 
     `plate` has fields of `SimulatedPlate`.
     """

@@ -36,7 +36,7 @@ class ServedHub:
 
 @pytest.fixture
 def serve(tmp_path: Path) -> Iterator[Callable[..., ServedHub]]:
-    """Serve a hub until the test's end."""
+    """Return a function that serves a hub until the test's end."""
     hubs: list[ServedHub] = []
     stoppers: list[tuple[int, threading.Thread]] = []
 
@@ -206,7 +206,7 @@ class Bench:
         self.run_for(0.008)
 
     def enable(self, velocity: int = 0) -> None:
-        """Bring the drive to Operation Enabled, and to a speed."""
+        """Bring the drive to Operation Enabled, then to a velocity in the drive's unit."""
         for word in (0x0000, 0x0006, 0x0007, 0x000F, 0x000F):
             self.cycle(word)
         for _ in range(3):

@@ -171,7 +171,7 @@ def simulated_drive_faults(simulated: SimulatedCell, cell: Cell) -> None:
 
 @contextlib.contextmanager
 def sending_listener(simulated: SimulatedCell) -> Iterator[HubClient]:
-    """Return a bus that listens and can also send."""
+    """Return a client of the bus that observes it and can also send."""
     client = HubClient(Path(simulated.channel), HubRole.OBSERVER)
     try:
         yield client

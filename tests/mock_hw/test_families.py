@@ -268,9 +268,7 @@ def test_a_drive_without_any_watchdog_is_refused(lacking: str) -> None:
 
 @pytest.mark.parametrize("stale", [False, True])
 def test_a_guarded_drive_that_no_longer_answers_is_detected(stale: bool) -> None:
-    """A robot controller whose program hangs, and which therefore repeats its last answer, counts
-    as silent too.
-    """
+    """If `stale`, the drive repeats its last answer, as a controller whose program hangs."""
     cell = cell_of(GUARDED, ServoProfile())
     with opened(cell) as (open_cell, bus):
         axes, clock = open_cell.axes, open_cell.clock

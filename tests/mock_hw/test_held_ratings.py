@@ -21,10 +21,13 @@ HELD_NM, HELD_A = 1.0, 10.0  # a third of 300 N m, by a gear of 100; 0.1 N m/A
 def settings_of(
     held: ServoProfile, stated: ServoProfile, described: RobotDescription | None = None
 ) -> list[DriveSetting]:
-    """Bring up drives of one profile with a cell file that has another; return the first's lines.
+    """Bring up drives of one profile with a cell file that states another.
+
+    Returns:
+        The settings of drive 1.
 
     Raises:
-        PreflightError: A line is red.
+        PreflightError: A setting is red.
     """
     described = described or robot()
     bus = ObedientCell(cell_of(held, held), described, INCREMENTS)

@@ -50,7 +50,7 @@ def network(simulated: SimulatedCell) -> Iterator[canopen.Network]:
 
 
 def dictionary(loaded: LoadedCell, number: int) -> canopen.ObjectDictionary:
-    """Return the object dictionary of an EDS file of the drive."""
+    """Return the drive's object dictionary for the `canopen` package."""
     assert loaded.plant is not None
     axis = loaded.config.axes[number]
     identity = SimulatedIdentity.of_axis(

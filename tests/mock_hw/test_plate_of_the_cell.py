@@ -104,7 +104,7 @@ def move_and_rest(cell: Cell, amplifier: SerialAmplifier, cycles: int) -> Reads:
 
 
 def run(loaded: LoadedCell, cycles: int, cell: CellConfig | None = None, **options: Any) -> Any:
-    """Return rows, arrivals, events, times of SYNC, and the final positions of the axes."""
+    """Return rows, arrivals, events, times of SYNC, and positions before and after the motion."""
     with simulate(loaded, cell, **options) as simulated:
         with (
             amplifier_of(simulated, loaded) as amplifier,

@@ -22,7 +22,7 @@ READ = RegisterRead("holding", 100, 2, ())
 
 
 def answer(request: bytes, chance: random.Random) -> bytes:
-    """Return bytes that are not the answer to a request."""
+    """Return garbage, an answer to another request, an incomplete answer, or an exception."""
     transaction, _, _, unit = struct.unpack_from(">HHHB", request)
     kind = chance.randrange(7)
     if kind == 0:

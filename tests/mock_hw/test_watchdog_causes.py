@@ -31,7 +31,10 @@ def fail_once_powered(
     fail: Callable[[SimulatedDrive, float], None],
     after_s: float,
 ) -> None:
-    """Call a function for the first drive, a time after it was enabled in the second part."""
+    """Call `fail` for the first drive at each step from `after_s` after its first enabling on.
+
+    It is called only while the drive is enabled.
+    """
     drive, cycle = bus.drives[0], bus.run_until
     enabled_s: list[float] = []
 
@@ -46,7 +49,7 @@ def fail_once_powered(
 
 
 def resets(bus: ObedientCell) -> list[int]:
-    """Return the node ids of the drives whose fault was reset."""
+    """Return the node IDs of the drives that are not in the fault state."""
     return [drive.node_id for drive in bus.drives if drive.power.state is not PowerState.FAULT]
 
 

@@ -44,7 +44,7 @@ MEDIUM = PayloadBody.of_reported(
 class PayloadPlant:
     """Model of the arm in Pinocchio: links by their CAD data, no rotors, friction at the motors.
 
-    `tool` is the position of the flange frame in the last link's frame.
+    The payload is given in the flange frame.
     """
 
     robot: RobotDescription
@@ -73,7 +73,10 @@ class PayloadPlant:
         return cls(robot, model)
 
     def torque(self, q: FloatArray, v: FloatArray, a: FloatArray, friction: float) -> FloatArray:
-        """Return the motor torques on the link side, (samples, 6)."""
+        """Return the motor torques on the link side [N m], (samples, 6).
+
+        `friction` is a factor of the friction torques.
+        """
         data = self.model.createData()
         joint = np.array([pin.rnea(self.model, data, *row) for row in zip(q, v, a, strict=True)])
         coupling = np.eye(6) if self.robot.coupling is None else np.array(self.robot.coupling)
@@ -83,7 +86,7 @@ class PayloadPlant:
 
 
 def six_axes(**update: object) -> RobotDescription:
-    """Return the bundled six-axis arm with a coupled wrist and a flange off its last axis."""
+    """Return the UR10e with a coupled wrist and a flange off its last axis."""
     robot = load_robot("ur10e")
     joints = tuple(
         joint.model_copy(update={"friction": ("coulomb", "viscous"), "rotor": None})
@@ -103,7 +106,7 @@ def six_axes(**update: object) -> RobotDescription:
 def motion_of(
     robot: RobotDescription, seed: int = 1, axes: tuple[int, ...] | None = None
 ) -> FourierMotion:
-    """Return a motion of two harmonics per axis; axes that are not named are at rest."""
+    """Return a motion of two harmonics per axis; only the axes in `axes` move (None: all)."""
     draws = two_harmonic_draws(
         robot,
         TwoHarmonicOptions(PERIOD_S, highest_harmonic=10, limit_fraction=0.5, seed=seed, periods=4),
@@ -174,7 +177,7 @@ def averaged(*arguments: object, **options: object) -> PeriodAverage:
 
 @pytest.fixture(scope="session")
 def lab() -> SimpleNamespace:
-    """Functions that build data, and checks, for the tests of this folder."""
+    """Functions and constants for the tests of this folder."""
     return SimpleNamespace(
         six_axes=six_axes,
         motion_of=motion_of,

@@ -30,8 +30,9 @@ COARSE_RAD = np.deg2rad(0.2)
 
 @pytest.fixture(scope="module")
 def imported(lab: SimpleNamespace, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Imported periodic runs: one unloaded, three loaded, and one with a body that was left on the
-    flange.
+    """Imported periodic runs: unloaded, three times loaded, and with a light or a heavy body.
+
+    The bodies were left on the flange. Two runs also exist with coarse positions.
     """
     place = tmp_path_factory.mktemp("imported")
     robot = lab.six_axes(name="six")
@@ -65,7 +66,7 @@ def imported(lab: SimpleNamespace, tmp_path_factory: pytest.TempPathFactory) -> 
 
 
 def import_run(place: Path, label: str, recording: Recording, position: FloatArray) -> None:
-    """Import a recording with other positions."""
+    """Import a recording as run `label`, with `position` instead of its positions."""
     table = np.column_stack([recording.time_s, position, recording.torque_nm])
     with (place / f"{label}.csv").open("w", newline="") as file:
         csv.writer(file).writerows(table.tolist())

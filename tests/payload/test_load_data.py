@@ -184,7 +184,7 @@ def test_a_urdf_link_agrees_with_values_by_hand() -> None:
 
 
 def random_body(seed: int) -> PayloadBody:
-    """Return a possible body of a few point masses and balls; some are degenerate."""
+    """Return a physically possible body: a ball, a cylinder, or six point masses."""
     random = np.random.default_rng(seed)
     kind = seed % 4
     if kind == 0:  # a ball: all moments equal

@@ -19,7 +19,7 @@ STEP_S = 0.01
 def recording_with_late_stamps(
     late_s: float, torque_nm: float, *, size: float = 1.0
 ) -> SmoothedSignals:
-    """Return 20 s of two joints with delayed time stamps."""
+    """Return 20 s of two joints: stamps are `late_s` late, torques have the offset `torque_nm`."""
     time_s = np.arange(0.0, 20.0, STEP_S)
     phase = np.outer(time_s - late_s, [1.1, 1.7])
     wave = size * (np.sin(phase) + 0.3 * np.sin(2.3 * phase))

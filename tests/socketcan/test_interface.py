@@ -149,7 +149,7 @@ def test_a_frame_that_waits_while_the_date_is_set_keeps_its_time(
 
 
 def set_date(step_s: float) -> None:
-    """Set the date of the guest, not of the host."""
+    """Set the date of the guest `step_s` later; the date of the host does not change."""
     time.clock_settime(time.CLOCK_REALTIME, time.clock_gettime(time.CLOCK_REALTIME) + step_s)
 
 
@@ -306,7 +306,7 @@ def drive(
     enable: bool = True,
     after_sync: Callable[[], None] = lambda: None,
 ) -> int:
-    """Exchange `cycles` cycles over the bus as during a motion."""
+    """Exchange `cycles` cycles over the bus as during a motion, and return their number."""
     next_s = cell.axes.enable() if enable else cell.clock.now_s()
     for _ in range(cycles):
         next_s = max(next_s + cell.config.cycle_time_s, cell.clock.now_s())
@@ -321,7 +321,7 @@ def drive(
 
 
 def set_points(raw: socket.socket, listen_s: float = 0.5) -> int:
-    """Return the number of set-points that were waiting or arrive within half a second."""
+    """Return the number of set-points that were waiting or arrive within `listen_s`."""
     until_s = time.monotonic() + listen_s
     raw.settimeout(0.05)
     count = waiting = 0

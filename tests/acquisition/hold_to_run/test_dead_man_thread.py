@@ -1,4 +1,4 @@
-"""The thread that reads the jog keys plans one straight motion (a line) for each key press."""
+"""The thread that reads the jog keys and plans a straight motion (a line) for a key press."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ GOAL = np.array([0.1, 0.7])
 
 
 class Desk:
-    """The key that the test holds down, and the keys for which the thread has planned a motion."""
+    """The key that the test holds down, and the keys for which the thread has called `plan`."""
 
     def __init__(self) -> None:
         self.key = ""

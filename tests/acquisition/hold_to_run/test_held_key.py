@@ -229,7 +229,7 @@ def test_with_late_lost_reordered_or_repeated_messages_a_key_counts_only_near_it
 ) -> None:
     """Draw pauses, presses and delays in steps of 10 ms.
 
-    The simulated person answers each new challenge.
+    While a key is held, the simulated person answers each new challenge.
     """
     held_at: dict[int, int] = {}  # number of a step: number of the press held at that step
     step = 0

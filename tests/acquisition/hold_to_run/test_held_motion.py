@@ -49,7 +49,7 @@ CELL = CellConfig(
 
 
 class Bench:
-    """A real-time motion on a simulated clock, and its set-points so far."""
+    """A hold-to-run motion on a simulated clock, and its set-points so far."""
 
     def __init__(
         self,
@@ -71,7 +71,7 @@ class Bench:
         self.velocities: list[list[float]] = []
 
     def run_cycles(self, count: int, *, held: bool) -> bool:
-        """Run cycles with a key held or released; return True if the motion continues."""
+        """Run cycles with the key held or not; return False if the motion has ended."""
         for _ in range(count):
             if held:
                 self.dead_man.hold(self.now_s + DEAD_MAN_S)
@@ -131,7 +131,7 @@ def test_the_robot_slows_down_in_the_first_cycle_after_the_release() -> None:
 def test_a_quick_stop_anywhere_on_a_line_ends_before_its_goal(
     held: bool, coupling: tuple[tuple[float, float], ...] | None
 ) -> None:
-    """The drives stop more slowly than an approach brakes."""
+    """The drives' quick stop decelerates more slowly than the motion brakes."""
     safety = CELL.drive_safety.model_copy(update={"quick_stop_deceleration_rad_s2": 0.3})
     cell = CELL.model_copy(update={"drive_safety": safety})
     robot = ROBOT.model_copy(update={"coupling": coupling})

@@ -23,7 +23,7 @@ def check(*planes: Plane, speed_share: float = 0.02) -> LineCheck:
 
 
 def wall_ahead() -> Plane:
-    """Return a wall, 5 cm from the tool at rest, to which axis1 moves the tool."""
+    """Return a wall 5 cm from the tool's rest position, to which axis1 moves the tool."""
     tool = forward(
         Chain.from_description(LOADED.robot), np.array([REST, REST + np.array([0.3, 0.0, 0.0])])
     )

@@ -32,7 +32,7 @@ def rows(time_s: FloatArray, position: FloatArray, velocity: FloatArray) -> Impo
 
 
 def creeping_joint() -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return time, position and velocity of a joint that creeps back and forth by a few steps."""
+    """Return time (s), position (rad) and velocity (rad/s) of a joint that creeps to and fro."""
     time_s = np.arange(0.0, 10.0, 0.008)
     position = 3e-4 * np.sin(0.8 * time_s) + 1e-4 * np.sin(3.0 * time_s)
     velocity = 2.4e-4 * np.cos(0.8 * time_s) + 3e-4 * np.cos(3.0 * time_s)
@@ -40,7 +40,7 @@ def creeping_joint() -> tuple[FloatArray, FloatArray, FloatArray]:
 
 
 def round_to_steps(values: FloatArray, step: float, seed: int = 1) -> FloatArray:
-    """Return values rounded to steps, as from an encoder that flickers between two steps."""
+    """Return the values rounded to multiples of `step` after adding noise of 0.1 `step` (RMS)."""
     noise = np.random.default_rng(seed).normal(0.0, 0.1 * step, len(values))
     return np.asarray(step * np.round((values + noise) / step), dtype=np.float64)
 

@@ -1,4 +1,4 @@
-"""Import: repeated rows and wrong time stamps change the report and the recording."""
+"""Import: repeated rows are removed and wrong time stamps rebuilt, and both are reported."""
 
 from __future__ import annotations
 

@@ -145,7 +145,7 @@ class TestVelocityCommands:
     def test_commands_that_the_motion_contradicts_are_refused(
         self, factor: float, read: Read
     ) -> None:
-        """Degrees, turns per minute, the motor's speed, and the wrong sign."""
+        """Wrong units (degrees or radians, rev/min), the motor's speed, and the wrong sign."""
         rows = table()
         rows[:, [1, 3]] *= 0.1
         rows[:, 3] *= factor
@@ -155,7 +155,7 @@ class TestVelocityCommands:
 
     @pytest.mark.parametrize("seed", range(20))
     def test_a_loop_follows_its_commands_with_delay_and_error(self, seed: int, read: Read) -> None:
-        """The command has noise, a lead of up to 50 ms, and up to twice the speed."""
+        """The command has noise, leads by 0 to 50 ms, and is 0.6 to 2 times the speed."""
         random = np.random.default_rng(seed)
         rows = table()
         size = np.std(rows[:, 3:5], axis=0)

@@ -1,4 +1,4 @@
-"""Import: wrong clocks, stuck channels, units and zeros are reported or refused."""
+"""Import: wrong clocks, units and zeros, and stuck channels are reported or refused."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ def layout(decimal: str) -> ImportMap:
 
 
 def write(path: Path, table: np.ndarray, torques: list[str], decimal: str) -> Path:
-    """Write a table with these texts in its last column, the torque of the second joint."""
+    """Write a table with the texts `torques` in its last column, the torque of the second joint."""
     lines = [";".join(f"{value:.9f}" for value in row[:-1]) for row in table]
     rows = [
         f"{line.replace('.', decimal)};{text}" for line, text in zip(lines, torques, strict=True)
@@ -44,7 +44,7 @@ def test_whole_numbers_with_separators_of_thousands_are_refused(tmp_path: Path, 
 
 @pytest.mark.parametrize("form", ["{:.3f}", "{:g}", "{:.0f}"])
 def test_decimal_numbers_with_rests_are_read(tmp_path: Path, form: str) -> None:
-    """A joint at rest has equal whole numbers, the other rows three digits after the point."""
+    """The torque is 5 at rest; in motion it has three decimals, or is rounded to a whole number."""
     table = sound_table()
     torque = np.round(np.where(np.arange(len(table)) % 300 < 100, 5.0, 7.5 + table[:, 6]), 3)
     path = write(tmp_path / "recording.csv", table, [form.format(each) for each in torque], ".")

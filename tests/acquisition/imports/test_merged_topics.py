@@ -1,5 +1,6 @@
-"""Import: several topics of one file are merged, and velocities that a source leaves empty are
-accepted.
+"""Import: several topics of one file are merged.
+
+Velocities that a source leaves empty, or 0 in motion, are ignored and reported.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ def import_map(**changes: Any) -> ImportMap:
 
 
 def rows_of_cells() -> list[list[str]]:
-    """Return rows with a time stamp and six numbers."""
+    """Return rows of cells: the texts of a time stamp and of six numbers."""
     random = np.random.default_rng(1)
     values = random.normal(size=(ROWS, 6)) * 10.0 ** random.integers(-300, 300, (ROWS, 6))
     return [
@@ -44,7 +44,6 @@ def rows_of_cells() -> list[list[str]]:
 
 
 def read(path: Path, layout: ImportMap) -> tuple[ImportTable, list[DamagedRow]]:
-    """Return the table and the damaged rows of a file."""
     damaged: list[DamagedRow] = []
     columns = [1, 2, 3, 4, 1, 5]
     return read_tables([path], layout, columns, damaged, optional={5}), damaged

@@ -1,4 +1,4 @@
-"""Readings of a force plate are read with their units, signs, offset and saturation."""
+"""Import of force-plate readings: units, signs, offset, saturation, and refused files."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ ROWS = 2000
 
 
 def moving_rows(second: FloatArray) -> ImportRows:
-    """Return rows of 4 ms in which the first joint moves, and the second has these positions."""
+    """Return rows every 4 ms: the first joint moves, the second has the given positions (rad)."""
     time_s = 0.004 * np.arange(ROWS, dtype=np.float64)
     first = 0.5 * np.sin(2.0 * time_s)
     torque = np.column_stack([np.cos(3.0 * time_s), np.cos(5.0 * time_s)])

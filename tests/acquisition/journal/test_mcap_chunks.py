@@ -1,6 +1,4 @@
-"""The chunk index of an MCAP file is stored as bytes: the file is the same, and the memory hardly
-grows.
-"""
+"""The chunk index of an MCAP file is kept as bytes: the file is the same, and memory is saved."""
 
 from __future__ import annotations
 

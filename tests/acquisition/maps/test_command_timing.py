@@ -1,4 +1,4 @@
-"""The response to recorded commands is the Fourier transform of a pulse."""
+"""Frequency response of recorded commands: a delay, or the transform of a delayed pulse."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Import: time stamps in nanoseconds, in two columns, and as dates."""
+"""Import: time stamps as numbers in several units, in two columns, and as dates."""
 
 from __future__ import annotations
 

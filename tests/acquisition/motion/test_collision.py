@@ -18,7 +18,7 @@ STEP_S = 0.01
 
 @pytest.fixture(scope="module")
 def swing() -> np.ndarray:
-    """Quarter turn of axis 1 of the bundled arm; the tool point moves along an arc."""
+    """Joint positions (101 x 3, rad) of the bundled arm while axis 1 makes a quarter turn."""
     pose = np.zeros((101, 3))
     pose[:, 0] = np.linspace(0.0, np.pi / 2.0, 101)
     return pose
@@ -32,7 +32,7 @@ def tool_x(swing: np.ndarray) -> np.ndarray:
 
 
 def wall(at_x: float, side: float) -> Clearances:
-    """Return a wall that the robot must keep 20 mm away from."""
+    """Return the clearances to a wall at x = `at_x` m; the robot must stay 20 mm away from it."""
     plane = Plane(name="the wall", normal=(side, 0.0, 0.0), offset_m=side * at_x)
     return Clearances.of(load_robot("ir361"), Workspace(planes=(plane,), clearance_m=0.02))
 

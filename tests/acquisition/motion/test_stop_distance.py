@@ -1,4 +1,4 @@
-"""Where a stop during a planned motion ends, compared with limits, bodies and simulated drives."""
+"""End positions of stops during a motion, compared with limits, bodies and simulated drives."""
 
 from __future__ import annotations
 
@@ -30,7 +30,9 @@ AMPLITUDE = 1.98  # of a limit of 2 rad
 
 
 def swing(robot: RobotDescription, period_s: float = 6.4) -> MotionSamples:
-    """Return a motion that comes near both limits, at first at 1.9 rad/s."""
+    """Return a motion within 0.02 rad of both limits; the default period gives a speed of 1.9
+    rad/s.
+    """
     joint = FourierJoint(joint="joint", offset=0.0, sine=(AMPLITUDE,), cosine=(0.0,))
     motion = FourierMotion(
         kind="fourier", robot="one", period_s=period_s, periods=2, ramp_s=3.2, joints=(joint,)

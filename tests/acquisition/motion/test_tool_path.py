@@ -44,7 +44,7 @@ def tool_points(samples: MotionSamples) -> FloatArray:
 
 
 def largest_rates(points: FloatArray) -> tuple[float, float, float]:
-    """Return the largest speed, acceleration and jerk of the tool point by differences."""
+    """Return the largest speed (m/s), acceleration (m/s²) and jerk (m/s³) by differences."""
     found = []
     for _ in range(3):
         points = np.diff(points, axis=0) / T

@@ -36,14 +36,14 @@ def geometry() -> PlateGeometry:
 
 
 def rotation_about(axis: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
-    """Return the rotation about an axis by Rodrigues' formula."""
+    """Return the rotation matrix about a unit vector (Rodrigues' formula); `angle` is in rad."""
     x, y, z = axis
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.asarray(np.eye(3) + math.sin(angle) * cross + (1 - math.cos(angle)) * cross @ cross)
 
 
 def measure(turn: ZeroTurn, noise_n: float = 0.3, seed: int = 0) -> PlateOffset:
-    """Return the estimated zero from readings with a known final offset, drift and moment."""
+    """Return the offset that is estimated from readings with a known offset, drift and moment."""
     random = np.random.default_rng(seed)
     samples, readings = turn_samples(ROBOT, turn, 1.0, 5.0, CYCLE_S)
     time_s = 100.0 + CYCLE_S * np.arange(len(samples), dtype=np.float64)

@@ -22,9 +22,7 @@ PERIODS = 6
 
 @pytest.fixture
 def recording() -> Recording:
-    """A run-in of 7 rows, 6 periods and a run-out of 11 rows; the drives warm up, and two answers
-    are lost.
-    """
+    """A run-in of 7 rows, 6 periods and a run-out of 11 rows; two answers are lost."""
     random = np.random.default_rng(2)
     rows = RUN_IN + PERIODS * K + 11
     turns = 2.0 * np.pi * (np.arange(rows) - RUN_IN) / K

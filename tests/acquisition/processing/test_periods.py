@@ -57,7 +57,6 @@ def record(periods: int = 8, seed: int = 0, noise: float = 1.0) -> Recording:
 
 
 def remove_rows(recording: Recording, rows: np.ndarray) -> Recording:
-    """Return the recording without the given rows."""
     keep = np.ones(len(recording), dtype=bool)
     keep[rows] = False
     return replace(
@@ -73,7 +72,6 @@ def remove_rows(recording: Recording, rows: np.ndarray) -> Recording:
 
 
 def invalidate_rows(recording: Recording, rows: np.ndarray) -> Recording:
-    """Return the recording with the given rows marked invalid."""
     valid = recording.valid.copy()
     valid[rows] = False
     return replace(recording, valid=valid)
@@ -328,7 +326,7 @@ class TestRefusals:
 
 
 def test_temperature_is_the_mean_over_the_accepted_periods() -> None:
-    """The drive warms up by 1 K per period; the warming of a rejected period is not counted."""
+    """The drive warms up by 1 K per period; temperatures of a rejected period do not count."""
     recording = record(periods=5)
     period = (np.arange(len(recording)) - RUN_IN) // K - 1
     warm = replace(recording, temperature_k=np.stack([300.0 + period, 310.0 + 0.0 * period], 1))

@@ -1,4 +1,4 @@
-"""Channels of a force plate that are left out of the mean period."""
+"""A plate channel that is constant in many periods is left out of the mean period."""
 
 from __future__ import annotations
 

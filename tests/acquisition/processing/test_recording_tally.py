@@ -22,8 +22,9 @@ NUMBERS = (
 
 @pytest.fixture
 def recording() -> Recording:
-    """A recording of two joints: 20 rows before the motion, some lost answers, and a rest at the
-    end.
+    """A recording of two joints: 20 rows before the motion, and 9 rows after its last sample.
+
+    Some answers are lost.
     """
     random = np.random.default_rng(1)
     answered = random.random((ROWS, 2)) > 0.05

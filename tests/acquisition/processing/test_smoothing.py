@@ -28,7 +28,7 @@ def truth(t: np.ndarray) -> np.ndarray:
 def recording_with_uneven_stamps(
     duration_s: float = 12.0, seed: int = 0, noise: float = 0.0
 ) -> Recording:
-    """Return stamps with steps of 8, 10 and 12 ms."""
+    """Return a recording whose time stamps are 8, 10 or 12 ms apart."""
     rng = np.random.default_rng(seed)
     t = 100.0 + np.cumsum(rng.choice([0.008, 0.010, 0.012], round(duration_s / 0.01)))
     rows = len(t)

@@ -1,4 +1,4 @@
-"""For a file of each known recorder, the program proposes the right import map.
+"""Import maps that are proposed for files of known recorders; files without torques are refused.
 
 The names and their order are those of ur_rtde 1.6.5, UR's `record.py`, libfranka 0.15, RSIPI 0.3.0,
 abb_libegm, PlotJuggler, TwinCAT Scope View and our own export.
@@ -31,7 +31,10 @@ MAXIMUM_A = 40.0
 
 
 class Motion(NamedTuple):
-    """Time (m,), positions, velocities and torques (m, n) of a robot with n joints."""
+    """Time (m,) in s; positions, velocities and torques (m, n) in rad, rad/s and N m.
+
+    The robot has n joints, the recording m rows.
+    """
 
     time_s: FloatArray
     position: FloatArray
@@ -60,7 +63,10 @@ def save(
 
 
 def rtde(folder: Path, motion: Motion, separator: str = ",") -> Path:
-    """Write RTDE's fields; the recorder of ur_rtde polls, so that some rows are written twice."""
+    """Write RTDE's fields.
+
+    With commas, some rows are written twice, as by the recorder of ur_rtde, which polls.
+    """
     t, q, qd, torque = motion
     vectors = {
         "target_q": q + 1e-3, "target_qd": qd, "target_qdd": -q, "target_current": torque / 12.0,
@@ -110,7 +116,7 @@ def as_torque(folder: Path, motion: Motion) -> Path:
 
 
 def rsipi(folder: Path, motion: Motion) -> Path:
-    """Write what the robot sends (`Send.`) and the corrections that it receives."""
+    """Write the values that the robot sends (`Send.`) and the corrections that it receives."""
     t, q, _, torque = motion
     pose = [f"Send.RIst.{name}" for name in "XYZABC"]
     names = ["Timestamp", *pose, *axes("Send.AIPos.A{}", 6, 1), *axes("Send.ASPos.A{}", 6, 1),
@@ -146,7 +152,10 @@ def plotjuggler(folder: Path, motion: Motion) -> Path:
 
 
 def scope_view(folder: Path, motion: Motion, delay_ms: float = 0.0) -> Path:
-    """Write an export of TwinCAT Scope View, with one time column for each channel."""
+    """Write an export of TwinCAT Scope View, with one time column for each channel.
+
+    The times of the fifth channel are `delay_ms` later.
+    """
     channels = {
         **{f"Axis {i + 1}.ActPos": np.degrees(motion.position[:, i]) for i in range(6)},
         **{f"Axis {i + 1}.ActVelo": np.degrees(motion.velocity[:, i]) for i in range(6)},
@@ -204,7 +213,7 @@ def own_export(folder: Path, motion: Motion) -> Path:
 
 
 class Recorder(NamedTuple):
-    """A recorder's file and its known source, and what a person must add to the proposed map."""
+    """Function that writes a recorder's file, its known source, and additions to the map."""
 
     write: Callable[[Path, Motion], Path]
     title: str
@@ -234,7 +243,7 @@ RECORDERS = (
 
 
 def robot_file(folder: Path, joints: int) -> tuple[str, RobotDescription]:
-    """Return a robot with 6 or 7 joints, and its name or file."""
+    """Return the name or the file of a robot with 6 or 7 joints, and the robot."""
     robot = load_robot("ur10e")
     if joints == 6:
         return "ur10e", robot

@@ -74,7 +74,7 @@ def test_the_base_wrench_is_opposite_to_the_wrench_on_the_plate() -> None:
 
 
 def test_a_displaced_plate_adds_the_lever_arm() -> None:
-    """The plate is turned by 90 degrees about z and moved: its x is the y of the base."""
+    """The plate is turned by 90 degrees about z and moved: its x axis is the base's y axis."""
     geometry = PlateGeometry.from_config(
         plate(position_m=(0.3, 0.0, 0.1), rotation_rad=(0.0, 0.0, np.pi / 2.0), az0_m=0.0)
     )

@@ -24,7 +24,7 @@ def recording(
     noise_n: float = 0.1,
     valid: NDArray[np.bool_] | None = None,
 ) -> Recording:
-    """Return periods in which the plate channels follow a sine of 10 N and its harmonics."""
+    """Return a recording whose plate channels are sines of 10 N with 1, 2 or 3 turns per period."""
     random = np.random.default_rng(0)
     rows = K * PERIODS
     time_s = np.arange(rows, dtype=np.float64) * CYCLE_S
@@ -188,7 +188,7 @@ def test_too_few_valid_periods_at_one_sample_are_reported() -> None:
 
 
 def recording_with_drift(*parts: tuple[int, int, float], limit_n_s: float = 0.5) -> Recording:
-    """Return a recording with drift of channel fz1 in parts: (first sample, last sample, N/s)."""
+    """Return a recording in which channel fz1 drifts in parts: (first sample, last sample, N/s)."""
     plain = recording(noise_n=0.05)
     assert plain.reaction is not None
     channels = plain.reaction.channels_n.copy()
@@ -199,7 +199,7 @@ def recording_with_drift(*parts: tuple[int, int, float], limit_n_s: float = 0.5)
 
 
 def test_a_period_of_drift_is_excluded_and_named() -> None:
-    """Row 29 of docs/faults.md: exactly the periods whose drift exceeds the limit are marked."""
+    """Row 29 of docs/faults.md: exactly the periods whose drift exceeds the limit are rejected."""
     average = average_periods(
         recording_with_drift((3 * K, 4 * K, 0.6), (7 * K + 40, 7 * K + 60, -12.0))
     )
@@ -224,9 +224,7 @@ def test_drift_within_the_limit_rejects_nothing() -> None:
 
 
 def test_a_channel_that_drifts_permanently_is_excluded_instead() -> None:
-    """Row 29 of docs/faults.md: if one channel is marked, the other channels and the torques
-    remain.
-    """
+    """Row 29 of docs/faults.md: only the channel is excluded, and no period."""
     average = average_periods(recording_with_drift((0, PERIODS * K, 0.6)))
     assert average.rejected == ()
     assert average.reaction is not None

@@ -52,7 +52,7 @@ def signals_restored() -> Iterator[None]:
 
 
 class Disk:
-    """A simulated disk with limited space; a write beyond this space raises `error`."""
+    """A simulated disk with `room` bytes of space; if it is full, a write raises errno `error`."""
 
     def __init__(self, room: int, error: int) -> None:
         self.room, self.error, self.released = room, error, 0
@@ -75,7 +75,9 @@ Play = Callable[[int, int], Disk]
 
 @pytest.fixture
 def fail_disk(monkeypatch: pytest.MonkeyPatch) -> Play:
-    """Return a function that makes the disk fail."""
+    """Return a function that limits the space for journals [bytes] and sets the errno of a full
+    disk.
+    """
 
     def begin(room: int, error: int) -> Disk:
         disk = Disk(room, error)

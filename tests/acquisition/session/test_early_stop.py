@@ -1,4 +1,4 @@
-"""Early stop: the rule receives every new period of a running motion exactly once."""
+"""Early stop of a running motion: the periods that the rule receives, and its verdict."""
 
 from __future__ import annotations
 

@@ -1,5 +1,6 @@
-"""The cyclic task in the process of a lock-step cell: it records the same bytes and obeys every
-stop.
+"""The cyclic task in the process of a lock-step cell.
+
+It records the same bytes as in a process of its own; interrupts and failures stop the motion.
 """
 
 from __future__ import annotations

@@ -1,5 +1,6 @@
-"""Outcome of a motion: a stop request that arrives too late is kept, and only confirmed states are
-reported.
+"""Outcome of a motion: a stop request that comes too late stops the next motions.
+
+Only confirmed states are reported.
 """
 
 from __future__ import annotations

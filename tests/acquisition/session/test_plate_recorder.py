@@ -1,4 +1,4 @@
-"""Plate recorder on the simulated amplifier: the file contains exactly the rows that were sent."""
+"""Plate recorder on the simulated amplifier: recorded and lost rows, errors, and its file."""
 
 from __future__ import annotations
 

@@ -67,7 +67,7 @@ def folder(tmp_path: Path) -> RunFolder:
 
 
 def fourier(loaded: LoadedCell, periods: int) -> FourierMotion:
-    """Return periods of 2 s in which every axis oscillates by about 15 degrees."""
+    """Return periods of 2 s in which every axis oscillates with an amplitude of 13 degrees."""
     centre = (0.1, -0.15, 0.2)
     joints = tuple(
         FourierJoint(joint=name, offset=offset, sine=(0.2,), cosine=(0.1,))

@@ -42,7 +42,7 @@ def samples() -> MotionSamples:
 
 @pytest.fixture
 def try_to_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Try:
-    """Return a function that records a motion; the test fails as soon as a process is started."""
+    """Return a function that tries to record a motion; the test fails if a process is started."""
 
     def begun(*_: object) -> None:
         pytest.fail("the motion was not refused")
@@ -117,7 +117,7 @@ def test_a_feedforward_that_begins_with_a_step_is_refused(
 def test_a_motion_that_comes_too_close_to_a_wall_is_refused(
     try_to_record: Try, samples: MotionSamples
 ) -> None:
-    """The wall is at that point of the path that is farthest from the start."""
+    """The wall is halfway between the start and the most distant point of the path, along x."""
     chain = Chain.from_description(ROBOT)
     links = link_transforms(chain, samples.position)[:, -1]
     x = links[:, 0, :3] @ chain.tool_m + links[:, 0, 3]

@@ -96,7 +96,7 @@ def repairer(tmp_path: Path, rows: np.ndarray) -> Damaged:
 
 
 def read_only(path: Path, data: bytes) -> int:
-    """Return the number of rows that are read from a damaged file."""
+    """Return the number of readable rows of a damaged file; 0 if the file is refused."""
     path.write_bytes(data)
     try:
         return examine_journal(path).kept_rows

@@ -19,7 +19,7 @@ LOOKS = 3
 
 
 class Process:
-    """A process that ends after a number of checks, or when it is killed."""
+    """A simulated process that ends after a number of reads of `is_alive`; a kill is only noted."""
 
     def __init__(self, looks: int) -> None:
         self.sentinel, self._other_end = os.pipe()  # never written to
@@ -44,7 +44,6 @@ Make = Callable[[int], Process]
 
 @pytest.fixture
 def make(monkeypatch: pytest.MonkeyPatch) -> Iterator[Make]:
-    """Return a function that makes simulated processes."""
     monkeypatch.setattr("acquisition.session.record.WATCH_S", 0.0)
     made: list[Process] = []
 
@@ -66,7 +65,7 @@ def watch(task: Process, recorder: Process, control: ControlBlock) -> None:
 def test_a_task_without_a_sign_of_life_is_killed(
     make: Make, monkeypatch: pytest.MonkeyPatch, state: TaskState
 ) -> None:
-    """When the task's heartbeat ends, each drive stops its axis."""
+    """The kill ends the task's heartbeat, so that each drive stops its axis."""
     patience = "START" if state is TaskState.BRING_UP else "BEAT"
     monkeypatch.setattr(f"acquisition.session.record.{patience}_PATIENCE_S", -1.0)
     control = ControlBlock.create()

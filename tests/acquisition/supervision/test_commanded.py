@@ -34,7 +34,7 @@ pytestmark = pytest.mark.promise("sum-verified")
 
 
 def motion(periods: int = 3, offset: float = 0.0) -> MotionSamples:
-    """Return a slow motion of all joints."""
+    """Return a motion of all joints by 0.1 rad, with periods of 2 s."""
     joints = tuple(
         FourierJoint(
             joint=name, offset=offset if name == "axis1" else 0.1, sine=(0.1,), cosine=(0.0,)
@@ -48,7 +48,7 @@ def motion(periods: int = 3, offset: float = 0.0) -> MotionSamples:
 
 
 def added(samples: MotionSamples, more: Callable[[FloatArray], FloatArray]) -> MotionSamples:
-    """Return a motion with a feedforward for axis1: its velocity plus `more(row)`."""
+    """Return the motion with a feedforward: its velocity, and for axis1 plus `more(row)` rad/s."""
     ahead = samples.velocity.copy()
     ahead[:, 0] += more(np.arange(len(samples), dtype=float))
     return replace(samples, feedforward=ahead)
@@ -61,9 +61,7 @@ def refusal(samples: MotionSamples, *names: str) -> str:
 
 
 def window(rows: FloatArray, count: int) -> FloatArray:
-    """For the rows of a motion, return a factor that rises smoothly from 0 and returns smoothly to
-    0.
-    """
+    """Return a factor for each row, which rises smoothly from 0 to 1 and falls back to 0."""
     return np.asarray(np.sin(np.pi * rows / (count - 1)) ** 2)
 
 

@@ -17,7 +17,9 @@ def watch(cell: CellConfig, robot: RobotDescription) -> Watch:
 
 
 def accelerating_set_point(quantity: str) -> Fault:
-    """Increase a set-point's velocity, or its feedforward, by 0.11 rad/s in each cycle."""
+    """Return a fault that increases the set-point's velocity or feedforward by 0.11 rad/s per
+    cycle.
+    """
 
     def fault(cycle: Cycle) -> None:
         gained = 0.11 * cycle.number

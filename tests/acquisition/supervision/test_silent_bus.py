@@ -21,7 +21,10 @@ def watch(cell: CellConfig, robot: RobotDescription) -> Watch:
 
 
 def delayed_frames(silent: Callable[[int], bool], released: int) -> Fault:
-    """Block all answers in some cycles; then release the frames together, two from each drive."""
+    """Return a fault that blocks all answers in some cycles and then releases them together.
+
+    From cycle `released` on, two answers of each drive are counted.
+    """
 
     def fault(cycle: Cycle) -> None:
         cycle.second_answers = [int(cycle.number >= released)] * 3

@@ -27,7 +27,7 @@ def cycle_of_stop(
     rising_nm: float = 0.0,
     periods: int = 1,
 ) -> int | None:
-    """Return the cycle in which the second joint's encoder counts as stuck."""
+    """Return the cycle in which the second joint's encoder counts as stuck, or None."""
     encoders.check(1, command, command, 0.0, 1)  # still moving
     for cycle in range(1, 50):
         reason = encoders.check(1, command, velocity, rising_nm * cycle, periods)
@@ -72,7 +72,7 @@ def test_the_velocity_unit_is_named_if_the_torque_does_not_rise(
 def cycle_of_stop_after_braking(
     encoders: StuckEncoders, strain_nm: float, after_nm: float
 ) -> int | None:
-    """Return the cycle in which a joint that stopped abruptly counts as stuck.
+    """Return the cycle in which a joint that stopped abruptly counts as stuck, or None.
 
     The drive's filter delays the braking torque by some cycles.
     """

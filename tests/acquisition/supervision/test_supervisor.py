@@ -65,7 +65,7 @@ class Watch:
         return self.supervisor.judge(cycle)
 
     def run(self, fault: Fault, cycles: int = 200) -> tuple[int, StopReason] | tuple[None, None]:
-        """Run cycles 1, 2, ...; return the cycle and the reason of the stop."""
+        """Run cycles 1, 2, ...; return the cycle and the reason of the stop, or None for both."""
         for number in range(1, cycles + 1):
             cycle = cycle_at(number, SPEED * T * number)
             fault(cycle)
@@ -129,7 +129,9 @@ def stuck(joint: int, since: int) -> Fault:
 
 
 def at_rest_in_stiction(feedforward: float) -> Fault:
-    """Return a set-point at rest with a feedforward that holds the joint's torque."""
+    """Return a change of each cycle: the joints rest, and the feedforward rises to this value
+    [rad/s].
+    """
 
     def fault(cycle: Cycle) -> None:
         where = SPEED * T
@@ -142,7 +144,7 @@ def at_rest_in_stiction(feedforward: float) -> Fault:
 
 
 def compensated_to_nothing(cycle: Cycle) -> None:
-    """Set a feedforward that cancels the whole velocity command of a motion."""
+    """Reduce the feedforward to 0 within 5 cycles; the second joint is stuck from cycle 10 on."""
     ahead = [SPEED * max(0.0, 1.0 - cycle.number / 5)] * 3
     cycle.target = SetPoint(cycle.target.position, [SPEED] * 3, ahead, cycle.number, 3)
     cycle.command = ahead
@@ -173,7 +175,7 @@ def in_fault(joint: int, since: int) -> Fault:
 
 
 def runaway(joint: int, since: int) -> Fault:
-    """Turn the joint in the wrong direction at 1.5 rad/s."""
+    """Return a fault that turns the joint in the wrong direction at 1.5 rad/s."""
 
     def fault(cycle: Cycle) -> None:
         if cycle.number >= since:
@@ -184,7 +186,7 @@ def runaway(joint: int, since: int) -> Fault:
 
 
 def doubled(at: Callable[[int], bool], *, differs: bool = False) -> Fault:
-    """Send two answers for the second joint; if they differ, neither is used."""
+    """Return a fault with two answers of the second joint; if they differ, neither is used."""
 
     def fault(cycle: Cycle) -> None:
         cycle.second_answers[1] = sum(map(at, range(1, cycle.number + 1)))
@@ -383,10 +385,7 @@ def test_the_text_names_joint_value_limit_and_what_to_check(watch: Watch) -> Non
 def test_a_feedforward_that_jumps_or_is_not_finite_is_never_sent(
     cell: CellConfig, robot: RobotDescription, joint: int, ahead: float
 ) -> None:
-    """The supervisor is the last guard in the cycle itself.
-
-    Sources of set-points cannot be checked in advance.
-    """
+    """Set-points of a source cannot be checked in advance, so that this is the only guard."""
     number, reason = at_speed(cell, robot).run(
         set_at("target.feedforward", lambda k: k == 5, joint, ahead)
     )

@@ -50,7 +50,7 @@ class Started:
         monkeypatch.setattr(process, "open_cell", self.open_cell)
 
     def use(self, profile: ServoProfile) -> None:
-        """Connect drives of a family to the bus."""
+        """Replace the drives on the bus by drives with this profile."""
         self.cell = self.cell.model_copy(update={"servo": profile})
         self.bus = ObedientCell(self.cell, self.robot, 4096)
 

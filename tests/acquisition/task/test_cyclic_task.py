@@ -59,13 +59,13 @@ class Bench:
         self.axes: Axes = axes
         self.clock = clock
         self.lockstep = True
-        self._create_secret = lambda: CyclicTask(
+        self._new_task = lambda: CyclicTask(
             axes, clock, cell, robot, self.ring, self.control, lockstep=self.lockstep,
             orders=StopOrders(self.control, lambda: self.parent_gone, self.service, self.now),
         )  # fmt: skip
 
     def run(self, motion: MotionSamples | PlannedMotion) -> StopReason | None:
-        return self._create_secret().run(
+        return self._new_task().run(
             PlannedMotion(motion) if isinstance(motion, MotionSamples) else motion
         )
 
@@ -105,7 +105,7 @@ def test_the_first_set_point_is_the_robots_position(bench: Bench, motion: Motion
 
 @dataclass(frozen=True)
 class Watching(PlannedMotion):
-    """A motion that stores the data that the task passes to it about the robot."""
+    """A motion that stores the measured positions that the task passes to it."""
 
     positions_seen: list[NDArray[np.float64]] = field(default_factory=list)
 

@@ -109,7 +109,7 @@ def test_a_motion_continues_while_the_service_gives_signs_of_life(
 
 
 def report_heartbeat_verdicts(service: ServiceBeat, found: Any) -> None:
-    """Send the stop code that this process derives from the service's heartbeat.
+    """Send the stop codes that this process derives from the service's heartbeat at 1 s and 9 s.
 
     "" means no stop.
     """

@@ -48,9 +48,7 @@ NOW_NS = 1_800_000_000 * 10**9
 
 @pytest.fixture
 def leaping_clock(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """A wall clock in its own time zone that jumps forwards or backwards by an hour at every
-    read.
-    """
+    """A wall clock that jumps by up to 2 h at every read, in the time zone of central Europe."""
     leaps = itertools.cycle((0, HOUR_NS, -HOUR_NS, 5 * 10**6))
     monkeypatch.setattr("time.time_ns", lambda: NOW_NS + next(leaps))
     monkeypatch.setattr("time.time", lambda: (NOW_NS + next(leaps)) / 1e9)

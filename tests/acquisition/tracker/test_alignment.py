@@ -18,7 +18,7 @@ TIME_S = np.arange(0.0, 20.0, 0.004)
 
 
 def path(time_s: FloatArray) -> FloatArray:
-    """Return a path that rests at both ends."""
+    """Return the points (m, 3) of a path that rests at both ends; all values are in m."""
     x = np.clip(time_s / 18.0 - 0.05, 0.0, 1.0)
     s = 18.0 * (10.0 * x**3 - 15.0 * x**4 + 6.0 * x**5)
     return np.column_stack(
@@ -29,8 +29,9 @@ def path(time_s: FloatArray) -> FloatArray:
 def tracked(
     rate_hz: float, offset_s: float, rate: float, noise_m: float = 5e-5, begin_s: float = -1.0
 ) -> TrackedPoint:
-    """Return the path in the frame and with the clock of an instrument, including the rests at both
-    ends.
+    """Return the path in the frame and with the clock of an instrument.
+
+    The points between 8 s and 9.5 s are missing.
     """
     random = np.random.default_rng(1)
     own = np.arange(begin_s, 21.0, 1.0 / rate_hz)
@@ -40,7 +41,7 @@ def tracked(
 
 
 def found_clock(found: Alignment) -> FloatArray:
-    """Return the two times of the run that belong to two times of the instrument."""
+    """Return the times of the run at 1000 s and 1015 s of the instrument's clock."""
     return found.run_time(np.array([1000.0, 1015.0]))
 
 

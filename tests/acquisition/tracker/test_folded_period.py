@@ -15,7 +15,7 @@ NOISE = 1e-3
 
 
 def signal(time_s: FloatArray) -> FloatArray:
-    """Return two channels that contain only the harmonics 1 and 7."""
+    """Return two channels that contain only a mean and the harmonics 1 and 7."""
     turn = 2.0 * np.pi * time_s / PERIOD_S
     return np.column_stack([2.0 + np.cos(turn) - 0.4 * np.sin(7.0 * turn), np.sin(turn)])
 

@@ -25,7 +25,7 @@ def motors(time_s: FloatArray) -> FloatArray:
 
 
 def links(offset_s: float, rate: float, joints: tuple[int, ...] = (0, 1, 2)) -> LinkPositions:
-    """Return the positions with another clock and zero, and a deflection of up to 1 mrad."""
+    """Return positions of link encoders, with another clock and zero, and 1 mrad of deflection."""
     own = np.arange(-1.0, 21.0, 0.0025)
     position = motors(own)[:, list(joints)] + 1e-3 * np.sin(own)[:, np.newaxis] + 2.0
     return LinkPositions(own * (1.0 + rate) + offset_s, joints, position)

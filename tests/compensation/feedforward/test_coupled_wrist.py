@@ -53,7 +53,7 @@ def loops(cell: LoadedCell) -> list[VelocityLoop]:
 
 
 def error_of(cell: LoadedCell, samples: MotionSamples) -> NDArray[np.float64]:
-    """Return the joints' RMS errors of a motion through position loop and plant."""
+    """Return the joints' RMS errors (rad) of a motion through position loop and plant."""
     assert cell.plant is not None
     coupling = WristCoupling.of_robot(cell.robot)
     assert coupling is not None

@@ -39,7 +39,6 @@ def robot_with(*stiffness: float | None) -> RobotDescription:
 
 
 def elastic_arm() -> Plant:
-    """Return the bundled plant with elastic gears."""
     assert CELL.plant is not None
     unmodelled = CELL.plant.unmodelled
     assert unmodelled is not None
@@ -52,7 +51,7 @@ def elastic_arm() -> Plant:
 
 
 def driven_circle(plant: Plant) -> tuple[Recording, FloatArray]:
-    """Drive a circle; return motor torques and encoder positions, and the true positions."""
+    """Drive a circle; return the recording (motor side) and the true joint positions (rad)."""
     circle = CircleMotion(
         kind="circle",
         robot="ir361",

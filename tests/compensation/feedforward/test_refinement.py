@@ -64,7 +64,7 @@ SPLINE = PathMotion.model_validate(
         ),
     }
 )
-"""Lines and a spline, which are not used for tuning."""
+"""A line and a spline, which are not used for tuning."""
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +99,7 @@ def repeat(
     model: Estimate,
     planned: MotionSamples,
 ) -> tuple[list[FloatArray], MotionSamples, Refinement]:
-    """Refine over three runs; return the errors, the last motion and the last refinement."""
+    """Refine over three runs; return each run's RMS errors, the last motion and refinement."""
     samples = compensated_motion(planned, model, loops)
     sizes = []
     for seed in range(3):
@@ -182,8 +182,8 @@ class TestRefinement:
         model: Estimate,
         planned: MotionSamples,
     ) -> None:
-        """With all unmodelled effects, the mean error falls by a factor of 200, the maximum error
-        by 50.
+        """With all unmodelled effects, the mean error falls to less than 1/200, the maximum to
+        1/50.
         """
         before = error_of(cell, drive, planned)
         sizes, samples, found = repeat(cell, drive, loops, model, planned)

@@ -28,7 +28,7 @@ NOISE_M = 2e-5
 
 
 def _wave(target: FloatArray, size: float) -> FloatArray:
-    """Return small errors of the joints that change along the motion."""
+    """Return errors of the joints (rad), of up to `size`, that change along the motion."""
     rows = np.linspace(0.0, 40.0, len(target))[:, np.newaxis]
     return size * np.sin(rows * [1.0, 1.3, 1.7])
 
@@ -52,7 +52,7 @@ def recording() -> Recording:
 
 
 def tracked(recording: Recording, bent: float, rate_hz: float = 250.0) -> TrackedPoint:
-    """Return the path of the tool if the joints deviate by `bent` rad from their encoders."""
+    """Return the path of the tool if the joints deviate by up to `bent` rad from their encoders."""
     links = recording.position - _wave(recording.position, bent)
     path = CubicSpline(recording.time_s, forward(CHAIN, links))
     times = np.arange(0.0, recording.time_s[-1], 1.0 / rate_hz)
@@ -100,7 +100,7 @@ def test_a_foreign_run_is_refused(recording: Recording) -> None:
 
 @pytest.fixture(scope="module")
 def corrected(recording: Recording) -> tuple[Recording, FloatArray]:
-    """Return a run whose motors are ahead of the path by the deflection of the gears."""
+    """Return a run whose motors are ahead of the path by the deflection, and this lead (rad)."""
     path = recording.target_position
     assert path is not None
     lead = np.column_stack(

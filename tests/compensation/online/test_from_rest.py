@@ -112,7 +112,7 @@ def test_the_error_of_lines_and_a_spline_from_rest_is_a_tenth(
 def test_off_line_the_hysteresis_state_follows_the_plan(
     elastic: LoadedCell, models: tuple[Estimate, Estimate], loops: list[VelocityLoop]
 ) -> None:
-    """The mean error improves; the error at the start does not: its presliding state is unknown."""
+    """Only the mean error improves: the presliding state at the start is unknown."""
     assert elastic.plant is not None
     path = PathMotion.model_validate_json(json.dumps(yaml.safe_load(PATH)))
     samples = path.plan(elastic.robot, elastic.config.cycle_time_s)

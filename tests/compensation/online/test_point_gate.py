@@ -1,4 +1,4 @@
-"""Streamed points are refused at a collision, and where a stop would end beyond a limit."""
+"""Streamed points are refused at a collision, or if a stop would end beyond a limit."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def test_points_at_which_a_stop_would_end_beyond_a_limit_are_refused(
 def test_points_beyond_the_limits_are_left_to_the_path_which_names_their_number(
     wrong: float,
 ) -> None:
-    """The second one jumps."""
+    """The sixth point jumps, to a position beyond the limit (10 rad) or within it (2 rad)."""
     points = np.zeros((10, 3))
     points[5:, 0] = wrong
     ring = PointRing.create(3, 50)

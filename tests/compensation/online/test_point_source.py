@@ -66,7 +66,9 @@ class TestGoodPoints:
     def test_the_feedforward_equals_that_of_the_whole_motion(
         self, forward: OnlineFeedforward
     ) -> None:
-        """The feedforward differs little from that computed off line from the whole motion."""
+        """The median difference is below 1e-5 rad/s, and 95 % of all differences are below 2e-3
+        rad/s.
+        """
         samples = planned()
         _, _, ahead = arrays(drive(source_of(forward, samples.position)))
         model, parameters = true_model(CELL)
@@ -228,7 +230,7 @@ class TestFallback:
     def test_a_torque_that_is_not_a_number_falls_back_to_plain_feedforward(
         self, forward: OnlineFeedforward
     ) -> None:
-        """A number of a link in the model is not a number."""
+        """One inertial parameter of a link in the model is NaN."""
         samples = planned()
         sound = forward.torque.arrays
         links = np.array(sound[3])

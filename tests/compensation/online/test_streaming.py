@@ -46,7 +46,7 @@ def gate() -> PointGate:
 
 
 def take_points(ring: PointRing, count: int) -> Points:
-    """Take points out of the ring buffer as the on-line stage does."""
+    """Take up to `count` points out of the ring buffer, as the on-line stage does."""
     read = ring.points_read
     count = min(count, ring.written - read)
     rows = np.array([ring.rows[(read + k) % ring.capacity] for k in range(count)])

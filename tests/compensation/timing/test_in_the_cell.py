@@ -154,7 +154,7 @@ def test_a_timed_pick_and_place_keeps_its_torque_limits_and_its_path(
 def test_the_base_reaction_stays_within_its_limit(
     cell: LoadedCell, drive: Drive, model: Estimate, loops: list[VelocityLoop]
 ) -> None:
-    """The motion is timed with inertias known to 1 %; the simulated base reaction is compared."""
+    """The motion is timed with parameters known to 1 %; the simulated base reaction is compared."""
     assert cell.plant is not None
     robot = within_mechanics(cell.robot, 1.0)
     whole = RobotModel.from_description(robot)

@@ -127,7 +127,7 @@ def test_a_margin_for_the_uncertainty_stays_unused(
 def test_the_margin_equals_the_scatter_of_random_parameters(
     cell: LoadedCell, model: Estimate
 ) -> None:
-    """Compare with the standard deviation over 3,000 robots drawn from the estimate."""
+    """Compare with the standard deviation over 600 robots drawn from the estimate."""
     exact = replace(model, residual_nm=np.zeros(3))
     samples = points(cell)
     rows = slice(40, 60)

@@ -40,7 +40,7 @@ def axis(name: str, kind: str = "revolute", torque: float = 20.0, **more: object
 
 
 def arm(*joints: Joint, alpha: float = math.pi / 2) -> RobotDescription:
-    """Return a chain of links of 0.5 m: axis 1 is horizontal, the others are parallel to it."""
+    """Return a chain of links of 0.5 m; its axes are parallel, and horizontal by default."""
     rows = [KinematicRow(alpha_rad=alpha)] + [KinematicRow(a_m=ARM)] * (len(joints) - 1)
     return RobotDescription(
         name="few",
@@ -133,7 +133,10 @@ def test_gravity_beyond_a_torque_limit_is_refused_with_joint_and_pose() -> None:
 
 
 def zero_inertia_path() -> tuple[PathTimer, JointCurve]:
-    """Return a path on which joint 2 turns against joint 1 and cancels its inertia."""
+    """Return the timer and a path of an arm whose joint 2 turns against joint 1.
+
+    At some points of the path, the inertia along it is zero.
+    """
     robot = arm(axis("one", torque=60.0), axis("two", torque=25.0))
     return timer_of(robot), straight_curve(
         (-0.8, 1.2), (0.0, 0.0), (0.2, -1.5), (0.9, -2.2), (1.2, -1.0)

@@ -18,7 +18,10 @@ DECELERATION = "quick_stop_deceleration_rad_s2: 12.0"
 
 @pytest.fixture
 def make_cell(tmp_path: Path) -> Callable[..., str]:
-    """Return a function that writes the bundled cell ir361 with replaced texts."""
+    """Return a function that writes cell and robot ir361 with replaced texts.
+
+    It returns the path of the cell file.
+    """
 
     def make(
         cell: tuple[tuple[str, str], ...] = (), robot: tuple[tuple[str, str], ...] = ()

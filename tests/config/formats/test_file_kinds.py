@@ -20,7 +20,7 @@ from tests.builders.raised_codes import raises_code
 
 @pytest.fixture
 def files(tmp_path: Path) -> dict[str, str]:
-    """Return a file of each kind, with names that do not show the kind."""
+    """Return files of four kinds, by kind; their names do not show the kind."""
     found: dict[str, str] = {}
     for kind, text in (
         ("a cell", read_named("ir361", "cells", None)[0]),

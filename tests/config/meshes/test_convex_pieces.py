@@ -19,13 +19,13 @@ BRACKET = joined(ANGLE, box((1.0, 0.0, 0.0), (1.1, 1.0, 0.1)))
 
 
 def corners(shape: tuple[FloatArray, IntArray]) -> FloatArray:
-    """Return the triangles of a shape in a general orientation."""
+    """Return the triangles (n, 3, 3) of a shape in a general orientation."""
     vertices, faces = shape
     return (vertices @ TURN.T)[faces]
 
 
 def tube(count: int = 60) -> FloatArray:
-    """Return the triangles of the side of a round tube of radius 0.1 and length 0.5."""
+    """Return the triangles (n, 3, 3) of the side of a round tube, radius 0.1 m, length 0.5 m."""
     angles = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
     rings = np.array(
         [[(0.1 * np.cos(a), 0.1 * np.sin(a), z) for a in angles] for z in (0.0, 0.5)]
@@ -45,7 +45,7 @@ def distance_m(hull: EnclosingHull, point: FloatArray) -> float:
 
 
 def samples(triangles: FloatArray, count: int) -> FloatArray:
-    """Return random points on triangles."""
+    """Return `count` random points (count, 3) on the triangles."""
     random = np.random.default_rng(1)
     chosen = triangles[random.integers(len(triangles), size=count)]
     return np.einsum("sk,skd->sd", random.dirichlet(np.ones(3), count), chosen)

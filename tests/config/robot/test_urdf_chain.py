@@ -9,7 +9,10 @@ from tests.builders.raised_codes import raises_code
 
 
 def arm(*joints: str, tip: str | None = None, base: str | None = None) -> UrdfArm:
-    """Return the arm of joints `parent>child`, or `parent>child:kind`, `...:mimic`."""
+    """Return the arm of a URDF whose joints are given as `parent>child` or `parent>child:kind`.
+
+    The kind is a joint type, or `mimic`.
+    """
     links: dict[str, None] = {}
     parts = []
     for text in joints:

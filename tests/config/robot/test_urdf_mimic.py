@@ -41,7 +41,8 @@ def joint(name: str, parent: str, child: str, x: float, axis: str = "0 1 0", mor
 def palletiser(*, first: bool = True, multiplier: float = -1.0, axis: str = "0 1 0", rod_kg=0.0):
     """Return a palletiser: a forearm whose motor sets its angle against the base.
 
-    A mimic joint cancels the upper arm's motion before the forearm's joint j3, or after it.
+    A mimic joint cancels the upper arm's motion before the forearm's joint j3 (`first`) or after
+    it.
     """
     mimic = f'<mimic joint="j2" multiplier="{multiplier}" offset="{OFFSET}"/>'
     turns = [("rod", axis, mimic), ("j3", "0 1 0", "")]
@@ -70,7 +71,7 @@ def own_torque(robot: RobotDescription, q, v, a) -> np.ndarray:
 
 
 def independent_torque(text: str, positions: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Return Pinocchio's torque at every joint, each with its own motor, by name.
+    """Return Pinocchio's torque at every joint by name; each joint has its own motor.
 
     Args:
         text: The URDF.

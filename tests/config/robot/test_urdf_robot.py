@@ -153,7 +153,10 @@ def test_angles_are_exact_at_a_pitch_of_90_degrees(pitch: float) -> None:
 
 
 def arm(*more: str, tool: str = "") -> bytes:
-    """Return an upright arm of two parallel axes, with rounded angles as in files."""
+    """Return an upright arm: a vertical axis and two parallel horizontal ones.
+
+    Its angles are rounded, as in many files.
+    """
     return robot(
         link("base"),
         link("column"),

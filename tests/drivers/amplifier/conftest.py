@@ -34,7 +34,7 @@ SENSITIVITIES = (-7.5,) * 4 + (-3.8,) * 4
 
 @dataclass
 class Script:
-    """Identity and faults of the simulated device."""
+    """Identity, settings and faults of the scripted device, and the lines that it received."""
 
     baud_rate: int = 460800
     form: str = "binary"
@@ -169,7 +169,10 @@ def config_for(address: str, script: Script) -> AmplifierConfig:
 
 @pytest.fixture(autouse=True)
 def patience(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Set long timeouts for a slow computer; tests of missing answers set their own."""
+    """Set long timeouts for a slow computer, and probe no other baud rates.
+
+    Tests of missing answers set their own timeouts.
+    """
     monkeypatch.setattr("drivers.amplifier.dialogue.ANSWER_TIMEOUT_S", ENOUGH_S)
     monkeypatch.setattr("drivers.amplifier.dialogue.PROBE_TIMEOUT_S", ENOUGH_S)
     monkeypatch.setattr("drivers.amplifier.dialogue.BAUD_RATES", ())

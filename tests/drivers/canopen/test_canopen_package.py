@@ -155,7 +155,7 @@ def local(
 
 
 def no_others(frame: Frame, time_s: float) -> None:
-    """Ignore a frame."""
+    pass
 
 
 class TestCanopenAsServer:

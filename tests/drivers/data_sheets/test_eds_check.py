@@ -31,7 +31,7 @@ def findings_on(
     objects: dict[str, str | None] | None = None,
     more: str = "",
 ) -> tuple[EdsFinding, ...]:
-    """Return the findings on a small complete sheet with some objects changed."""
+    """Return the findings on a small complete sheet with some objects changed or removed (None)."""
     lines = ["[DeviceInfo]", "VendorNumber=1"]
     for title, entry in (COMMUNICATION | PROFILE | (objects or {})).items():
         if entry is not None:

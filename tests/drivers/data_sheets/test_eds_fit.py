@@ -16,7 +16,7 @@ WITHOUT_TORQUE = {"6072": None, "6076": None, "6077": None}
 
 
 def sheet(objects: dict[str, str | None], device_type: str = "") -> ElectronicDataSheet:
-    """Return a small complete sheet with some objects changed."""
+    """Return a small complete sheet with some objects changed or removed (None)."""
     lines = ["[DeviceInfo]", "VendorNumber=1"]
     for title, entry in (COMMUNICATION | PROFILE | objects).items():
         if entry is not None:

@@ -55,7 +55,7 @@ class TestGroupedRequests:
 
 
 class TestWordValues:
-    """The values were computed by hand, according to IEEE 754 and two's complement."""
+    """The words of each type were computed by hand, by IEEE 754 and two's complement."""
 
     @pytest.mark.parametrize(
         ("kind", "words", "value"),

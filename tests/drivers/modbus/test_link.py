@@ -32,7 +32,7 @@ def monitor(address: str) -> MonitorConfig:
 
 
 def answering(other: int, answer: bytes) -> Callable[[], None]:
-    """Answer the first request with the given bytes; return the thread that waits for it."""
+    """Start a thread that answers the first request with these bytes; return its method `join`."""
 
     def answer_one() -> None:
         os.read(other, 256)

@@ -26,7 +26,6 @@ class Computer:
         return self.now
 
     def sleep(self, duration_s: float) -> None:
-        """Sleep and wake up late."""
         assert duration_s > 0.0
         self.now += duration_s + next(self._waking_s, 0.0)
 

@@ -1,4 +1,4 @@
-"""End of the cyclic exchange for every reason, on scripted drives."""
+"""Stopping the cyclic exchange, on scripted drives."""
 
 from __future__ import annotations
 

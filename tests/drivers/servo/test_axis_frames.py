@@ -68,7 +68,7 @@ class Watch:
 
 
 def join_frames(profile: ServoProfile, *batches: Sequence[Arrival]) -> tuple[list[Arrival], Watch]:
-    """Return the answers of one drive in a cycle with its SYNC at 1 s."""
+    """Return the joined answers of one drive in a cycle with its SYNC at 1 s, and the watch."""
     bus, watch = Bus(*batches), Watch()
     frames = [AxisFrames.of_profile(1, profile)]
     joiner = AnswerJoiner(cast(CanLink, bus), [1], frames, cast(DriveWatch, watch))

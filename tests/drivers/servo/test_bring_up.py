@@ -1,4 +1,4 @@
-"""Bring-up: order of the frames, and every drive that must be refused."""
+"""Bring-up: order of the frames, settings that are read back, and drives that are refused."""
 
 from __future__ import annotations
 
@@ -309,7 +309,7 @@ class TestConfiguration:
 
 
 class TestDriveIdentity:
-    """Object 1018h of the scripted drives has vendor 1234h and nothing else."""
+    """Object 1018h of the drive has vendor 1234h and revision 20005h, and no product code."""
 
     def bring_up(
         self, make_bench: Callable[[CellConfig], Any], cell: CellConfig, **identity: int

@@ -30,15 +30,13 @@ class Computer:
         self.waiting: list[tuple[int, bytes, float]] = []
 
     def now_s(self) -> float:
-        """Return the time [s]."""
         return self.now
 
     def sleep_until(self, time_s: float) -> None:
-        """Advance the time."""
         self.now = max(self.now, time_s)
 
     def send_frames(self, frames: Sequence[tuple[int, bytes | bytearray]]) -> None:
-        """Discard the frames."""
+        pass
 
     def receive_frames(self, timeout_s: float) -> Sequence[Arrival] | None:
         """Return the next waiting frame, with the time of its arrival or of its reading."""
@@ -49,7 +47,7 @@ class Computer:
         return (Arrival(cob_id, data, came_s if self.time_stamped else self.now),)
 
     def shutdown(self) -> None:
-        """Do nothing."""
+        pass
 
 
 def exchange_on(computer: Computer) -> tuple[CyclicExchange, DriveWatch]:

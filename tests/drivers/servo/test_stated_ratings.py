@@ -24,7 +24,7 @@ BY_CURRENT = ServoProfile(torque=TorqueObject(object="6077h:00", of="rated_curre
 
 
 def ratings(bench: Bench, object_name: str) -> list[DriveSetting]:
-    """Return the lines of the first drive that compare or show a rating."""
+    """Return the first drive's settings that compare or show an object's rating."""
     return [
         setting
         for setting in bench.axes.settings()
@@ -34,7 +34,7 @@ def ratings(bench: Bench, object_name: str) -> list[DriveSetting]:
 
 
 def constants(bench: Bench) -> list[DriveSetting]:
-    """Return the lines of all drives that compare a torque constant."""
+    """Return the settings of all drives that compare a torque constant."""
     return [line for line in bench.axes.settings() if line.name.startswith("torque constant")]
 
 
@@ -47,7 +47,7 @@ def set_rated_current(bench: Bench, milliamperes: int) -> None:
 def make_stating(
     make_bench: Callable[[CellConfig], Bench], cell: CellConfig
 ) -> Callable[[ServoProfile], Bench]:
-    """Return a function that makes a bench whose cell file states ratings."""
+    """Return a function that makes a bench whose drives have the given servo profile."""
     return lambda profile: make_bench(cell.model_copy(update={"servo": profile}))
 
 

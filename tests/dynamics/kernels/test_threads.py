@@ -105,7 +105,7 @@ def test_few_samples_are_computed_in_the_callers_thread() -> None:
 
 
 class ShareError(Exception):
-    """Raised while one range of samples is computed."""
+    pass
 
 
 @pytest.mark.parametrize("where", ["first", "last"])

@@ -70,7 +70,7 @@ def test_a_guess_has_values_but_is_not_a_prior(ir361) -> None:
 def test_zeros_in_cad_data_are_unknown_and_not_small(ir361, moment: float) -> None:
     """A wrist of 0.2 kg has an inertia of about 5e-4 kg m² about its centre.
 
-    Three decimals are not enough.
+    A file with three decimals states 0 for it, which must count as unknown.
     """
     flange = LinkCad(mass_kg=0.2, inertia_kg_m2=(moment, 0.0, 0.0, moment, 0.0, moment))
     wrist = ir361.model_copy(update={"cad": (LINK, LINK, flange)})

@@ -35,11 +35,11 @@ def links_only(robot) -> RobotModel:
 
 
 def all_terms(ir361, coupling: np.ndarray | None = None) -> RobotModel:
-    """Return an arm with every term that a robot can have."""
-    joints = [
-        joint.model_copy(update={"friction": EVERY_FRICTION, "armature": joint.name == "joint3"})
-        for joint in ir361.joints
-    ]
+    """Return the bundled arm with every term of a robot; an armature replaces rotor 3."""
+    *joints, last = (
+        joint.model_copy(update={"friction": EVERY_FRICTION}) for joint in ir361.joints
+    )
+    joints.append(last.model_copy(update={"armature": True, "rotor": None}))
     robot = ir361.model_copy(update={"joints": tuple(joints)})
     model = RobotModel.from_description(robot, payload=True, sign_smoothing_rad_s=0.3)
     if coupling is None:
@@ -49,7 +49,10 @@ def all_terms(ir361, coupling: np.ndarray | None = None) -> RobotModel:
 
 @pytest.fixture
 def moving(random_motion):
-    """Return motions away from standstill, at which cube root and sign are not differentiable."""
+    """Return a function that makes motions away from standstill.
+
+    At standstill, cube root and sign are not differentiable.
+    """
 
     def make(n: int, seed: int) -> np.ndarray:
         motion = random_motion(n, seed)
@@ -60,9 +63,7 @@ def moving(random_motion):
 
 
 def differences(function, motion: np.ndarray) -> np.ndarray:
-    """Return central differences with respect to q, v, a of every joint, in the last two axes of
-    (..., 3, n).
-    """
+    """Return central differences by q, v and a of every joint, (..., 3, n)."""
     out = []
     for kind in range(3):
         for joint in range(motion.shape[2]):
@@ -109,7 +110,7 @@ def test_the_mass_matrix_agrees_with_pinocchio(
 
 @pytest.mark.parametrize("coupling", [None, WRIST], ids=["plain", "coupled"])
 def test_the_mass_matrix_contains_rotors_and_armatures_but_no_payload(ir361, coupling) -> None:
-    """The kinetic energy is v M v / 2 for any drive; friction and spring do not change it."""
+    """M v is the torque for an acceleration v minus that at rest; friction and spring cancel."""
     model = all_terms(ir361, coupling)
     rng = np.random.default_rng(2)
     theta, q, v = rng.standard_normal(len(model.parameter_names)), *rng.standard_normal((2, 4, 3))

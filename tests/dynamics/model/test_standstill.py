@@ -1,4 +1,4 @@
-"""Standstill speed of joints, and reversals between two rows."""
+"""A reversal of a joint between two rows counts as standstill."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ def pendulum(**joint: object) -> RobotDescription:
 
 
 def weigh(model: RobotModel, v: list[float], parameters: dict[str, float]) -> np.ndarray:
-    """Return the motor torque at angle zero for some speeds."""
+    """Return the motor torque [N m] at angle zero for some speeds [rad/s]."""
     theta = np.array([parameters.get(name, 0.0) for name in model.parameter_names])
     speed = np.array(v)[:, np.newaxis]
     return torque(model, 0 * speed, speed, 0 * speed, theta)[:, 0]

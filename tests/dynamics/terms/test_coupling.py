@@ -74,7 +74,7 @@ def test_coupled_rotors_agree_with_separate_bodies(
 def test_the_base_wrench_of_coupled_rotors_agrees_with_bodies(
     random_arm, judge, random_links, random_motion
 ) -> None:
-    """All rotors are on moving links, so that no rotor is mounted on the base."""
+    """No rotor is mounted on the base."""
     robot = with_coupling(random_arm(4, 5, "RRPR"), 5)
     joints = [
         joint.model_copy(update={"rotor": joint.rotor.model_copy(update={"link": max(i, 1)})})
@@ -128,7 +128,10 @@ def test_torques_obey_lagranges_equations_in_the_actuators_coordinates(
 
 
 class TestWristOfTheThesis:
-    """Axes 4 to 6 of the thesis: motor 4 also moves axes 5 and 6, motor 5 also axis 6."""
+    """Coupling of axes 4 to 6 of the thesis, applied to the three axes of the bundled arm.
+
+    Motor 4 also moves axes 5 and 6, motor 5 also axis 6.
+    """
 
     COUPLING = ((1.0, 0.0, 0.0), (-0.025, 1.0, 0.0), (0.012, -0.3, 1.0))
 

@@ -80,7 +80,7 @@ def test_friction_has_no_effect_on_the_base(robot) -> None:
 
 
 def one_axis(ir361, *terms, kind: str = "revolute"):
-    """Return the arm with friction on its first axis only."""
+    """Return the arm with friction on its first axis only, without rotors and spring."""
     first, *others = ir361.joints
     joints = (
         first.model_copy(
@@ -190,7 +190,7 @@ class TestStribeck:
     SPEED = np.array([-0.6, -0.2, -0.01, 0.0, 0.01, 0.2, 0.6])
 
     def test_stribeck_friction_falls_to_1_over_e_at_its_speed(self, ir361) -> None:
-        """(2.10)"""
+        """Equation (2.10)."""
         robot = one_axis(ir361, "coulomb", "stribeck")
         tau = friction_torque(robot, [10.0, 4.0], self.SPEED)
         v = self.SPEED

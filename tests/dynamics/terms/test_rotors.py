@@ -94,7 +94,7 @@ class TestAppendixD:
         np.testing.assert_array_equal(column("Im2")[:, 2], 0.0)
 
     def test_torque_of_actuator_1_contains_only_its_own_rotor(self, column, motion, ratios) -> None:
-        """(D.33), (D.34)."""
+        """Equations (D.33) and (D.34)."""
         mu1, *_ = ratios
         np.testing.assert_allclose(column("Im1")[:, 0], mu1**2 * motion[2, :, 0])
         for name in ("Im2", "Im3"):

@@ -29,7 +29,7 @@ def sound() -> Recording:
 
 
 def rounded(steps: FloatArray) -> Recording:
-    """Return a recording whose torques are multiples of steps; 0 keeps a torque."""
+    """Return a recording whose torques are multiples of `steps` [N m]; 0 keeps a torque."""
     torque, size = sound().torque_nm, np.where(steps > 0.0, steps, 1.0)
     return replace(sound(), torque_nm=np.where(steps > 0.0, np.round(torque / size) * size, torque))
 

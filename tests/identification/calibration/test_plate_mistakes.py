@@ -52,7 +52,7 @@ def average(weigh: Callable[..., Recording]) -> PeriodAverage:
 
 @pytest.fixture(scope="module")
 def fit(average: PeriodAverage, arm: KnownArm) -> Fit:
-    """Fit the recording with the given fields of `plate` and the given assignment of channels."""
+    """Return a function that fits the recording with the given fields of `plate` and channels."""
 
     def fitted(
         kind: ModelKind = "external", channels: Channels = _as_they_are, **stated: object
@@ -66,8 +66,9 @@ def fit(average: PeriodAverage, arm: KnownArm) -> Fit:
 
 @pytest.fixture(scope="module")
 def find_mistake(average: PeriodAverage, arm: KnownArm) -> Described:
-    """Find the mistake from equations without estimated delays, because a fit may refuse the
-    estimated delays.
+    """Return a function that finds the mistake from equations without estimated delays.
+
+    A fit may refuse the estimated delays.
     """
 
     def found(kind: ModelKind, channels: Channels = _as_they_are, **stated: object) -> PlateMistake:

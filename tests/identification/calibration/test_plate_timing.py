@@ -23,7 +23,7 @@ Estimate = Callable[..., PlateTiming]
 
 @pytest.fixture(scope="module")
 def weighed(weigh: Callable[..., Recording]) -> Recording:
-    """Return three periods on a force plate, loaded by Pinocchio and with noise."""
+    """Return 16 periods on a force plate, loaded by Pinocchio and with noise."""
     return weigh(3)
 
 

@@ -39,7 +39,7 @@ ROBOTS = ("ir361", "ur10e")
 
 
 def point_masses(seed: int, count: int = 12) -> tuple[Array, Array]:
-    """Return masses and positions of some point masses."""
+    """Return masses (count,) in kg and positions (count, 3) in m of point masses."""
     random = np.random.default_rng(seed)
     return random.uniform(0.2, 1.0, count), random.normal(0.0, 0.2, (count, 3))
 

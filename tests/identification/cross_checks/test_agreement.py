@@ -1,4 +1,4 @@
-"""Cross-checks by energy, single joints and a Kalman filter detect wrong estimates."""
+"""Cross-checks by energy, single joints and a Kalman filter: coverage, and wrong estimates."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""The Kalman filter agrees with a good run of the six-axis cell with a coupled wrist."""
+"""The Kalman filter agrees with a good run of the six-axis cell with a coupled wrist.
+
+It does not agree with a run whose torques are late.
+"""
 
 from __future__ import annotations
 

@@ -78,7 +78,7 @@ def test_a_weak_arm_starts_and_moves_where_its_motor_can_hold_it() -> None:
 
 
 def test_a_rare_feasible_pose_is_found_by_descent() -> None:
-    """The motor can hold the arm only if it nearly hangs down, which few random poses do."""
+    """The motor can hold the arm only if it is nearly vertical, which few random poses are."""
     robot = swinging_arm(0.004 * WEIGHT_NM)
     task = problem(robot)
     pose = task.motion(task.start(1), task._coarse)[0].mean(axis=0)

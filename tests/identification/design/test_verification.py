@@ -43,7 +43,10 @@ def motion(problem) -> FourierMotion:
 
 
 def values_over_period(motion: FourierMotion, derivative: int) -> np.ndarray:
-    """Return q, v or a over a period, from the numbers in the file alone."""
+    """Return q, v or a (`derivative` 0, 1 or 2) over a period, from the numbers in the file alone.
+
+    Shape: (1500, joints).
+    """
     t = np.linspace(0.0, motion.period_s, 1500)
     columns = []
     for joint in motion.joints:

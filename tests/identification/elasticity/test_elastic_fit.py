@@ -78,7 +78,7 @@ def planned() -> MotionSamples:
 def averages(
     planned: MotionSamples, robot: RobotDescription, truth: Estimate
 ) -> list[PeriodAverage]:
-    """Return what the motors of the arm measure, without and with the payload."""
+    """Return the mean periods that the motors of the arm measure, without and with the payload."""
     rows = planned.samples_per_period
     assert rows is not None
     found = []
@@ -226,7 +226,7 @@ def test_fits_that_have_not_converged_are_refused(
 def test_a_deflection_that_does_not_converge_is_refused(
     planned: MotionSamples, robot: RobotDescription, truth: Estimate
 ) -> None:
-    """The gears are softer than the gravity that bends them."""
+    """A stiffness of 100 N m/rad is too small for the weight of the arm."""
     joints = [joint.model_copy(update={"stiffness_nm_rad": 100.0}) for joint in robot.joints]
     soft = robot.model_copy(update={"joints": tuple(joints)})
     links = without_payload(replace(truth, robot=soft, gear_torque_nm=np.ones(3)))

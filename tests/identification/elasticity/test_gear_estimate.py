@@ -18,8 +18,9 @@ from rid_daq.report.sections.gears import GearsSection
 def estimate(
     *axes: tuple[float, float, float], minimum_hz: float = 10.0, damping_sigma: float = 0.1
 ) -> GearEstimate:
-    """Return estimated gears from their relative standard deviation, deflection [rad] and fraction
-    of the residual.
+    """Return estimated gears.
+
+    Each axis has a relative standard deviation, a deflection [rad] and a fraction of the residual.
     """
     sigma, bend_rad, residual = np.array(axes).T
     one = np.ones(len(axes))

@@ -33,7 +33,7 @@ NOISE_M = 5e-5
 
 
 def motors(time_s: FloatArray) -> FloatArray:
-    """Return a motion that starts from rest and is periodic from time 0 on."""
+    """Return a motion (rows, 3) in rad that starts from rest and is periodic from time 0 on."""
     share = np.clip(1.0 + time_s / RUN_IN_S, 0.0, 1.0)[:, np.newaxis]
     turn = 2.0 * np.pi * time_s[:, np.newaxis] / PERIOD_S
     return (
@@ -50,7 +50,7 @@ def motors(time_s: FloatArray) -> FloatArray:
 
 
 def bend(time_s: FloatArray) -> FloatArray:
-    """Return the deflection of the gears, 1 mrad."""
+    """Return the deflection of the gears (rows, 3) in rad, with an amplitude of 1 mrad."""
     turn = 2.0 * np.pi * time_s[:, np.newaxis] / PERIOD_S
     return 1e-3 * np.hstack([np.cos(4.0 * turn), np.cos(7.0 * turn), np.sin(6.0 * turn)])
 

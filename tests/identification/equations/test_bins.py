@@ -72,7 +72,7 @@ def equations_of(
 
 
 def sine(phase: float) -> NDArray[np.float64]:
-    """Return one sine that starts at any phase between samples."""
+    """Return one period of a sine whose first sample has this phase (rad)."""
     return np.sin(2.0 * np.pi * np.arange(SAMPLES) / SAMPLES + phase)
 
 

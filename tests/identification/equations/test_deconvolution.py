@@ -35,7 +35,7 @@ def recording_of(torque: np.ndarray, torque_filter: ButterworthFilter | None) ->
 
 @pytest.fixture
 def torque() -> np.ndarray:
-    """Return 15 s of a smooth signal below 5 Hz, with any values at start and end."""
+    """Return 16 s of a smooth signal below 5 Hz, with eight samples per `STEP_S`."""
     random = np.random.default_rng(0)
     fine = np.arange(0.0, 16.0, STEP_S / 8.0)
     waves = [

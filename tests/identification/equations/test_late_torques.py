@@ -1,4 +1,4 @@
-"""Delays that no bus explains are found in recordings of the simulated arm with all its effects."""
+"""Late torques that no bus explains: delays and filters are found in simulated recordings."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ def test_a_zero_phase_filter_is_not_called_a_delay() -> None:
 
 
 def test_a_delay_in_addition_to_a_known_filter_is_found() -> None:
-    """A filter of second order at 3 Hz delays by 75 ms; a lag of 28 ms explains a part of it."""
+    """A filter of second order at 3 Hz delays by 75 ms; a lag of 28 ms explains only a part."""
     robot, case = ARMS["three"].description(), Case("three", "plain", "none", 42)
     b, a = butter(2, 2.0 * 3.0 * STEP_S)
     torque = driven(420).torque_nm

@@ -45,7 +45,6 @@ def recording() -> SmoothedSignals:
 def cached_and_fresh(
     model: RobotModel, base: BaseParameters, kept: ColumnCache, standard: FloatArray | None
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the columns with the cache and without."""
     warm = np.tile(300.0 + np.linspace(0.0, 5.0, len(WAY[0]))[:, np.newaxis], (1, 3))
     conditions = with_presliding_history(model, WAY[0], Conditions(temperature_k=warm))
     columns = LowPassedColumns(model, base, recording(), conditions, standard, kept)

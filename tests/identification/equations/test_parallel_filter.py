@@ -32,7 +32,9 @@ STANDSTILL_RAD_S = 0.02
 def quick_reversals(
     duration_s: float = 30.0, step_s: float = STEP_S, seed: int = 1
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return times and a sum of sines that never repeats, with two reversals per second."""
+    """Return time, q, v and a of sums of sines that never repeat, with up to two reversals per
+    second.
+    """
     random = np.random.default_rng(seed)
     time_s = np.arange(0.0, duration_s, step_s)
     omega = 2.0 * np.pi * random.uniform(0.1, 1.0, (6, 3))

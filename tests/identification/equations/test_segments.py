@@ -1,4 +1,4 @@
-"""Rows of smoothed recordings: fewer rows give the same result."""
+"""Rows of smoothed recordings: with fewer rows, the result is nearly the same."""
 
 from __future__ import annotations
 

@@ -206,7 +206,7 @@ class TestSmoothed:
     def test_slow_samples_are_excluded_and_counted(
         self, arm: KnownArm, signals: SmoothedSignals
     ) -> None:
-        """Samples of a joint at rest must not affect the estimate."""
+        """Samples below 0.05 rad/s must not affect the estimate."""
         slow = np.abs(signals.velocity) < 0.05
         spoilt = replace(signals, torque_nm=np.where(slow, 1000.0, signals.torque_nm))
         clean, other = (

@@ -216,7 +216,7 @@ def test_a_changed_model_causes_only_our_errors(
 
 @dataclass(frozen=True)
 class MoreOptions(ModelOptions):
-    """An options file with a field that the file format does not have."""
+    """Options with a field that the file format does not have."""
 
     backlash: bool = True
 

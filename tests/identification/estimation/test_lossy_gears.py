@@ -36,7 +36,7 @@ LOSS = 0.09
 
 @pytest.fixture(scope="module")
 def fitted() -> Callable[[str], FittedSignals]:
-    """Return a fit with load-dependent friction, from one of the known arm's motions."""
+    """Return a function that fits load-dependent friction to two motions of the known arm."""
 
     def fit(friction: str) -> FittedSignals:
         robot = ARMS["three"].description()

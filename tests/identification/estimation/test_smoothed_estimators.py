@@ -36,7 +36,7 @@ def robot() -> RobotDescription:
 
 @pytest.fixture(scope="module")
 def truth(robot: RobotDescription) -> Callable[[RobotModel], np.ndarray]:
-    """Standard parameters of a plausible arm, by name."""
+    """Return a function that gives the standard parameters of a plausible arm for a model."""
     known = {"m1": 50.0, "m2": 30.0, "m3": 15.0, "k_spring": 8e3, "P0_spring": 3e3}
 
     def of(model: RobotModel) -> np.ndarray:

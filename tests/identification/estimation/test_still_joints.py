@@ -42,7 +42,7 @@ def sines(seed: int, third: float, amplitude: float = 0.0) -> tuple[Array, Array
 
 
 def signals(arm: KnownArm, motion: tuple[Array, Array, Array]) -> SmoothedSignals:
-    """Return a recording of the arm with an arbitrary friction torque at rest."""
+    """Return a recording of the arm; joint 3 has an additional torque of 30 N m at rest."""
     random = np.random.default_rng(5)
     tau = torque(arm.model, *motion, arm.standard) + random.normal(size=motion[0].shape)
     tau[:, 2] += 30.0 * (np.abs(motion[1][:, 2]) < 0.02)

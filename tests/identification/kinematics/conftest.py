@@ -48,21 +48,21 @@ def _experiment(name: str, point: tuple[float, ...], stiffness: tuple[float, ...
 
 @pytest.fixture(scope="session")
 def three_axes() -> Experiment:
-    """Return ir361."""
+    """Experiment with ir361."""
     return _experiment("ir361", (0.765, 0.0, 0.0), (5e4, 6e4, 2e4))
 
 
 @pytest.fixture(scope="session")
 def six_axes() -> Experiment:
-    """Return kr15, whose wrist is coupled."""
+    """Experiment with kr15, whose wrist is coupled."""
     return _experiment("kr15", (0.12, 0.05, -0.1), (4e5, 5e5, 2e5, 4e4, 3e4, 1.5e4))
 
 
 @pytest.fixture(scope="session")
 def calibrated(three_axes: Experiment, six_axes: Experiment) -> Callable[[str], Calibration]:
-    """Return calibrations by the name of the robot.
+    """Return a function that gives a robot's calibration by the robot's name.
 
-    Each has 50 poses, every second one with a load.
+    Each calibration has 50 poses, every second one with a load.
     """
     found = {"ir361": three_axes.calibration(50, 8.0), "kr15": six_axes.calibration(50, 13.6)}
     return found.__getitem__

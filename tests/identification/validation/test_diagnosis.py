@@ -45,7 +45,9 @@ def estimate() -> Estimate:
 
 
 def validation(error: np.ndarray, noise: float | None = None) -> Validation:
-    """Return a prediction with `error` on the first axis and white noise on the others."""
+    """Return a validation with white noise of 1 N m on each axis; `error` [N m] is added on the
+    first.
+    """
     time_s = STEP_S * np.arange(SAMPLES, dtype=np.float64)
     random = np.random.default_rng(0)
     phase = np.outer(time_s, [1.1, 1.7, 0.9]) * 2.0 * np.pi / 10.0

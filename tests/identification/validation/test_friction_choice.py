@@ -21,9 +21,7 @@ SCATTER = 0.01 * np.resize([1.0, -1.0], BLOCKS)
 
 
 def fit(terms: Terms, error: float, sigmas: float) -> Fit:
-    """Return a solution of one joint in which each added term is `sigmas` standard deviations away
-    from zero.
-    """
+    """Return a solution of one joint; each term is `sigmas` standard deviations away from zero."""
     places: dict[tuple[int, Column], int] = {}
     for term in (*PLAIN, *terms):
         places[0, term] = len(places)

@@ -94,7 +94,7 @@ def test_a_filter_is_not_explained_by_friction() -> None:
 
 @cache
 def short_recordings(cutoff_hz: float | None = None) -> SmoothedSignals:
-    """Return 14 s of torques, low-passed without phase shift if a cut-off is given."""
+    """Return 14 s of a recording; a cut-off low-passes its torques without phase shift."""
     driven = drive("three", "sines", 1, FRICTIONS["plain"], 14.0)
     if cutoff_hz is not None:
         sections = butter(2, cutoff_hz, fs=1.0 / STEP_S, output="sos")

@@ -96,7 +96,7 @@ def test_a_delay_beyond_a_quarter_of_the_shortest_period_is_a_bound(
 
 
 def oscillating_axis(robot: RobotDescription, delay_s: float) -> Recording:
-    """Return periods of one axis that oscillates at one frequency with known parameters."""
+    """Return periods of one axis that oscillates at one frequency; its torque is `delay_s` late."""
     model = RobotModel.from_description(robot)
     true = {"Izz1": 8.0, "fc_axis1": 20.0, "fv_axis1": 25.0}
     values = np.array([true.get(name, 0.0) for name in model.parameter_names])

@@ -118,7 +118,7 @@ def test_unknown_samples_extend_by_the_length_of_the_low_pass(begun_in_motion: V
 
 
 def reached_from(start: int) -> int:
-    """Return the first row at which the second axis has moved far enough since `start`."""
+    """Return the number of rows from `start` until axis 2 has moved by twice `DISTANCE`."""
     position = WAY[0][start:, 1]
     reached = np.maximum.accumulate(position) - np.minimum.accumulate(position)
     return int(np.argmax(reached >= 2.0 * DISTANCE))

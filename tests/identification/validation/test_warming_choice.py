@@ -49,7 +49,7 @@ def fitted(warming: Warming, signals: SmoothedSignals) -> Estimate:
 
 
 def error_nm(estimate: Estimate, signals: SmoothedSignals) -> FloatArray:
-    """Return the RMS error of each joint while it moves."""
+    """Return the RMS error [N m] of each joint while it moves."""
     motion = (signals.position, signals.velocity, signals.acceleration)
     conditions = None
     if estimate.warming is not None:

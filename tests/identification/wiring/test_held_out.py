@@ -1,4 +1,4 @@
-"""A robot file with wrong lengths predicts fitted torques, but not held-out ones."""
+"""Held-out parts of a recording are predicted by a correct robot file, but not by another's."""
 
 from __future__ import annotations
 

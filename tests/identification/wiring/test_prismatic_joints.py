@@ -98,7 +98,7 @@ def with_force(signals: WiredSignals, factors: tuple[float, ...]) -> WiredSignal
 
 
 def is_doubted(signals: WiredSignals) -> bool:
-    """Return True if `identify` ends with exit code 6 for one of these checks."""
+    """Return True if friction, weight or moved mass of the signals is reported as impossible."""
     driving, weight = find_impossibilities(signals)
     heavy = weight is not None and not weight.is_plausible
     return bool(driving or heavy or [each for each in moved_masses(signals) if each.sentence])

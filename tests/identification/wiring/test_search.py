@@ -21,7 +21,7 @@ COUPLING = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 1.0))
 
 
 def wired(sound: SoundRecording) -> WiredSignals:
-    """Return every motor's signals as its drive measures them."""
+    """Return every fifth row of every motor's signals, as its drive measures them."""
     coupling = np.eye(len(sound.robot.joints))
     if sound.robot.coupling is not None:
         coupling = np.linalg.inv(np.array(sound.robot.coupling))

@@ -1,4 +1,4 @@
-"""Simulated amplifier at a serial port: transmission times, baud rates, every fault of the line.
+"""Simulated amplifier at a serial port: transmission times, baud rates, and faults.
 
 The bytes come from a pseudo-terminal and are checked by the driver's parser.
 """

@@ -31,7 +31,7 @@ Join = Callable[..., RidSimBus]
 
 @pytest.fixture
 def join() -> Iterator[Join]:
-    """Open buses through python-can, as users do."""
+    """Return a function that opens buses through python-can, as users do."""
     buses: list[can.BusABC] = []
 
     def start(hub: Any, **options: Any) -> RidSimBus:

@@ -43,7 +43,7 @@ def hostile_packet(chance: random.Random) -> bytes:
 
 
 def connect(client: socket.socket, hub: Any) -> None:
-    """Connect, even if many clients wait."""
+    """Connect, however long the hub needs to accept the client."""
     client.settimeout(None)
     client.connect(str(hub.path))
 

@@ -32,7 +32,6 @@ def power(bench: Bench) -> PowerStage:
 
 
 def start_motion(bench: Bench, **watchdogs: int) -> None:
-    """Make the axis move at constant speed."""
     bench.configure(quick_stop_deceleration=DECELERATION, **watchdogs)
     bench.enable(SPEED)
     assert power(bench).state is PowerState.OPERATION_ENABLED

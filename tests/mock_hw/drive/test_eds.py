@@ -183,7 +183,7 @@ def test_a_sheet_rewritten_by_canopen_has_the_same_content(tmp_path: Path) -> No
 def write_sheet(
     items: list[EdsObject], number: str, equals: str, comment: str, newline: str, case: str
 ) -> str:
-    """Write objects as a data sheet, in one of the allowed spellings."""
+    """Return the text of a data sheet with these objects, in one of the allowed spellings."""
 
     def spelt(value: EdsValue) -> str:
         content = value.content

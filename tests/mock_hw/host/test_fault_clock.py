@@ -1,4 +1,4 @@
-"""Cycles of a fault script: they count from the controlword, wherever a drive receives it."""
+"""Cycles of a fault script: they count from the enabling controlword, in whatever frame it is."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from config.process.termination import signals_blocked
 
 
 def send_state(pipe: Connection) -> None:
-    """Send the loaded modules, variables, folder and parent of this process; then fail."""
+    """Send state of this process (Pinocchio loaded, a variable, folder, parent), then fail."""
     pipe.send(("pinocchio" in sys.modules, os.environ["RID_STATE"], os.getcwd(), os.getppid()))
     raise ValueError("x")
 

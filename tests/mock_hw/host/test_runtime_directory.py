@@ -1,4 +1,7 @@
-"""Sockets are in folders that only this user can write to."""
+"""Sockets are in folders that only this user can write to.
+
+Files and folders of killed programs are removed.
+"""
 
 from __future__ import annotations
 

@@ -157,7 +157,7 @@ def with_elastic_gears(truth: PlantConfig) -> PlantConfig:
 
 
 def check_impulse(robot: RobotDescription, plant: PlantConfig, brake_at_s: float = 9.0) -> None:
-    """Run one second in uneven steps; compare the base's impulse with the change of momentum."""
+    """Run about one second in uneven steps; compare the base's impulse with the momentum gained."""
     simulated = Plant(robot, plant, seed=2)
     simulated.advance(0.1, STILL, [0.4, -0.3, 0.5], ON, OFF)
     simulated.watch_base(True)

@@ -24,12 +24,12 @@ def plant_with_gear(damping: float = 0.0, play: float = 0.0) -> Plant:
 
 
 def motor_angle(plant: Plant) -> float:
-    """Return the angle by the encoder on the motor."""
+    """Return the motor's angle on the link side [rad], by its encoder."""
     return float(plant.position_counts()[0]) * 2.0 * math.pi / (10_000 * 100.0)
 
 
 def load_after_braking(plant: Plant, seconds: float = 1.0) -> list[float]:
-    """Accelerate, close the motor's brake, and return the load's deflection over time."""
+    """Move, close the motor's brake, and return the load's deflection [rad] in each later step."""
     for _ in range(200):
         plant.advance(0.005, [0.5], [0.5], ON, OFF)
     places = []

@@ -42,7 +42,7 @@ def change_plant(plant: PlantConfig, **axis: float) -> PlantConfig:
 def required_torque(
     robot: RobotDescription, plant: PlantConfig, q: Array, v: Array, a: Array
 ) -> Array:
-    """Return the motor torques: Pinocchio's inverse dynamics, spring and friction, (S, n)."""
+    """Return the motor torques (samples, n): Pinocchio's inverse dynamics, spring and friction."""
     bodies = build_rigid_bodies(robot, plant)
     data, coupling = bodies.model.createData(), bodies.gearing
     torque = np.array(
@@ -298,7 +298,10 @@ def test_time_advances_by_the_requested_amount(robot: RobotDescription, truth: P
 
 
 def circle(count: int) -> tuple[Array, Array, Callable[[Array], Array]]:
-    """Return joint positions and velocities of the thesis's horizontal circle, and kinematics."""
+    """Return positions and velocities (count, 3) of the thesis's horizontal circle, and `tool`.
+
+    `tool` computes the tool's positions from joint positions.
+    """
 
     def tool(q: Array) -> Array:
         arm = q[:, 1] + np.pi / 2

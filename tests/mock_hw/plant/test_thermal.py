@@ -120,7 +120,7 @@ def test_without_unmodelled_effects_no_motor_warms_up(
 def test_a_payload_adds_its_weight_to_the_motors_that_carry_it(
     loaded: LoadedCell, truth: PlantConfig
 ) -> None:
-    """At rest, the payload adds the model's payload term, which includes the coupling matrix V."""
+    """At rest, the payload adds the model's payload term, which includes the coupling matrix."""
     plant = robot_at_rest(loaded, truth)
     alone = plant.torque
     plant.attach("large")

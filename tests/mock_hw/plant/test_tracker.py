@@ -21,7 +21,7 @@ def plant() -> PlantConfig:
 
 
 def nominal(plant: PlantConfig, **changes: object) -> PlantConfig:
-    """Return the plant with nominal kinematics and a changed tracker."""
+    """Return the plant with a changed tracker and without unmodelled effects."""
     assert plant.tracker is not None
     tracker = plant.tracker.model_copy(update=changes)
     return plant.model_copy(update={"unmodelled": None, "tracker": tracker})

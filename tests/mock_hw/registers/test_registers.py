@@ -178,7 +178,7 @@ def test_a_missing_gateway_is_an_error(workshop: Workshop, tmp_path: Path) -> No
 
 @pytest.fixture(scope="module")
 def authority(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Return a folder with an authority and certificates of a drive and of a computer."""
+    """Return a folder with two authorities, and certificates of a drive and of a computer."""
     if shutil.which("openssl") is None:
         pytest.skip("openssl is not installed")
     folder = tmp_path_factory.mktemp("tls")
