@@ -7,6 +7,7 @@ import math
 import re
 from collections.abc import Callable
 from dataclasses import fields, replace
+from functools import partial
 from importlib import resources
 from pathlib import Path
 from types import SimpleNamespace
@@ -245,21 +246,27 @@ def test_import_identify_and_validate_report_the_number_of_repeated_rows(
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    def repeat_every_tenth_row(table: np.ndarray) -> None:
+    def repeat_every_tenth_row(table: np.ndarray, torque_nm: float) -> None:
         row = np.repeat(np.arange(800), np.where(np.arange(800) % 10 == 9, 2, 1))[:800]
         turn = math.pi * 0.011 * row
         table[:, 0] = 0.011 * np.arange(800)
         for column, values in enumerate(
             [
                 *(np.sin(turn), 0.5 * np.cos(0.7 * turn), math.pi * np.cos(turn)),
-                *(-0.35 * math.pi * np.sin(0.7 * turn), 3.0 * np.sin(turn), 4.0 * np.cos(turn)),
+                *(
+                    -0.35 * math.pi * np.sin(0.7 * turn),
+                    torque_nm * np.sin(turn),
+                    4.0 * np.cos(turn),
+                ),
             ],
             start=1,
         ):
             table[:, column] = values
 
-    for label in ("first", "second"):
-        found = import_changed(repeat_every_tenth_row, "--label", label)
+    for label, torque_nm in (("first", 3.0), ("second", 3.1)):
+        found = import_changed(
+            partial(repeat_every_tenth_row, torque_nm=torque_nm), "--label", label
+        )
         assert found.clock["repeated_rows"] == 72
         assert found.clock["repeated_percent"] == pytest.approx(9.0)
         assert found.clock["clock"] == "rebuilt"
