@@ -257,6 +257,8 @@ def read_named(
         names = bundled_names(kind)
         hint = difflib.get_close_matches(reference, names, n=1)
         meant = f" Did you mean {hint[0]}?" if hint else ""
+        if kind == "cells" and reference in bundled_names("robots"):
+            meant = f" {reference!r} is a robot: name it as `robot` of a cell (Python: Robot.load)."
         known = f" Bundled {kind}: {', '.join(names)}." if names else ""
         raise ConfigError(
             f"no file and no bundled {kind[:-1]} {reference!r}.{meant}{known}",
