@@ -1,4 +1,4 @@
-"""Check for terms that are valid only at the positions of their identification."""
+"""Comparison of a motion with that of the identification: extrapolation, and the same motion."""
 
 from __future__ import annotations
 
@@ -12,6 +12,31 @@ from identification.estimation.estimate import Estimate
 
 MARGIN_SHARE: Final = 0.02
 """Distance by which a motion may leave the identified range, relative to the range."""
+SAME_END: Final = 5e-4
+"""Largest difference of equal ends of two ranges of positions, relative to the range."""
+FEWEST_SAME_ENDS: Final = 2.0 / 3.0
+"""Fraction of equal ends from which two motions are probably the same. Ends can differ because of a
+way to the first pose, and be equal because of a limit.
+"""
+
+
+def repetition_findings(estimate: Estimate, position: FloatArray) -> tuple[str, ...]:
+    """Report if a motion has the positions of the identification, so that it tests no other motion.
+
+    Args:
+        position: Shape (samples, n). The motion [rad or m].
+    """
+    if estimate.position_range is None:
+        return ()
+    ends = estimate.position_range
+    own = np.column_stack([position.min(axis=0), position.max(axis=0)])
+    same = np.abs(own - ends) <= SAME_END * np.ptp(ends, axis=1)[:, np.newaxis]
+    if same.mean() < FEWEST_SAME_ENDS:
+        return ()
+    return (
+        "The joints move between the same positions as in the identification, so this run probably"
+        " repeats its motion. On other motions the error can be larger: validate on one of them.",
+    )
 
 
 def extrapolation_findings(estimate: Estimate, position: FloatArray) -> tuple[str, ...]:

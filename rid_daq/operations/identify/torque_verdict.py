@@ -14,7 +14,7 @@ from config.cell.plate import PlateLimits
 from config.errors import ConfigError, DataQualityError
 from config.formats.number import parse_numbers
 from config.robot.robot import RobotDescription
-from identification.accuracy.extrapolation import extrapolation_findings
+from identification.accuracy.extrapolation import extrapolation_findings, repetition_findings
 from identification.calibration.base_reaction import base_load
 from identification.elasticity.gear_torque import describe_gear_torque
 from identification.estimation.estimate import Estimate
@@ -231,7 +231,8 @@ def required_plate_limits(cell: CellConfig | None, where: str) -> PlateLimits:
 def verdict_of_checks(checks: Sequence[VerdictCheck], passed: str, sentence: str) -> VerdictSection:
     """Return a verdict whose headline names the joints and components beyond their limits."""
     failed = [line.text.rsplit(" ", 1)[-1] for line in checks if not line.passed]
-    headline = f"Failed: {', '.join(failed)} exceed the limit" if failed else passed
+    exceed = "exceeds" if len(failed) == 1 else "exceed"
+    headline = f"Failed: {', '.join(failed)} {exceed} the limit" if failed else passed
     return VerdictSection.of(checks, headline, sentence)
 
 
@@ -271,7 +272,10 @@ def _torque_section(
             " that of the motors with the stiffness in the model file. With rigid gears, the"
             f" prediction would differ by {describe_gear_torque(robot, gear_torque)}."
         )
-    diagnosis = list(extrapolation_findings(estimate, validation.position))
+    diagnosis = [
+        *repetition_findings(estimate, validation.position),
+        *extrapolation_findings(estimate, validation.position),
+    ]
     if not external:  # without friction in the model, it would find friction only
         diagnosis += [found.sentence for found in diagnose(estimate, validation)]
     return ValidationSection.of(validation, robot, sentence, diagnosis=diagnosis), validation

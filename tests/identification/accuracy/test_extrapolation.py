@@ -1,4 +1,4 @@
-"""Fourier series of a spring: valid only within the positions of its identification."""
+"""A motion is compared with the positions of the identification."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from config.load import load_robot
-from identification.accuracy.extrapolation import extrapolation_findings
+from identification.accuracy.extrapolation import extrapolation_findings, repetition_findings
 from identification.estimation.estimate import Estimate
 from identification.estimation.fitted_signals import fit_smoothed
 from tests.builders.presliding_arm import motion, signals_of
@@ -45,3 +45,21 @@ def test_a_physical_spring_can_be_extrapolated(fourier: Estimate) -> None:
     physical = fit_smoothed(robot, [signals_of(*motion(20.0, 1), motion(20.0, 1)[0])]).estimate()
     assert extrapolation_findings(physical, 2.0 * motion(20.0, 1)[0]) == ()
     assert extrapolation_findings(replace(fourier, position_range=None), motion(20.0, 1)[0]) == ()
+
+
+def test_a_repetition_of_the_identified_motion_is_reported(fourier: Estimate) -> None:
+    """Noise and a way to the first pose change some of the ends of the ranges."""
+    q = motion(20.0, 1)[0]
+    noisy = q + np.random.default_rng(1).normal(size=q.shape, scale=2e-5)
+    away = np.vstack([[0.0, 2.0, 0.0], noisy])
+    assert len(repetition_findings(fourier, away)) == 1
+    assert repetition_findings(replace(fourier, position_range=None), q) == ()
+
+
+@pytest.mark.parametrize("seed", range(2, 22))
+def test_another_motion_is_no_repetition(fourier: Estimate, seed: int) -> None:
+    """All motions reach the same limits of the first joint."""
+    q = motion(20.0, seed)[0]
+    low, high = motion(20.0, 1)[0][:, 0].min(), motion(20.0, 1)[0][:, 0].max()
+    q[:, 0] = low + (high - low) * (q[:, 0] - q[:, 0].min()) / np.ptp(q[:, 0])
+    assert repetition_findings(fourier, q) == ()
