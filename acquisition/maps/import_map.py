@@ -145,7 +145,8 @@ class ImportMap(PhysicalFile, Derived):
             refused.
         rows: Rows to use.
         period_s: Duration of one period, if the rows contain whole periods [s]. Periods are
-            averaged; without this key the recording is smoothed instead.
+            averaged, and the positions must repeat; without this key the recording is smoothed
+            instead.
     """
 
     name: str = Field(pattern=r"^[A-Za-z0-9][\w.-]{0,63}$")
