@@ -141,8 +141,13 @@ class Recording:
         with tempfile.TemporaryDirectory(prefix="rid-daq-") as folder:
             file = Path(folder) / f"{name}.csv"
             np.savetxt(file, np.column_stack(columns), fmt="%.17g", delimiter=",")
-            with changed_text(lambda text: _with_array_names(text, name, list(given), n)):
-                return cls._import_files((file,), layout, robot, "")
+
+            def change(text: str) -> str:
+                return _with_array_names(text, name, list(given), n)
+
+            with changed_text(change):
+                recording = cls._import_files((file,), layout, robot, "")
+            return replace(recording, notes=tuple(map(change, recording.notes)))
 
     @classmethod
     def _import_files(
@@ -251,7 +256,7 @@ class Recording:
 
 
 def _with_array_names(text: str, name: str, arrays: Sequence[str], joints: int) -> str:
-    """Name arrays in the text of an error, not the file and the map with which they are read."""
+    """Name arrays in a text, not the file and the map with which they are read."""
 
     def name_array(found: re.Match[str]) -> str:
         array, joint = divmod(int(found[1]) - 1, joints)
@@ -259,6 +264,11 @@ def _with_array_names(text: str, name: str, arrays: Sequence[str], joints: int) 
 
     text = text.replace(f"{name}.csv", f"recording {name}").replace(" with map 'arrays'", "")
     text = text.replace("Correct the columns or units in the map", "Correct the units")
+    text = text.replace("wrong map or damaged file: ", "")
+    text = re.sub(
+        r"put `[^`]+` (?:under `\w+` into|into `\w+` of|into) the map", "convert it", text
+    )
+    text = re.sub(r",? in (?:the|its) map\b", "", text)
     text = re.sub(r"\bcolumn (\d+)", name_array, text)
     return text.replace("columns", "arrays")
 

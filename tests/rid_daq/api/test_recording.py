@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
@@ -48,6 +50,20 @@ def test_an_error_names_the_array_and_not_a_file(arm: Arm) -> None:
         )
     assert ".csv" not in str(raised.value)
     assert "column" not in str(raised.value)
+
+
+def test_no_text_speaks_of_a_map(arm: Arm) -> None:
+    time_s, q, v, a = arm.motion(5, 10.0)
+    torque_nm = arm.torque_nm(q, v, a)
+    notes = Recording.from_arrays(1e3 * time_s, q, torque_nm, robot=arm.robot).notes
+    assert len(notes) == 2
+    absent = np.where(q > q[0], np.nan, q)
+    texts = list(notes)
+    for changed in ((time_s[::-1], q), (time_s, absent), (time_s[:50], q[:50])):
+        with raises_code(DataQualityError, "RID-IMPORT-ROWS") as raised:
+            Recording.from_arrays(*changed, torque_nm[: len(changed[0])], robot=arm.robot)
+        texts.append(str(raised.value))
+    assert not [text for text in texts if re.search(r"\bmap\b|`unit", text)]
 
 
 def test_a_result_without_a_plot_is_refused_with_those_that_have_one(arm: Arm) -> None:
