@@ -59,9 +59,9 @@ def test_no_text_speaks_of_a_map(arm: Arm) -> None:
     assert len(notes) == 2
     absent = np.where(q > q[0], np.nan, q)
     texts = list(notes)
-    for changed in ((time_s[::-1], q), (time_s, absent), (time_s[:50], q[:50])):
+    for stamps, rows in ((time_s[::-1], q), (time_s, absent), (time_s[:50], q[:50])):
         with raises_code(DataQualityError, "RID-IMPORT-ROWS") as raised:
-            Recording.from_arrays(*changed, torque_nm[: len(changed[0])], robot=arm.robot)
+            Recording.from_arrays(stamps, rows, torque_nm[: len(rows)], robot=arm.robot)
         texts.append(str(raised.value))
     assert not [text for text in texts if re.search(r"\bmap\b|`unit", text)]
 
