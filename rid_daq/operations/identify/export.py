@@ -46,9 +46,9 @@ class ExportRequest(Request):
 
     For a model, the physically consistent parameters closest to the identified ones are written; if
     they do not explain the data, nothing is written unless --despite-misfit or --as-identified is
-    given. A comment in the file lists what its format cannot express. Tables contain both sets of
-    parameters, and the intervals of the identified ones. For a run, every row is written as it was
-    recorded.
+    given. If the fit of a joint is bad, --despite-misfit is always needed. A comment in the file
+    lists what its format cannot express. Tables contain both sets of parameters, and the intervals
+    of the identified ones. For a run, every row is written as it was recorded.
     """
 
     what: Annotated[
@@ -103,7 +103,7 @@ class ExportRequest(Request):
         bool,
         Field(
             description="Write the closest physically consistent model even if it contradicts"
-            " the data; the file says so."
+            " the data (the file says so), or a model with a bad fit."
         ),
     ] = False
     overwrite: Overwrite = False

@@ -77,8 +77,6 @@ def export_file(request: ExportRequest) -> ExportedModel | ExportedRecording:
         _refuse_without_effect(request, ("unfinished",), "with a model file")
         if request.to not in (Format.URDF, Format.KDL):
             _refuse_without_effect(request, ("urdf",), f"with --to {request.to.value}")
-        if request.as_identified:
-            _refuse_without_effect(request, ("despite_misfit",), "with --as-identified")
         return export_model(request)
     names = ("as_identified", "despite_misfit", "urdf", "tip")
     _refuse_without_effect(request, names, "with a recording")
@@ -181,6 +179,7 @@ def exported_parameters(
             robot file if not given.
 
     Raises:
+        ConfigError: --despite-misfit has no effect.
         EstimationError: A joint did not move, the model does not explain its own data, or no
             physically consistent parameters explain them.
     """
@@ -195,6 +194,10 @@ def exported_parameters(
             code="RID-MODEL-MISFIT",
         )
     if request.as_identified:
+        if not bad:
+            _refuse_without_effect(
+                request, ("despite_misfit",), "with --as-identified if the fit of no joint is bad"
+            )
         return ExportModel.from_estimate(
             estimate
         ), "The file contains the parameters as identified."

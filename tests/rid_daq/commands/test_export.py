@@ -173,6 +173,14 @@ def test_an_inconsistent_model_is_exported_only_with_despite_misfit(
     measured("exit code 6, no file written")
 
 
+def test_despite_misfit_without_effect_is_refused(
+    model_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["export", str(model_file), "--to", "csv", "-o", str(tmp_path / "table.csv")]
+    assert run([*words, "--as-identified", "--despite-misfit"]) == 2
+    assert "RID-OPTION-NO-EFFECT" in capsys.readouterr().err
+
+
 def test_a_robot_description_cannot_be_exported_as_identified(
     model_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

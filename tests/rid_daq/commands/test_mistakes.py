@@ -152,6 +152,10 @@ def test_a_model_with_a_poor_fit_is_not_exported(
     assert "RID-MODEL-MISFIT" in capsys.readouterr().err
     assert not (tmp_path / "arm.urdf").exists()
     assert run([*export, "--despite-misfit"]) == 0
+    as_identified = ["export", document["model"], "--to", "python", "--as-identified"]
+    as_identified += ["-o", str(tmp_path / "arm.py")]
+    assert run(as_identified) == 6
+    assert run([*as_identified, "--despite-misfit"]) == 0
 
 
 def test_validation_fails_on_an_unpredicted_recording_even_without_limits(
