@@ -82,7 +82,9 @@ class Model:
         """Return the model of a file that `save` or `rid-daq identify` wrote.
 
         Raises:
-            ConfigError, RecordingError: The file is not a model, or is in another run's folder.
+            ConfigError: The file cannot be read or is not a model.
+            RecordingError: The file is in the folder of a run from which the model was not
+                identified, or a file of this run has changed.
         """
         estimate = read_model(as_path("path", path))
         return cls(estimate, EstimateSection.of(estimate))

@@ -39,7 +39,7 @@ class StatedChanges:
     contents: tuple[bytes, ...]
 
     def planned(self, samples: MotionSamples, *, signals: bool = False) -> MotionSamples:
-        """Return a motion without periods, because the load differs in them.
+        """Return a motion that does not count as periodic, because its periods have other loads.
 
         Args:
             samples: The motion.

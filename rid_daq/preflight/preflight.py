@@ -25,7 +25,7 @@ from rid_daq.preflight.plate_check import PlateCheck
 
 
 def _ignore_lines(_lines: Sequence[CheckLine]) -> None:
-    """Ignore the lines."""
+    pass
 
 
 def lines_before_bus(

@@ -72,7 +72,7 @@ def search(
     context: Context,
     scheduler: str | None = None,
 ) -> Search:
-    """Refine one start after the other, and return the best motion that keeps all limits.
+    """Refine random starts, and return the best motion that keeps all limits.
 
     If no motion keeps half its amplitude within the limits, problems with fewer harmonics and
     longer periods are tried with a few starts each; a message says so. The result depends on seed

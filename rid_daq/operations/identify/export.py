@@ -47,8 +47,8 @@ class ExportRequest(Request):
     For a model, the physically consistent parameters closest to the identified ones are written; if
     they do not explain the data, nothing is written unless --despite-misfit or --as-identified is
     given. A comment in the file lists what its format cannot express. Tables contain both sets of
-    parameters, and the intervals of the identified ones. For a run, every row is written as it was
-    recorded.
+    parameters, and the intervals of the identified ones. For a run, every row is written. If the
+    drives reported temperatures, the torques are corrected for warm torque constants.
     """
 
     what: Annotated[
