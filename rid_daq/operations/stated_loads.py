@@ -125,7 +125,7 @@ class StatedLoads:
         )
 
     def as_driven(self, recorded: LoadChanges | None) -> Estimate | RampedLoad:
-        """Return the model of a driven motion: each change that came, at its true time.
+        """Return the model of a driven motion, with each change that occurred, at its actual time.
 
         Args:
             recorded: The changes that the run stores.

@@ -117,7 +117,7 @@ def preflight(
 
 
 def _try_step(step: Callable[[], object]) -> RidDaqError | None:
-    """Perform a step of the plate's check; return its error: the drives must still be checked."""
+    """Perform a step of the plate's check; return its error, so that the preflight continues."""
     try:
         step()
     except DriverError as error:

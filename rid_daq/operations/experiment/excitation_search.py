@@ -205,8 +205,5 @@ def _interrupt_once() -> Callable[[], None]:
 
 
 def _sort_key(candidate: Candidate) -> tuple[float, int]:
-    """Return the sort key of a candidate.
-
-    It makes the result independent of the order of arrival.
-    """
+    """Return a sort key that makes the result independent of the order of arrival."""
     return (candidate.check.objective, candidate.seed)
