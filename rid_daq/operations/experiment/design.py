@@ -168,8 +168,8 @@ class Multisine(Request):
         Literal["odd", "random_odd", "full"],
         Field(
             description="Excited lines of the frequency band. odd: all odd lines; random_odd: odd"
-            " lines without one of each four, chosen at random, which shows distortion; full: all"
-            " lines."
+            " lines, but one of every four, chosen at random, is empty and shows distortion; full:"
+            " all lines."
         ),
         Option(group=MULTISINES),
     ] = "random_odd"
