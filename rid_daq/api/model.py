@@ -262,7 +262,8 @@ class Model:
 
         Args:
             temperature: Temperature of the joints [°C], such as 40 or "40,35,30"; or, for a model
-                with computed warming, `cold` or `warm` (as the motion heats the joints).
+                with computed warming, `cold` (after a long rest) or `warm` (after many repetitions
+                of the motion).
             velocity: Shape (samples, joints). Velocities of the motion, for `warm` [rad/s or m/s].
 
         Raises:

@@ -175,7 +175,7 @@ def add_feedforward(
         The motion, the file's bytes, and the changes of the payload during the motion.
 
     Raises:
-        ConfigError: The file is of another motion, or for another cell.
+        ConfigError: The file is of another motion, cycle time or robot.
     """
     data = read_content(path, LARGEST_FILE_BYTES)
     file = feedforward_content(data, path)
