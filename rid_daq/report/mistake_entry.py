@@ -150,7 +150,7 @@ class MovedMassEntry(Section):
     def differs(self) -> bool:
         """True if the mass is possible, but distinctly differs from that of the links in `cad`.
 
-        A mass that is too large does not count if it can contain a rotor.
+        A mass that is too large does not count if it contains the inertia of a rotor.
         """
         if self.drawn is None or self.drawn_std is None or not self.is_plausible:
             return False

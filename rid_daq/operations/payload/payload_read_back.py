@@ -25,8 +25,9 @@ if TYPE_CHECKING:
 class PayloadReadBackRequest(Request):
     """Read load data and compare them with a payload.
 
-    The exit code is 1 if they differ by more than --tolerance. Three quantities are compared: the mass, the centre of gravity (relative to its distance from
-    the flange) and the inertia (relative to its largest moment).
+    The exit code is 1 if they differ by more than --tolerance. Three quantities are compared: the
+    mass, the centre of gravity (relative to its distance from the flange) and the inertia (relative
+    to its largest moment).
     """
 
     payload: PayloadFile
