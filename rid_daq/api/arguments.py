@@ -38,7 +38,6 @@ def require(name: str, value: object, kind: type[T]) -> T:
 
 
 def _wrong_kind(name: str, value: object, expected: str) -> ConfigError:
-    """Return the error of an argument that is not of the expected kind."""
     return ConfigError(
         f"{name}: {type(value).__name__} {str(value)[:40]!a}; give {expected}", code=ARGUMENT
     )

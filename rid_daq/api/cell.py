@@ -131,7 +131,7 @@ class Cell:
 
         Args:
             motion: The motion.
-            feedforward: Result of `compensate` for this motion, which the drives then add.
+            feedforward: Result of `compensate` for this motion, which is applied while it runs.
             label: Label of the run.
             cleared: As for `run`.
             options: Further fields of the request `record`, as in docs/reference/openapi.json.

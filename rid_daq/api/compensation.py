@@ -91,8 +91,8 @@ def compensate(
         motion: The motion, planned for the cell that performs it.
         model: The identified robot.
         loops: File of velocity loops that `rid-daq loop` wrote.
-        reference: Run folder of a periodic motion. Torque scale and delay of each joint are tuned
-            to this run.
+        reference: Run folder of a periodic motion. Scale and delay of the feedforward are tuned to
+            this run, joint by joint.
         payload: Payload on the flange: an identified payload, `model` (the model's own payload) or
             `none`; with `load_changes`, the payload before the first change.
         load_changes: Load-change file: payloads that the robot takes up or puts down during the

@@ -109,8 +109,9 @@ def validate(
         ConfigError: The recording is of another robot (RID-ROBOT-OTHER); a limit is invalid; the
             cells of the recordings state different limits (RID-OPTION-NEEDS); or the model contains
             a payload (RID-PAYLOAD-UNSTATED), see `Model.with_payload`.
-        DataQualityError: The model was identified from this recording (RID-VALIDATE-SAME-RUN), or
-            the robot moves for less than 5 s, in all recordings together.
+        DataQualityError: The model was identified from rows of this recording
+            (RID-VALIDATE-SAME-RUN), a torque was not measured (RID-RUN-NO-TORQUE), or the robot
+            moves for less than 5 s in all recordings together (RID-RUN-STILL).
     """
     require("model", model, Model)
     recordings = require_each("recording", recording, Recording)

@@ -82,7 +82,9 @@ class Model:
         """Return the model of a file that `save` or `rid-daq identify` wrote.
 
         Raises:
-            ConfigError, RecordingError: The file is not a model, or is in another run's folder.
+            ConfigError: The file cannot be read or is not a model.
+            RecordingError: The file is in the folder of a run from which the model was not
+                identified, or a file of this run has changed.
         """
         estimate = read_model(as_path("path", path))
         return cls(estimate, EstimateSection.of(estimate))
@@ -260,7 +262,8 @@ class Model:
 
         Args:
             temperature: Temperature of the joints [°C], such as 40 or "40,35,30"; or, for a model
-                with computed warming, `cold` or `warm` (as the motion heats the joints).
+                with computed warming, `cold` (after a long rest) or `warm` (after many repetitions
+                of the motion).
             velocity: Shape (samples, joints). Velocities of the motion, for `warm` [rad/s or m/s].
 
         Raises:

@@ -295,7 +295,7 @@ def retime(
             is invalid.
         EstimationError: The payload did not pass its verdict; or the model contains a payload, but
             `payload` is None (RID-PAYLOAD-UNSTATED).
-        LimitError: A limit cannot be kept; the text names the joint and the pose.
+        LimitError: A limit cannot be kept; the text names the limit and, if known, the pose.
     """
     described = require("motion", motion, Motion).description
     require("model", model, Model)

@@ -155,9 +155,9 @@ def identify_payload(
 ) -> Payload:
     """Identify a payload from recordings with it, and from recordings or a model without it.
 
-    Without a model, robot and payload are estimated at once: the payload adds ten columns to Y in
-    tau = Y(q, v, a) beta (docs/theory.md 11). With a model, its torques are subtracted. Friction is
-    estimated separately for every recording.
+    By default, robot and payload are estimated at once if no model is given: the payload adds ten
+    columns to Y in tau = Y(q, v, a) beta (docs/theory.md 11). With a model, its torques are
+    subtracted. Friction is estimated separately for every recording.
 
     Args:
         loaded: Recordings with the payload.

@@ -29,7 +29,7 @@ def plot(result: Shown) -> Figure:
     torques of a validation, the centre of gravity of a payload, or the torques of a retimed path.
 
     Args:
-        result: What is drawn.
+        result: A result of this API.
 
     Returns:
         A figure: a notebook shows it, and its `savefig` writes it.
@@ -42,8 +42,8 @@ def plot(result: Shown) -> Figure:
     found = next((each for each in blocks if isinstance(each, Plot)), None)
     if found is None:
         raise ConfigError(
-            f"{type(result).__name__}: this result has no plot; give a Recording, Motion, Model,"
-            " Validation, Payload or Feedforward",
+            f"{type(result).__name__}: this result has no plot; give a Recording, Motion or Model,"
+            " a Validation of one recording, or a Payload whose centre of gravity is known",
             code="RID-API-ARGUMENT",
         )
     # Imported late, because this module imports two plot libraries.

@@ -174,7 +174,6 @@ def _states_fields(keys: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _set_in_joints(keys: MutableMapping[str, Any], name: str, values: object, robot: Robot) -> None:
-    """Set a key of each joint."""
     n = len(robot.joint_names)
     given = values if isinstance(values, Sequence) and not isinstance(values, str) else ()
     if len(given) != n:

@@ -278,7 +278,7 @@ def named_recordings(recordings: Sequence[Recording]) -> Iterator[None]:
     """Name recordings in the text of an error by their labels, not by temporary folders and ids.
 
     Raises:
-        RidDaqError: As raised by the caller, with the new text.
+        RidDaqError: The error of the `with` block, with the new text.
     """
 
     def change(text: str) -> str:

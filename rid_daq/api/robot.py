@@ -52,7 +52,8 @@ class Robot:
     ) -> Self:
         """Return the robot of a URDF, as `rid-daq init --urdf` makes it.
 
-        Limits that the URDF does not state follow from the robot's size; `notes` lists them.
+        Limits that the URDF does not state follow from the robot's size. Stated limits are changed
+        if the motors could not keep them. `notes` lists both.
 
         Args:
             path: The URDF.
@@ -63,8 +64,9 @@ class Robot:
                 parallelogram.
 
         Raises:
-            ConfigError: The file is not the URDF of a serial robot, or it has several arms and
-                `tip` does not choose one (RID-URDF-ARM).
+            ConfigError: The file cannot be read, is not the URDF of a serial robot, or has several
+                arms and `tip` does not choose one (RID-URDF-ARM); a folder of `packages` does not
+                exist; or the links leave no space for a motion.
         """
         request = InitRequest.of(
             {
@@ -82,7 +84,7 @@ class Robot:
 
     @property
     def name(self) -> str:
-        """Its name."""
+        """Name of the robot."""
         return self.description.name
 
     @property
@@ -114,10 +116,10 @@ class Robot:
 
 
 def as_robot(name: str, value: object) -> Robot:
-    """Return a robot that is given itself, by its bundled name, or by the path of its file.
+    """Return the robot of an argument: a `Robot`, a bundled name, or the path of a robot file.
 
     Raises:
-        ConfigError: It is none of these, or the file cannot be read.
+        ConfigError: The argument is none of these, or the file cannot be read.
     """
     if isinstance(value, (str, Path)):
         return Robot.load(as_path(name, value))

@@ -27,7 +27,7 @@ def request_folder() -> Iterator[Path]:
     """Yield a temporary folder for the files of a request.
 
     Raises:
-        RidDaqError: As raised by the caller, but its text does not name the temporary files.
+        RidDaqError: The error of the `with` block, without names of temporary files.
     """
     with tempfile.TemporaryDirectory(prefix="rid-daq-") as name:
         folder = Path(name)
@@ -37,13 +37,13 @@ def request_folder() -> Iterator[Path]:
 
 @contextmanager
 def changed_text(change: Callable[[str], str]) -> Iterator[None]:
-    """Change the text of a `RidDaqError`.
+    """Change the text of a `RidDaqError` that the `with` block raises.
 
     Args:
         change: Function that returns the new text.
 
     Raises:
-        RidDaqError: As raised by the caller, with the new text and the same code.
+        RidDaqError: The error of the `with` block, with the new text and the same code.
     """
     try:
         yield

@@ -35,7 +35,7 @@ class Validation:
 
     @property
     def passed(self) -> bool:
-        """False if the error of a joint is above its limit."""
+        """False if a torque error, or a value of the base wrench, is above its limit."""
         return self.judged.verdict.passed is not False
 
     @property

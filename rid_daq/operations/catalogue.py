@@ -165,7 +165,7 @@ CATALOGUE: Final = {
     "calibrate poses": Entry(
         "calibration", "", "propose the poses to measure for a kinematic calibration"
     ),
-    "compare": Entry("identify", "Identify", "compare two estimates of the same robot"),
+    "compare": Entry("identify", "Identify", "compare two runs or models of the same robot"),
     "export": Entry("identify", "Identify", "write a model or a recording for other programs"),
     "report": local("runs", "Identify", "write a run's report again from its results"),
     "payload session": Entry(

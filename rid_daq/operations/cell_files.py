@@ -82,7 +82,8 @@ def read_estimate_for(path: Path, robot: RobotDescription) -> Estimate:
     Raises:
         ConfigError: The file is not a model file, or is of another robot, even one with the same
             joint names.
-        RecordingError: The file is in the folder of a run, and is not the model of this run.
+        RecordingError: The file is in the folder of a run, and is not the model of this run; or a
+            file of this run has changed.
         EstimationError: A joint did not move when the model was identified.
     """
     return read_estimate_and_bytes(path, robot)[0]
@@ -174,7 +175,7 @@ def add_feedforward(
         The motion, the file's bytes, and the changes of the payload during the motion.
 
     Raises:
-        ConfigError: The file is of another motion, or for another cell.
+        ConfigError: The file is of another motion, cycle time or robot.
     """
     data = read_content(path, LARGEST_FILE_BYTES)
     file = feedforward_content(data, path)

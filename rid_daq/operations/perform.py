@@ -16,7 +16,7 @@ def perform(operation: Operation, request: Request, console: Console) -> None:
 
     Raises:
         ConfigError: The operation needs Linux, and this system is another (RID-SYSTEM-LINUX).
-        RidDaqError: The failure of the result, if the result has a failure.
+        RidDaqError: The error of the operation, or the failure of its result.
         SystemExit: Exit code of the result, if it is not 0.
     """
     if operation.needs_linux:

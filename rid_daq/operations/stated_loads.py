@@ -39,7 +39,7 @@ class StatedChanges:
     contents: tuple[bytes, ...]
 
     def planned(self, samples: MotionSamples, *, signals: bool = False) -> MotionSamples:
-        """Return a motion without periods, because the load differs in them.
+        """Return a motion that does not count as periodic, because its periods have other loads.
 
         Args:
             samples: The motion.
@@ -125,7 +125,7 @@ class StatedLoads:
         )
 
     def as_driven(self, recorded: LoadChanges | None) -> Estimate | RampedLoad:
-        """Return the model of a driven motion: each change that came, at its true time.
+        """Return the model of a driven motion, with each change that occurred, at its actual time.
 
         Args:
             recorded: The changes that the run stores.

@@ -68,7 +68,8 @@ def state_payload(
     Raises:
         ConfigError: The model contains a payload but the request states none, the request states
             the model's payload but the model contains none, or the payload is of another robot,
-            too heavy (LimitError), invalid or not found.
+            invalid or not found.
+        LimitError: The payload is too heavy for the robot.
         RecordingError: The payload's run cannot be read.
         EstimationError: The payload failed its verdict, or its motion did not determine all its
             parameters.

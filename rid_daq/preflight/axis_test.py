@@ -1,4 +1,4 @@
-"""Record of a cell's axis test: signed, and valid until the cell file or robot file changes.
+"""Signed record of a cell's axis test, valid until the cell file or robot file changes.
 
 The record is in the state folder of this user account. Clients of a service have no access to this
 folder; they can change the record only by an axis test. The entry of each axis has a signature,
@@ -38,7 +38,7 @@ _SECRET: Final = "axis-test.key"
 
 
 class AxisTestRule(Enum):
-    """Rule for a motion on a real cell: is a passed axis test required?"""
+    """Rule on the axis test before a motion of a real cell: required, waived, or not needed."""
 
     REQUIRED = "required"
     WAIVED = "waived"

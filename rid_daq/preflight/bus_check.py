@@ -103,10 +103,10 @@ def interface_lines(cell: CellConfig, interface: CanInterface | None) -> list[Ch
 
 
 def sender_lines(opened: Cell, cycles: int) -> list[CheckLine]:
-    """Return lines on other senders, with the identifier of a drive or an unknown identifier.
+    """Return lines on frames of other senders, with a drive's identifier or an unknown one.
 
-    Up to one frame per cycle with an unknown identifier is only reported; more frames load the bus
-    and are red.
+    Unknown identifiers are red only if they occur in more than one frame per cycle on average,
+    because these frames load the bus.
     """
     axes, limit = opened.axes, opened.config.supervision.second_answers_limit
     counts = zip(

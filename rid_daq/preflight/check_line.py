@@ -12,10 +12,10 @@ Verdict = Literal["ok", "red", "allowed", "shown"]
 class CheckLine:
     """One line of the preflight: the finding, the requirement, and the remedy if it is red.
 
-    `code` is the stable error code of a red line; empty for lines without their own code. A line
-    with a `headline` is shown under this name even if it is not red. `position` is the measured
-    position in the line of a joint's position [rad or m], `temperature_c` the temperature in the
-    line of a motor's temperature [°C].
+    `code` is the stable error code of a red line; empty for lines without their own code. If
+    `headline` is not empty, the summary of the device contains this name and the finding.
+    `position` is the measured position in the line of a joint's position [rad or m],
+    `temperature_c` the temperature in the line of a motor's temperature [°C].
     """
 
     where: str

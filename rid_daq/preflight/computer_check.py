@@ -24,7 +24,7 @@ _CLOCK_SOURCE = Path("/sys/devices/system/clocksource/clocksource0/current_clock
 
 
 def disk_lines(runs: Path) -> list[CheckLine]:
-    """Return the lines on the runs' folder; a test file is written into it and removed."""
+    """Return the lines on the disk of the runs' folder; a test file is written and removed."""
     folder = next(path for path in (runs.absolute(), *runs.absolute().parents) if path.exists())
     return [_free_disk_line(folder), _disk_speed_line(folder)]
 

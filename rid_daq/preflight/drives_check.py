@@ -17,7 +17,7 @@ from rid_daq.preflight.drive_advice import next_action
 
 
 class DriveTrouble(Exception):  # noqa: N818
-    """A device failed during the check of the drives; contains the lines so far and the error."""
+    """Failure of a device during the check of the drives, with the lines so far and the error."""
 
     def __init__(self, lines: list[CheckLine], error: RidDaqError) -> None:
         super().__init__(str(error))

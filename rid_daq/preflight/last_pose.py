@@ -172,7 +172,6 @@ def _pose_text(loaded: LoadedCell, position: Sequence[float]) -> str:
 
 
 def _pose_file(loaded: LoadedCell) -> Path:
-    """Return the file with the last pose of a cell."""
     named = loaded.config.name if loaded.path is None else str(loaded.path.resolve())
     name = hashlib.sha256(named.encode()).hexdigest()
     return own_state_folder() / "last-poses" / f"{name}.json"

@@ -25,7 +25,7 @@ from rid_daq.preflight.plate_check import PlateCheck
 
 
 def _ignore_lines(_lines: Sequence[CheckLine]) -> None:
-    """Ignore the lines."""
+    pass
 
 
 def lines_before_bus(
@@ -117,7 +117,7 @@ def preflight(
 
 
 def _try_step(step: Callable[[], object]) -> RidDaqError | None:
-    """Perform a step of the plate's check; return its error: the drives must still be checked."""
+    """Perform a step of the plate's check; return its error, so that the preflight continues."""
     try:
         step()
     except DriverError as error:

@@ -150,7 +150,7 @@ class MovedMassEntry(Section):
     def differs(self) -> bool:
         """True if the mass is possible, but distinctly differs from that of the links in `cad`.
 
-        A larger mass can be that of the rotor.
+        A mass that is too large does not count if it contains the inertia of a rotor.
         """
         if self.drawn is None or self.drawn_std is None or not self.is_plausible:
             return False
@@ -177,7 +177,7 @@ class UnconfirmedSection(Section):
 
     @classmethod
     def of(cls, entry: UnconfirmedEntry, joint_names: Sequence[str]) -> UnconfirmedSection:
-        """Return the section of some entries."""
+        """Return the section of entries of one kind."""
         names = tuple(joint_names[number] for number in entry.numbers)
         every = len(names) == len(joint_names)
         listed = "every joint" if every else join_words(names)
@@ -198,5 +198,5 @@ class UnconfirmedSection(Section):
 
 
 def join_words(words: Sequence[str]) -> str:
-    """Return words as an enumeration."""
+    """Return words as a list in a sentence, such as `a, b and c`."""
     return " and ".join([*([", ".join(words[:-1])] if words[:-1] else []), *words[-1:]])

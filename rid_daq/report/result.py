@@ -146,8 +146,8 @@ class Result(Section):
     def with_model_sections(self, model: ModelFile, **sections: object) -> Result:
         """Return the document with sections that refer to a model.
 
-        Sections that refer to another model are removed. A verdict on another model is removed too,
-        unless `sections` contains a new verdict.
+        Sections that refer to another model are removed. If one of them is a validation or a base
+        load, the verdict is removed too, unless `sections` contains a new one.
 
         Args:
             model: Model that the sections refer to.

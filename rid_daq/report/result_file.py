@@ -20,8 +20,8 @@ def read_result(folder: RunFolder) -> Result:
     """Return the result of a run.
 
     Raises:
-        RecordingError: The run has no result yet, the file is not a result, or a newer version of
-            the program wrote it.
+        RecordingError: The run has no result yet, the file is not a result or was changed, or
+            another version of the program wrote it.
     """
     path = folder.file(RESULT)
     if not path.exists():

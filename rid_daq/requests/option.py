@@ -37,7 +37,7 @@ class Option:
         short: One-letter name on the command line.
         positional: True if the command line takes the field as an argument.
         negatable: True if `--no-FLAG` exists too.
-        file: Role of a path that a client of the service can name.
+        file: Role of a path, input or output; empty if a client of the service cannot name it.
         endings: Allowed endings of an output file's name; any ending if empty.
         owned: True if only the service sets the field, not a client.
         needs: Name of the field without which this one has no effect.

@@ -30,7 +30,7 @@ def write_flange_state(
     """Write a simulated run's plant file; its key `attached` names the payload on the flange.
 
     Returns:
-        Facts for the run's manifest.
+        Facts for the run's manifest; empty for a real cell, which has no plant file.
 
     Raises:
         ConfigError: The plant has no such payload.
@@ -49,8 +49,8 @@ def true_payload(
 ) -> tuple[str, FloatArray] | None:
     """Return name and true values (`REPORTED`, (10,)) of the payload in some simulated runs.
 
-    None if the payload is unknown: the robot is real, another program simulated the cell, or the
-    runs have different payloads.
+    None if the payload is unknown: the robot is real, another program simulated the cell, the
+    flange was empty, or the runs have different payloads.
     """
     if not all(FACT in folder.manifest().facts for folder in folders):
         return None

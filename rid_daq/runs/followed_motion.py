@@ -113,7 +113,7 @@ def _wanted_positions(data: RunData, file: FeedforwardFile | None) -> tuple[Floa
 
 
 def motor_lead(data: RunData, file: FeedforwardFile | None) -> FloatArray:
-    """Return the lead of the commanded motor positions over the path in each row, (samples, n).
+    """Return the lead of the commanded motor positions over the path, (rows, n) [rad or m].
 
     Outside the motion, the value is that of the closest row of the motion.
     """

@@ -72,7 +72,7 @@ class FileLine:
 
 
 def write_cell_origin(folder: RunFolder, loaded: LoadedCell) -> None:
-    """Write the source files of a run's cell and robot into its folder.
+    """Write path and SHA-256 of the cell's and the robot's source file into the run folder.
 
     Raises:
         RecordingError: The file cannot be written.
@@ -88,7 +88,7 @@ def write_cell_origin(folder: RunFolder, loaded: LoadedCell) -> None:
 
 
 def write_map_origin(folder: RunFolder, reference: str) -> None:
-    """Write the source files of an imported run's map and robot into its folder.
+    """Write path and SHA-256 of the map's and the robot's source file into an imported run.
 
     Raises:
         ConfigError: The source files cannot be read any more.
@@ -128,7 +128,9 @@ def _read_origins(folder: RunFolder) -> dict[str, Origin]:
 def key_lines(
     folder: RunFolder, places: Iterable[str], joint_names: Sequence[str]
 ) -> tuple[FileLine, ...]:
-    """Return the lines of the source files with some keys of a run; skip missing files.
+    """Return the lines that contain given keys in the source files of a run.
+
+    Keys of a file that the run does not have are skipped.
 
     Args:
         folder: The run.

@@ -28,7 +28,7 @@ def refuse_output(output: Path | None, overwrite: bool, made: MadeFile) -> None:
 
     Raises:
         ConfigError: The file exists already, is of another kind, or belongs to a run.
-        RecordingError: A file of this name cannot be written.
+        RecordingError: A file of this name cannot be written, or the existing file cannot be read.
     """
     if output is None:
         return

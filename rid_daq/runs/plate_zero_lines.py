@@ -133,6 +133,5 @@ def _last_line(node: yaml.Node) -> int:
 
 
 def _yaml_float(value: float) -> str:
-    """Return a number in YAML's syntax of floats."""
     text = repr(float(value))
     return re.sub(r"^([-+]?\d+)e", r"\1.0e", text)

@@ -85,7 +85,7 @@ def row_hashes(parts: Iterable[Recording]) -> RowHashes:
 
 
 def rows_in_common(one: RowHashes, other: RowHashes) -> int:
-    """Return the number of rows of a stretch that two runs have in common; 0 without a stretch."""
+    """Return the number of equal rows in the overlap of two runs; 0 if they do not overlap."""
     _, first, second = np.intersect1d(one, other, return_indices=True)
     if len(first) == 0:
         return 0

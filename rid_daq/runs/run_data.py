@@ -318,7 +318,7 @@ def clock_sections(runs: Sequence[RunData]) -> list[ClockSection]:
 
 
 def data_defects(runs: Sequence[RunData]) -> list[str]:
-    """Return the defects of runs, one sentence each, such as a missing end or lost rows."""
+    """Return remarks on the data of runs, such as lost rows, load changes or import findings."""
     said = []
     for data in runs:
         manifest = data.folder.manifest()
@@ -341,7 +341,7 @@ def data_defects(runs: Sequence[RunData]) -> list[str]:
 
 
 def all_defects(runs: Sequence[RunData]) -> list[str]:
-    """Return the defects of runs, and notes on their robot's kinematics."""
+    """Return the remarks of `data_defects`, and notes on the kinematics of the first robot."""
     return [*data_defects(runs), *(runs[0].robot.kinematics.notes if runs else ())]
 
 

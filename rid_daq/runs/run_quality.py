@@ -22,7 +22,8 @@ class RunQuality:
         joint_names: Base to flange.
         rows: Number of rows of the motion.
         lost: For each joint, number of rows without a valid answer.
-        average: Mean period, if the motion is periodic and the recording good enough.
+        average: Mean period, if the motion has at least two periods and the recording is good
+            enough.
         trouble: Reason why the recording is not good enough; empty if it is.
     """
 
@@ -71,8 +72,8 @@ class RunQuality:
 def run_quality(tally: RecordingTally, averaged: Callable[[], PeriodAverage]) -> RunQuality:
     """Evaluate the recording of a motion that ran to its end.
 
-    A periodic recording is good enough if its periods can be averaged. Any other recording is good
-    enough if no joint's answers are missing in more than 2 % of the rows of the motion.
+    A recording with two or more periods is good enough if they can be averaged. Any other recording
+    is good enough if no joint's answers are missing in more than 2 % of the rows of the motion.
 
     Args:
         tally: Statistics of a recording by rid-daq.

@@ -20,7 +20,7 @@ class AverageRequest(Request):
     """Cut a periodic run into periods, reject bad periods with a reason, and average the others.
 
     The measurement noise is estimated from the scatter between the periods. The exit code is 6 if
-    too few periods remain.
+    fewer than two periods are good, more than five are bad, or too many rows are lost.
     """
 
     run: RunName

@@ -166,12 +166,19 @@ class Multisine(Request):
     ] = None
     grid: Annotated[
         Literal["odd", "random_odd", "full"],
-        Field(description="Lines of the frequency band that are excited."),
+        Field(
+            description="Excited lines of the frequency band. odd: all odd lines; random_odd: odd"
+            " lines, but one of every four, chosen at random, is empty and shows distortion; full:"
+            " all lines."
+        ),
         Option(group=MULTISINES),
     ] = "random_odd"
     phases: Annotated[
         Literal["random", "schroeder"],
-        Field(description="Initial phases of the search for a low crest factor."),
+        Field(
+            description="Initial phases of the search for a low crest factor. random: drawn anew"
+            " for each realisation; schroeder: always the same, for one realisation only."
+        ),
         Option(group=MULTISINES),
     ] = "random"
     slow: Annotated[

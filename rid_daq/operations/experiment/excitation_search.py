@@ -72,7 +72,7 @@ def search(
     context: Context,
     scheduler: str | None = None,
 ) -> Search:
-    """Refine one start after the other, and return the best motion that keeps all limits.
+    """Refine random starts, and return the best motion that keeps all limits.
 
     If no motion keeps half its amplitude within the limits, problems with fewer harmonics and
     longer periods are tried with a few starts each; a message says so. The result depends on seed
@@ -205,8 +205,5 @@ def _interrupt_once() -> Callable[[], None]:
 
 
 def _sort_key(candidate: Candidate) -> tuple[float, int]:
-    """Return the sort key of a candidate.
-
-    It makes the result independent of the order of arrival.
-    """
+    """Return a sort key that makes the result independent of the order of arrival."""
     return (candidate.check.objective, candidate.seed)

@@ -48,10 +48,10 @@ class ImportRequest(Request):
     Damaged rows are listed, counted and left out; so are rows that repeat the previous row while
     the robot moves. Time stamps need not be uniform. If recorded velocities show that the time
     stamps are wrong, the times are reconstructed. The import is refused with exit code 6 if too
-    much of a recording is damaged, or if the named robot cannot have made it.
+    much of a recording is damaged, or if its values are impossible for the named robot.
 
-    Without a map, --robot ROBOT looks at the file and writes a map that fits it, with the reasons.
-    Check the map, then import with it.
+    Without --map, --robot ROBOT proposes a map for the file and writes it, with the reasons. Check
+    the map, then import with it.
     """
 
     file: Annotated[
@@ -80,8 +80,8 @@ class ImportRequest(Request):
     proposal: Annotated[
         Path | None,
         Field(
-            description="File for the proposed map; in the current folder, with the recording's"
-            " name and the ending .map.yaml, if not set."
+            description="File for the proposed map. If not set: the recording's name with the"
+            " ending .map.yaml, in the current folder."
         ),
         Option(metavar="FILE", group=FILES, file="output", endings=(".yaml",), needs="robot"),
     ] = None
@@ -96,8 +96,8 @@ class ImportRequest(Request):
     label: Annotated[
         tuple[str, ...],
         Field(
-            description="Label of the run, one for each range of rows; the file's name, with the"
-            " range if there are several, if not set."
+            description="Label of the run, one for each range of rows. If not set: the file's name,"
+            " with the range if there are several."
         ),
         Option(group=FILES),
     ] = ()

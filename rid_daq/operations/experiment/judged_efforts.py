@@ -51,7 +51,7 @@ def _single_meaning(judged: TorqueJudgement) -> TorqueMeaning | None:
 
 
 def _may_be_currents(weight: ArmWeight) -> bool:
-    """Return True if the arm is too light: a current has fewer amperes than the torque has N m."""
+    """Return True if the efforts are too small for the arm's weight, as currents usually are."""
     return 0.0 < weight.share < weight.plausible[0]
 
 

@@ -55,7 +55,7 @@ class DesignedMotion:
         condition: Condition number of an excitation; None for other motions.
         found: Result of the search for the motion; None without a search.
         use: Shape (joints, 3). Largest fractions of speed, acceleration and torque limit that a
-            multisine uses.
+            multisine uses; None for other motions.
         notes: Sentences about the motion that a person should read.
     """
 

@@ -42,8 +42,8 @@ class RunSide:
 
     Attributes:
         folder: The run.
-        manifest: Its manifest.
-        result: Its result; None without one.
+        manifest: Manifest of the run.
+        result: Result of the run; None without one.
     """
 
     folder: RunFolder

@@ -48,7 +48,8 @@ class ExportRequest(Request):
     they do not explain the data, nothing is written unless --despite-misfit or --as-identified is
     given. If the fit of a joint is bad, --despite-misfit is always needed. A comment in the file
     lists what its format cannot express. Tables contain both sets of parameters, and the intervals
-    of the identified ones. For a run, every row is written as it was recorded.
+    of the identified ones. For a run, every row is written. If the drives reported temperatures,
+    the torques are corrected for warm torque constants.
     """
 
     what: Annotated[

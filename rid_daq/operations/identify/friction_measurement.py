@@ -89,7 +89,6 @@ def _refuse_repeated(folders: tuple[RunFolder, ...], others: tuple[RunFolder, ..
 
 
 def _friction_curves(data: RunData) -> tuple[FrictionCurve, ...]:
-    """Return the friction curves of one run."""
     file = data.folder.file("motion.yaml")
     motion = load_motion(file) if file.exists() else None
     match motion:

@@ -70,7 +70,7 @@ class IdentifiedRuns:
 
     @property
     def has_mistakes(self) -> bool:
-        """True if a mistake in files or clock is probable, or the data are impossible."""
+        """True if a mistake is probable, a value is impossible, or the plate is doubted."""
         estimate = self.section
         heavy = estimate.arm_weight is not None and not estimate.arm_weight.is_plausible
         heavy |= any(not each.is_plausible for each in estimate.moved_masses or ())

@@ -94,9 +94,9 @@ class IdentifyRequest(Request):
     Periodic runs are averaged and used at their harmonics; other runs are low-passed without phase
     shift and used in the time domain. The model file contains all data that other commands need.
     The exit code is 6 if the model does not explain a joint's torque or the base wrench, or if the
-    identified friction or the arm's weight is impossible. It is also 6 if recorded torques are
-    later or earlier than a bus explains, or if the model fits far better after the correction of a
-    common mistake in wiring, units or files.
+    identified friction, the arm's weight or the moving mass of a prismatic joint is impossible. It
+    is also 6 if recorded torques are later or earlier than a bus explains, or if the model fits far
+    better after the correction of a common mistake in wiring, units or files.
     """
 
     names: RunNames
@@ -211,7 +211,7 @@ class IdentifyResult:
 
     @property
     def exit_code(self) -> int:
-        """Exit code 6 if the model does not explain a joint, or the data contain a mistake."""
+        """Exit code 6 if there are `bad_joints`, or if `has_mistakes` is true."""
         from rid_daq.terminal.exit_codes import ExitCode
 
         found = self.identified

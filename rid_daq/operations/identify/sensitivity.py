@@ -219,7 +219,6 @@ class SensitivityResult:
 
 
 def _percent_column(name: str, i: int) -> Cells[SensitivityRow]:
-    """Return the column with the errors of a parameter [%]."""
     return Cells(name, lambda row: "–" if (p := row.percent[i]) is None else _percent_text(p))
 
 

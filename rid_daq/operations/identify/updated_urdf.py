@@ -28,7 +28,7 @@ class UpdatedLink(Section):
         mass_kg, centre_m: Written mass, and centre of gravity in the link's frame.
         inertia_kg_m2: Written ixx, ixy, ixz, iyy, iyz, izz about the centre of gravity, in the axes
             of the link.
-        unchanged_links: Links that move with it and keep their values.
+        unchanged_links: Links fixed to this link, which keep their values.
     """
 
     name: str

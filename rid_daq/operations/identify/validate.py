@@ -26,8 +26,8 @@ class ValidateRequest(Request):
     """Predict a run's torques with a model, and compare the error of each axis with its limit.
 
     The exit code is 1 if an axis, or the reaction on the base, exceeds its limit. It is 6 if the
-    run allows no verdict, because the model was identified from this run, or the robot moves for
-    less than 5 s.
+    run allows no verdict: the model was identified from its rows, a torque was not measured, or the
+    robot moves for less than 5 s in all runs together.
     """
 
     model: Annotated[
@@ -56,8 +56,8 @@ class ValidateRequest(Request):
     limits: Annotated[
         str | None,
         Field(
-            description="Largest allowed relative error: one percentage, or one per axis; if not"
-            " set, the cell file's, or else a default."
+            description="Largest allowed relative error: one percentage, or one per axis. If not"
+            " set: the cell file's, or else 30 %, combined with the noise."
         ),
         Option(metavar="PERCENT,..."),
     ] = None

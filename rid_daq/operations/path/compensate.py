@@ -34,9 +34,9 @@ class CompensateRequest(Request):
     """Compute the velocity feedforward with which the drives produce the torques of a motion.
 
     If a reference run is given, scale and delay of the feedforward are tuned to it for each joint.
-    It is a run of this motion or of another periodic motion, with or without compensation; its
-    periods are averaged. Nothing moves. Perform the motion with the result by `rid-daq record CELL
-    MOTION --feedforward FEEDFORWARD`.
+    It is a run of a periodic motion, this one or another, with or without compensation; its periods
+    are averaged. Nothing moves. Perform the motion with the result by `rid-daq record CELL MOTION
+    --feedforward FEEDFORWARD`.
     """
 
     cell: CellName
@@ -51,8 +51,8 @@ class CompensateRequest(Request):
     reference: Annotated[
         str | None,
         Field(
-            description="Run of a periodic motion, to which scale and delay of each joint are"
-            " tuned."
+            description="Run of a periodic motion. Scale and delay of the feedforward are tuned to"
+            " this run, joint by joint."
         ),
         Option(metavar="RUN"),
     ] = None

@@ -64,7 +64,7 @@ class CompensatedMotion:
         notes: Defects of the reference run's data, the assumed temperature of the joints, and
             reasons to doubt loops and model.
         bent: Largest deflection of each gear of known stiffness that the position reference
-            contains, by joint name [rad or m]; empty for rigid gears.
+            contains, by joint name [rad or m]; empty if no deflection is corrected.
     """
 
     rows: int
@@ -314,10 +314,11 @@ def _refuse_mixed(driven: list[MotionRun]) -> None:
 
 
 def _refuse_growth(measured: RepeatedError, origin: FeedforwardOrigin) -> None:
-    """Refuse a refinement if the last refinement has increased the path error.
+    """Refuse a refinement if the last one has increased the path error of all joints together.
 
     Raises:
-        DataQualityError: The path error has grown; the text names the joint and the remedy.
+        DataQualityError: The error has grown by more than 20 %; the text names the joint with the
+            largest growth, and the remedy.
     """
     if not origin.refinements:
         return
@@ -338,7 +339,7 @@ def _refuse_growth(measured: RepeatedError, origin: FeedforwardOrigin) -> None:
 
 
 def _has_stalled(measured: RepeatedError, origin: FeedforwardOrigin) -> bool:
-    """Return True if the last refinement has hardly reduced the path error of any joint."""
+    """Return True if the last refinement has reduced no joint's path error by 10 % or more."""
     if not origin.refinements:
         return False
     before = np.array(origin.refinements[-1].rms)

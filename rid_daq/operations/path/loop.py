@@ -32,8 +32,8 @@ class LoopRequest(Request):
     The run must be of a motion that `rid-daq design --kind multisine` wrote, or an import of whole
     periods of a multisine with velocity commands. Intervals are two standard deviations, from the
     differences between periods and between realisations. The stability margins are those of
-    current, velocity and position loop together. The report of the run contains all figures. The
-    exit code is 6 if the fit of a joint is bad.
+    current, velocity and position loop together. The report of the run contains all values and
+    plots. The exit code is 6 if inertia and damping do not explain the response of a joint.
     """
 
     run: RunName
@@ -84,7 +84,7 @@ class LoopResult:
 
     @property
     def exit_code(self) -> int:
-        """Exit code 6 if the fit of a joint is bad."""
+        """Exit code 6 if inertia and damping do not explain the response of a joint."""
         from rid_daq.terminal.exit_codes import ExitCode
 
         return ExitCode.DATA_QUALITY if self.found.section.bad_joints else 0

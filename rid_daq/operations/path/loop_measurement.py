@@ -55,7 +55,8 @@ def measure_velocity_loops(request: LoopRequest) -> MeasuredLoops:
     """Measure the frequency responses of the drives' velocity loops, and write loops and report.
 
     Raises:
-        ConfigError: The run is of another kind of motion, or the output file exists already.
+        ConfigError: The run is of another kind of motion, the output file exists already, or the
+            position gain is missing for an import or given for a run of a cell.
         RidDaqError: The run cannot be used.
     """
     refuse_output(request.output, request.overwrite, made_file.LOOPS)

@@ -29,7 +29,7 @@ class RefineRequest(Request):
     Give one run of a periodic motion, or at least two runs of another motion, all with the same
     feedforward. Record the motion with the new file, and refine again. If the remaining error is
     noise, or no longer shrinks, the command says so and writes the feedforward unchanged. If the
-    error has grown, the command ends with an error and writes nothing.
+    error has grown by more than 20 %, the command ends with an error and writes nothing.
     """
 
     run: RunNames

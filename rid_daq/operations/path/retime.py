@@ -38,13 +38,15 @@ class RetimeRequest(Request):
     The path is unchanged. Its speed follows from the limits of the robot file (speed, acceleration
     and torque of each joint) and from the options below. Every row of the result is checked with
     the model. Nothing moves: the result is a motion file for the cycle time of this cell. If a
-    limit cannot be kept, the message names the joint and the pose (exit code 3).
+    limit cannot be kept, the message names it and, if known, the pose (exit code 3).
     """
 
     cell: CellName
     motion: Annotated[
         Path,
-        Field(description="Motion file with a path."),
+        Field(
+            description="Motion file of kind joint_path, path, circle, joint_table or multipoint."
+        ),
         Option(positional=True, metavar="MOTION", file="input"),
     ]
     model: ModelFile

@@ -60,7 +60,7 @@ def retime_motion(request: RetimeRequest) -> RetimedMotion:
         ConfigError: The files do not belong together, an option is invalid, a file exists already,
             or motion and report have the same path.
         EstimationError: The model or its payload cannot be used.
-        LimitError: A limit cannot be kept; the text names the limit and the place.
+        LimitError: A limit cannot be kept; the text names it and, if known, the pose.
         RecordingError: A file cannot be written, or the model is in a damaged run.
     """
     refuse_output(request.output, request.overwrite, made_file.MOTION)

@@ -20,7 +20,8 @@ Temperature = Annotated[
     Field(
         description="Temperature of the joints, if the friction of the model depends on it:"
         " degrees Celsius, one value or one per joint. For a model that computes the warming of"
-        " the joints from their friction: `warm` (as the motion heats the joints) or `cold`."
+        " the joints from their friction: `warm` (after many repetitions of the motion) or `cold`"
+        " (after a long rest)."
     ),
     Option(metavar="°C,..."),
 ]

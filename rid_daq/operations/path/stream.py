@@ -95,7 +95,8 @@ class StreamResult:
     Attributes:
         request: The request.
         run: The recorded motion.
-        notes: Reasons to doubt the loops and the model; they are shown before the motion.
+        notes: Reasons to doubt the loops and the model, and effects that are not considered; they
+            are shown before the motion.
     """
 
     request: StreamRequest
@@ -118,7 +119,7 @@ class StreamResult:
 
     @property
     def load_signals(self) -> list[dict[str, object]]:
-        """The load changes that begin at a signal, with the time at which it came."""
+        """The load changes that begin at a signal, each with the time of its signal."""
         from rid_daq.runs.changed_load import load_changes_of
 
         changes = load_changes_of(self.run.folder)

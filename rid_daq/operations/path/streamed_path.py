@@ -121,7 +121,7 @@ def _signals(loads: StatedLoads, loaded: LoadedCell) -> LoadSignals | None:
     """Return the signals at which the load changes; None if it changes at stated times only.
 
     Raises:
-        ConfigError: The cell does not read a digital input.
+        ConfigError: A drive does not send the digital input at which a change begins.
     """
     if loads.stated is None or not loads.stated.changes.signals:
         return None

@@ -29,7 +29,10 @@ class PayloadExportRequest(Request):
     """
 
     payload: PayloadFile
-    to: Annotated[LoadFormat, Field(description="Manufacturer of the controller.")]
+    to: Annotated[
+        LoadFormat,
+        Field(description="Format of the load data, named after the controller's manufacturer."),
+    ]
     output: Annotated[
         Path,
         Field(description="File to write."),

@@ -82,7 +82,7 @@ class KnownQuantity(Request):
 class VerdictLimits(Request):
     """Largest intervals (2σ) and residuals with which a payload passes.
 
-    A relative limit and an absolute one for the same quantity are alternatives.
+    If a quantity has a relative and an absolute limit, one of the two must be met.
     """
 
     mass_percent: Annotated[
@@ -93,7 +93,7 @@ class VerdictLimits(Request):
     mass_kg: Annotated[
         MassLimitKg | None,
         Field(
-            description="Absolute limit instead of --mass-limit: one of the two limits must be met."
+            description="Absolute limit of the mass's 2σ; --mass-limit or this limit must be met."
         ),
         Option(group=LIMITS, flag="mass-limit-kg", unit="kg"),
     ] = PayloadLimits.mass_kg
@@ -113,21 +113,21 @@ class VerdictLimits(Request):
     inertia_kg_m2: Annotated[
         InertiaLimitKgM2 | None,
         Field(
-            description="Absolute limit instead of --inertia-limit: one of the two limits must be"
+            description="Absolute limit of the inertia's 2σ; --inertia-limit or this limit must be"
             " met."
         ),
         Option(group=LIMITS, flag="inertia-limit-kg-m2", unit="kg m²"),
     ] = PayloadLimits.inertia_kg_m2
     residual_percent: Annotated[
         Share,
-        Field(description="Largest residual of an axis torque."),
+        Field(description="Largest residual of an axis, relative to its torque."),
         Option(group=LIMITS, flag="residual-limit", unit="%"),
     ] = PayloadLimits.residual_percent
     residual_nm: Annotated[
         ResidualLimitNm | None,
         Field(
-            description="Absolute limit instead of --residual-limit: one of the two limits must be"
-            " met."
+            description="Absolute limit of an axis's residual; --residual-limit or this limit must"
+            " be met."
         ),
         Option(group=LIMITS, flag="residual-limit-nm", unit="N m"),
     ] = PayloadLimits.residual_nm

@@ -23,10 +23,11 @@ if TYPE_CHECKING:
 
 
 class PayloadReadBackRequest(Request):
-    """Read load data and compare them with a payload; the exit code is 1 if they differ.
+    """Read load data and compare them with a payload.
 
-    Three quantities are compared: the mass, the centre of gravity (relative to its distance from
-    the flange) and the inertia (relative to its largest moment).
+    The exit code is 1 if they differ by more than --tolerance. Three quantities are compared: the
+    mass, the centre of gravity (relative to its distance from the flange) and the inertia (relative
+    to its largest moment).
     """
 
     payload: PayloadFile
@@ -36,7 +37,9 @@ class PayloadReadBackRequest(Request):
         Option(positional=True, metavar="FILE", file="input"),
     ] = None
     form: Annotated[
-        LoadFormat, Field(description="Manufacturer of the controller."), Option(flag="from")
+        LoadFormat,
+        Field(description="Format of the load data, named after the controller's manufacturer."),
+        Option(flag="from"),
     ]
     text: Annotated[str, Field(description="Load data as text, instead of a file.")] = ""
     tolerance_percent: Annotated[
@@ -67,7 +70,7 @@ class PayloadReadBackResult:
 
     @property
     def exit_code(self) -> int:
-        """Exit code 1 if the load data differ from the payload."""
+        """Exit code 1 if the load data differ from the payload by more than the tolerance."""
         from rid_daq.terminal.exit_codes import ExitCode
 
         return ExitCode.DONE if self.verdict.passed else ExitCode.VERDICT_FAILED

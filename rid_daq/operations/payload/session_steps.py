@@ -106,7 +106,7 @@ class PayloadGuide:
 
     @property
     def _asks_person(self) -> bool:
-        """True if a person is asked: unless this process simulates the cell without --practise."""
+        """False if this process simulates the cell, and --practise is not given."""
         return self.session.simulated is None or self.request.practise
 
     def _require_cleared(self, *, before_start: bool = False) -> None:
@@ -240,7 +240,7 @@ class PayloadGuide:
         )
 
     def _recorded_averages(self) -> PeriodicRuns | None:
-        """Return the recorded runs for the running estimate of the mass; None without any."""
+        """Return the recorded runs for the running estimate of the mass; None if it has none."""
         if not self.file.measurements or self.payload_request.time_domain_effects:
             return None
         return periodic_runs(

@@ -47,7 +47,7 @@ class WarmUpWatch:
 
     @property
     def settled(self) -> bool:
-        """True if the friction power of the last periods agrees."""
+        """True if no joint's friction power changes by more than the limit per period."""
         return self.drift_percent is not None and self.drift_percent <= self._limit
 
     @property

@@ -23,12 +23,10 @@ if TYPE_CHECKING:
 class RecoverRequest(Request):
     """Write the readable part of a damaged recording as a new recording.
 
-    The old one is not changed.
-
-    Only blocks with a correct checksum are copied, so all numbers in it are as recorded.
-    Every row that is known to be lost is reported. A run becomes a new run folder that all commands
-    can read. The exit code is 0 if no row is known to be lost, 1 if some are lost, and 7 if nothing
-    is readable.
+    The old recording is not changed. Only blocks with a correct checksum are copied, so all numbers
+    in the new recording are as recorded. The number of rows that are known to be lost is reported.
+    A run becomes a new run folder that all commands can read. The exit code is 0 if no row is known
+    to be lost, 1 if some are lost, and 7 if nothing is readable.
     """
 
     what: Annotated[

@@ -56,7 +56,7 @@ class Recovery:
 
 
 def recover_file(source: Path, target: Path) -> Recovery:
-    """Write the readable part of one journal as a new file.
+    """Write the readable part of one journal as a new file, unless the journal is undamaged.
 
     Raises:
         LockedError: The journal is still being written.
@@ -86,7 +86,7 @@ def recover_file(source: Path, target: Path) -> Recovery:
 
 
 def recover_run(source: Path, root: Path) -> Recovery:
-    """Make a new run folder under `root` with the verified data of an old one.
+    """Make a new run folder under `root` with the verified data of a damaged one.
 
     Journals are written again from their blocks with correct checksums. Rows that the manifest
     counts and the journal lacks are reported as lost. Other files are copied if their SHA-256

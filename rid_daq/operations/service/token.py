@@ -17,11 +17,11 @@ from rid_daq.requests.request import Request
 
 
 class TokenRequest(Request):
-    """Make a token for a service that you run on this computer.
+    """Give a program or device access to a service that you run on this computer.
 
-    Without --code the token is printed once; a program sends it as RID_DAQ_TOKEN. With --code, the
-    device that shows the code gets access. This command itself needs no token, so the owner of the
-    service's folder can replace a lost administrator token.
+    Without --code, a token is made and printed once; a program reads it from RID_DAQ_TOKEN. With
+    --code, the device that shows the code gets access. This command itself needs no token, so the
+    owner of the service's folder can replace a lost administrator token.
     """
 
     name: Annotated[
@@ -29,9 +29,10 @@ class TokenRequest(Request):
         Field(description="Name of the program or device, for the list of tokens and the log."),
         Option(positional=True),
     ]
-    role: Annotated[Literal["viewer", "operator", "administrator"], Field(description="Role.")] = (
-        "operator"
-    )
+    role: Annotated[
+        Literal["viewer", "operator", "administrator"],
+        Field(description="Role of the program or device."),
+    ] = "operator"
     code: Annotated[
         str | None,
         Field(

@@ -27,7 +27,7 @@ class DemoRequest(Request):
     validates. This is done on two robots side by side. The first robot has effects that no model
     contains. The second has no such effects: at least 90 % of its true parameters must be inside
     their 95 % intervals. The first robot then measures its velocity loops and drives a circle and
-    a path, before and after pre-compensation. It also drives a pick-and-place path, before and
+    a path, without and with pre-compensation. It also drives a pick-and-place path, before and
     after it is retimed to the limits of the torques and of the reaction on the base. A third robot
     has elastic gears: a laser tracker measures the tool on a circle without and with correction of
     the deflection. One report contains all results.

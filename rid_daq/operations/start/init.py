@@ -34,9 +34,10 @@ class InitRequest(Request):
 
     The files can be used unchanged, on a simulated cell. Change them step by step to describe your
     own robot. With --urdf the robot, its limits and its links come from that file, and only one
-    motion is written: design the excitation with `rid-daq design`. --range,
-    --velocity, --acceleration and --effort take one number for all joints, or one per joint
-    separated by commas; if they are not set, the values follow from the robot's size.
+    motion is written: design the excitation with `rid-daq design`. --range, --velocity,
+    --acceleration and --effort set limits that the URDF does not state: one number for all joints,
+    or one per joint, separated by commas. Without these options, missing limits follow from the
+    robot's size. Limits that the motors could not keep are changed, with a note.
 
     The meshes of the URDF become convex bodies for collision checks. Their files are searched in
     the folders of --packages, in the folders above the URDF, and in the packages of a ROS

@@ -30,8 +30,8 @@ def simulated_plant(
     """Return a plant with the robot's links, and with motors and loops that suit every pose.
 
     Velocity gains and rotors are those of `Workload`, so that the motors can move the links in
-    every pose; rotors are simple armatures. The robot starts at joint position zero. If bodies are
-    too close there, it starts at the first pose of its validation motion.
+    every pose; rotors are simple armatures. The robot starts in the pose `zero_pose`. If bodies are
+    too close there, it starts in the first pose of its validation motion.
 
     Args:
         robot: The robot, with its `cad`.

@@ -1,4 +1,4 @@
-"""Find pairs of a robot's bodies that touch in (nearly) all poses by design, not by collision."""
+"""Find pairs of a robot's bodies that touch by design: at rest and in more than 90 % of poses."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ def allow_touching_pairs(
 ) -> tuple[RobotDescription, tuple[str, ...]]:
     """Return the robot with `may_touch` set to pairs that nearly always touch, and a note on them.
 
+    Such a pair touches in all random poses, or at rest and in more than `MOST_POSES` of them.
     Bodies closer than the clearance of planned motions count as touching.
 
     Args:

@@ -111,7 +111,8 @@ def validation_motion(robot: RobotDescription) -> MultipointMotion:
     """Return a motion through random points for the validation of a model.
 
     Its seed is the first one whose first point can be reached from the zero pose, in which the
-    simulated robot starts; 1 if no seed up to `MOST_SEEDS` gives such a point.
+    simulated robot starts. The seed is 1 if no seed up to `MOST_SEEDS` gives such a point, or if
+    bodies are too close in the zero pose.
     """
     clearances = Clearances.of(robot, Workspace(clearance_m=CLEARANCE_M))
     start = zero_pose(robot)

@@ -136,7 +136,6 @@ def _fit(certificate: Certificate) -> Table:
 
 
 def _load_data(certificate: Certificate) -> Iterator[AnyBlock]:
-    """Yield the load data for a robot controller."""
     estimate = certificate.payload.estimate
     if not certificate.payload.passed or not certificate.is_whole:
         yield Text(text="No load data: the payload has not passed the verdict.")

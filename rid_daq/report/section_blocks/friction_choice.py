@@ -15,7 +15,7 @@ def friction_choice_blocks(section: ComparisonSection) -> Iterator[AnyBlock]:
     yield Text(
         text="RMS error of moving samples [N m or N] on parts of the runs that each fit left"
         " out. A term is selected only if it differs from zero and reduces the error by"
-        " more than the error's standard error."
+        " more than the standard error of this reduction."
     )
     thinning = section.shear_thinning_speed or (None,) * len(section.joints)
     yield table(

@@ -21,7 +21,7 @@ def retiming_blocks(section: RetimingSection) -> Iterator[AnyBlock]:
     made = f"Computed from {section.motion} and {section.model}"
     cycle_ms, averaged_ms = 1e3 * section.cycle_s, 1e3 * section.averaged_s
     times = f"cycles of {cycle_ms:.3g} ms; averaged over {averaged_ms:.3g} ms"
-    free = f"; {100.0 * section.margin:.2g} % of each torque limit are kept free"
+    free = f"; {100.0 * section.margin:.2g} % of each torque and base wrench limit are kept free"
     yield Text(text=f"{made} for {times}{free if section.margin else ''}.", is_note=True)
     yield _joint_table(section)
     if section.base:
@@ -60,7 +60,6 @@ def _base_table(section: RetimingSection) -> Table:
 
 
 def _driven_blocks(driven: DrivenTiming, joints: Sequence[RetimedJoint]) -> Iterator[AnyBlock]:
-    """Yield the measurements of the path before and after retiming."""
     before, after = driven.before, driven.after
     yield Heading(text="Measured on the robot", level=3)
     yield Text(text=driven.sentence)

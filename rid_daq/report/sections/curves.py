@@ -246,9 +246,9 @@ class Traces(Section):
 
     Attributes:
         rows_per_step: Number of recorded rows in a step.
-        time_s: Times from the first point [s]. A step of several rows has two points: its
-            lowest and its highest value in the order of their rows, at its beginning and its
-            middle.
+        time_s: Times from the first point [s]. A step of several rows has two points, at the times
+            of its first and of its middle row: the lowest and the highest value, in the order in
+            which they occur.
         axes: Traces of each axis.
     """
 

@@ -107,7 +107,8 @@ class PayloadAxis(Section):
         residual: RMS residual, in `unit`.
         mass_per_percent: Change of the mass if this axis's torque changes by 1 % [kg]; null for
             procedure `apart`.
-        residual_percent: Residual relative to the axis's torque [%].
+        residual_percent: Residual relative to the axis's torque [%]; if the axis has little torque,
+            relative to a fixed fraction of its limit.
         noise: RMS residual that the measured noise alone would cause, in `unit`; left out if the
             noise was not measured.
         over_noise: Residual divided by `noise`; left out if the noise was not measured.

@@ -134,7 +134,7 @@ class RetimingSection(Section):
             of several parts, the largest number.
         confidence: Probability with which each torque is within its limit at one instant; null if
             the timing makes no allowance for the uncertainty of the torques.
-        margin: Additional fraction of the torque limits that is kept free.
+        margin: Additional fraction of the limits of torques and base wrench that is kept free.
         averaged_s: Longest window of the moving average that smooths the motion [s].
         joints: Largest values of each joint.
         base: Largest values of the base wrench; left out if it is not limited.

@@ -295,7 +295,7 @@ class TrackingSection(Section):
 
 
 def _change(ratios: Sequence[float]) -> str:
-    """Return text: how the errors changed, by the smallest ratio of error before to after."""
+    """Return the change of the errors in words, by the smallest ratio of error before to after."""
     least = min(ratios)
     if least < 1.0:
         words = f"increased {number(1.0 / max(least, 1e-12), 3)}-fold"
