@@ -81,7 +81,7 @@ def verify_stops(
         cell, robot: Cell with the decelerations of a quick stop, and its robot.
         clearances: Pairs of bodies.
         what: Name of the motion in the message.
-        meanwhile: Function that is called every few milliseconds during the check.
+        meanwhile: Function that is called before each 20 rows of the collision check.
 
     Raises:
         PreflightError: A stop would end beyond a limit, or with two bodies in contact; the text
@@ -113,7 +113,7 @@ def bad_rest(
         end: Shape (rows, joints). Poses in which stops end [rad or m].
         cell, robot: The cell and its robot.
         clearances: Pairs of bodies; they must not be in contact.
-        meanwhile: Function that is called every few milliseconds during the check.
+        meanwhile: Function that is called before each 20 rows of the collision check.
     """
     if len(end) == 0:
         return None

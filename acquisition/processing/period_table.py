@@ -73,7 +73,7 @@ class PeriodTable:
 
 
 class PeriodCutter:
-    """Cuts a periodic recording, in parts or as a whole, into periods."""
+    """Cutter that divides a periodic recording, in parts or as a whole, into periods."""
 
     def __init__(self) -> None:
         self._first: Recording | None = None

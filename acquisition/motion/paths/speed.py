@@ -63,7 +63,9 @@ class SpeedLimits:
 
 
 def joint_speed(slope: FloatArray, robot: RobotDescription, fraction: float = 1.0) -> FloatArray:
-    """Return the path speeds at which joints or their motors reach 97 % of their limits, (m, n)."""
+    """Return the path speeds at which joints or motors reach 97 % of `fraction` of their limits,
+    (m, n).
+    """
     coupling = WristCoupling.of_robot(robot)
     if coupling is not None:
         slope = np.maximum(np.abs(slope), np.abs(coupling.to_motors(slope)))
