@@ -46,7 +46,7 @@ EarlyStopRule = Callable[[NewPeriods], bool]
 
 
 class EarlyStop:
-    """Calls an early-stop rule in a thread, so that the supervision of processes is not delayed.
+    """Thread that calls an early-stop rule, so that the supervision of processes is not delayed.
 
     Only new rows of the journal are read. Therefore the cost of a call does not depend on the
     duration of the motion. The rule is called in the order of the periods.
