@@ -1,6 +1,6 @@
 """`ColumnFile`: columns of a long recording in a temporary file instead of in memory.
 
-A small table stays in memory, because an open file for each table of many short runs would exceed
+A small table stays in memory, because an open file for each table of many short runs could exceed
 the limit of open files.
 
 A column is contiguous in the file and is mapped as an ordinary array. `each_column` releases the

@@ -230,7 +230,8 @@ def read_named(
 
     Args:
         reference: A name bundled under `kind`, or a path.
-        kind: The folder of bundled files: cells, robots, plants, maps, profiles, servos.
+        kind: The folder of bundled files, such as cells, robots or maps; there need not be one, as
+            for motions.
         folder: Base of a relative path; the working folder if None.
         kept: A run folder. If it contains `kept_name`, that copy is read instead of `reference`.
         kept_name: The copy's name.
@@ -268,7 +269,7 @@ def read_named(
 
 
 def bundled_names(kind: str) -> tuple[str, ...]:
-    """Return the names bundled under `kind`: cells, robots, plants, maps, profiles, servos."""
+    """Return the names bundled under `kind`, such as cells or robots; empty if there are none."""
     folder = resources.files("config") / "bundled" / kind
     if not folder.is_dir():
         return ()

@@ -32,7 +32,7 @@ class CellSimulation:
         robot: Description of the robot, as in the robot file.
         plant: True parameters of the robot.
         realtime: True for real time. False for lock-step, in which simulated time advances only
-            while the master waits.
+            while master and devices wait.
         pace: In lock-step on `rid_sim`, largest number of simulated seconds per second; None for no
             limit.
         seed: Random seed of all noise. In lock-step, equal seeds give equal bytes on the bus.

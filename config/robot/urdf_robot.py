@@ -80,7 +80,9 @@ def robot_of_urdf(
 
     Raises:
         SeveralArmsError: There are several arms and no `tip`.
-        ConfigError: A link or the chain does not exist, or a value is one that no robot has.
+        ConfigError: A link or the chain does not exist, the chain cannot be modelled (too many
+            joints, some mimic joints), its names are not unique, or a value is one that no robot
+            has.
     """
     tree, released = release_joints(tree, parallelograms)
     arm = arm_between(tree, base, tip)
