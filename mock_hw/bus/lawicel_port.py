@@ -77,7 +77,7 @@ class LawicelPort:
         )
 
     def receive_frames(self, timeout_s: float) -> Sequence[Arrival] | None:
-        """Return the standard frames from the computer; None if no byte comes in `timeout_s` [s]."""
+        """Return the computer's standard frames; None if no byte comes within `timeout_s` [s]."""
         self._write(b"")
         if not self._poll.poll(max(timeout_s, 0.0) * 1000.0):
             return None
