@@ -190,7 +190,7 @@ def load_faults(path: str | Path, cell: CellConfig) -> FaultScript:
 
 
 def read_faults(path: str | Path, cell: CellConfig) -> tuple[FaultScript, bytes]:
-    """Return a fault script and the bytes of its file, checked as in `load_faults`."""
+    """Return a fault script and the bytes of its file; errors are those of `load_faults`."""
     text, name, _ = read_named(str(path), "faults", None)
     tree = parse_yaml(text, name)
     script = validate(tree, FaultScript)

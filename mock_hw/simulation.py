@@ -158,6 +158,9 @@ class CellSimulation:
         """Return the settings of the plate with a port at `path`; None if the cell has no plate.
 
         If the plant file has no plate, the simulated plate has exactly the values in the cell file.
+
+        Raises:
+            ConfigError: The amplifier profile that the cell names cannot be read.
         """
         plate = self.cell.plate
         if plate is None:
@@ -176,7 +179,11 @@ class CellSimulation:
         )
 
     def registers(self, path: Path) -> RegisterSettings | None:
-        """Return the settings of the drives' registers; None if the cell has no monitor."""
+        """Return the settings of the drives' registers; None if the cell has no monitor.
+
+        Raises:
+            ConfigError: The register profile that the cell names cannot be read.
+        """
         monitor = self.cell.monitor
         if monitor is None:
             return None

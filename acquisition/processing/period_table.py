@@ -235,7 +235,7 @@ def cut_periods(recording: Recording, start: int | None = None) -> tuple[FloatAr
 
 
 def sum_of(arrays: Iterable[FloatArray]) -> FloatArray:
-    """Return the sum of arrays of one shape, added one after the other."""
+    """Return the sum of arrays of one shape, at least one, added one after the other."""
     total: FloatArray | None = None
     for array in arrays:
         total = array.copy() if total is None else np.add(total, array, out=total)
