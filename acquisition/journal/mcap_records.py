@@ -72,7 +72,7 @@ def metadata_pairs(data: bytes) -> dict[str, str] | None:
 
 
 def channel_pairs(body: bytes) -> dict[str, str] | None:
-    """Return the metadata of a channel record (id, schema id, topic, encoding, metadata)."""
+    """Return a channel record's last part, the metadata; None if the record cannot be read."""
     try:
         position = 4
         for _ in range(2):

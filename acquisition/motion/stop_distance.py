@@ -153,7 +153,7 @@ def late_stop_note(samples: MotionSamples, cell: CellConfig, robot: RobotDescrip
 def _farthest_beyond(
     end: FloatArray, cell: CellConfig, robot: RobotDescription
 ) -> tuple[int, str, str] | None:
-    """Return row, joint and description of the stop that ends farthest beyond a limit."""
+    """Return row, joint and text of the stop ending farthest beyond a limit; None without one."""
     low, high = map(np.array, position_bounds(cell, robot))
     beyond = np.maximum(end - high, low - end)
     row, number = map(int, np.unravel_index(int(np.argmax(beyond)), beyond.shape))

@@ -61,7 +61,10 @@ class PeriodTable:
         return rows, recording.sample_index[rows] - self.start
 
     def mean_temperature(self, good: BoolArray) -> FloatArray | None:
-        """Return the drives' mean temperatures over the valid rows of good periods, (n,) [K]."""
+        """Return the drives' mean temperatures over the valid rows of good periods, (n,) [K].
+
+        None without temperatures, or without a good period.
+        """
         if not self.warm:
             return None
         total, count = None, 0

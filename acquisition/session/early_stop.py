@@ -124,7 +124,7 @@ class EarlyStop:
         return NewPeriods(rows.part(slice(0, count)), self._path.parent, first_row, periods)
 
     def _read_until(self, periods: int) -> bool:
-        """Read the journal until it contains these periods; return False on a timeout."""
+        """Read the journal until it contains these periods; return False if they do not come."""
         until_s = time.monotonic() + FLUSH_PATIENCE_S
         while time.monotonic() < until_s and not self._control.task_gone:
             with contextlib.suppress(RidDaqError):  # no readable row yet

@@ -57,7 +57,7 @@ class Margins:
 
     @property
     def gain_db(self) -> float | None:
-        """Gain margin [dB]."""
+        """Gain margin [dB]; None without `gain`."""
         return None if self.gain is None else 20.0 * math.log10(self.gain)
 
 

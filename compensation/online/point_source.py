@@ -96,7 +96,7 @@ class PointSource:
 
     @property
     def samples_per_period(self) -> int | None:
-        """Rows per period of a periodic motion."""
+        """Rows per period of a periodic motion; None for any other motion."""
         return self._samples_per_period
 
     @property
