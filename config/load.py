@@ -269,7 +269,7 @@ def read_named(
 
 
 def bundled_names(kind: str) -> tuple[str, ...]:
-    """Return the names bundled under `kind`, such as cells or robots; empty if there are none."""
+    """Return the names bundled under `kind`, such as cells or robots; empty without files."""
     folder = resources.files("config") / "bundled" / kind
     if not folder.is_dir():
         return ()

@@ -1,7 +1,7 @@
 """`PlantConfig`: true parameters of a simulated robot, for the mock hardware and the demo's check.
 
 Effects that a model with rigid gears, Coulomb and viscous friction lacks are in `unmodelled`, so
-that they can be switched off. Some of them have a friction term in the robot file.
+that they can be switched off. For some of these effects, the robot file has a friction term.
 """
 
 from __future__ import annotations
