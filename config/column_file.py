@@ -32,7 +32,7 @@ MEMORY_BYTES: Final = 4_000_000
 class ColumnFile:
     """Table of a known largest size, to which rows are appended.
 
-    The file has no name, so that it disappears with the last array of it.
+    The file has no name, so that it disappears with the last array that views it.
 
     Args:
         columns: Number of columns.

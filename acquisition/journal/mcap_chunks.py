@@ -86,7 +86,7 @@ def add_messages(
     payloads: NDArray[np.uint8],
     sequence: int,
 ) -> None:
-    """Write messages of equal size; the file is the same as after `add_message` for each of them.
+    """Write messages of equal size; the file is the same as after `add_message` for each message.
 
     Args:
         writer: The writer, without compression.

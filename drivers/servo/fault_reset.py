@@ -32,7 +32,7 @@ class FaultReset:
             `NOT_READY_TO_SWITCH_ON`.
         error: The drive's error code, in words; empty if there was no fault.
         refusal: Reason why a fault was not reset: the drive refused to read or write an object, or
-            the fault is none of those to reset; otherwise empty.
+            the fault was not to be reset; otherwise empty.
     """
 
     joint: str

@@ -91,7 +91,7 @@ class MultipointMotion(Motion):
         )
 
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
-        """Return moves through the poses, with a dwell at each of them."""
+        """Return moves through the poses, with a dwell at each pose."""
         return visit_poses(
             self.draw_poses(robot),
             robot,
