@@ -1,6 +1,6 @@
 """`ColumnFile`: columns of a long recording in a temporary file instead of in memory.
 
-A small table stays in memory, because an open file for each table of many short runs would exceed
+A small table stays in memory, because an open file for each table of many short runs could exceed
 the limit of open files.
 
 A column is contiguous in the file and is mapped as an ordinary array. `each_column` releases the
@@ -32,7 +32,7 @@ MEMORY_BYTES: Final = 4_000_000
 class ColumnFile:
     """Table of a known largest size, to which rows are appended.
 
-    The file has no name, so that it disappears with the last array of it.
+    The file has no name, so that it disappears with the last array that views it.
 
     Args:
         columns: Number of columns.

@@ -83,7 +83,7 @@ def describe_place(tree: YamlTree, model: Any, line: int, column: int) -> PlaceH
         tree: The file.
         model: Model of the file.
         line, column: The place, from 1. The last key that begins at or before it in its line is
-            described; if there is none, the first key of the line. In a line without a key, the
+            described; without such a key, the first key of the line. In a line without a key, the
             last key above it is described.
     """
     places = [(place, len(path), path) for path, place in tree.positions.items()]

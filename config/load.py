@@ -190,7 +190,7 @@ def load_faults(path: str | Path, cell: CellConfig) -> FaultScript:
 
 
 def read_faults(path: str | Path, cell: CellConfig) -> tuple[FaultScript, bytes]:
-    """Return a fault script and the bytes of its file, checked as in `load_faults`."""
+    """Return a fault script and the bytes of its file; errors are those of `load_faults`."""
     text, name, _ = read_named(str(path), "faults", None)
     tree = parse_yaml(text, name)
     script = validate(tree, FaultScript)
@@ -230,7 +230,8 @@ def read_named(
 
     Args:
         reference: A name bundled under `kind`, or a path.
-        kind: The folder of bundled files: cells, robots, plants, maps, profiles, servos.
+        kind: The folder of bundled files, such as cells, robots or maps; there need not be one, as
+            for motions.
         folder: Base of a relative path; the working folder if None.
         kept: A run folder. If it contains `kept_name`, that copy is read instead of `reference`.
         kept_name: The copy's name.
@@ -270,7 +271,7 @@ def read_named(
 
 
 def bundled_names(kind: str) -> tuple[str, ...]:
-    """Return the names bundled under `kind`: cells, robots, plants, maps, profiles, servos."""
+    """Return the names bundled under `kind`, such as cells or robots; empty without files."""
     folder = resources.files("config") / "bundled" / kind
     if not folder.is_dir():
         return ()

@@ -78,7 +78,7 @@ def explain_error(error: ErrorDetails, hint: str = "") -> str:
 
 
 def _explain_choice(given: Any, expected: str) -> str:
-    """Explain that a value is none of the choices, which the validator writes in one text."""
+    """Explain that a value is not one of the choices, which the validator writes in one text."""
     choices = re.findall(r"'([^']*)'", expected)
     close = difflib.get_close_matches(given, choices, n=1) if isinstance(given, str) else []
     meant = f"; did you mean {close[0]}?" if close else ""

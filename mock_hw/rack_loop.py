@@ -34,7 +34,7 @@ class RackLoop:
         rack: The robot with its drives.
         client: Connection to the hub in this process.
         plate: Service of the plate's amplifier; None without a plate.
-        orders: Pipe through which masters are ordered to run; None if there are none.
+        orders: Pipe through which masters are ordered to run; None without masters.
         path: The hub's socket.
     """
 

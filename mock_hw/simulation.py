@@ -32,7 +32,7 @@ class CellSimulation:
         robot: Description of the robot, as in the robot file.
         plant: True parameters of the robot.
         realtime: True for real time. False for lock-step, in which simulated time advances only
-            while the master waits.
+            while master and devices wait.
         pace: In lock-step on `rid_sim`, largest number of simulated seconds per second; None for no
             limit.
         seed: Random seed of all noise. In lock-step, equal seeds give equal bytes on the bus.
@@ -158,6 +158,9 @@ class CellSimulation:
         """Return the settings of the plate with a port at `path`; None if the cell has no plate.
 
         If the plant file has no plate, the simulated plate has exactly the values in the cell file.
+
+        Raises:
+            ConfigError: The amplifier profile that the cell names cannot be read.
         """
         plate = self.cell.plate
         if plate is None:
@@ -176,7 +179,11 @@ class CellSimulation:
         )
 
     def registers(self, path: Path) -> RegisterSettings | None:
-        """Return the settings of the drives' registers; None if the cell has no monitor."""
+        """Return the settings of the drives' registers; None if the cell has no monitor.
+
+        Raises:
+            ConfigError: The register profile that the cell names cannot be read.
+        """
         monitor = self.cell.monitor
         if monitor is None:
             return None

@@ -65,8 +65,8 @@ def judge_clock(
     Args:
         samples: Rows of the recording.
         robot: Robot whose model predicts the torques. Rebuilt times that make this prediction
-            clearly worse are rejected. If only one joint moves, they must make it better. Without a
-            robot, the torques are not used.
+            clearly worse are rejected. If the joints cannot confirm the times, for example because
+            only one moves, they must make it better. Without a robot, the torques are not used.
         coupling: Shape (n, n). Coupling matrix C in q = C alpha, if the positions are those of the
             actuators (alpha).
         copies: Number of rows that were already dropped because they also repeat the stamp of the

@@ -40,9 +40,9 @@ def repeated_rows(samples: Samples) -> BoolArray:
 
     Positions and torques of such a row equal those of the previous row. Velocities are ignored: a
     velocity computed from positions differs in such rows. A measured torque contains noise, so that
-    it rarely repeats by chance. Equal rows at rest count as repeats if they are at most twice as
-    frequent as the repeats in motion, and if their runs are not longer than those in motion. Fewer
-    than 100 rows contain no repeats.
+    it rarely repeats by chance. Equal rows at rest count as repeats if their runs are not longer
+    than those in motion, and if they are at most twice as frequent as the repeats in motion, or at
+    most a tenth as many. In fewer than 100 rows, no row counts as a repeat.
     """
     if len(samples) < FEWEST_ROWS:
         return np.zeros(len(samples), dtype=np.bool_)

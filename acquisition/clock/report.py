@@ -41,10 +41,11 @@ class ClockReport:
         held_share: For each joint, the fraction of positions that repeat the previous row although
             the joint moves.
         corrected_rms_s: RMS difference between rebuilt times and stamps, after removal of a common
-            shift and rate [s].
+            shift and rate [s]; 0 if the stamps are kept.
         rate: Duration of the rebuilt times divided by the duration of the stamps; 1 if the stamps
             are kept.
-        tick_s: Time of which all rebuilt steps are whole multiples [s].
+        tick_s: Time of which all rebuilt steps except gaps are whole multiples [s]; None if there
+            is no such time, or the stamps are kept.
         left_out_gain, torque_gain: Logarithm of a ratio: the prediction error with the stamps
             divided by the prediction error with the rebuilt times. The predictions are
             displacements of left-out joints, or held-out torques. None if unknown; a

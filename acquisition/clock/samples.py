@@ -48,7 +48,7 @@ class Samples:
         return float(np.median(np.diff(self.time_s)))
 
     def moving(self) -> tuple[int, ...]:
-        """Return the joints with a velocity and a mean speed above `STANDSTILL_SPEED`."""
+        """Return the indices of joints with a velocity that are faster than `STANDSTILL_SPEED`."""
         span_s = float(self.time_s[-1] - self.time_s[0])
         way = np.array([np.abs(np.diff(q)).sum() for q in each_column(self.position)])
         has_velocity = [np.isfinite(v).all() for v in each_column(self.velocity)]

@@ -145,7 +145,7 @@ def likely_cause_of_damage(
     import_map: ImportMap,
     robot: RobotDescription | None,
 ) -> str:
-    """Return the most likely reason for many damaged rows.
+    """Return the most likely reason why too few rows are sound, with the remedy.
 
     Args:
         rows: All rows that contain numbers.

@@ -182,19 +182,19 @@ def _unit_value(unit: str, fixed: Mapping[str, float], of_joint: float | None) -
 
 
 def _increment(joint: ImportJoint) -> float | None:
-    """Return the angle of one increment of the encoder [rad]."""
+    """Return the angle of one increment of the encoder [rad]; None if the map states none."""
     return None if joint.increments_per_rev is None else _TURN / joint.increments_per_rev
 
 
 def _rated(unit: str, rated: float | None) -> float | None:
-    """Return the value of one per mille or percent of a rated value."""
+    """Return the value of one per mille or percent of a rated value; None if it is unknown."""
     return None if rated is None else RATED[unit] * rated
 
 
 def _described_joint(
     import_map: ImportMap, joint: ImportJoint, robot: RobotDescription | None
 ) -> Joint | None:
-    """Return a joint's entry in the robot file."""
+    """Return a joint's entry in the robot file; None without a robot."""
     if robot is None:
         return None
     if robot.joint_names != import_map.joint_names:

@@ -1,7 +1,7 @@
 """Checks of sound rows: reports oddities, and refuses recordings with grave contradictions.
 
 Units, clock, gear ratios and zero positions are compared with the recorded velocities and with the
-limits of the robot file. A channel that is constant while its joint moves is reported.
+limits of the robot file. A torque that is constant while its joint moves is reported.
 """
 
 from __future__ import annotations
@@ -66,9 +66,9 @@ class Findings:
     """Results of the checks of sound rows.
 
     Attributes:
-        sentences: One sentence for each oddity, with the remedy.
+        sentences: One text for each oddity, with the remedy.
         velocity_ratio: For each joint, velocity from the positions divided by the velocity column;
-            None if there is no such column or the joint is at rest.
+            None if there is no such column, the joint is at rest, or the rows are too few.
         static: True if no joint moves.
     """
 
@@ -89,8 +89,8 @@ def check_rows(
         robot: Robot with the limits.
 
     Raises:
-        DataQualityError: Positions and velocities contradict each other, positions or speeds are
-            far beyond the robot's limits, a zero position has moved, or a torque wraps.
+        DataQualityError: Positions contradict velocities or velocity commands, positions or speeds
+            are far beyond the robot's limits, a zero position has moved, or a torque wraps.
     """
     ratios, sigmas = _velocity_ratios(rows, import_map)
     position = columns.joint_positions(rows.position)
@@ -317,7 +317,7 @@ def _refuse_moved_zeros(time_s: FloatArray, position: FloatArray, robot: RobotDe
 def _limit_findings(
     rows: ImportRows, robot: RobotDescription, import_map: ImportMap
 ) -> Iterator[str]:
-    """Yield findings for positions and speeds beyond the robot's limits."""
+    """Yield findings for positions and speeds beyond the limits; refuse those far beyond."""
     change = change_over_window(rows.time_s)
     time_s = change(rows.time_s)
     columns = zip(robot.joints, each_column(rows.position), strict=True)

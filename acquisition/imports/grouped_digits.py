@@ -32,10 +32,10 @@ def refuse_grouped_digits(
     """Refuse a file whose decimal separator separates the thousands of a column.
 
     Args:
-        path: The first file.
+        path: The first file; only its columns are checked.
         import_map: Layout of the files.
         table: The rows as read.
-        columns: Column of each column of the table, counted through all files.
+        columns: For each column of the table, its number, counted through all files.
 
     Raises:
         DataQualityError: All numbers of a column are whole if the separator is left out (at least

@@ -37,7 +37,7 @@ def number_columns(import_map: ImportMap, files: Sequence[Path]) -> ImportMap:
 
     Raises:
         ConfigError: The number of files differs from the map's, a file has no header or another
-            number of columns, no column or several columns have a name, or a column has two roles.
+            number of columns, a name belongs to no column or to several, or a column has two roles.
     """
     require_number_of_files(files, import_map)
     by_name = [
@@ -68,10 +68,10 @@ def number_columns(import_map: ImportMap, files: Sequence[Path]) -> ImportMap:
 def with_numbers(
     import_map: ImportMap, headers: Sequence[Sequence[str]], files: Sequence[Path]
 ) -> ImportMap:
-    """Return a map with numbers instead of names; `headers` are the columns of each file.
+    """Return a map with numbers instead of names; `headers` are the column names of each file.
 
     Raises:
-        ConfigError: No column or several columns have a name, or a column has two roles.
+        ConfigError: A name belongs to no column or to several, or a column has two roles.
     """
     names = [(file, name) for file, header in zip(files, headers, strict=True) for name in header]
     joints = tuple(

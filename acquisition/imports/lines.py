@@ -82,7 +82,7 @@ def read_lines(path: Path) -> Iterator[tuple[int, str]]:
 
 
 def lines_of_block(first: int, text: str) -> Iterator[tuple[int, str]]:
-    """Yield the non-empty lines of a block with their numbers; `first` is that of its first."""
+    """Yield the non-empty lines of a block with their numbers; `first` is the first number."""
     yield from ((row, line) for row, line in enumerate(io.StringIO(text), first) if line.strip())
 
 

@@ -31,7 +31,8 @@ def merge_topics(
         table: Rows in which NaN marks an empty cell.
         columns: Indices of the table's columns to interpolate; the first one selects the rows.
         names: Name of each column in messages.
-        damaged: List to which the kept rows are appended that have no near value in a column.
+        damaged: List to which rows are appended that are dropped, because a column has no value
+            near their time.
 
     Raises:
         DataQualityError: A column is empty in every row, or in all rows but one.

@@ -81,12 +81,14 @@ def import_csv(
         whole periods. The report lists the rows that were left out, and findings about the others.
 
     Raises:
-        ConfigError: A file cannot be read, or neither map nor robot gives a value that is needed
-            for the conversion to SI units.
+        ConfigError: A file cannot be read or does not fit the map, the robot has other joints than
+            the map, or neither map nor robot gives a value that is needed for the conversion to SI
+            units.
         ContradictionError: The velocities contradict the positions.
         DataQualityError: More rows are damaged than the map's `left_out_limit` permits, fewer than
-            100 rows have new values, a check of `check_rows` fails, or thousands separators would
-            be read as decimal separators.
+            100 rows are sound and have new values, a column is empty, a check of `check_rows`
+            fails, thousands separators would be read as decimal separators, or the motion does not
+            repeat after `period_s`.
     """
     files = (file, *further)
     layout = layout or number_columns(import_map, files)

@@ -71,7 +71,8 @@ class ImportReport:
         gaps: Number of steps longer than 5 median steps.
         travel: Range of each joint's position [rad or m].
         velocity_ratio: For each joint, velocity from the positions divided by the velocity column:
-            1 if both agree, None if there is no such column or the joint is at rest.
+            1 if both agree, None if there is no such column, the joint is at rest, or the rows are
+            too few.
         refined_step: For each joint, the quantisation step of its position [rad or m]; between the
             steps, the position follows the recorded velocity. None without a visible step or a
             velocity.

@@ -35,8 +35,8 @@ class RowReader:
         import_map: Layout of the file.
         width: Number of columns of the file.
         wanted: Columns to read, from 0 in this file.
-        may_be_empty: For each of them, True if cells may be empty; an empty cell, or one that
-            states that its number is missing, such as `null`, becomes NaN.
+        may_be_empty: For each of these columns, True if cells may be empty; an empty cell, or one
+            that states that its number is missing, such as `null`, becomes NaN.
         roles: Role of each column, for messages.
         stamps: Collects the time stamps; None without a column of time.
         damaged: List to which the dropped rows are appended.

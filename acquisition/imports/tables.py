@@ -73,6 +73,7 @@ def read_table(
 
     Raises:
         ConfigError: The file cannot be read, or it ends before the rows that the map requests.
+        DataQualityError: A column with empty cells has values in fewer than two rows.
     """
     begin, end = import_map.first_columns[number : number + 2]
     time = import_map.time_column_of_file(number)

@@ -56,7 +56,7 @@ class CycleReader:
 
     @property
     def damage(self) -> JournalDamage:
-        """Return the damage of a journal that was read to its end and is no longer written."""
+        """Damage of a journal that was read to its end and is no longer written."""
         return self._reader.damage()
 
     def rows(self, *, growing: bool = False) -> Iterator[NDArray[Any]]:

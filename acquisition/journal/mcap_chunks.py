@@ -1,4 +1,4 @@
-"""`keep_as_bytes`, `add_messages`: what the MCAP writer of the library cannot do.
+"""`keep_as_bytes`, `add_messages`: functions that the writer of the MCAP library lacks.
 
 - `keep_as_bytes` limits the memory of the writer's index.
 - `add_messages` adds many messages of equal size at once; the file is the same.
@@ -86,7 +86,7 @@ def add_messages(
     payloads: NDArray[np.uint8],
     sequence: int,
 ) -> None:
-    """Write messages of equal size; the file is the same as after `add_message` for each of them.
+    """Write messages of equal size; the file is the same as after `add_message` for each message.
 
     Args:
         writer: The writer, without compression.

@@ -72,7 +72,7 @@ def metadata_pairs(data: bytes) -> dict[str, str] | None:
 
 
 def channel_pairs(body: bytes) -> dict[str, str] | None:
-    """Return the metadata of a channel record (id, schema id, topic, encoding, metadata)."""
+    """Return a channel record's last part, the metadata; None if the record cannot be read."""
     try:
         position = 4
         for _ in range(2):
@@ -92,7 +92,7 @@ def _summary_start(tail: bytes) -> int | None:
 
 
 def count_written(file: BinaryIO) -> int | None:
-    """Return the number of messages in the summary of a finished file; None without a summary."""
+    """Return the number of messages in a finished file's summary; None without a sound summary."""
     descriptor = file.fileno()
     size = os.fstat(descriptor).st_size
     begin = _summary_start(os.pread(descriptor, _TAIL_BYTES, max(0, size - _TAIL_BYTES)))

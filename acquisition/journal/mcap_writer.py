@@ -183,7 +183,7 @@ class JournalFile:
         self._add(channel, time_ns, CDR_LITTLE_ENDIAN + body)
 
     def add_messages(self, channel: int, time_s: FloatArray, rows: NDArray[Any]) -> None:
-        """Write many messages; the file is the same as after `add_message` for each of them.
+        """Write many messages; the file is the same as after `add_message` for each message.
 
         Args:
             channel: Channel of all messages.

@@ -152,9 +152,9 @@ def read_run_temperatures(
         folder: The run's folder.
 
     Returns:
-        `stream`. Temperatures of every drive; None if they are missing for a drive. `notes`. Reason
-        for unreadable or missing temperatures, or damage of their file; empty otherwise, and for a
-        run without a monitor.
+        `stream`. Temperatures of every drive; None without a readable monitor file, or if a drive
+        never reported its temperature. `notes`. Reason for unreadable or missing temperatures, or
+        damage of their file; empty otherwise, and for a run without a monitor.
 
     Raises:
         RecordingError: The monitor belongs to another robot or run.

@@ -38,7 +38,7 @@ _DATES = tuple(
 
 
 def _check_column(value: object) -> object:
-    """Raise an error if a value is neither the number nor the name of a column.
+    """Return the value if it can be the number or the name of a column.
 
     Raises:
         ValueError: It is neither.

@@ -34,7 +34,8 @@ def refuse_collision(
         meanwhile: Function that is called before each 20 rows of the check.
 
     Raises:
-        PreflightError: Two bodies come too close; the text names them, the distance and the time.
+        PreflightError: Two bodies overlap at the start or come too close; the text names them and
+            the distance.
     """
     if len(clearances) == 0:
         return
@@ -94,7 +95,7 @@ def rows_before_closer(
         clearances: Pairs of bodies.
         position: Shape (samples, n). Joint positions [rad or m].
         least: Smallest permitted distance, of each pair or of all [m].
-        meanwhile: Function that is called every few milliseconds during the check.
+        meanwhile: Function that is called before each 20 rows of the check.
     """
     if len(clearances) == 0:
         return len(position)

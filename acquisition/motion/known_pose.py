@@ -63,7 +63,7 @@ class KnownPose:
         return f"the robot is not at the pose in which {self.source} left it: {shown}{others}"
 
     def refuse_moved(self, robot: RobotDescription, position: Sequence[float]) -> str:
-        """Raise an error if a joint is not at its last known position.
+        """Raise an error if a joint is not at its last known position and the pose is binding.
 
         Returns:
             A note if the pose is not binding and a joint is displaced; otherwise empty.

@@ -162,7 +162,8 @@ def verify_limits(
         oversampling: Number of checked points per sample period.
 
     Raises:
-        ConfigError: A limit is exceeded; the text names every joint, value and limit.
+        ConfigError: A limit is exceeded (the text names every joint, value and limit), or the
+            motion is for other joints.
     """
     if samples.joint_names != robot.joint_names:
         raise ConfigError(

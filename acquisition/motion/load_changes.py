@@ -212,5 +212,9 @@ def read_load_changes(path: Path) -> LoadChanges:
 
 
 def load_changes_content(written: bytes, name: str) -> LoadChanges:
-    """Return load changes from the bytes of a file; `name` is the file's name, for messages."""
+    """Return load changes from the bytes of a file; `name` is the file's name, for messages.
+
+    Raises:
+        ConfigError: The bytes are not valid YAML, or not load changes.
+    """
     return validate(parse_yaml(written, name), LoadChanges)

@@ -70,5 +70,9 @@ def read_motion(path: str | Path) -> tuple[AnyMotion, bytes]:
 
 
 def parse_motion(written: bytes, name: str) -> AnyMotion:
-    """Return the motion in a file's contents, without the table that it may name."""
+    """Return the motion in a file's contents, without the table that it may name.
+
+    Raises:
+        ConfigError: The contents are not valid YAML, or not a motion.
+    """
     return validate(parse_yaml(written, name), MotionFile).root

@@ -151,7 +151,6 @@ class MotionSamples:
 
     @cached_property
     def _first_main_row(self) -> int:
-        """Index of the first row of the main phase."""
         return int(np.argmax(self.phase == Phase.MAIN))
 
     @cached_property

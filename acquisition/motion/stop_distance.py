@@ -81,7 +81,7 @@ def verify_stops(
         cell, robot: Cell with the decelerations of a quick stop, and its robot.
         clearances: Pairs of bodies.
         what: Name of the motion in the message.
-        meanwhile: Function that is called every few milliseconds during the check.
+        meanwhile: Function that is called before each 20 rows of the collision check.
 
     Raises:
         PreflightError: A stop would end beyond a limit, or with two bodies in contact; the text
@@ -113,7 +113,7 @@ def bad_rest(
         end: Shape (rows, joints). Poses in which stops end [rad or m].
         cell, robot: The cell and its robot.
         clearances: Pairs of bodies; they must not be in contact.
-        meanwhile: Function that is called every few milliseconds during the check.
+        meanwhile: Function that is called before each 20 rows of the collision check.
     """
     if len(end) == 0:
         return None
@@ -153,7 +153,7 @@ def late_stop_note(samples: MotionSamples, cell: CellConfig, robot: RobotDescrip
 def _farthest_beyond(
     end: FloatArray, cell: CellConfig, robot: RobotDescription
 ) -> tuple[int, str, str] | None:
-    """Return row, joint and description of the stop that ends farthest beyond a limit."""
+    """Return row, joint and text of the stop ending farthest beyond a limit; None without one."""
     low, high = map(np.array, position_bounds(cell, robot))
     beyond = np.maximum(end - high, low - end)
     row, number = map(int, np.unravel_index(int(np.argmax(beyond)), beyond.shape))

@@ -56,12 +56,11 @@ class TrajectoryRows:
 def read_trajectory(path: Path) -> TrajectoryRows:
     """Return the rows of a trajectory file.
 
-    A CSV file has a column `time_s` or `time_from_start` and one column per joint; columns of
-    velocities are named after their joint, as `VELOCITIES` shows; those of accelerations, as
-    `ACCELERATIONS` shows, are not used. Its columns are separated as in
-    `SEPARATORS`, and its numbers may have decimal commas. A JSON or YAML file contains a
-    `trajectory_msgs/JointTrajectory`, by itself or in a message of MoveIt; its accelerations and
-    efforts are not used.
+    A CSV file has a column `time_s` or `time_from_start` and one column per joint. `VELOCITIES` has
+    the forms of the names of velocity columns, and `ACCELERATIONS` those of acceleration columns,
+    which are not used. `SEPARATORS` has the permitted separators; numbers may have decimal commas.
+    A JSON or YAML file contains a `trajectory_msgs/JointTrajectory`, by itself or in a message of
+    MoveIt; its accelerations and efforts are not used.
 
     Raises:
         ConfigError: The file cannot be read, or one of its rows is invalid; the text names it.

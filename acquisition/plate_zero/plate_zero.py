@@ -208,7 +208,7 @@ def find_offset(
         valid: Shape (samples, 8). False if a channel was overloaded or is missing.
 
     Raises:
-        DataQualityError: A channel was overloaded, or a reading is too short.
+        DataQualityError: More than 2 % of the values of a reading are invalid, or it is too short.
     """
     times, levels, numbers = _blocks(time_s, reading, channels_n, valid)
     end_s = float(time_s[np.isin(reading, range(READINGS))].max())

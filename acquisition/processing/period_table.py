@@ -61,7 +61,10 @@ class PeriodTable:
         return rows, recording.sample_index[rows] - self.start
 
     def mean_temperature(self, good: BoolArray) -> FloatArray | None:
-        """Return the drives' mean temperatures over the valid rows of good periods, (n,) [K]."""
+        """Return the drives' mean temperatures over the valid rows of good periods, (n,) [K].
+
+        None without temperatures, or without a good period.
+        """
         if not self.warm:
             return None
         total, count = None, 0
@@ -73,7 +76,7 @@ class PeriodTable:
 
 
 class PeriodCutter:
-    """Cuts a periodic recording, in parts or as a whole, into periods."""
+    """Cutter that divides a periodic recording, in parts or as a whole, into periods."""
 
     def __init__(self) -> None:
         self._first: Recording | None = None
@@ -235,7 +238,7 @@ def cut_periods(recording: Recording, start: int | None = None) -> tuple[FloatAr
 
 
 def sum_of(arrays: Iterable[FloatArray]) -> FloatArray:
-    """Return the sum of arrays of one shape, added one after the other."""
+    """Return the sum of arrays of one shape, at least one, added one after the other."""
     total: FloatArray | None = None
     for array in arrays:
         total = array.copy() if total is None else np.add(total, array, out=total)

@@ -132,8 +132,9 @@ def average_periods(recording: Recording, *, rejected_limit: int = REJECTED_LIMI
         rejected_limit: Largest number of rejected periods.
 
     Raises:
-        DataQualityError: The recording is not periodic, lacks more than 2 % of a joint's rows, has
-            too many rejected periods or fewer than two good ones.
+        DataQualityError: The recording is not periodic, lacks more than 2 % of a joint's rows or
+            the start of a period, has too many rejected periods or fewer than two good ones, or
+            lacks the same row in all good periods but one.
     """
     cutter = PeriodCutter()
     cutter.add(recording)

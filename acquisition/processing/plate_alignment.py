@@ -35,10 +35,10 @@ SETTLING_CYCLES = 4.0
 def with_plate(recording: Recording, rows: PlateRows) -> Recording:
     """Return a recording with the force plate's measurements.
 
-    The amplifier's clock is mapped to that of the recording. If SYNC is wired to the amplifier, its
-    trigger edges are used. Otherwise the arrivals of its rows are used, or marks if these are more
-    accurate. In simulated time, rows that arrived after the last SYNC are left out, because their
-    number depends on the computer.
+    The amplifier's clock is mapped to that of the recording. If SYNC is wired to the amplifier and
+    at least 10 trigger edges match SYNC, they are used. Otherwise the arrivals of its rows are
+    used, or marks if these are more accurate. In simulated time, rows that arrived after the last
+    SYNC are left out, because their number depends on the computer.
 
     Args:
         recording: Recording of the robot.

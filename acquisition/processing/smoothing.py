@@ -105,7 +105,7 @@ def low_pass(values: FloatArray, sample_period_s: float, cutoff_hz: float) -> Fl
     A Butterworth filter of order 4 runs forwards and backwards; time is the first axis.
 
     Raises:
-        ConfigError: The cut-off is not well below half the sampling rate.
+        ConfigError: The cut-off is not between 0 and 0.45 times the sampling rate.
     """
     if not 0.0 < cutoff_hz < 0.45 / sample_period_s:
         step = sample_period_s

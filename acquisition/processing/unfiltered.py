@@ -71,7 +71,7 @@ class UnfilteredSignals:
         freeze(self, DataQualityError, table, "torque_row", dtype=np.int64)
 
     def reach(self, cutoff_hz: float) -> int:
-        """Return how many rows before and after a jump the filters change."""
+        """Return the number of rows before and after a jump that the filters change."""
         smoothing = round(SMOOTHING_REACH * self.smoothing_s / self.sample_period_s)
         return window_reach(self.sample_period_s, cutoff_hz) + smoothing
 

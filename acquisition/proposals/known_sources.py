@@ -16,7 +16,7 @@ from acquisition.maps.torque_meaning import (
 
 @dataclass(frozen=True)
 class KnownSource:
-    """A program that writes recordings, and what the names of its columns do not say.
+    """A program that writes recordings, and facts that its column names do not state.
 
     Attributes:
         title: Name of the program.
@@ -27,7 +27,7 @@ class KnownSource:
         units: Keys of `units` in the import map.
         torques: Meaning of the torques or currents; None if the program does not define it. Torques
             are not used if the meaning is `motor_current`.
-        notes: What a person must know about the recorded quantities, one sentence each.
+        notes: Facts about the recorded quantities that a person must know, one sentence each.
     """
 
     title: str
@@ -128,7 +128,7 @@ KNOWN_SOURCES: Final = (
 
 
 def recognise(names: Sequence[str]) -> KnownSource | None:
-    """Return the known source whose columns all exist."""
+    """Return the first known source whose columns all exist; None without one."""
     return next(
         (source for source in KNOWN_SOURCES if set(source.columns) <= set(names)),
         None,

@@ -20,7 +20,7 @@ class Proposal:
     Attributes:
         keys: Contents of the map; a value that a person must state is `?`.
         reasons: Reason for each part, one sentence each.
-        doubts: What could not be decided from the file, one sentence each.
+        doubts: Doubts, and notes for a person, one sentence each.
         report: Import with this map; None if it was not possible.
         recording: The imported recording; None without a report.
     """

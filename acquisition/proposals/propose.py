@@ -62,8 +62,9 @@ def propose_map(path: Path, robot_reference: str) -> Proposal:
         robot_reference: Robot that moved: a bundled name or a robot file.
 
     Raises:
-        ConfigError: The file has no table of numbers, or no time stamps, or no positions, torques
-            or currents of all joints can be found in it.
+        ConfigError: The file has no table of numbers; or it has no time stamps, no positions of all
+            joints, or neither torques nor currents of all joints that can be recognised; or a unit
+            in its column names is not supported.
     """
     robot = load_robot(robot_reference)
     topics = joint_state_topics(path) if is_bag(path) and has_ros_messages(path) else {}

@@ -183,7 +183,7 @@ def _is_sparse(name: str, column: Sequence[str]) -> bool:
 
 
 def _first_row_of_numbers(rows: list[list[str]]) -> int | None:
-    """Return the first row of a block of rows with equally many cells, most of them numbers."""
+    """Return the first row of a block of equally long rows, mostly of numbers; None without one."""
     for first in range(len(rows) - _FEWEST_ROWS + 1):
         some = rows[first : first + _FEWEST_ROWS]
         if len({len(row) for row in some}) == 1 and len(some[0]) >= _FEWEST_COLUMNS:

@@ -67,7 +67,7 @@ def unit_in_name(group: ColumnGroup) -> str:
 def find_assumed_units(
     units: Mapping[str, str], groups: Mapping[str, ColumnGroup], source: KnownSource | None
 ) -> dict[str, str]:
-    """Return the units that neither the columns nor their program state."""
+    """Return the units that the column names do not state; none for a known program."""
     known = {} if source is None else source.units
     default = ImportUnits().model_dump() | dict(units)
     used = [name for name in groups if name != "current" or "torque" not in groups]

@@ -47,7 +47,7 @@ class RecordingTable:
 
 
 def recording_table(recording: Recording, robot: RobotDescription) -> RecordingTable:
-    """Return all data of a recording, one column per quantity and joint.
+    """Return a recording as columns, one per quantity and joint.
 
     Args:
         recording: Recording of one run.

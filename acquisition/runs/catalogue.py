@@ -29,7 +29,7 @@ def list_runs(root: Path) -> tuple[tuple[RunFolder, Manifest], ...]:
 
 
 def list_damaged_runs(root: Path) -> tuple[tuple[RunFolder, RecordingError], ...]:
-    """Return the runs below `root` without a manifest of their own, and its error, oldest first."""
+    """Return the runs below `root` that `list_runs` leaves out, with the error, oldest first."""
     return tuple(
         (folder, manifest)
         for folder, manifest in _run_folders(root)

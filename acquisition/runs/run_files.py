@@ -21,7 +21,7 @@ def is_plain_name(name: str) -> bool:
 
 
 def is_written_by_program(name: str) -> bool:
-    """Return True if this program writes files with this ending to a run, or a run inside a run."""
+    """Return True for an ending with which this program writes files, or a file of a nested run."""
     return name.endswith(_NOT_BY_WRITE) or any(map(RUN_ID.fullmatch, name.split("/")[:-1]))
 
 

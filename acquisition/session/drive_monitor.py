@@ -118,7 +118,11 @@ def create_monitor_process(
     control: ControlBlock,
     folder: RunFolder,
 ) -> HelperProcess | None:
-    """Return the process that will read the drives' temperatures; None without a monitor."""
+    """Return the process that will read the drives' temperatures; None without a monitor.
+
+    Raises:
+        ConfigError: The register profile that the cell names cannot be read.
+    """
     if cell.monitor is None:
         return None
     if profile is None:

@@ -46,7 +46,7 @@ EarlyStopRule = Callable[[NewPeriods], bool]
 
 
 class EarlyStop:
-    """Calls an early-stop rule in a thread, so that the supervision of processes is not delayed.
+    """Thread that calls an early-stop rule, so that the supervision of processes is not delayed.
 
     Only new rows of the journal are read. Therefore the cost of a call does not depend on the
     duration of the motion. The rule is called in the order of the periods.
@@ -124,7 +124,7 @@ class EarlyStop:
         return NewPeriods(rows.part(slice(0, count)), self._path.parent, first_row, periods)
 
     def _read_until(self, periods: int) -> bool:
-        """Read the journal until it contains these periods; return False on a timeout."""
+        """Read the journal until it contains these periods; return False if they do not come."""
         until_s = time.monotonic() + FLUSH_PATIENCE_S
         while time.monotonic() < until_s and not self._control.task_gone:
             with contextlib.suppress(RidDaqError):  # no readable row yet

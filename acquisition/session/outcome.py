@@ -77,7 +77,8 @@ def collect_outcome(
         pose: Last known joint positions [rad or m].
 
     Raises:
-        RidDaqError: The motion failed before it began, or nothing was recorded.
+        RidDaqError: The motion failed before it began, nothing was recorded, or the journal cannot
+            be read or was replaced.
     """
     notes = notes + list(control.task.notes)
     stop = control.task.stop_reason

@@ -22,7 +22,7 @@ OVERLOADED_PERIODS = 3
 
 
 class PlateSession:
-    """Starts the plate recorder, watches it during the motion and ends it.
+    """Plate recorder of a motion: its process is started, watched and ended here.
 
     Args:
         task: Plate, amplifier and file.

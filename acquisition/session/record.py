@@ -131,9 +131,10 @@ def record_motion(
         folder: Run folder for `recording.mcap`; the caller updates its manifest.
         on_progress: Function that is called with the progress, about 20 times a second.
         enough: Rule that is asked about new periods, from the third on, in its own thread; if it
-            returns True, the motion proceeds to its run-out after the present period.
+            returns True, the motion proceeds to its run-out after the present period. It is not
+            used with a source of set-points.
         profiles: Protocols of amplifier and drive registers.
-        context: Observer, ordering service and last known pose.
+        context: Optional circumstances of the motion.
 
     Raises:
         ConfigError: The motion was sampled for another cycle time.

@@ -174,7 +174,7 @@ def clock_from_edges(device_s: FloatArray, sync_s: FloatArray) -> DeviceClock:
             `match_edges` [s].
 
     Raises:
-        DataQualityError: There are too few edges.
+        DataQualityError: There are too few edges, or the result is impossible for a quartz clock.
     """
     device = read_only("edge", device_s, float, (None,), DataQualityError)
     sync = read_only("edge's SYNC", sync_s, float, device.shape, DataQualityError)
@@ -250,7 +250,7 @@ def _deal(stretch: IntArray, hands: int) -> list[BoolArray]:
 
 
 def _gain(half: float, eighth: float) -> float:
-    """Return the factor by which the lines for eighths are higher than the whole fit is wrong.
+    """Return the height of the eighths' lines above the whole fit, divided by this fit's error.
 
     The lowest of N delays exceeds the shortest possible delay by about N^-k. Therefore the ratio is
     8^k - 1. The exponent k is 1 if short delays are as frequent as others, and less if they are

@@ -36,9 +36,9 @@ def resample(
         at_rate_hz: Rate of the requested times [Hz].
 
     Returns:
-        `samples`, shape (samples, channels). Zero if not valid.
-        `valid`, shape (samples, channels). False beyond the rows' ends and within 12.6 / f of an
-        invalid value or of a gap of more than three rows.
+        `samples`, shape (samples, channels). Zero if not valid. `valid`, shape (samples, channels).
+        False before the first row, after the last one, and within 12.6 / f of one of these two, of
+        an invalid value, or of a gap of more than three rows.
 
     Raises:
         DataQualityError: There are too few rows, or their times are not regular.

@@ -51,7 +51,7 @@ def unread_names(path: Path) -> tuple[str, ...]:
 
 
 def _contents(path: Path) -> list[tuple[str, Array | None]]:
-    """Return the contents of a file with their names; None instead of contents without numbers."""
+    """Return the contents of a file with their names; None for objects, which cannot be read."""
     with (
         system_errors(ConfigError, f"cannot read {path}", code="RID-FILE-READ"),
         open_file(path, LARGEST_FILE_BYTES) as file,

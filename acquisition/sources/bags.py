@@ -75,8 +75,8 @@ def convert_bag_to_table(
       which the bag recorded the message.
     - Messages without any of the joints belong to another device and are ignored.
     - Values that a message does not contain are empty cells.
-    - If different messages contain different joints, the returned map requests interpolation to the
-      times of the messages with the first joint.
+    - If more messages lack values of some joints than `left_out_limit` permits, the returned map
+      requests interpolation to the times of the messages with the first joint.
 
     Args:
         path: Folder of a bag, or a file `.db3`, `.mcap` or `.bag`.
@@ -88,8 +88,8 @@ def convert_bag_to_table(
         Import map of the CSV file.
 
     Raises:
-        ConfigError: The bag cannot be read, has no topic with joint states or several such topics,
-            or does not name the joints.
+        ConfigError: The bag cannot be read, the topic of joint states is missing or ambiguous, a
+            message names a joint twice, or no message names a joint of the robot.
         DataQualityError: The messages contain no efforts, or lack a joint.
     """
     states = import_map.joint_states

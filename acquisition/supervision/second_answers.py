@@ -35,7 +35,7 @@ class SecondAnswers:
         self._seen: list[deque[int]] = [deque(maxlen=self._limit) for _ in self._names]
 
     def check(self, counts: Sequence[int]) -> StopReason | None:
-        """Check a cycle.
+        """Return the reason to stop after a cycle; None if the motion may continue.
 
         Args:
             counts: For each drive, number of cycles so far in which its identifier answered more

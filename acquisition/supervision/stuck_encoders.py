@@ -47,7 +47,7 @@ class StuckEncoders:
     def check(
         self, i: int, command: float, velocity: float, torque_nm: float, periods: int
     ) -> StopReason | None:
-        """Check one motor in one cycle.
+        """Return the reason to stop after a cycle of one motor; None if the motion may continue.
 
         Args:
             i: Index of the motor.

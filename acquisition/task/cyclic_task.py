@@ -106,7 +106,8 @@ class CyclicTask:
             source: The prepared motion; the approach is planned from the robot's present pose.
 
         Returns:
-            Reason for which the motion was stopped before its end, as in the control block.
+            Reason for which the motion was stopped before its end, as in the control block; None if
+            it was not.
 
         Raises:
             PreflightError: The robot is outside its limits, the approach or a stop in it would

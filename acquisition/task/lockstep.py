@@ -55,7 +55,7 @@ class Lockstep:
     def wait_for_judgement(self, periods: int) -> bool:
         """Wait until `periods` whole periods are judged, at most a minute.
 
-        Return False if the wait ended because of a stop.
+        Return False if a stop ended the wait; otherwise True, even if the minute is over.
         """
         control = self._control
         until_s = time.monotonic() + JUDGE_PATIENCE_S

@@ -50,7 +50,7 @@ class ProgramWords(ctypes.Structure):
         return bool(self._judging)
 
     def judge(self, periods: int, enough: bool) -> None:
-        """Tell the cyclic task how many periods the early-stop rule has judged.
+        """Report to the cyclic task the number of periods that the early-stop rule has judged.
 
         With `enough`, the motion ends after the present period.
         """
@@ -59,7 +59,7 @@ class ProgramWords(ctypes.Structure):
 
     @property
     def periods_judged(self) -> int:
-        """Number of periods after which the goals were checked."""
+        """Number of periods that the early-stop rule has judged."""
         return int(self._periods_judged)
 
     @property

@@ -62,7 +62,11 @@ class Ring:
 
     @classmethod
     def create(cls, joints: int, capacity: int) -> Ring:
-        """Return an empty ring in new shared memory."""
+        """Return an empty ring in new shared memory.
+
+        Raises:
+            RecordingError: The capacity is below 1.
+        """
         if capacity < 1:
             raise RecordingError(
                 f"ring: invalid capacity {capacity} rows: give 1 or more", code="RID-INTERNAL-ERROR"

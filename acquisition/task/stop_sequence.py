@@ -63,6 +63,9 @@ class StopSequence:
     def come_to_rest(self, cycle: Callable[[], tuple[float, int]]) -> None:
         """Command a quick stop by set-point frames, and watch the axes until all are at rest.
 
+        The watch ends earlier if an axis decelerates too slowly or moves further beyond its limit,
+        after a bus failure, and after the timeout.
+
         Args:
             cycle: Function that waits for the next cycle and runs it with a quick stop as its
                 command. It returns the time of the cycle's SYNC [s] and the number of cycle times

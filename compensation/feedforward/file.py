@@ -185,7 +185,11 @@ def write_feedforward(
     origin: FeedforwardOrigin | None = None,
     deflection: FloatArray | None = None,
 ) -> None:
-    """Write a compensated motion and its sources; the file is written completely or not at all."""
+    """Write a compensated motion and its sources; the file is written completely or not at all.
+
+    Raises:
+        RecordingError: The file cannot be written.
+    """
     write_whole(path, feedforward_bytes(motion, samples, origin, deflection))
 
 

@@ -57,7 +57,7 @@ class Margins:
 
     @property
     def gain_db(self) -> float | None:
-        """Gain margin [dB]."""
+        """Gain margin [dB]; None without `gain`."""
         return None if self.gain is None else 20.0 * math.log10(self.gain)
 
 
@@ -168,7 +168,7 @@ class GainAdvice:
         joint_name: Axis with the smallest limit.
         present_per_s: Present K_v [1/s].
         largest_per_s: Largest K_v that keeps the margins on every axis, two standard deviations
-            below the estimate [1/s]; 0 if these are more than the estimate.
+            below the estimate [1/s]; 0 if two standard deviations exceed the estimate.
         sentence: The advice in words.
     """
 

@@ -57,6 +57,9 @@ def write_loops(
 
     Args:
         robot, run, cell: Origin of the loops, as in `LoopFile`.
+
+    Raises:
+        RecordingError: The file cannot be written.
     """
     entries = [
         LoopEntry.from_attributes(loop, joint=loop.joint_name, fitted=loop.names) for loop in loops
@@ -75,7 +78,7 @@ def read_loops(path: Path) -> tuple[LoopFile, tuple[VelocityLoop, ...]]:
 
 
 def loops_content(data: bytes, path: Path) -> tuple[LoopFile, tuple[VelocityLoop, ...]]:
-    """Parse the content of a loop file; see `read_loops`."""
+    """Parse the content of a loop file; errors are those of `read_loops`."""
     what = "a loop file of `rid-daq loop`"
     file = json_content(data, path, LoopFile, what)
     try:

@@ -64,7 +64,7 @@ class VelocityLoop:
             the choice of terms.
         p_value: Probability of a larger cost by chance; small if the controller has another
             structure.
-        trials: All choices that were compared.
+        trials: All choices that were compared; empty for a loop from a file.
         whiteness: Probability of a larger correlation of neighbouring lines by chance; small if a
             term is missing; 1 if there are too few lines for the test.
     """

@@ -37,7 +37,7 @@ class LoadSignals:
     A change needs no signal if the robot already carries its load, because an earlier signal was
     missed.
 
-    What was observed is in shared memory, so that the program can read it after the motion.
+    Observations are stored in shared memory, so that the program can read them after the motion.
 
     Args:
         changes: The changes, at least one with a signal.

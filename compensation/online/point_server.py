@@ -145,7 +145,7 @@ def listening(path: Path) -> Iterator[socket.socket]:
 
 
 def _refuse_unfit(path: Path) -> None:
-    """Refuse a path that is too long, or in a folder of or open to other users."""
+    """Refuse a path that is too long, or in a folder that other users own or can access."""
     if len(os.fsencode(path)) > _LONGEST_PATH:
         raise TransportError(
             f"{path}: longer than the {_LONGEST_PATH} bytes of a socket's path; choose a shorter"

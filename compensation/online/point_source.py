@@ -96,7 +96,7 @@ class PointSource:
 
     @property
     def samples_per_period(self) -> int | None:
-        """Rows per period of a periodic motion."""
+        """Rows per period of a periodic motion; None for any other motion."""
         return self._samples_per_period
 
     @property
@@ -367,7 +367,7 @@ class PointSource:
 
 
 def buffer_points(buffer_s: float, cycle_time_s: float) -> int:
-    """Return the number of points in a buffer of this length [s].
+    """Return the number of points in a buffer of this length [s]; 64 or more.
 
     Raises:
         ConfigError: The buffer would have more than 2048 points.

@@ -341,7 +341,7 @@ def forwards(
     x: FloatArray,
     u: FloatArray,
 ) -> int:
-    """Fill x (points,) and u (points - 1,) with the fastest motion; return the failed row or -1.
+    """Fill x (points,) and u (points - 1,) with the fastest motion; return the failed point or -1.
 
     `largest` is the result of `backwards`; the other arguments are those of `backwards`. The pass
     can fail if friction makes the feasible set non-convex: a slower motion exists, but the pass

@@ -150,7 +150,10 @@ class _Search:
         )
 
     def attempt(self) -> TimedPath | None:
-        """Scan again if a limit was tightened; return the result if its rows keep all limits."""
+        """Scan again if a limit was tightened; return the result if its rows keep all limits.
+
+        None means that another attempt is needed: a limit is exceeded, or margins were unknown.
+        """
         timer = self._timer
         if self._profile is None:
             self._bounds = self._rows.tighten(self._free)

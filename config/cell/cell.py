@@ -280,8 +280,9 @@ class CellConfig(PhysicalFile):
         """Return the profile of an axis's drive: the cell's profile, with the axis's own keys.
 
         Raises:
-            ConfigError: The profile is a name only, because the cell was not loaded by
-                `config.load`; or it does not support the trimmed exchange.
+            ConfigError: The profile was not read, because the cell was not loaded by `config.load`;
+                or it does not support the trimmed exchange, the digital inputs or the velocity unit
+                that cell or axis require.
         """
         chosen = self.servo if axis.servo is None else axis.servo
         if isinstance(chosen, str) or chosen.base is not None:
@@ -316,7 +317,8 @@ class CellConfig(PhysicalFile):
         """Refuse a cycle time that cannot be written to a drive.
 
         Raises:
-            ConfigError: A drive needs its cycle time in 60C2h, whose mantissa has eight bits.
+            ConfigError: A drive needs its cycle time in 60C2h, which cannot hold this one (its
+                mantissa has eight bits).
         """
         if interpolation_period(self.cycle_time_ms) is not None:
             return

@@ -1,7 +1,7 @@
 """`ExtraSetting`: an object that a servo profile sets in addition to the program's own settings.
 
-The program writes some objects itself, from keys of the cell file. A second value for one of them
-could switch off the drive's reaction to a failure of this computer. It is refused.
+The program writes some objects itself, from keys of the cell file. A second value for such an
+object could switch off the drive's reaction to a failure of this computer. It is refused.
 """
 
 from __future__ import annotations

@@ -34,8 +34,8 @@ class FixedEntry(ConfigModel):
         object: Index and subindex.
         bits: Size of the object.
         signal: The cyclic signal that the object carries.
-        holds: Constant value of an object without a signal, in an RPDO. In a TPDO, an object
-            without a signal is ignored.
+        holds: Constant value of an object without a signal, in an RPDO that carries signals. In any
+            other PDO, an object without a signal is ignored.
     """
 
     object: ObjectName
@@ -50,7 +50,7 @@ class FixedPdo(ConfigModel):
     Attributes:
         pdo: Number and direction, as the drive sees it: `rpdo1` to `rpdo4`, `tpdo1` to `tpdo4`.
         transmission: Transmission type: 1 means with every SYNC. An RPDO of type 254 or 255 acts on
-            arrival. A TPDO of a type other than 1 may come at any time and is not used.
+            arrival. A TPDO of a type other than 1 may come at any time and cannot carry signals.
         objects: The objects in their order.
     """
 

@@ -1,8 +1,9 @@
 """Text of an electronic data sheet: its sections and keys, with their line numbers.
 
 The INI dialect of CiA 306-1, 4.2, as vendors write it: any case, spaces around keys and values,
-comments after `;`, any line ends, UTF-8 or Latin-1. Only known sections and keys are kept. Other
-sections, which are mostly vendor-specific, may contain any text of limited line length.
+comments after `;` or in lines that begin with `#`, any line ends, UTF-8 or Latin-1. Only known
+sections and keys are kept. Other sections, which are mostly vendor-specific, may contain any text
+of limited line length.
 """
 
 from __future__ import annotations
@@ -67,7 +68,7 @@ def parse_sections(data: bytes, name: str) -> dict[str, EdsSection]:
 
     Raises:
         ConfigError: The file is too large, is not text, or a line is invalid; the message has
-            `name:line`.
+            `name:line` unless the file is too large.
     """
     if len(data) > MAX_BYTES:
         raise ConfigError(

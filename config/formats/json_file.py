@@ -71,7 +71,8 @@ def read_json_file(path: Path, model: type[M], most_bytes: int, what: str) -> M:
         what: Description of the file for the message: "a payload of `rid-daq payload identify`".
 
     Raises:
-        ConfigError: The file cannot be read or is not valid; the message has the file and the key.
+        ConfigError: The file cannot be read or is not valid; the message has the file and, if
+            known, the key or the line.
     """
     return json_content(read_content(path, most_bytes), path, model, what)
 

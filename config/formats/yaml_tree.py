@@ -73,7 +73,7 @@ def parse_yaml(text: bytes, name: str) -> YamlTree:
 
     Raises:
         ConfigError: The text is not YAML, or uses a refused feature of YAML; the message has
-            `name:line:column`.
+            `name:line:column`, or only the name if the file is too large or is not UTF-8.
     """
     if len(text) > MAX_BYTES:
         raise ConfigError(
@@ -238,7 +238,7 @@ def dump_yaml(data: object, comment: str = "", comments: Mapping[Path, str] | No
     Args:
         data: Nested dict, list, str, int, finite float, bool, None.
         comment: Text above the data; each line is prefixed by `# `.
-        comments: Texts by path; each is written above the first line of its value.
+        comments: Texts by path; each is written above the line of its key or list item.
     """
     head = "".join(f"# {line}\n" if line else "#\n" for line in comment.splitlines())
     text = yaml.dump(

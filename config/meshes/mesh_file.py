@@ -3,8 +3,8 @@
 The library coal reads STL and DAE files. It ignores the unit of a DAE file, which is therefore read
 here. If a file has several parts in one node, coal connects their triangles wrongly; then
 `dae_geometry.py` reads them, or the convex hull of the vertices replaces them. The `<up_axis>` of a
-DAE file is ignored on purpose: RViz ignores it, and the files of robots are made
-for them (decision 0073).
+DAE file is ignored on purpose: RViz ignores it, and the files of robots are made for RViz (decision
+0073).
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Lock files: each is held by one process of this computer; queries do not touch the lock.
+"""Lock files: each is held by at most one process of this computer; queries do not touch the lock.
 
 The lock is an flock: it belongs to an open file, and the kernel releases it with the process. The
 holder is read from the kernel's list of locks, so a query never tries to take the lock.
@@ -58,7 +58,7 @@ def file_holder(path: Path) -> int | None:
 
 
 def lock_holder(descriptor: int) -> int | None:
-    """Return the process that holds an exclusive flock on an open file; None if it is free.
+    """Return the process that holds an exclusive flock on an open file; None if none is listed.
 
     The lock is not touched, so a process that takes it at the same time does not fail.
 

@@ -39,8 +39,8 @@ def own_secret(name: str) -> bytes:
         name: The name of its file in `own_state_folder`.
 
     Raises:
-        RecordingError: The secret cannot be read or created, or another account owns it or can read
-            it.
+        RecordingError: The secret cannot be read or created, has a wrong length, or another account
+            owns it or can read it.
     """
     path = own_state_folder() / name
     with system_errors(RecordingError, f"{path}: cannot be read", code="RID-FILE-ACCESS"):

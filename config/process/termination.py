@@ -80,7 +80,7 @@ class Interruption:
 def signals_handled(
     stop: Callable[[], None], *, then_ignored: bool = False
 ) -> Iterator[Interruption]:
-    """Call `stop` at every termination signal, instead of ending the program.
+    """Call `stop` at every signal of `ending_signals`, instead of ending the program.
 
     Outside the main thread nothing changes, because only the main thread can handle signals.
 

@@ -111,7 +111,7 @@ class Box(ConfigModel):
 
 
 class Workspace(ConfigModel):
-    """The space in which the robot may move; bodies of the base (link 0) may be outside of it.
+    """The space in which the robot may move; bodies of the base (link 0) may be outside.
 
     Attributes:
         planes: Walls and floors.

@@ -18,7 +18,7 @@ from config.robot.urdf_meshes import LARGEST, read_link_meshes
 
 @dataclass(frozen=True, eq=False)
 class LinkDrawing:
-    """What is drawn of a link, in its frame.
+    """Meshes and bodies that are drawn for a link, in its frame.
 
     Attributes:
         meshes: Meshes [m].

@@ -227,7 +227,8 @@ class _LimitReader:
     def _states_no_range(self, given: float | None) -> bool:
         """Return True if lower and upper are missing, or are zeros that mean "unknown".
 
-        Zeros mean "locked" if velocity and effort are stated, unless the user gives a range.
+        Zeros mean "locked" if velocity and effort are stated, unless the user gives a range or the
+        joint is continuous.
         """
         limits = self._joint.limits
         if limits.get("lower", 0.0) or limits.get("upper", 0.0):

@@ -80,7 +80,9 @@ def robot_of_urdf(
 
     Raises:
         SeveralArmsError: There are several arms and no `tip`.
-        ConfigError: A link or the chain does not exist, or a value is one that no robot has.
+        ConfigError: A link or the chain does not exist, the chain cannot be modelled (too many
+            joints, some mimic joints), its names are not unique, or a value is one that no robot
+            has.
     """
     tree, released = release_joints(tree, parallelograms)
     arm = arm_between(tree, base, tip)
@@ -175,6 +177,9 @@ def carried_links(tree: UrdfTree, arm: UrdfArm, notes: list[str]) -> list[list[s
         arm: The arm; the other moving joints are held (`held_positions`). Links between a driven
             joint and a mimic joint that is part of it are left out.
         notes: One note for each group of held joints is appended.
+
+    Raises:
+        ConfigError: As for `held_positions`.
     """
     number = {joint.child: i + 1 for i, joint in enumerate(arm.joints)}
     carried: list[list[str]] = [[] for _ in range(len(arm.joints) + 1)]

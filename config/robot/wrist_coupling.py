@@ -34,7 +34,7 @@ class WristCoupling:
 
     @classmethod
     def of_robot(cls, robot: RobotDescription) -> WristCoupling | None:
-        """Return the coupling of a robot; None if each motor moves only its own joint."""
+        """Return the coupling of a robot; None if its file has no `coupling`."""
         if robot.coupling is None:
             return None
         return cls.of_matrix(np.array(robot.coupling))

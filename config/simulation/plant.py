@@ -1,7 +1,7 @@
 """`PlantConfig`: true parameters of a simulated robot, for the mock hardware and the demo's check.
 
-Effects that the identification models do not have are in `unmodelled`, so that they can be switched
-off.
+Effects that a model with rigid gears, Coulomb and viscous friction lacks are in `unmodelled`, so
+that they can be switched off. For some of these effects, the robot file has a friction term.
 """
 
 from __future__ import annotations
@@ -177,7 +177,7 @@ class SimulatedPlate(ConfigModel):
 
 
 class UnmodelledAxis(ConfigModel):
-    """Effects of one axis that the estimated models do not have.
+    """Effects of one axis that a model with a rigid gear, Coulomb and viscous friction lacks.
 
     Attributes:
         stribeck_nm: Friction at standstill in addition to Coulomb friction (Stribeck friction).
@@ -221,7 +221,7 @@ class UnmodelledAxis(ConfigModel):
 
 
 class UnmodelledEffects(ConfigModel):
-    """Effects that the estimated models do not have.
+    """Effects that a model with rigid gears, Coulomb and viscous friction lacks.
 
     Attributes:
         axes: Effects of each axis.
@@ -241,7 +241,7 @@ class PlantConfig(PhysicalFile):
         axes: Motors, friction and servo loops.
         spring: The gravity spring, if the robot file has one.
         plate: The force plate, if the cell has one.
-        unmodelled: Effects that the estimated models do not have.
+        unmodelled: Effects that a model with rigid gears, Coulomb and viscous friction lacks.
         payloads: Bodies for the flange, by name.
         attached: The payload that is mounted when the robot is switched on.
         tracker: A laser tracker that measures a point on the last link.
@@ -299,5 +299,5 @@ class PlantConfig(PhysicalFile):
         )
 
     def without_unmodelled(self) -> PlantConfig:
-        """Return the plant without the effects that no model contains (`unmodelled`)."""
+        """Return the plant without the effects under `unmodelled`."""
         return self.model_copy(update={"unmodelled": None})

@@ -91,7 +91,7 @@ class SdoClient:
         return self._next_segment()
 
     def check(self, now_s: float) -> Frame | None:
-        """Abort the transfer if its deadline has passed; return the abort message to send."""
+        """Abort the transfer if its deadline has passed; return the abort message, or else None."""
         if self.done or now_s < self.deadline_s:
             return None
         self._end(

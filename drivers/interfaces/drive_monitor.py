@@ -56,7 +56,8 @@ class MonitorReading:
 class DriveMonitor(Protocol):
     """Reader of the drives' parameters and temperatures, in parallel to the cyclic exchange.
 
-    Every call reads from every drive, from base to flange, and returns after a limited time.
+    `motors` and `read` ask every drive, from base to flange. Every call returns after a limited
+    time.
     """
 
     @abstractmethod

@@ -132,7 +132,7 @@ def refuse_restarted(axes: Sequence[DriveAxis], watch: DriveWatch) -> None:
 
 
 def refuse_red(settings: Iterable[DriveSetting]) -> None:
-    """Raise `PreflightError` that names every setting that is not as required."""
+    """Raise `PreflightError` if a setting is red; the error names all red settings."""
     red = [setting for setting in settings if setting.verdict == "red"]
     problems = [
         f"{s.joint} (node {s.node_id}): {s.name} {s.object_name} is {s.found},"
@@ -147,7 +147,7 @@ def refuse_red(settings: Iterable[DriveSetting]) -> None:
 
 
 def common_code(codes: Iterable[str]) -> str:
-    """Return the common error code of red settings; RID-PREFLIGHT-RED if their codes differ."""
+    """Return the common error code of red settings; RID-PREFLIGHT-RED without one."""
     distinct = set(codes)
     return (distinct.pop() if len(distinct) == 1 else "") or "RID-PREFLIGHT-RED"
 

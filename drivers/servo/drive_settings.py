@@ -134,9 +134,9 @@ def restore_drive(
 
     Returns:
         The objects whose values differed or are unknown. A PDO's mapping entries beyond its number
-        of mapped objects have no effect; they are written too, but the drive may refuse
-        them without an error. Objects that the backup has no value for are left out if the
-        drive does not have them.
+        of mapped objects have no effect; they are written too, but left out here if the drive does
+        not take them. Objects that the backup has no value for are left out if the drive does not
+        have them.
 
     Raises:
         DeviceTimeoutError, TransportError: The drive does not answer, or the bus is lost.

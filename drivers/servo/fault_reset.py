@@ -28,10 +28,11 @@ class FaultReset:
     Attributes:
         joint, node_id: The drive.
         before, after: The drive's power state. If the drive was not in fault, nothing was sent, and
-            both are equal.
+            both are equal. If it does not state its power state or error code, both are
+            `NOT_READY_TO_SWITCH_ON`.
         error: The drive's error code, in words; empty if there was no fault.
         refusal: Reason why a fault was not reset: the drive refused to read or write an object, or
-            the fault is none of those to reset; otherwise empty.
+            the fault was not to be reset; otherwise empty.
     """
 
     joint: str

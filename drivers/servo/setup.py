@@ -253,7 +253,7 @@ class DriveSetup:
         return good
 
     def _gear_ratio(self) -> float | None:
-        """Return the gear ratio in the robot file; None if the drive's 6091h contradicts it.
+        """Return the robot file's gear ratio; None if 6091h contradicts it or cannot be read.
 
         The ratio is motor revolutions per joint revolution. A drive that reports 1:1, or has no
         6091h, does not know the gear. The ratio of a prismatic joint (rad/m) cannot be stored in

@@ -37,7 +37,7 @@ presliding distance.
 """
 DIRECTION, BY_DISTANCE, BY_FRACTION, KNOWN = 0, 1, 2, 3
 FOUND: Final = 4
-"""Number of results for each position: direction, its two derivatives, and whether it is known."""
+"""Number of results for each position: direction, its two derivatives, and if it is known."""
 
 
 def initial_state() -> FloatArray:

@@ -44,10 +44,10 @@ class Transmission:
 
     Let s = 1 if the motor drives the load, and s = -1 if the load drives the motor; s = 0 at rest,
     and presliding hysteresis gives values in between. The torque of the load is multiplied by
-    eta^-s (5.16, 5.17), or by 1 + c s for a load-dependent friction c
-    |load| sign(v). A gear does not transmit the inertia torque of its own motor's rotor. But if an
-    estimate does not distinguish the rotor's inertia from that of the link, both count as
-    transmitted load (`identification.estimation.lossy_gears`).
+    eta^-s (5.16, 5.17), or by 1 + c s for a load-dependent friction c |load| sign(v). A gear does
+    not transmit the inertia torque of its own motor's rotor. But if an estimate does not
+    distinguish the rotor's inertia from that of the link, both count as transmitted load
+    (`identification.estimation.lossy_gears`).
     """
 
     losses: tuple[GearLoss, ...] = ()

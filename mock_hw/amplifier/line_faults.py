@@ -51,9 +51,9 @@ class FaultInjector:
         self.rows += rows
 
     def apply_faults(self, row: Unit) -> tuple[list[Unit], list[AmplifierFault]]:
-        """Return the units that replace a row, and the faults of more than rows that begin at it.
+        """Return the units that replace a row, and the faults that begin at it but change no row.
 
-        These are the faults with a duration, and `reset`.
+        The latter are the faults with a duration, and `reset`.
         """
         before: list[Unit] = []
         lasting: list[AmplifierFault] = []

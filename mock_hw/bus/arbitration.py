@@ -103,7 +103,7 @@ class CanWire:
         return self._sending is not None or self.next_ns <= max(now_ns, self._free_ns)
 
     def step(self) -> Delivery | None:
-        """End the present frame and return it, or start the next frame, whichever is due."""
+        """End the present frame and return it; without one, start the next, and return None."""
         delivery = self._sending
         if delivery is not None:
             self._sending = None

@@ -47,7 +47,7 @@ class HubClient:
         now_ns: Present time [ns]: simulated, or CLOCK_MONOTONIC at the last `wait`.
 
     Raises:
-        TransportError: No hub listens at the socket.
+        TransportError: No hub listens at the socket, or it does not answer in time.
         ProtocolError: The hub's first answer is not WELCOME.
     """
 

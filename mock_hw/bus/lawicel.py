@@ -2,9 +2,9 @@
 
 The commands are those of LAWICEL's CANUSB manual: S and s set the bit rate; O and L open the
 channel, C closes it; t, T, r and R transmit a frame; F, V and N are queries; Z switches time stamps
-on or off; M and m set filters, which have no effect here. Each command ends with CR. The adapter
-answers with CR, or with BELL if it refuses the command. Frames from the bus have the format of the
-transmit commands.
+on or off; M and m set filters, which have no effect here. Each command and each answer ends with
+CR, but the answer to a refused command is BELL. Frames from the bus have the format of the transmit
+commands.
 """
 
 from __future__ import annotations

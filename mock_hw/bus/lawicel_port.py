@@ -77,7 +77,7 @@ class LawicelPort:
         )
 
     def receive_frames(self, timeout_s: float) -> Sequence[Arrival] | None:
-        """Return the frames that the computer sends; None if no byte arrives in `timeout_s` [s]."""
+        """Return the computer's standard frames; None if no byte comes within `timeout_s` [s]."""
         self._write(b"")
         if not self._poll.poll(max(timeout_s, 0.0) * 1000.0):
             return None

@@ -38,7 +38,11 @@ def adapter_path(channel: str) -> Path:
 
 
 def with_served_channel(can: CanBusConfig) -> CanBusConfig:
-    """Return the bus with the channel at which programs open it."""
+    """Return the bus with the channel at which programs open it.
+
+    Raises:
+        TransportError: As for `adapter_path`.
+    """
     if can.interface != "slcan":
         return can
     return can.model_copy(update={"channel": str(adapter_path(can.channel))})

@@ -124,7 +124,6 @@ class SimulatedDrive:
             self._do_actions(max(due_s, self._now_s))
 
     def _do_actions(self, now_s: float) -> None:
-        """Do the actions that are due at `now_s` [s]."""
         self._now_s = now_s
         if now_s >= self._boot_s:
             self._finish_boot()

@@ -62,7 +62,7 @@ class DriveFaults:
 
     @property
     def next_s(self) -> float:
-        """Time at which the next fault begins or ends [s]."""
+        """Time at which the next fault begins or ends [s], without those that begin at a cycle."""
         coming = (*self._coming, *self._program)
         begins = (begin.at_s for begin, _ in coming if begin.at_s is not None)
         return min((*begins, *(due.time_s for due in self._due)), default=math.inf)

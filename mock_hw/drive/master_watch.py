@@ -63,7 +63,7 @@ class MasterWatch:
     def answer(self, nmt: NmtState, now_s: float) -> Frame | None:
         """Return the answer to a request of life guarding; the first request starts the monitoring.
 
-        A drive that sends a heartbeat does not answer.
+        The answer is None if the drive has no life guarding or sends a heartbeat.
         """
         if not self._guarded or self._objects[od.HEARTBEAT_PRODUCER]:
             return None

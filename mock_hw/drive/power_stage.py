@@ -88,8 +88,8 @@ class PowerStage:
     Attributes:
         state: CiA 402 state.
         supplied: True if the motor supply is on; while it is off, no command enables the drive.
-        next_s: End of the present stopping ramp, at which `advance` is due [s]; infinity without a
-            ramp.
+        next_s: End of a stopping ramp after which the state changes, at which `advance` is due [s];
+            infinity without one.
     """
 
     def __init__(

@@ -74,7 +74,11 @@ class PtyPort:
         return _RATES.get(termios.tcgetattr(self._fd)[5], UNKNOWN_RATE)
 
     def plug(self) -> None:
-        """Create the port."""
+        """Create the port.
+
+        Raises:
+            TransportError: The path already exists, or no pseudo-terminal is available.
+        """
         if self._fd >= 0:
             return
         try:

@@ -138,10 +138,18 @@ def plate_path(channel: str) -> Path:
 
 
 def registers_path(channel: str) -> Path:
-    """Return the path of the serial port of the drives' registers for a channel."""
+    """Return the path of the serial port of the drives' registers for a channel.
+
+    Raises:
+        TransportError: As for `socket_path`.
+    """
     return socket_path(channel).with_suffix(".drives")
 
 
 def axes_path(channel: str) -> Path:
-    """Return the path of the file with the true state of the axes for a channel."""
+    """Return the path of the file with the true state of the axes for a channel.
+
+    Raises:
+        TransportError: As for `socket_path`.
+    """
     return socket_path(channel).with_suffix(".axes")

@@ -108,7 +108,7 @@ class SnapshotReader:
     """Reads snapshots that another process writes.
 
     Raises:
-        TransportError: The file does not exist.
+        TransportError: The file does not exist or cannot be read.
     """
 
     def __init__(self, path: Path) -> None:

@@ -20,8 +20,9 @@ from config.robot.robot import RobotDescription
 MOST_DRAWS: Final = 50
 CLEAR_STEP: Final = 0.05
 CLEARANCE_M: Final = 0.025
-"""`MOST_DRAWS`: largest number of draws per pose. `CLEAR_STEP`: step of the collision check [rad or
-m]. `CLEARANCE_M`: smallest distance between bodies [m]."""
+"""`MOST_DRAWS`: largest number of draws, divided by the number of poses. `CLEAR_STEP`: step of the
+collision check [rad or m]. `CLEARANCE_M`: smallest distance between bodies [m].
+"""
 
 
 class MultipointMotion(Motion):
@@ -90,7 +91,7 @@ class MultipointMotion(Motion):
         )
 
     def _samples(self, robot: RobotDescription, sample_period_s: float) -> MotionSamples:
-        """Return moves through the poses, with a dwell at each of them."""
+        """Return moves through the poses, with a dwell at each pose."""
         return visit_poses(
             self.draw_poses(robot),
             robot,

@@ -93,8 +93,9 @@ class PathMotion(Motion):
     def chosen_poses(self, robot: RobotDescription, most: int) -> MotionPoses | None:
         """Return the poses at the ends of the lines.
 
-        None if a segment is not a line, if there are more than `most` poses, or if a point cannot
-        be reached: then planning the motion names the point.
+        None if a segment is not a line, if there are more than `most` poses, if `near` does not
+        have one value per joint, or if a point cannot be reached. In the last two cases, planning
+        the motion raises an error that names the cause.
         """
         ends = [each.to_m for each in self.segments if isinstance(each, LineSegment)]
         if (

@@ -63,7 +63,10 @@ class SpeedLimits:
 
 
 def joint_speed(slope: FloatArray, robot: RobotDescription, fraction: float = 1.0) -> FloatArray:
-    """Return the path speeds at which joints or their motors reach 97 % of their limits, (m, n)."""
+    """Return the path speeds at which joints or motors reach their limits, (m, n).
+
+    The limits are multiplied by `fraction` and by 97 %.
+    """
     coupling = WristCoupling.of_robot(robot)
     if coupling is not None:
         slope = np.maximum(np.abs(slope), np.abs(coupling.to_motors(slope)))
