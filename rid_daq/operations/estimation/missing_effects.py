@@ -26,11 +26,14 @@ def find_missing_effects(
     data: Sequence[RunData],
     how: EstimationJob,
     comparison: ModelChoice | None,
+    *,
+    has_mistakes: bool,
 ) -> tuple[list[str], tuple[str, ...]]:
-    """Return findings on effects that an estimate lacks, and the joints whose torques are late.
+    """Return findings on effects that an estimate lacks, and the joints that no bus makes so late.
 
     Args:
         comparison: The model chosen by `--choose`; None without it.
+        has_mistakes: True if the robot's files or the wiring are probably wrong.
     """
     stretches = _coarse_signals(estimate, data, how)
     coarse = [run for own in stretches for run in own]
@@ -39,18 +42,23 @@ def find_missing_effects(
     options = how.options
     channel = None if comparison is None else comparison.channel
     late = find_late_torques(
-        estimate.robot, coarse, options.model, options.standstill_rad_s, channel
+        estimate.robot,
+        coarse,
+        options.model,
+        options.standstill_rad_s,
+        channel,
+        compare=not has_mistakes,
     )
     findings = [] if data[0].is_periodic else _drift_findings(estimate, data, how, stretches)
     if comparison is None:
         findings += further_term_findings(estimate.robot, coarse, options)
     findings += [each.sentence for each in late]
-    joints = tuple(each.joint for each in late)
+    named = tuple(each.joint for each in late)
     is_clock_known = all(item.clock is None or item.clock.is_known for item in data)
     can_show_channel = is_clock_known and not data[0].is_periodic and not how.has_rounded_positions
     if comparison is None and can_show_channel:
-        findings += channel_findings(estimate.robot, coarse, options, joints)
-    return findings, joints
+        findings += channel_findings(estimate.robot, coarse, options, named)
+    return findings, tuple(each.joint for each in late if each.is_long)
 
 
 def _coarse_signals(

@@ -137,7 +137,9 @@ def identify_robot(
         )
     consistency, consistency_words = examine_consistency(estimate)
     missing, late = (
-        find_missing_effects(estimate, data, how, comparison) if request.diagnose else ([], ())
+        find_missing_effects(estimate, data, how, comparison, has_mistakes=bool(wiring.mistakes))
+        if request.diagnose
+        else ([], ())
     )
     run_ids = [item.folder.run_id for item in data]
     findings = [
