@@ -15,28 +15,31 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
-from typing import Final, Literal, NamedTuple
+from functools import partial
+from typing import Final, Literal
 
 import numpy as np
 
 from acquisition.processing.smoothing import SmoothedSignals
 from acquisition.processing.torque_channel import ComplexArray, TorqueChannel
 from config.arrays import FloatArray
-from config.errors import EstimationError
 from config.robot.robot import RobotDescription
 from identification.equations.bus_delay import SLOWEST_BUS_CYCLE_S, longest_delay_s
-from identification.equations.candidate_equations import CandidateEquations, JointRows, Reach
-from identification.equations.friction_columns import FLEXIBLE
-from identification.equations.segments import thin_rows
-from identification.model.base_parameters import base_parameters
+from identification.equations.compared_joints import (
+    ComparedJoint,
+    Links,
+    block_means,
+    candidate_equations,
+    compared_joints,
+    links_of_others,
+    residual,
+)
 from identification.model.options import ModelOptions
 from identification.regression.nested_choice import Gain
 
 FURTHEST_S: Final = 0.2
 STEP_S: Final = 0.01
 FINE_STEP_S: Final = 0.001
-BLOCK_S: Final = 2.0
 LEAST_GAIN: Final = 0.2
 """Smallest decrease of the logarithm of the RMS error by a delay that is reported: 18 %."""
 LEAST_DIFFERENCE: Final = 0.05
@@ -49,10 +52,6 @@ NEAR_S: Final = 0.06
 SHORTEST_S: Final = SLOWEST_BUS_CYCLE_S
 """A difference of up to one bus cycle between joints is usual."""
 NEAR_SIGMAS: Final = 2.0
-ROUNDS: Final = 3
-"""Rounds in which the weights of the joints are estimated from their errors."""
-FEWEST_ROWS: Final = 30
-RIDGE: Final = 1e-9
 
 
 @dataclass(frozen=True)
@@ -106,47 +105,6 @@ class LateTorque:
         )
 
 
-class _Links(NamedTuple):
-    """Normal equations of the link parameters, from the torques of some joints.
-
-    Attributes:
-        gram: Shape (p, p).
-        right: Shape (p,).
-    """
-
-    gram: FloatArray
-    right: FloatArray
-
-
-@dataclass(frozen=True, eq=False)
-class _Joint:
-    """One joint's equations.
-
-    Attributes:
-        known: Response of the joint's known channel, one per piece.
-        furthest_s: Longest delay that is tried; rows so near to a standstill are left out.
-    """
-
-    equations: CandidateEquations
-    number: int
-    known: Sequence[ComplexArray]
-    furthest_s: float
-
-    @property
-    def reach(self) -> Reach:
-        """Time around standstill that is left out."""
-        return Reach(self.furthest_s, self.furthest_s)
-
-    @cached_property
-    def rows(self) -> JointRows:
-        """Rows with the columns of its links and of its friction."""
-        return self.rows_with(self.known)
-
-    def rows_with(self, responses: Sequence[ComplexArray]) -> JointRows:
-        """Return the rows with the columns filtered by a channel."""
-        return self.equations.rows(self.number, FLEXIBLE, responses, self.reach, BLOCK_S)
-
-
 @dataclass(frozen=True, eq=False)
 class _Found:
     """A joint with a late torque.
@@ -155,9 +113,9 @@ class _Found:
         links: The link parameters with which it was found; None if it is the joint's own.
     """
 
-    joint: _Joint
+    joint: ComparedJoint
     delay_s: float
-    links: _Links | None
+    links: Links | None
 
 
 def find_late_torques(
@@ -179,27 +137,15 @@ def find_late_torques(
         channel: Delays and filters that the model contains; the delays are then in addition.
         compare: False if the robot's files are wrong, so that the joints contradict one another.
     """
-    plain = replace(options, friction=False, friction_terms=None, nonlinear=None)
-    model = plain.build(robot)
-    try:
-        equations = CandidateEquations.of(
-            model,
-            base_parameters(model),
-            [thin_rows(run) for run in signals],
-            standstill_rad_s,
-        )
-    except EstimationError:  # the recording is too short, or determines no parameters
+    equations = candidate_equations(robot, signals, options, standstill_rad_s)
+    if equations is None:
         return ()
     limit_s = longest_delay_s(signals[0].sample_period_s)
     channel = channel or TorqueChannel.none(equations.joints)
     known = [channel.response(piece.frequency_hz) for piece in equations.pieces]
     found: dict[int, _Found] = {}
     for furthest_s in (FURTHEST_S, NEAR_S):
-        every = (
-            _Joint(equations, j, [each[:, j] for each in known], furthest_s)
-            for j in range(equations.joints)
-        )
-        joints = [joint for joint in every if joint.rows.columns.shape[0] > FEWEST_ROWS]
+        joints = compared_joints(equations, known, furthest_s)
         if furthest_s == FURTHEST_S:
             found |= _late_alone(joints, limit_s)
         if compare and len(joints) > 1:
@@ -215,7 +161,7 @@ def find_late_torques(
     return tuple(late)
 
 
-def _late_alone(joints: Sequence[_Joint], limit_s: float) -> dict[int, _Found]:
+def _late_alone(joints: Sequence[ComparedJoint], limit_s: float) -> dict[int, _Found]:
     """Return the joints with a delay that no bus explains, with link parameters of their own."""
     found = {}
     for joint in joints:
@@ -227,21 +173,12 @@ def _late_alone(joints: Sequence[_Joint], limit_s: float) -> dict[int, _Found]:
     return found
 
 
-def _compare(joints: Sequence[_Joint], found: dict[int, _Found], sigmas: float) -> None:
+def _compare(joints: Sequence[ComparedJoint], found: dict[int, _Found], sigmas: float) -> None:
     """Add the joints with a delay that the other joints do not have, the most distinct first."""
     while True:
         delays_s = [found[each.number].delay_s if each.number in found else 0.0 for each in joints]
-        links = [_links(joint, delay_s) for joint, delay_s in zip(joints, delays_s, strict=True)]
-        sigma_nm = np.array([float(np.std(joint.rows.torque_nm)) for joint in joints])
-        for _ in range(ROUNDS):
-            others = _other_links(links, sigma_nm)
-            errors = [
-                _block_errors(joint, np.array([delay_s]), other).mean()
-                for joint, delay_s, other in zip(joints, delays_s, others, strict=True)
-            ]
-            sigma_nm = np.sqrt(errors)
         shown: list[tuple[float, _Found]] = []
-        for joint, other in zip(joints, _other_links(links, sigma_nm), strict=True):
+        for joint, other in zip(joints, links_of_others(joints, delays_s), strict=True):
             if joint.number in found:
                 continue
             best_s, gain = _best_delay(joint, 0.0, other)
@@ -251,25 +188,6 @@ def _compare(joints: Sequence[_Joint], found: dict[int, _Found], sigmas: float) 
             return
         most = max(shown, key=lambda each: each[0])[1]
         found[most.joint.number] = most
-
-
-def _other_links(links: Sequence[_Links], sigma_nm: FloatArray) -> list[_Links]:
-    """Return, for each joint, the equations of all others, in units of the joint's error."""
-    weight = 1.0 / sigma_nm**2
-    gram = sum(w * own.gram for w, own in zip(weight, links, strict=True))
-    right = sum(w * own.right for w, own in zip(weight, links, strict=True))
-    return [
-        _Links((gram - w * own.gram) / w, (right - w * own.right) / w)
-        for w, own in zip(weight, links, strict=True)
-    ]
-
-
-def _links(joint: _Joint, delay_s: float) -> _Links:
-    """Return a joint's equations of the link parameters, its friction eliminated."""
-    count = joint.rows.columns.shape[1] - len(FLEXIBLE)
-    both = np.hstack([joint.rows.columns[:, :count], _advanced(joint, np.array([delay_s]))])
-    rest = _residual(joint.rows.columns[:, count:], both)
-    return _Links(rest[:, :count].T @ rest[:, :count], rest[:, :count].T @ rest[:, count])
 
 
 def _delay_or_filter(found: _Found, late: LateTorque) -> LateTorque:
@@ -303,72 +221,24 @@ def _filtered_errors(found: _Found, response: Callable[[ComplexArray], ComplexAr
         s = np.asarray(2j * np.pi * piece.frequency_hz, dtype=np.complex128)
         responses.append(np.asarray(own * response(s), dtype=np.complex128))
     rows = joint.rows_with(responses)
-    rest = _residual(rows.columns, rows.torque_nm[:, np.newaxis], found.links)
-    return np.asarray(_block_means(rest, rows)[0])
+    rest = residual(rows.columns, rows.torque_nm[:, np.newaxis], found.links)
+    return np.asarray(block_means(rest, rows)[0])
 
 
-def _best_delay(joint: _Joint, limit_s: float, links: _Links | None) -> tuple[float, Gain]:
+def _best_delay(joint: ComparedJoint, limit_s: float, links: Links | None) -> tuple[float, Gain]:
     """Return a joint's best delay, and its gain over delays within a limit.
 
     A best delay at the end of its search range is returned as 0.
     """
     steps = round(joint.furthest_s / STEP_S)
     delays_s: FloatArray = STEP_S * np.arange(-steps, steps + 1, dtype=np.float64)
-    errors = _block_errors(joint, delays_s, links)
+    errors = joint.block_errors(delays_s, links)
     best_s = float(delays_s[np.argmin(errors.mean(axis=1))])
     further_s = np.array([*best_s + FINE_STEP_S * np.arange(-9, 10), -limit_s, limit_s])
-    errors = np.vstack([errors, _block_errors(joint, further_s, links)])
+    errors = np.vstack([errors, joint.block_errors(further_s, links)])
     delays_s, mean = np.concatenate([delays_s, further_s]), errors.mean(axis=1)
     best = int(np.argmin(mean))
     within = int(np.argmin(np.where(np.abs(delays_s) <= limit_s, mean, np.inf)))
     best_s = float(delays_s[best])
     is_inside = abs(best_s) < joint.furthest_s
     return best_s if is_inside else 0.0, Gain.between(errors[within], errors[best])
-
-
-def _advanced(joint: _Joint, delays_s: FloatArray) -> FloatArray:
-    """Return a joint's torque advanced by some delays, (rows, delays)."""
-    pieces, number = joint.equations.pieces, joint.number
-    return np.vstack(
-        [
-            piece.to_rows(
-                piece.torque[:, number, np.newaxis]
-                * np.exp(2j * np.pi * np.outer(piece.frequency_hz, delays_s))
-            )[joint.equations.usable_rows(piece, number, joint.reach)]
-            for piece in pieces
-        ]
-    )
-
-
-def _block_errors(joint: _Joint, delays_s: FloatArray, links: _Links | None) -> FloatArray:
-    """Return the mean squared error of each block of time with each delay, (delays, blocks).
-
-    The torque is advanced, so that the columns are the same for all delays.
-    """
-    rest = _residual(joint.rows.columns, _advanced(joint, delays_s), links)
-    return _block_means(rest, joint.rows)
-
-
-def _residual(
-    columns: FloatArray, torque_nm: FloatArray, links: _Links | None = None
-) -> FloatArray:
-    """Return the part of some torques, (rows, any), that the columns do not explain.
-
-    The first columns belong to the link parameters, of which `links` are further equations.
-    """
-    gram, right = columns.T @ columns, columns.T @ torque_nm
-    if links is not None:
-        own = slice(len(links.right))
-        gram[own, own] += links.gram
-        right[own] += links.right[:, np.newaxis]
-    size = np.sqrt(np.diagonal(gram))
-    size = np.where(size > 0.0, size, 1.0)
-    gram = gram / np.outer(size, size) + RIDGE * np.eye(len(gram))
-    solution = np.linalg.solve(gram, right / size[:, np.newaxis]) / size[:, np.newaxis]
-    return np.asarray(torque_nm - columns @ solution)
-
-
-def _block_means(rest: FloatArray, rows: JointRows) -> FloatArray:
-    """Return the mean squares of a residual, (rows, any), in each block of time, (any, blocks)."""
-    numbers = np.unique(rows.block, return_inverse=True)[1]
-    return np.array([np.bincount(numbers, each**2) for each in rest.T]) / np.bincount(numbers)

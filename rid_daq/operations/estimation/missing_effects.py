@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from acquisition.processing.smoothing import SmoothedSignals
 from config.errors import EstimationError
 from identification.accuracy.torque_drift import find_torque_drifts
 from identification.elasticity.elastic_fit import rigid_averages
+from identification.equations.clipped_torques import find_clipped_torques
 from identification.equations.late_torques import find_late_torques
 from identification.equations.segments import period_signals, thin_rows
 from identification.equations.stretches import smoothed_stretches
@@ -21,6 +22,21 @@ from rid_daq.operations.estimation.run_estimation import EstimationJob, period_a
 from rid_daq.runs.run_data import RunData
 
 
+@dataclass(frozen=True)
+class MissingEffects:
+    """Effects that an estimate lacks.
+
+    Attributes:
+        findings: One sentence each.
+        late: Joints whose torques are later than any bus explains.
+        clipped: Joints whose torques are clipped.
+    """
+
+    findings: tuple[str, ...] = ()
+    late: tuple[str, ...] = ()
+    clipped: tuple[str, ...] = ()
+
+
 def find_missing_effects(
     estimate: Estimate,
     data: Sequence[RunData],
@@ -28,8 +44,8 @@ def find_missing_effects(
     comparison: ModelChoice | None,
     *,
     has_mistakes: bool,
-) -> tuple[list[str], tuple[str, ...]]:
-    """Return findings on effects that an estimate lacks, and the joints that no bus makes so late.
+) -> MissingEffects:
+    """Return findings on effects that an estimate lacks.
 
     Args:
         comparison: The model chosen by `--choose`; None without it.
@@ -38,7 +54,7 @@ def find_missing_effects(
     stretches = _coarse_signals(estimate, data, how)
     coarse = [run for own in stretches for run in own]
     if not coarse:
-        return [], ()
+        return MissingEffects()
     options = how.options
     channel = None if comparison is None else comparison.channel
     late = find_late_torques(
@@ -54,11 +70,23 @@ def find_missing_effects(
         findings += further_term_findings(estimate.robot, coarse, options)
     findings += [each.sentence for each in late]
     named = tuple(each.joint for each in late)
+    clipped = (
+        ()
+        if has_mistakes
+        else find_clipped_torques(
+            estimate.robot, coarse, options.model, options.standstill_rad_s, named
+        )
+    )
+    findings += [each.sentence for each in clipped]
     is_clock_known = all(item.clock is None or item.clock.is_known for item in data)
     can_show_channel = is_clock_known and not data[0].is_periodic and not how.has_rounded_positions
     if comparison is None and can_show_channel:
         findings += channel_findings(estimate.robot, coarse, options, named)
-    return findings, tuple(each.joint for each in late if each.is_long)
+    return MissingEffects(
+        tuple(findings),
+        tuple(each.joint for each in late if each.is_long),
+        tuple(each.joint for each in clipped),
+    )
 
 
 def _coarse_signals(

@@ -140,6 +140,7 @@ class EstimateChecks:
         mistakes: Probable mistakes in wiring, units and files.
         driving: Joints with negative friction power.
         late_torques: Joints whose recorded torque is later than any bus explains.
+        clipped_torques: Joints whose recorded torque is clipped.
         arm_weight: Weight of the arm implied by the torques.
         moved_masses: Moving mass and holding force of each prismatic joint.
         unconfirmed: Entries of the files that the recordings do not confirm.
@@ -151,6 +152,7 @@ class EstimateChecks:
     mistakes: tuple[MistakeEntry, ...] | None = None
     driving: tuple[str, ...] | None = None
     late_torques: tuple[str, ...] = ()
+    clipped_torques: tuple[str, ...] = ()
     arm_weight: ArmWeight | None = None
     moved_masses: tuple[MovedMass, ...] = ()
     unconfirmed: tuple[UnconfirmedEntry, ...] | None = None
@@ -181,6 +183,8 @@ class EstimateSection(Section):
             this was not checked.
         late_torques: Joints whose recorded torque has a delay that no bus explains, or passed a
             filter that delays it as long; left out if there are none.
+        clipped_torques: Joints whose recorded torque does not exceed a limit, although the motion
+            demands more; left out if there are none.
         arm_weight: Weight of the arm implied by the torques; left out if the torques do not
             determine it.
         moved_masses: Moving mass and holding force of each prismatic joint; left out if no
@@ -208,6 +212,7 @@ class EstimateSection(Section):
     mistakes: tuple[MistakeEntry, ...] | None = None
     driving: Texts | None = None
     late_torques: Texts | None = None
+    clipped_torques: Texts | None = None
     arm_weight: ArmWeightEntry | None = None
     moved_masses: tuple[MovedMassEntry, ...] | None = None
     unconfirmed: tuple[UnconfirmedSection, ...] | None = None
@@ -261,6 +266,7 @@ class EstimateSection(Section):
             mistakes=checks.mistakes,
             driving=checks.driving,
             late_torques=checks.late_torques or None,
+            clipped_torques=checks.clipped_torques or None,
             arm_weight=None if weight is None else ArmWeightEntry.of(weight),
             moved_masses=tuple(map(MovedMassEntry.of, checks.moved_masses)) or None,
             unconfirmed=None
