@@ -34,8 +34,8 @@ TOP_SHARES: Final = (0.2, 0.1, 0.05, 0.02)
 LARGEST_RATIO: Final = 0.4
 """Largest ratio of the variations of recorded and predicted torque that shows a limit. Clipped
 torques have 0.01 to 0.4; those of sound simulated arms and of a real UR10e have at least 0.7."""
-FEWEST_TOP_ROWS: Final = 20
-FEWEST_BLOCKS: Final = 3
+FEWEST_TOP_ROWS: Final = 12
+FEWEST_BLOCKS: Final = 2
 
 
 @dataclass(frozen=True)
