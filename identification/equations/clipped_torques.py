@@ -67,7 +67,7 @@ def find_clipped_torques(
     signals: Sequence[SmoothedSignals],
     options: ModelOptions,
     standstill_rad_s: float,
-    late: Collection[str] = (),
+    coarse: Collection[str] = (),
 ) -> tuple[ClippedTorque, ...]:
     """Return the torques that are clipped, compared with the motion and with the other joints.
 
@@ -76,7 +76,7 @@ def find_clipped_torques(
         signals: The recordings.
         options: The terms of the model besides friction.
         standstill_rad_s: Speed below which a joint does not count as moving [rad/s or m/s].
-        late: Joints whose torques are delayed or filtered; these are not examined.
+        coarse: Joints whose torques are rounded so coarsely that they are not examined.
     """
     equations = candidate_equations(robot, signals, options, standstill_rad_s)
     if equations is None:
@@ -90,7 +90,7 @@ def find_clipped_torques(
     for joint, links in zip(joints, links_of_others(joints, [0.0] * len(joints)), strict=True):
         own = robot.joints[joint.number]
         limits_nm = tuple(_limits(joint, links))
-        if limits_nm and own.name not in late:
+        if limits_nm and own.name not in coarse:
             found.append(ClippedTorque(own.name, own.torque_unit, limits_nm))
     return tuple(found)
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 from acquisition.processing.smoothing import SmoothedSignals
+from config.column_file import each_column, has_few_values
 from config.errors import EstimationError
 from identification.accuracy.torque_drift import find_torque_drifts
 from identification.elasticity.elastic_fit import rigid_averages
@@ -20,6 +22,9 @@ from identification.validation.model_choice import ModelChoice
 from identification.validation.torque_filters import channel_findings
 from rid_daq.operations.estimation.run_estimation import EstimationJob, period_averages
 from rid_daq.runs.run_data import RunData
+
+FEW_VALUES: Final = 50
+"""A torque with fewer different values is rounded coarsely."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +62,18 @@ def find_missing_effects(
         return MissingEffects()
     options = how.options
     channel = None if comparison is None else comparison.channel
+    clipped = (
+        ()
+        if has_mistakes
+        else find_clipped_torques(
+            estimate.robot,
+            coarse,
+            options.model,
+            options.standstill_rad_s,
+            _coarse_torques(data),
+        )
+    )
+    clipped_joints = tuple(each.joint for each in clipped)
     late = find_late_torques(
         estimate.robot,
         coarse,
@@ -65,18 +82,12 @@ def find_missing_effects(
         channel,
         compare=not has_mistakes,
     )
+    late = tuple(each for each in late if each.joint not in clipped_joints)
     findings = [] if data[0].is_periodic else _drift_findings(estimate, data, how, stretches)
     if comparison is None:
         findings += further_term_findings(estimate.robot, coarse, options)
     findings += [each.sentence for each in late]
-    named = tuple(each.joint for each in late)
-    clipped = (
-        ()
-        if has_mistakes
-        else find_clipped_torques(
-            estimate.robot, coarse, options.model, options.standstill_rad_s, named
-        )
-    )
+    named = (*(each.joint for each in late), *clipped_joints)
     findings += [each.sentence for each in clipped]
     is_clock_known = all(item.clock is None or item.clock.is_known for item in data)
     can_show_channel = is_clock_known and not data[0].is_periodic and not how.has_rounded_positions
@@ -85,7 +96,7 @@ def find_missing_effects(
     return MissingEffects(
         tuple(findings),
         tuple(each.joint for each in late if each.is_long),
-        tuple(each.joint for each in clipped),
+        clipped_joints,
     )
 
 
@@ -103,6 +114,18 @@ def _coarse_signals(
         averages = rigid_averages(estimate, period_averages(data))
         return [[period_signals(average, how.options.band_hz)] for average in averages]
     return smoothed_stretches([item.recording for item in data], how.options.band_hz)
+
+
+def _coarse_torques(data: Sequence[RunData]) -> set[str]:
+    """Return the joints whose torques have so few values that they look clipped."""
+    return {
+        name
+        for item in data
+        for name, torque in zip(
+            item.robot.joint_names, each_column(item.recording.torque_nm), strict=True
+        )
+        if has_few_values(torque, FEW_VALUES)
+    }
 
 
 def _drift_findings(
