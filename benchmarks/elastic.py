@@ -218,7 +218,7 @@ def stiffness_holds(cells: int, quick: bool) -> tuple[bool, dict[str, Any]]:
             off = found.gears.stiffness / cell.stiffness - 1.0
             shown = np.array([reason is None for reason in found.reasons])
             missing[label] += int(np.sum(~shown))
-            judged = shown & (found.bend_rad >= LEAST_BEND_RAD)
+            judged = shown & (found.bend >= LEAST_BEND_RAD)
             errors[label].append(np.where(judged, off, 0.0))
             reach = 2.0 * found.relative_sigma * found.gears.stiffness / cell.stiffness
             inside[label] += (np.abs(off) <= reach)[shown].tolist()

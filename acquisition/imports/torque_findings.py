@@ -9,6 +9,7 @@ import numpy as np
 from acquisition.imports.columns import ImportRows
 from acquisition.maps.import_joint import ImportJoint
 from acquisition.maps.import_map import ImportMap
+from acquisition.processing.clipping import clipped_ends
 from config.arrays import FloatArray
 from config.column_file import each_column
 from config.errors import DataQualityError
@@ -22,11 +23,6 @@ WRAP_SPEED = 0.3
 WRAP_SHARE = 0.9
 FEWEST_WRAPS = 4
 WRAP_ROWS = 3
-CLIPPED_VALUES = 50
-CLIPPED_NEAR = 5
-CLIPPED_ROWS = 20
-CLIPPED_TIMES = 10
-"""A torque is clipped if its extreme value is this often as frequent as each of the next values."""
 
 
 def _joints_torques_positions(
@@ -67,22 +63,11 @@ def clipped_torque_findings(rows: ImportRows, import_map: ImportMap) -> Iterator
     for joint, torque, position in _joints_torques_positions(rows, import_map):
         step = np.abs(np.gradient(position))
         torque = torque[step > 0.1 * float(np.sqrt(np.square(step).mean()))]
-        values, counts = np.unique(torque, return_counts=True)
-        if len(values) < CLIPPED_VALUES:
-            continue
-        ends = []
-        for end, inner in ((-1, counts[-1 - CLIPPED_NEAR : -1]), (0, counts[1 : CLIPPED_NEAR + 1])):
-            times = np.count_nonzero(np.diff(torque == values[end]))  # one stuck stretch has two
-            if times > 2 and counts[end] > max(CLIPPED_ROWS, CLIPPED_TIMES * int(inner.max())):
-                ends.append((float(values[end]), int(counts[end])))
-        if ends:
-            share = sum(count for _, count in ends) / len(torque)
+        if ends := clipped_ends(torque):
             column = joint.torque if joint.current is None else joint.current
-            where = " and ".join(f"{value:.4g}" for value, _ in ends)
             yield (
-                f"{joint.joint}: its torque (column {column}) is exactly {where} in"
-                f" {100.0 * share:.2g} % of the rows in motion. If this is not the drive's own"
-                " limit, the logger clips the torque, and the model will be wrong:"
+                f"{joint.joint}: its torque (column {column}) is {ends.phrase}. If this is not the"
+                " drive's own limit, the logger clips the torque, and the model will be wrong:"
                 " enlarge its range"
             )
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from acquisition.journal.plate import PlateRows
+from acquisition.processing.clipping import clipped_ends
 from acquisition.recording.reaction import Reaction, resample_reaction
 from acquisition.recording.recording import Recording
 from acquisition.signals.clocks import (
@@ -22,6 +23,7 @@ from acquisition.signals.clocks import (
     match_edges,
 )
 from config.arrays import BoolArray, FloatArray
+from config.cell.plate import CHANNEL_NAMES
 from config.errors import DataQualityError
 
 BITS_A_BYTE = 10
@@ -65,6 +67,47 @@ def with_plate(recording: Recording, rows: PlateRows) -> Recording:
         channels = np.where(part.valid, part.channels_n, reaction.channels_n)
         reaction = replace(reaction, channels_n=channels, valid=reaction.valid | part.valid)
     return replace(recording, reaction=reaction)
+
+
+def plate_defects(recording: Recording, rows: PlateRows) -> tuple[str, ...]:
+    """Return a sentence on a reset, and one for each overloaded or clipped channel.
+
+    Only rows count that arrived during the recording.
+
+    Args:
+        recording: Recording of the robot.
+        rows: Rows of the plate, from the same run.
+    """
+    inside = rows.until(float(recording.time_s[-1]))
+    measured = inside.arrival_s >= recording.time_s[0]
+    if not measured.any():
+        return ()
+    operating = inside.operating[measured]
+    said = []
+    if not operating.all():
+        first_s = float(inside.arrival_s[measured][~operating][0] - recording.time_s[0])
+        said.append(
+            f"the charge amplifier was in reset in {100.0 * np.mean(~operating):.2g} % of the"
+            f" recording, first after {first_s:.3g} s, and measured nothing then: switch it to"
+            " operate before the motion, and keep the motion within its range"
+        )
+    counts, over = inside.rows["counts"][measured], inside.overload[measured]
+    step = np.abs(np.diff(counts.astype(np.float64), axis=0, prepend=counts[:1])).sum(axis=1)
+    moves = operating & (step > 0.1 * float(np.sqrt(np.square(step).mean())))
+    for name, own, high in zip(CHANNEL_NAMES, counts.T, over.T, strict=True):
+        if high[operating].any():
+            said.append(
+                f"channel {name} was overloaded in {100.0 * np.mean(high[operating]):.2g} % of the"
+                " recording; these readings are not used: choose a larger range, or a smaller"
+                " motion"
+            )
+        elif ends := clipped_ends(own[moves]):
+            said.append(
+                f"channel {name} reads {ends.phrase} [counts], although its range is larger: the"
+                " charge amplifier is saturated, and the plate's readings are wrong; choose a"
+                " larger range"
+            )
+    return tuple(said)
 
 
 def stream_clock(recording: Recording, rows: PlateRows, stream: int) -> DeviceClock:

@@ -36,7 +36,8 @@ MODEL_ERROR: Final = 0.01
 """Lowest relative standard deviation: the error of the model's structure in simulations."""
 LARGEST_SIGMA: Final = 0.2
 LARGEST_DAMPING_SIGMA: Final = 0.5
-LEAST_BEND_RAD: Final = 2e-5
+LEAST_BEND: Final = {"rad": 2e-5, "m": 6e-6}
+"""Smallest deflection that shows a stiffness; 1 rad displaces the tool by about 0.3 m."""
 LARGEST_RESIDUAL: Final = 0.15
 """Largest accepted share of the torque that is not explained; simulated cells have 0.09 to 0.12."""
 LARGEST_MISMATCH: Final = 0.3
@@ -54,11 +55,12 @@ class GearEstimate:
 
     Attributes:
         joint_names: Base to flange.
+        units: Unit of each joint's position, rad or m.
         gears: The fitted parameters.
         motor_inertia: Shape (n,). Inertia of each motor at the gear's output [kg m^2 or kg].
         relative_sigma: Shape (n,). Standard deviation of each stiffness over its value.
         damping_sigma: Shape (n,). Standard deviation of each damping [N m s/rad or N s/m].
-        bend_rad: Shape (n,). Largest amplitude of the deflection in an excitation run, without its
+        bend: Shape (n,). Largest amplitude of the deflection in an excitation run, without its
             constant part [rad or m].
         minimum_hz: Shape (n,). Fitted frequency at which motor and link move against each other.
         residual_share: Shape (n,). RMS of the torque's residual over RMS of the torque, on the
@@ -73,11 +75,12 @@ class GearEstimate:
     """
 
     joint_names: tuple[str, ...]
+    units: tuple[str, ...]
     gears: Gears
     motor_inertia: FloatArray
     relative_sigma: FloatArray
     damping_sigma: FloatArray
-    bend_rad: FloatArray
+    bend: FloatArray
     minimum_hz: FloatArray
     residual_share: FloatArray
     responses: tuple[GearResponse, ...]
@@ -120,9 +123,8 @@ class GearEstimate:
             )
             return (contradicted,) * len(self.joint_names)
         found: list[str | None] = []
-        for sigma, bend, minimum_hz, response in zip(
-            self.relative_sigma, self.bend_rad, self.minimum_hz, self.responses, strict=True
-        ):
+        each_joint = (self.relative_sigma, self.bend, self.units, self.minimum_hz, self.responses)
+        for sigma, bend, unit, minimum_hz, response in zip(*each_joint, strict=True):
             reason = None
             last_hz = float(response.frequency_hz[-1])
             if minimum_hz > last_hz:
@@ -136,8 +138,8 @@ class GearEstimate:
                     f"its standard deviation is {100.0 * sigma:.0f} % (at most"
                     f" {100.0 * LARGEST_SIGMA:.0f} %)"
                 )
-            elif bend < LEAST_BEND_RAD:
-                reason = f"the gear bends by {1e3 * bend:.2g} mrad or mm only"
+            elif bend < LEAST_BEND[unit]:
+                reason = f"the gear bends by {1e3 * bend:.2g} m{unit} only"
             found.append(reason)
         return tuple(found)
 
@@ -231,6 +233,7 @@ def _result(problem: ElasticProblem, found: Minimum) -> GearEstimate:
     responses, shares = zip(*(_response(problem, gears, j) for j in range(n)), strict=True)
     return GearEstimate(
         problem.arm.robot.joint_names,
+        tuple(joint.unit for joint in problem.arm.robot.joints),
         gears,
         motors,
         np.maximum(relative, MODEL_ERROR),

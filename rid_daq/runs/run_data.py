@@ -28,7 +28,7 @@ from acquisition.journal.monitor import (
 from acquisition.journal.plate import PLATE_RECORDING, read_plate_journal
 from acquisition.maps.import_map import ImportMap
 from acquisition.processing.periods import PeriodAverage, average_table
-from acquisition.processing.plate_alignment import with_plate
+from acquisition.processing.plate_alignment import plate_defects, with_plate
 from acquisition.processing.recording_tally import RecordingTally
 from acquisition.processing.repeated_torque import repeated_torque_sentence
 from acquisition.recording.recording import Recording, stored_recording
@@ -371,7 +371,8 @@ def _with_plate(folder: RunFolder, recording: Recording) -> tuple[Recording, tup
     except (DataQualityError, RecordingError) as error:
         return recording, (f"force plate: not used: {error}",)
     _require_run(folder, PLATE_RECORDING, rows.header.run_id)
-    return both, tuple(f"force plate: {note}" for note in rows.damage.notes)
+    notes = (*rows.damage.notes, *plate_defects(recording, rows))
+    return both, tuple(f"force plate: {note}" for note in notes)
 
 
 def result_of(data: RunData, notes: Sequence[str] = ()) -> Result:

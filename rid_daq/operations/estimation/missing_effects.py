@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Final
 
 from acquisition.processing.smoothing import SmoothedSignals
+from config.column_file import each_column, has_few_values
 from config.errors import EstimationError
 from identification.accuracy.torque_drift import find_torque_drifts
 from identification.elasticity.elastic_fit import rigid_averages
+from identification.equations.clipped_torques import find_clipped_torques
 from identification.equations.late_torques import find_late_torques
 from identification.equations.segments import period_signals, thin_rows
 from identification.equations.stretches import smoothed_stretches
@@ -20,37 +23,81 @@ from identification.validation.torque_filters import channel_findings
 from rid_daq.operations.estimation.run_estimation import EstimationJob, period_averages
 from rid_daq.runs.run_data import RunData
 
+FEW_VALUES: Final = 50
+"""A torque with fewer different values is rounded coarsely."""
+
+
+@dataclass(frozen=True)
+class MissingEffects:
+    """Effects that an estimate lacks.
+
+    Attributes:
+        findings: One sentence each.
+        late: Joints whose torques are later than any bus explains.
+        clipped: Joints whose torques are clipped.
+    """
+
+    findings: tuple[str, ...] = ()
+    late: tuple[str, ...] = ()
+    clipped: tuple[str, ...] = ()
+
 
 def find_missing_effects(
     estimate: Estimate,
     data: Sequence[RunData],
     how: EstimationJob,
     comparison: ModelChoice | None,
-) -> tuple[list[str], tuple[str, ...]]:
-    """Return findings on effects that an estimate lacks, and the joints whose torques are late.
+    *,
+    has_mistakes: bool,
+) -> MissingEffects:
+    """Return findings on effects that an estimate lacks.
 
     Args:
         comparison: The model chosen by `--choose`; None without it.
+        has_mistakes: True if the robot's files or the wiring are probably wrong.
     """
     stretches = _coarse_signals(estimate, data, how)
     coarse = [run for own in stretches for run in own]
     if not coarse:
-        return [], ()
+        return MissingEffects()
     options = how.options
     channel = None if comparison is None else comparison.channel
-    late = find_late_torques(
-        estimate.robot, coarse, options.model, options.standstill_rad_s, channel
+    clipped = (
+        ()
+        if has_mistakes
+        else find_clipped_torques(
+            estimate.robot,
+            coarse,
+            options.model,
+            options.standstill_rad_s,
+            _coarse_torques(data),
+        )
     )
+    clipped_joints = tuple(each.joint for each in clipped)
+    late = find_late_torques(
+        estimate.robot,
+        coarse,
+        options.model,
+        options.standstill_rad_s,
+        channel,
+        compare=not has_mistakes,
+    )
+    late = tuple(each for each in late if each.joint not in clipped_joints)
     findings = [] if data[0].is_periodic else _drift_findings(estimate, data, how, stretches)
     if comparison is None:
         findings += further_term_findings(estimate.robot, coarse, options)
     findings += [each.sentence for each in late]
-    joints = tuple(each.joint for each in late)
+    named = (*(each.joint for each in late), *clipped_joints)
+    findings += [each.sentence for each in clipped]
     is_clock_known = all(item.clock is None or item.clock.is_known for item in data)
     can_show_channel = is_clock_known and not data[0].is_periodic and not how.has_rounded_positions
     if comparison is None and can_show_channel:
-        findings += channel_findings(estimate.robot, coarse, options, joints)
-    return findings, joints
+        findings += channel_findings(estimate.robot, coarse, options, named)
+    return MissingEffects(
+        tuple(findings),
+        tuple(each.joint for each in late if each.is_long),
+        clipped_joints,
+    )
 
 
 def _coarse_signals(
@@ -67,6 +114,18 @@ def _coarse_signals(
         averages = rigid_averages(estimate, period_averages(data))
         return [[period_signals(average, how.options.band_hz)] for average in averages]
     return smoothed_stretches([item.recording for item in data], how.options.band_hz)
+
+
+def _coarse_torques(data: Sequence[RunData]) -> set[str]:
+    """Return the joints whose torques have so few values that they look clipped."""
+    return {
+        name
+        for item in data
+        for name, torque in zip(
+            item.robot.joint_names, each_column(item.recording.torque_nm), strict=True
+        )
+        if has_few_values(torque, FEW_VALUES)
+    }
 
 
 def _drift_findings(

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
+
+import numpy as np
 
 from acquisition.motion.kinds.fourier import FourierMotion
 from acquisition.motion.kinds.motion import Motion
@@ -156,7 +160,7 @@ def _design_excitation(
         harmonics=how.harmonics or HARMONICS,
         criterion=criterion_of_options(robot, how.criterion, how.wanted),
         model=_limit_model(request, robot),
-        given=[read_estimate_for(path, robot) for path in request.given],
+        given=_given_models(request.given, robot),
     )
     found = search(problem, config, how, context, request.scheduler)
     origin = (
@@ -165,6 +169,24 @@ def _design_excitation(
         f" {problem.criterion.describe(found.best.check.objective)}."
     )
     return found.best.motion, origin, found
+
+
+def _given_models(paths: Sequence[Path], robot: RobotDescription) -> list[Estimate]:
+    """Return the models of earlier runs; no run may count twice."""
+    models: dict[Path, Estimate] = {}
+    for path in paths:
+        model = read_estimate_for(path, robot)
+        for other, earlier in models.items():
+            shared = sorted(set(model.run_ids) & set(earlier.run_ids))
+            if shared or path == other or np.array_equal(model.values, earlier.values):
+                of = f"run {shared[0]}" if shared else "the same runs"
+                raise ConfigError(
+                    f"--given {path}: contains the information of {of}, as --given {other} does,"
+                    " and would count twice: give models of different runs",
+                    code="RID-OPTION-EXCLUSIVE",
+                )
+        models[path] = model
+    return list(models.values())
 
 
 def _design_multisine(request: DesignRequest, cell: LoadedCell) -> DesignedMotion:

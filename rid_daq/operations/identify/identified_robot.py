@@ -21,7 +21,7 @@ from rid_daq.operations.estimation.estimate_findings import (
     estimate_findings,
     examine_consistency,
 )
-from rid_daq.operations.estimation.missing_effects import find_missing_effects
+from rid_daq.operations.estimation.missing_effects import MissingEffects, find_missing_effects
 from rid_daq.operations.estimation.rounded_runs import (
     add_rounding_uncertainty,
     add_torque_rounding_uncertainty,
@@ -138,8 +138,10 @@ def identify_robot(
             identified.plate_mistake,
         )
     consistency, consistency_words = examine_consistency(estimate)
-    missing, late = (
-        find_missing_effects(estimate, data, how, comparison) if request.diagnose else ([], ())
+    missing = (
+        find_missing_effects(estimate, data, how, comparison, has_mistakes=bool(wiring.mistakes))
+        if request.diagnose
+        else MissingEffects()
     )
     run_ids = [item.folder.run_id for item in data]
     findings = [
@@ -152,14 +154,15 @@ def identify_robot(
         *contradictions_of_torque_meaning(data, wiring),
         *([] if comparison is None else comparison.refused.findings(comparison.joint_names)),
         *([] if gains is None else [f"{sentence}." for sentence in gains.sentences()]),
-        *missing,
+        *missing.findings,
         *(_cross_check(data, how, estimate, context) if request.cross_check else []),
     ]
     checks = EstimateChecks(
         findings=tuple(findings),
         mistakes=wiring.mistakes,
         driving=wiring.driving,
-        late_torques=late,
+        late_torques=missing.late,
+        clipped_torques=missing.clipped,
         arm_weight=wiring.weight,
         moved_masses=wiring.masses,
         unconfirmed=wiring.unconfirmed,

@@ -74,7 +74,8 @@ class IdentifiedRuns:
         estimate = self.section
         heavy = estimate.arm_weight is not None and not estimate.arm_weight.is_plausible
         heavy |= any(not each.is_plausible for each in estimate.moved_masses or ())
-        wrong = estimate.mistakes or estimate.driving or estimate.late_torques
+        wrong = estimate.mistakes or estimate.driving
+        wrong = wrong or estimate.late_torques or estimate.clipped_torques
         return bool(wrong or heavy or self.plate_is_doubted)
 
     @property
@@ -138,6 +139,8 @@ def _fit_verdict(
     """
     bad = [axis.joint for axis in section.axes if axis.grade is Grade.BAD]
     why = [mistake.sentence for mistake in section.mistakes or ()] + list(wiring.sentences)
+    if wrong := (*(section.late_torques or ()), *(section.clipped_torques or ())):
+        why.append(f"The recorded torque of {', '.join(wrong)} is wrong: see the findings.")
     if plate is not None and plate.mistake is not None:
         why.append(plate.mistake.sentence)
     components = () if plate is None else plate.bad_components

@@ -141,6 +141,8 @@ class EstimateChecks:
         driving: Joints with negative friction power; None if this was not checked.
         late_torques: Joints whose recorded torque has a delay that no bus explains, or passed a
             filter; empty if there are none, or if this was not checked.
+        clipped_torques: Joints whose recorded torque is clipped; empty if there are none, or if this
+            was not checked.
         arm_weight: Weight of the arm implied by the torques; None if they do not determine it, or
             if this was not checked.
         moved_masses: Moving mass and holding force of each prismatic joint that the torques
@@ -155,6 +157,7 @@ class EstimateChecks:
     mistakes: tuple[MistakeEntry, ...] | None = None
     driving: tuple[str, ...] | None = None
     late_torques: tuple[str, ...] = ()
+    clipped_torques: tuple[str, ...] = ()
     arm_weight: ArmWeight | None = None
     moved_masses: tuple[MovedMass, ...] = ()
     unconfirmed: tuple[UnconfirmedEntry, ...] | None = None
@@ -185,6 +188,8 @@ class EstimateSection(Section):
             this was not checked.
         late_torques: Joints whose recorded torque has a delay that no bus explains, or passed a
             filter that delays it as long; left out if there are none.
+        clipped_torques: Joints whose recorded torque does not exceed a limit, although the motion
+            demands more; left out if there are none.
         arm_weight: Weight of the arm implied by the torques; left out if the torques do not
             determine it.
         moved_masses: Moving mass and holding force of each prismatic joint; left out if no
@@ -212,6 +217,7 @@ class EstimateSection(Section):
     mistakes: tuple[MistakeEntry, ...] | None = None
     driving: Texts | None = None
     late_torques: Texts | None = None
+    clipped_torques: Texts | None = None
     arm_weight: ArmWeightEntry | None = None
     moved_masses: tuple[MovedMassEntry, ...] | None = None
     unconfirmed: tuple[UnconfirmedSection, ...] | None = None
@@ -265,6 +271,7 @@ class EstimateSection(Section):
             mistakes=checks.mistakes,
             driving=checks.driving,
             late_torques=checks.late_torques or None,
+            clipped_torques=checks.clipped_torques or None,
             arm_weight=None if weight is None else ArmWeightEntry.of(weight),
             moved_masses=tuple(map(MovedMassEntry.of, checks.moved_masses)) or None,
             unconfirmed=None

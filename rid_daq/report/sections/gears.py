@@ -94,7 +94,7 @@ class GearsSection(Section):
                     damping=float(gears.damping[j]) if damped else None,
                     damping_std=float(found.damping_sigma[j]) if damped else None,
                     motor_inertia=float(found.motor_inertia[j]) if shown else None,
-                    bend=float(found.bend_rad[j]) if shown else None,
+                    bend=float(found.bend[j]) if shown else None,
                     reason=reason,
                     residual_percent=100.0 * float(found.residual_share[j]),
                     frequency_hz=round_values(response.frequency_hz.tolist()),

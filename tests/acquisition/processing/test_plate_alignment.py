@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from acquisition.journal.mcap_reader import JournalDamage
 from acquisition.journal.plate import EVENT_DTYPE, ROW_DTYPE, PlateHeader, PlateRows
 from acquisition.motion.samples import Phase
-from acquisition.processing.plate_alignment import stream_clock, with_plate
+from acquisition.processing.plate_alignment import plate_defects, stream_clock, with_plate
 from acquisition.recording.recording import Recording
 from config.cell.amplifier_profile import AmplifierProfile
 from config.errors import DataQualityError
@@ -114,6 +114,19 @@ def test_rows_with_overload_or_reset_are_invalid(recording: Recording) -> None:
     assert (others.all(axis=1) == others.any(axis=1)).all()
     assert others[at[1]].all()
     assert not others[at[0]].any()
+
+
+def test_reset_overload_and_clipping_are_named(recording: Recording) -> None:
+    rows = stream(0.0, 23.0)
+    assert plate_defects(recording, plate_rows(rows)) == ()
+    rows["status"][:3000] = 0  # until 1 s after the first row of the recording
+    rows["status"][9000:9300] |= 1 << 4
+    largest = int(rows["counts"][:, 2].max())
+    rows["counts"][:, 2] = np.minimum(rows["counts"][:, 2], 0.8 * largest)
+    reset, fy14, fz1 = plate_defects(recording, plate_rows(rows))
+    assert "5 % of the recording" in reset
+    assert f"fy14 reads exactly {int(0.8 * largest)} " in fy14
+    assert "fz1 was overloaded in 1.1 %" in fz1
 
 
 def test_a_wired_trigger_gives_the_best_clock(recording: Recording) -> None:

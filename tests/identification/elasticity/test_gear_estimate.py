@@ -16,23 +16,28 @@ from rid_daq.report.sections.gears import GearsSection
 
 
 def estimate(
-    *axes: tuple[float, float, float], minimum_hz: float = 10.0, damping_sigma: float = 0.1
+    *axes: tuple[float, float, float],
+    minimum_hz: float = 10.0,
+    damping_sigma: float = 0.1,
+    unit: str = "rad",
 ) -> GearEstimate:
     """Return estimated gears.
 
-    Each axis has a relative standard deviation, a deflection [rad] and a fraction of the residual.
+    Each axis has a relative standard deviation, a deflection [rad or m] and a fraction of the
+    residual.
     """
-    sigma, bend_rad, residual = np.array(axes).T
+    sigma, bend, residual = np.array(axes).T
     one = np.ones(len(axes))
     lines = np.array([1.0, 20.0])
     response = GearResponse(lines, lines + 0j, lines + 0j)
     return GearEstimate(
         tuple(f"axis{number}" for number in range(1, len(axes) + 1)),
+        (unit,) * len(axes),
         Gears(one, one, one, one),
         one,
         sigma,
         damping_sigma * one,
-        bend_rad,
+        bend,
         minimum_hz * one,
         residual,
         (response,) * len(axes),
@@ -54,6 +59,13 @@ def test_an_axis_without_evidence_has_a_reason(
 
 def test_an_axis_with_evidence_has_none() -> None:
     assert estimate((0.05, 1e-4, 0.12)).reasons == (None,)
+
+
+def test_a_prismatic_gear_has_a_limit_of_its_own() -> None:
+    assert estimate((0.05, 1e-5, 0.12), unit="m").reasons == (None,)
+    (reason,) = estimate((0.05, 5e-6, 0.12), unit="m").reasons
+    assert reason is not None
+    assert "0.005 mm" in reason
 
 
 def test_one_axis_that_is_not_explained_rejects_the_joint_fit() -> None:

@@ -18,8 +18,11 @@ from benchmarks.closed_loop import closed_loop
 from benchmarks.honest_choice import DURATION_S, FRICTIONS, Case
 from benchmarks.honest_choice import recording as logged
 from benchmarks.known_arms import ARMS, STEP_S, Driven, drive
+from benchmarks.mistakes import recording_of
+from benchmarks.mistakes_made import UserFiles
+from benchmarks.sound_robots import sound_run, sound_runs
 from config.arrays import FloatArray
-from config.load import load_cell
+from config.load import load_cell, load_robot
 from identification.equations.deconvolution import smoothed_recording
 from identification.equations.late_torques import LateTorque, find_late_torques
 from identification.model.options import ModelOptions
@@ -59,7 +62,7 @@ def recording() -> Recording:
 def find(recording: Recording, delay_ms: Sequence[float]) -> dict[str, float]:
     signals = [smoothed_recording(late(recording, delay_ms), BAND_HZ)]
     found = find_late_torques(CELL.robot, signals, ModelOptions(), STANDSTILL_RAD_S)
-    return {each.joint: 1e3 * each.delay_s for each in found}
+    return {each.joint: 1e3 * each.delay_s for each in found if each.is_long}
 
 
 def test_long_delays_of_every_joint_are_found(recording: Recording) -> None:
@@ -120,7 +123,40 @@ def test_a_delay_in_addition_to_a_known_filter_is_found() -> None:
 
 
 @pytest.mark.parametrize("delay_ms", [(0.0, 0.0, 0.0), (30.0, 16.0, -24.0)])
-def test_delays_that_a_bus_and_a_logger_can_cause_are_no_finding(
+def test_delays_that_a_bus_and_a_logger_can_cause_are_not_long(
     recording: Recording, delay_ms: tuple[float, ...]
 ) -> None:
     assert find(recording, delay_ms) == {}
+
+
+def find_of_invented_arm(joint: int, effect: Effect) -> list[tuple[str, str, bool]]:
+    """Return the late torques of a motion of five harmonics, which each joint alone explains."""
+    sound = sound_run(load_robot("kr15"), np.random.default_rng([0, 0]))
+    torque_nm = sound.torque_nm.copy()
+    torque_nm[:, joint] = effect(torque_nm[:, joint])
+    run = recording_of(UserFiles.of(replace(sound, torque_nm=torque_nm)))
+    signals = [smooth_nonperiodic(run, BAND_HZ)]
+    found = find_late_torques(sound.robot, signals, ModelOptions(), STANDSTILL_RAD_S)
+    return [(each.joint, each.kind, each.is_long) for each in found]
+
+
+@pytest.mark.parametrize("joint", [0, 1, 4])
+def test_a_torque_that_is_later_than_the_others_is_found(joint: int) -> None:
+    name = f"axis{joint + 1}"
+    assert find_of_invented_arm(joint, lambda nm: np.roll(nm, 3)) == [(name, "either", False)]
+    (found,) = find_of_invented_arm(joint, lambda nm: np.roll(nm, 10))
+    assert found[0] == name
+    assert found[2]
+
+
+@pytest.mark.parametrize("joint", [0, 3])
+def test_a_torque_that_is_filtered_more_than_the_others_is_found(joint: int) -> None:
+    slow = partial(first_order, corner_hz=20.0)  # 2 Hz at the 100 Hz of this recording
+    assert find_of_invented_arm(joint, slow) == [(f"axis{joint + 1}", "filter", True)]
+
+
+def test_nothing_is_found_in_sound_runs_of_invented_arms() -> None:
+    for sound in sound_runs(6):
+        signals = [smooth_nonperiodic(recording_of(UserFiles.of(sound)), BAND_HZ)]
+        found = find_late_torques(sound.robot, signals, ModelOptions(), STANDSTILL_RAD_S)
+        assert found == ()

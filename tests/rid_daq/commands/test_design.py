@@ -182,6 +182,22 @@ def test_information_about_friction_is_not_used_from_earlier_runs(cell: LoadedCe
     np.testing.assert_allclose(np.diagonal(task.given)[rest], known_twice)
 
 
+@pytest.mark.parametrize("run_ids", [(), ("01A", "01B")])
+def test_a_run_in_two_given_models_is_refused(
+    cell: LoadedCell, tmp_path: Path, capsys: pytest.CaptureFixture[str], run_ids: tuple[str, ...]
+) -> None:
+    """Its information would count twice, also in a model that has another run besides."""
+    one = replace(known_estimate(cell, {}), run_ids=run_ids)
+    other = replace(one, values=1.1 * one.values if run_ids else one.values, run_ids=run_ids[1:])
+    files = [tmp_path / "one.json", tmp_path / "other.json"]
+    for file, estimate in zip(files, (one, other), strict=True):
+        write_estimate(file, estimate)
+    words = ["design", "ir361", "-o", str(tmp_path / "m.yaml"), "--starts", "1"]
+    given = [word for file in files for word in ("--given", str(file))]
+    assert run([*words, *given]) == 2
+    assert "RID-OPTION-EXCLUSIVE" in capsys.readouterr().err
+
+
 def test_a_model_of_another_robot_is_refused(cell: LoadedCell) -> None:
     ours = known_estimate(cell, {})
     joint = ours.robot.joints[0].model_copy(update={"name": "other"})
