@@ -134,7 +134,8 @@ def fit_velocity_loop(
         choices: The choices of terms that are compared.
 
     Raises:
-        EstimationError: There are too few lines, or the fitted gain or times are not positive.
+        EstimationError: There are too few lines, the fitted gain or times are not positive, or the
+            gain is less than two standard deviations.
     """
     lines = len(measured.frequency_hz)
     if lines < FEWEST_LINES:
@@ -160,6 +161,13 @@ def fit_velocity_loop(
         p_value=_chance_of_cost(measured, cost, len(values)),
         trials=trials,
     )
+    if 2.0 * loop.sigma["gain"] > loop.gain:
+        raise EstimationError(
+            f"joint {measured.joint_name}: the data do not show the gain of its velocity loop,"
+            f" {loop.gain:.3g} ± {2.0 * loop.sigma['gain']:.2g} (two standard deviations): check"
+            " the torque and the commands of this joint, and increase the excitation",
+            code="RID-LOOP-WEAK",
+        )
     misfit = (measured.response - loop.response(measured.frequency_hz)) / np.sqrt(measured.variance)
     return replace(loop, whiteness=whiteness(misfit))
 
