@@ -109,7 +109,7 @@ class Calibration:
 
     @property
     def is_contradicted(self) -> bool:
-        """True if held-out errors contradict the calibration: one of them, or all together."""
+        """True if a single held-out error contradicts the calibration, or all errors do."""
         single = any((errors.ratio > CONTRADICTS).any() for _, errors in self.judged)
         return single or self.after.excess > LARGEST_EXCESS
 
