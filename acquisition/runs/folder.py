@@ -288,8 +288,11 @@ class RunFolder:
         self._save(finished)
         return finished
 
-    def verify(self) -> tuple[str, ...]:
+    def verify(self, read: Iterable[str] = ()) -> tuple[str, ...]:
         """Compare every file in the manifest with its entry.
+
+        Args:
+            read: Files that must not be in the folder of an ended run without an entry.
 
         Returns:
             The problems, one sentence each; empty if the run is complete and unchanged.
@@ -303,6 +306,10 @@ class RunFolder:
             problems.append(
                 "the run is not finished: it is still running, or its program was killed"
             )
+        elif not manifest.files:
+            problems.append(f"{MANIFEST}: lists no files, so nothing can be verified")
+        unlisted = [name for name in read if name not in manifest.files]
+        problems += [f"{name}: {what}" for name, what in self.find_changes(unlisted).items()]
         for name, entry in manifest.files.items():
             try:
                 unchanged = self.is_unchanged(name, entry)

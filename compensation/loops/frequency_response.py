@@ -133,7 +133,7 @@ def controller_responses(spectra: MultisineSpectra) -> tuple[FrequencyResponse, 
         Responses in N m s/rad or N s/m.
 
     Raises:
-        DataQualityError: There is one realisation, and it has no empty odd lines.
+        DataQualityError: There is one realisation, and it has no empty odd lines, or a signal is 0.
     """
     return _responses(spectra, spectra.error, spectra.torque)
 
@@ -148,7 +148,7 @@ def mechanics_responses(spectra: MultisineSpectra) -> tuple[FrequencyResponse, .
         Responses in rad/(N m s) or m/(N s).
 
     Raises:
-        DataQualityError: There is one realisation, and it has no empty odd lines.
+        DataQualityError: There is one realisation, and it has no empty odd lines, or a signal is 0.
     """
     return _responses(spectra, spectra.torque, spectra.velocity)
 
@@ -172,6 +172,13 @@ def _response(
     # Both signals divided by the multisine, shape (realisations, periods, lines).
     x, y = (values[:, :, lines] / reference[:, np.newaxis, :] for values in both)
     mean_x, mean_y = x.mean(axis=(0, 1)), y.mean(axis=(0, 1))
+    if not (mean_x.all() and mean_y.all()):
+        raise DataQualityError(
+            f"joint {spectra.joint_names[joint]}: its torque or its velocity is 0 at"
+            f" {np.count_nonzero(mean_x * mean_y == 0.0)} of {len(lines)} excited lines: check that"
+            " the joint moves, and the column of its torque",
+            code="RID-LOOP-WEAK",
+        )
     response = mean_y / mean_x
     misfit = y - response * x
     by_realisation = misfit.mean(axis=1)

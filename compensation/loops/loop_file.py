@@ -16,7 +16,7 @@ from config.model import ConfigModel
 from config.quantities import NonNegative, Positive
 from config.sealed_model import SealedModel
 
-FORMAT: Final = "rid-daq velocity loops 2"
+FORMAT: Final = "rid-daq velocity loops 3"
 UNSOUND_LOOPS: Final = "RID-LOOP-UNSOUND"
 LARGEST_FILE_BYTES: Final = 1_000_000
 
@@ -33,6 +33,7 @@ class LoopEntry(ConfigModel):
     covariance: tuple[tuple[float, ...], ...]
     p_value: Annotated[float, Field(ge=0.0, le=1.0)]
     whiteness: Annotated[float, Field(ge=0.0, le=1.0)] = 1.0
+    misfit: NonNegative
 
 
 class LoopFile(SealedModel):
@@ -42,7 +43,7 @@ class LoopFile(SealedModel):
         cell: Name of the cell whose drives were measured; empty for an imported run.
     """
 
-    format: Literal["rid-daq velocity loops 2"]
+    format: Literal["rid-daq velocity loops 3"]
     robot: str
     cell: str
     run: str

@@ -11,6 +11,7 @@ import numpy as np
 from acquisition.motion.kinds.multisine import MultisineJoint, MultisineMotion
 from acquisition.motion.samples import MotionSamples
 from compensation.loops.frequency_response import ONE_REALISATION
+from compensation.loops.velocity_loop import FEWEST_LINES
 from config.arrays import FloatArray
 from config.cell.cell import CellConfig
 from config.errors import ConfigError
@@ -98,7 +99,8 @@ def multisine_motion(
 
     Raises:
         ConfigError: Even the smallest tried multisine exceeds the limits, bodies touch in all tried
-            poses, options exclude one another, or period and band do not fit the cell.
+            poses, options exclude one another, or period and band do not fit the cell or give a
+            joint too few lines.
     """
     cycle_s, period_s, seed = cell.cycle_time_s, options.period_s, options.seed
     realisations, band_hz = options.realisations, options.band_hz
@@ -173,6 +175,7 @@ def multisine_motion(
                 for joint, at, rms, amplitude in zip(robot.joints, pose, speed, swing, strict=True)
             ),
         )
+        _require_lines(motion, robot)
         try:
             samples = motion.plan(robot, cycle_s)
         except ConfigError as error:
@@ -192,6 +195,23 @@ def multisine_motion(
         f"no multisine stays within the limits of robot {robot.name!r}: {reason}",
         code="RID-DESIGN-NONE",
     )
+
+
+def _require_lines(motion: MultisineMotion, robot: RobotDescription) -> None:
+    """Refuse a multisine with too few lines for the fit of a velocity loop.
+
+    Raises:
+        ConfigError: A joint has fewer than `FEWEST_LINES` lines.
+    """
+    lines = [len(own) for own in motion.excited_lines(robot)]
+    if min(lines) < FEWEST_LINES:
+        raise ConfigError(
+            f"{robot.joint_names[int(np.argmin(lines))]} would have {min(lines)} lines between"
+            f" {motion.lowest_hz:g} and {motion.highest_hz:g} Hz, but the fit of a velocity loop"
+            f" needs at least {FEWEST_LINES}: give a longer period than {motion.period_s:g} s, or a"
+            " wider band",
+            code="RID-MOTION-BAND",
+        )
 
 
 def limit_use(

@@ -33,6 +33,9 @@ CHOICES: Final[tuple[tuple[Extra, ...], ...]] = (PLAIN, ("delay",), ("lag",), EX
 FEWEST_LINES: Final = 4
 WHITENESS_LAGS: Final = 5
 CLEARLY_SHORTER: Final = 4.0
+SMALLEST_P: Final = 0.001
+SMALL_MISFIT: Final = 0.01
+"""Misfit that does not matter, although it can be clearly larger than the noise."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,6 +70,7 @@ class VelocityLoop:
         trials: All choices that were compared; empty for a loop from a file.
         whiteness: Probability of a larger correlation of neighbouring lines by chance; small if a
             term is missing; 1 if there are too few lines for the test.
+        misfit: Median over the lines of |1 - measured / fitted response|.
     """
 
     joint_name: str
@@ -79,6 +83,7 @@ class VelocityLoop:
     p_value: float
     trials: tuple[LoopTrial, ...]
     whiteness: float = 1.0
+    misfit: float = 0.0
 
     def __post_init__(self) -> None:
         k = len(self.names)
@@ -89,6 +94,16 @@ class VelocityLoop:
                 f" integral time {self.integral_time_s:.4g} s; measure the loop again",
                 code="RID-LOOP-WEAK",
             )
+
+    @property
+    def is_explained(self) -> bool:
+        """False if the misfit is not noise and large enough to matter."""
+        return self.misfit <= SMALL_MISFIT or self.p_value >= SMALLEST_P
+
+    @property
+    def is_complete(self) -> bool:
+        """False if neighbouring lines have similar misfits that are large enough to matter."""
+        return self.misfit <= SMALL_MISFIT or self.whiteness >= SMALLEST_P
 
     @property
     def sigma(self) -> dict[str, float]:
@@ -134,7 +149,8 @@ def fit_velocity_loop(
         choices: The choices of terms that are compared.
 
     Raises:
-        EstimationError: There are too few lines, or the fitted gain or times are not positive.
+        EstimationError: There are too few lines, the fitted gain or times are not positive, or the
+            gain is less than two standard deviations.
     """
     lines = len(measured.frequency_hz)
     if lines < FEWEST_LINES:
@@ -160,8 +176,20 @@ def fit_velocity_loop(
         p_value=_chance_of_cost(measured, cost, len(values)),
         trials=trials,
     )
-    misfit = (measured.response - loop.response(measured.frequency_hz)) / np.sqrt(measured.variance)
-    return replace(loop, whiteness=whiteness(misfit))
+    if 2.0 * loop.sigma["gain"] > loop.gain:
+        raise EstimationError(
+            f"joint {measured.joint_name}: the data do not show the gain of its velocity loop,"
+            f" {loop.gain:.3g} ± {2.0 * loop.sigma['gain']:.2g} (two standard deviations): check"
+            " the torque and the commands of this joint, and increase the excitation",
+            code="RID-LOOP-WEAK",
+        )
+    fitted = loop.response(measured.frequency_hz)
+    left = measured.response - fitted
+    return replace(
+        loop,
+        whiteness=whiteness(left / np.sqrt(measured.variance)),
+        misfit=float(np.median(np.abs(left / fitted))),
+    )
 
 
 def _choose_trial(trials: Sequence[LoopTrial]) -> int:

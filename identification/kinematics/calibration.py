@@ -45,7 +45,12 @@ SHOWN: Final = 2.0
 PRECISE: Final = 0.2
 """Relative standard deviation up to which a compliance counts as identified."""
 SUSPICIOUS: Final = 5.0
-"""Held-out error, as a multiple of the median, above which a pose is listed as suspicious."""
+"""Held-out error over its prediction, as a multiple of the median, above which a pose is listed."""
+CONTRADICTS: Final = 12.0
+"""Multiple of the median above which an error contradicts the calibration. An effect that the model
+lacks causes up to 9 times."""
+LARGEST_EXCESS: Final = 5.0
+"""Ratio of held-out errors to their prediction above which they contradict the calibration."""
 _PROBES: Final = 200
 
 
@@ -67,9 +72,9 @@ class Calibration:
         rigid: Held-out errors of calibrated geometry with rigid gears; None if no compliance was
             estimated.
         after: Held-out errors of the calibration.
-        is_separate_check: True if `after` is from poses of another file.
-        suspicious: Shape (poses,). True for poses with a conspicuous error.
+        own: Held-out errors at the poses of the fit.
         poses: The poses of the fit.
+        check: The poses of `after`; None if they are those of the fit.
     """
 
     robot: RobotDescription
@@ -82,14 +87,36 @@ class Calibration:
     before: HeldOut
     rigid: HeldOut | None
     after: HeldOut
-    is_separate_check: bool
-    suspicious: BoolArray
+    own: HeldOut
     poses: MeasuredPoses
+    check: MeasuredPoses | None = None
 
     @property
     def improves(self) -> bool:
         """True if the calibration reduces the RMS error at held-out poses."""
         return self.after.rms_m < self.before.rms_m
+
+    @property
+    def suspicious(self) -> BoolArray:
+        """True for poses of the fit with a conspicuous error, (poses,)."""
+        return np.asarray(self.own.ratio > SUSPICIOUS)
+
+    @property
+    def judged(self) -> tuple[tuple[MeasuredPoses, HeldOut], ...]:
+        """The poses of the fit, and those of the check, with their held-out errors."""
+        of_fit = (self.poses, self.own)
+        return (of_fit,) if self.check is None else (of_fit, (self.check, self.after))
+
+    @property
+    def is_contradicted(self) -> bool:
+        """True if a single held-out error contradicts the calibration, or all errors do."""
+        single = any((errors.ratio > CONTRADICTS).any() for _, errors in self.judged)
+        return single or self.after.excess > LARGEST_EXCESS
+
+    @property
+    def holds(self) -> bool:
+        """True if the calibration improves and is not contradicted."""
+        return self.improves and not self.is_contradicted
 
     @property
     def widening(self) -> float:
@@ -228,9 +255,9 @@ def calibrate(
         held_out(placed, plain),
         held_out(placed, rigid) if has_gears else None,
         after,
-        check is not None,
-        own.distance_m > SUSPICIOUS * np.median(own.distance_m),
+        own,
         poses,
+        check,
     )
 
 

@@ -65,6 +65,12 @@ class HeldOut:
         """RMS of the errors divided by their predicted standard deviations; ideally about 1."""
         return float(np.sqrt(np.mean((self.error_m / self.sigma) ** 2)))
 
+    @property
+    def ratio(self) -> FloatArray:
+        """Length of each error over its prediction, relative to the median of all, (poses,)."""
+        size = np.linalg.norm(self.error_m / self.sigma, axis=1)
+        return np.asarray(size / np.median(size))
+
 
 def cross_validate(
     start: PlacedArm, poses: MeasuredPoses, parameters: Sequence[KinematicParameter]

@@ -27,6 +27,7 @@ from mock_hw.host.runtime_directory import socket_path
 _POLLS_WITHOUT_TIME = 100
 _POLL_NS = 1000
 _LONGEST_WAIT_S = 1e9
+_BUS_OFF = "the adapter is bus-off"
 
 
 class LockstepClock:
@@ -167,7 +168,7 @@ class RidSimBus(can.BusABC):
         The result is None if no frame arrives within `timeout_s` [s].
 
         Raises:
-            can.CanOperationError: The hub has ended or, in lock-step, the adapter is bus-off.
+            can.CanOperationError: The hub has ended, or the adapter is bus-off.
         """
         if not self._client.lockstep:
             return self._receive_realtime(timeout_s)
@@ -185,10 +186,10 @@ class RidSimBus(can.BusABC):
             for frame in self._inbox
             if frame.can_id <= STANDARD_MASK
         ]
-        errors = [frame for frame in self._inbox if frame.can_id & ERROR_FLAG]
+        errors = any(frame.can_id & ERROR_FLAG for frame in self._inbox)
         self._inbox.clear()
         if errors:
-            raise can.CanOperationError("the adapter is bus-off")
+            raise can.CanOperationError(_BUS_OFF)
         return arrivals
 
     def _receive_realtime(self, timeout_s: float) -> Sequence[Arrival] | None:
@@ -199,6 +200,8 @@ class RidSimBus(can.BusABC):
             raise can.CanOperationError(str(error)) from error
         if not frames:
             return None
+        if any(frame[1] & ERROR_FLAG for frame in frames):
+            raise can.CanOperationError(_BUS_OFF)
         return [
             Arrival(can_id, data[:length], time_ns * 1e-9)
             for time_ns, can_id, length, _, data in frames

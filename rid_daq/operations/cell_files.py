@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
 
 from acquisition.motion.load_changes import LoadChanges
 from acquisition.motion.motion_file import AnyMotion, read_motion
@@ -20,9 +19,6 @@ from config.robot.robot import RobotDescription
 from identification.estimation.estimate import Estimate, refuse_external_model
 from identification.model.still_joints import refuse_unmoved_joints
 from rid_daq.runs.run_model import read_model_and_bytes
-
-MISFIT: Final = 0.001
-"""p-value of a loop's fit below which a note reports the misfit."""
 
 
 @dataclass(frozen=True)
@@ -156,7 +152,11 @@ def read_loops_for(path: Path, robot: RobotDescription, cell: CellConfig) -> Loo
             f"{path} was measured in cell {file.cell}, but cell {cell.name} is used here: if its"
             " drives have other settings, measure their loops with `rid-daq loop`"
         )
-    misfits = [f"{one.joint_name} (p = {one.p_value:.2g})" for one in loops if one.p_value < MISFIT]
+    misfits = [
+        f"{one.joint_name} (misfit {100.0 * one.misfit:.2g} %, p = {one.p_value:.2g})"
+        for one in loops
+        if not one.is_explained
+    ]
     if misfits:
         notes.append(
             f"{path}: a proportional-integral controller does not explain the measured loop of"

@@ -142,5 +142,7 @@ def register_output(folder: RunFolder, output: Path) -> None:
         RecordingError: The file cannot be added.
     """
     if output.resolve().parent == folder.path.resolve():
+        with system_errors(RecordingError, f"{output}: cannot be read", code="RID-FILE-READ"):
+            content = output.read_bytes()
         with contextlib.suppress(ConfigError):  # the name is not allowed for a run's file
-            folder.write(output.name, output.read_bytes())
+            folder.write(output.name, content)

@@ -34,7 +34,7 @@ _MOTION = re.compile(rf"^(?:{{.*?\b)?kind:\s*[\"']?({_KINDS})\b".encode(), re.MU
 _ROBOT = re.compile(rb"^(?:{.*?\b)?robot:\s*[\"']?([\w.-]+)", re.MULTILINE)
 _JSON: Final = (
     (b'"rid-daq estimate"', "models"),
-    (b'"rid-daq velocity loops 2"', "loops"),
+    (b'"rid-daq velocity loops 3"', "loops"),
     (b'"rid-daq feedforward 1"', "feedforwards"),
     (b'"rid-daq payload"', "payloads"),
 )

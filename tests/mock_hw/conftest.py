@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from drivers.canopen.frames import Frame, sdo_answer_cob_id, sdo_request_cob_id
+from mock_hw.bus.faults import BusFaults
 from mock_hw.bus.hub import CanHub
 from mock_hw.bus.hub_client import HubClient
 from mock_hw.bus.hub_process import listening_socket
@@ -41,7 +42,11 @@ def serve(tmp_path: Path) -> Iterator[Callable[..., ServedHub]]:
     stoppers: list[tuple[int, threading.Thread]] = []
 
     def start(
-        *, realtime: bool = False, bitrate: int = 1_000_000, pace: float | None = None
+        *,
+        realtime: bool = False,
+        bitrate: int = 1_000_000,
+        pace: float | None = None,
+        faults: BusFaults | None = None,
     ) -> ServedHub:
         path = tmp_path / f"hub{len(stoppers)}.sock"
         stop, stopper = os.pipe()
@@ -51,7 +56,13 @@ def serve(tmp_path: Path) -> Iterator[Callable[..., ServedHub]]:
         def run() -> None:
             with listening_socket(path) as listener:
                 hub = CanHub(
-                    listener, bitrate, realtime=realtime, pace=pace, channel="test", log=log
+                    listener,
+                    bitrate,
+                    realtime=realtime,
+                    pace=pace,
+                    channel="test",
+                    log=log,
+                    faults=faults,
                 )
                 ready.set()
                 hub.run([stop])

@@ -57,7 +57,7 @@ class CalibrateKinematicsRequest(Request):
     rest. The table of poses has a column for each joint (axis1 or axis1_rad, axis1_deg) and x_m,
     y_m, z_m (or x_mm, y_mm, z_mm); optional are sigma_m, load_kg and valid. The frame of the
     instrument is unknown. The result is judged by poses that the fit did not use; the exit code is
-    1 if the calibration does not reduce their errors.
+    1 if the calibration does not reduce their errors, or if an error contradicts it.
     """
 
     robot: RobotName
@@ -90,8 +90,8 @@ class CalibrateKinematicsRequest(Request):
     output: Annotated[
         Path | None,
         Field(
-            description="Corrected robot file to write if the calibration reduces the errors; an"
-            " existing file is never replaced."
+            description="Corrected robot file to write if the held-out errors confirm the"
+            " calibration; an existing file is never replaced."
         ),
         Option(short="o", metavar="ROBOT", group=FILES, file="output", endings=(".yaml",)),
     ] = None
@@ -112,11 +112,11 @@ class CalibrateKinematicsResult:
 
     @property
     def exit_code(self) -> int:
-        """Exit code 1 if the errors at held-out poses are not smaller than before."""
+        """Exit code 1 if the errors at held-out poses do not confirm the calibration."""
         from rid_daq.terminal.exit_codes import ExitCode
 
-        improves = self.found.calibration.improves
-        return ExitCode.DONE if improves else ExitCode.VERDICT_FAILED
+        holds = self.found.calibration.holds
+        return ExitCode.DONE if holds else ExitCode.VERDICT_FAILED
 
     def document(self) -> dict[str, object]:
         """Return parameters, errors and changed keys as numbers, in SI units."""
@@ -126,6 +126,7 @@ class CalibrateKinematicsResult:
             "robot": calibration.robot.name,
             "poses": len(calibration.poses),
             "improves": calibration.improves,
+            "holds": calibration.holds,
             "rank": calibration.rank,
             "largest_rank": self.found.largest_rank,
             "condition": calibration.condition,
@@ -207,11 +208,13 @@ class CalibrateKinematicsResult:
     def _verdict(self) -> Verdict:
         calibration = self.found.calibration
         before, after = calibration.before, calibration.after
+        why = self.found.contradiction
         return Verdict(
-            passed=calibration.improves,
+            passed=calibration.holds,
             text=f"Error at poses that the fit did not use: mean {_mm(after.mean_m)} mm, largest"
             f" {_mm(after.max_m)} mm; before the calibration: mean {_mm(before.mean_m)} mm,"
-            f" largest {_mm(before.max_m)} mm. The error of the instrument is included.",
+            f" largest {_mm(before.max_m)} mm. The error of the instrument is included."
+            + (f" The calibration is contradicted: {why}." if why else ""),
         )
 
     def _parameter_table(self) -> Table:

@@ -17,7 +17,13 @@ from config.errors import ConfigError
 from config.formats.whole_file import write_new
 from config.load import load_robot, to_yaml
 from config.robot.robot import RobotDescription
-from identification.kinematics.calibration import PRECISE, Calibration, calibrate
+from identification.kinematics.calibration import (
+    CONTRADICTS,
+    PRECISE,
+    SUSPICIOUS,
+    Calibration,
+    calibrate,
+)
 from identification.kinematics.corrected import changed_keys, corrected_robot
 from identification.kinematics.held_out import HeldOut
 from rid_daq.operations.calibration.calibrate_kinematics import CalibrateKinematicsRequest
@@ -88,9 +94,25 @@ class CalibratedRobot:
 
     @property
     def suspicious_rows(self) -> list[int]:
-        """Lines of poses with a conspicuous error."""
+        """Lines of poses of the fit with a conspicuous error."""
         rows = self.calibration.poses.rows[self.calibration.suspicious]
         return [int(row) for row in rows]
+
+    @property
+    def contradiction(self) -> str:
+        """How held-out errors contradict the calibration; empty if they do not."""
+        found = [
+            f"the error at {poses.name}:{poses.rows[i]} ({1e3 * errors.distance_m[i]:.3g} mm) is"
+            f" {errors.ratio[i]:.3g} times as large as the median, each relative to its prediction"
+            for poses, errors in self.calibration.judged
+            for i in (errors.ratio > CONTRADICTS).nonzero()[0]
+        ]
+        if not found and self.calibration.is_contradicted:
+            found.append(
+                f"all errors are {self.calibration.after.excess:.3g} times those that the fit"
+                " predicts: the instrument may have been moved, or the robot may have changed"
+            )
+        return "; ".join(found)
 
     @property
     def gears(self) -> tuple[GearStiffness, ...]:
@@ -115,7 +137,7 @@ class CalibratedRobot:
 
 
 def calibrate_robot(request: CalibrateKinematicsRequest) -> CalibratedRobot:
-    """Calibrate a robot; if this reduces the errors, write the requested robot file.
+    """Calibrate a robot; if held-out errors confirm it, write the requested robot file.
 
     Raises:
         ConfigError: A file cannot be read, does not fit the robot, or the output exists already, or
@@ -151,7 +173,7 @@ def calibrate_robot(request: CalibrateKinematicsRequest) -> CalibratedRobot:
     found = calibrate(robot, poses, gravity, point, check)
     notes += _quality_notes(found)
     changes: tuple[tuple[str, str, str], ...] = ()
-    if request.output is not None and found.improves:
+    if request.output is not None and found.holds:
         corrected = corrected_robot(found, is_tool=request.point is None)
         comment = (
             f"Calibrated by `rid-daq calibrate kinematics` from {len(poses)} poses in"
@@ -162,7 +184,7 @@ def calibrate_robot(request: CalibrateKinematicsRequest) -> CalibratedRobot:
         changes = changed_keys(robot, corrected)
         notes += _unwritten_notes(found)
     elif request.output is not None:
-        notes.append("no robot file is written, because the calibration does not reduce the errors")
+        notes.append("no robot file is written, because the calibration is not confirmed")
     return CalibratedRobot(found, changes, notes)
 
 
@@ -243,11 +265,12 @@ def _quality_notes(found: Calibration) -> Iterator[str]:
             f"the errors at held-out poses are {found.after.excess:.2g} times those that the fit"
             " predicts; the intervals are widened"
         )
-    if found.suspicious.any():
-        rows = ", ".join(map(str, poses.rows[found.suspicious]))
-        yield (
-            f"{poses.name}: the errors in line {rows} are conspicuous: measure these poses again,"
-            " or mark them by 0 in a column `valid`"
-        )
+    for each, errors in found.judged:
+        if (wrong := errors.ratio > SUSPICIOUS).any():
+            rows = ", ".join(map(str, each.rows[wrong]))
+            yield (
+                f"{each.name}: the errors in line {rows} are conspicuous: measure these poses"
+                " again, or mark them by 0 in a column `valid`"
+            )
     if found.fit.arm.gravity is None and poses.load_kg.any():
         yield "the loads in the poses have no effect, because the gears count as rigid"

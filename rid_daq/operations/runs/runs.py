@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 from pydantic import Field
 
@@ -14,6 +14,9 @@ from rid_daq.operations.operation import Context, Operation
 from rid_daq.requests.option import DEFAULT_RUNS, RunsFolder
 from rid_daq.requests.request import Request
 
+if TYPE_CHECKING:
+    from acquisition.runs.folder import RunFolder
+
 _NOT_SHOWN: Final = ("verdict", "headline", "session", "stop", "used_model", "used_runs")
 """Facts that the column `facts` leaves out."""
 
@@ -22,7 +25,8 @@ class RunsRequest(Request):
     """List the runs, oldest first; with --verify, check that no file was changed.
 
     With --verify, files that do not belong to a run are named, but are not a problem; the exit code
-    is 7 if a file was changed or is missing, or if a manifest cannot be read.
+    is 7 if a file was changed or is missing, if a manifest cannot be read or lists no files, or if
+    a file that commands read, such as the recording, is not in it.
     """
 
     verify: Annotated[bool, Field(description="Compare every file with the run's manifest.")] = (
@@ -155,7 +159,7 @@ def run(request: RunsRequest, _context: Context) -> RunsResult:
             created_utc=manifest.created_utc,
             folder=str(found.path),
             facts=manifest.facts,
-            problems=list(found.verify()) if request.verify else None,
+            problems=_problems(found) if request.verify else None,
             strays=list(found.strays()) if request.verify else None,
         )
         for found, manifest in list_runs(request.runs)
@@ -169,6 +173,12 @@ def run(request: RunsRequest, _context: Context) -> RunsResult:
             code="RID-RUN-UNKNOWN",
         )
     return RunsResult(request, listed, damaged, unlisted_folders(request.runs))
+
+
+def _problems(found: RunFolder) -> list[str]:
+    from rid_daq.runs.run_data import READ
+
+    return list(found.verify(READ))
 
 
 OPERATION: Final = Operation(

@@ -19,9 +19,9 @@ def loop_blocks(section: VelocityLoopsSection) -> Iterator[AnyBlock]:
     yield Text(
         text="p: probability that noise alone causes a misfit at least as large. Whiteness:"
         " probability that noise alone makes the misfits on neighbouring lines at least as"
-        " similar. If one of the two is below 0.001, the controller is not of the fitted"
-        " structure. A delay and a lag of the same length are nearly indistinguishable; only"
-        " their sum is accurate.",
+        " similar. If one of the two is below 0.001 and the misfit is above 1 %, the controller is"
+        " not of the fitted structure. A delay and a lag of the same length are nearly"
+        " indistinguishable; only their sum is accurate.",
         is_note=True,
     )
     for axis in section.axes:

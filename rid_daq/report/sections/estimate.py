@@ -141,8 +141,8 @@ class EstimateChecks:
         driving: Joints with negative friction power; None if this was not checked.
         late_torques: Joints whose recorded torque has a delay that no bus explains, or passed a
             filter; empty if there are none, or if this was not checked.
-        clipped_torques: Joints whose recorded torque is clipped; empty if there are none, or if this
-            was not checked.
+        clipped_torques: Joints whose recorded torque is clipped; empty if there are none, or if
+            this was not checked.
         arm_weight: Weight of the arm implied by the torques; None if they do not determine it, or
             if this was not checked.
         moved_masses: Moving mass and holding force of each prismatic joint that the torques

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from compensation.loops.frequency_response import FrequencyResponse
     from compensation.loops.loop_measurement import LoopMeasurement
 
-SMALLEST_P = 0.001
 LARGEST_MISFIT = 0.3
 
 
@@ -226,12 +225,12 @@ def _sentence(measured: LoopMeasurement) -> str:
 def _findings(measured: FrequencyResponse, cascade: Cascade) -> list[str]:
     """Return the problems of the fit; empty without problems."""
     loop, found = cascade.loop, []
-    if loop.p_value < SMALLEST_P:
+    if not loop.is_explained:
         found.append(
             "a proportional-integral controller does not explain the measured response: look for"
             " filters in the drive, or reduce the excitation"
         )
-    if loop.whiteness < SMALLEST_P:
+    if not loop.is_complete:
         found.append(
             "the residual of the fit is similar on neighbouring lines: a term is missing, such"
             " as a filter or a second delay"

@@ -101,7 +101,7 @@ def test_a_link_in_the_folder_is_refused(folder: RunFolder, tmp_path: Path) -> N
         with raises_code(RecordingError, "RID-RUN-LINK"):
             folder.write(name, b"x")
     assert folder.finish(RunStatus.COMPLETE).files == {}
-    assert (folder.verify(), folder.strays()) == ((), ("dir", "link"))
+    assert folder.strays() == ("dir", "link")
     assert (outside / "secret").read_bytes() == b"secret"
 
 
@@ -166,7 +166,22 @@ def test_later_steps_can_add_results(folder: RunFolder) -> None:
     assert folder.manifest().status == RunStatus.COMPLETE
 
 
+def test_a_run_without_listed_files_is_not_verified(folder: RunFolder) -> None:
+    folder.finish(RunStatus.COMPLETE)
+    assert len(folder.verify()) == 1
+
+
+def test_a_recording_without_an_entry_is_a_problem(folder: RunFolder) -> None:
+    folder.write("cell.yaml", b"a")
+    folder.finish(RunStatus.STOPPED)
+    (folder.path / "recording.mcap").write_bytes(b"rows")
+    (folder.path / "notes.txt").write_bytes(b"cold morning")
+    (problem,) = folder.verify(["recording.mcap", "cell.yaml", "motion.yaml"])
+    assert problem.startswith("recording.mcap:")
+
+
 def test_a_moved_run_can_be_opened(folder: RunFolder, tmp_path: Path) -> None:
+    folder.write("cell.yaml", b"a")
     folder.finish(RunStatus.COMPLETE)
     moved = folder.path.rename(tmp_path / "from a colleague")
     opened = RunFolder.open(moved)

@@ -20,7 +20,11 @@ from compensation.loops.frequency_response import (
     FrequencyResponse,
     frequency_responses,
 )
-from compensation.loops.loop_measurement import measure_loops
+from compensation.loops.loop_measurement import (
+    measure_loops,
+    unexplained_share,
+    without_images,
+)
 from compensation.loops.multisine_motion import MultisineOptions, multisine_motion
 from compensation.loops.multisine_spectra import interpolation_response, multisine_spectra
 from compensation.loops.velocity_loop import VelocityLoop, fit_velocity_loop, whiteness
@@ -339,3 +343,51 @@ def test_loops_faster_than_the_cycle_are_identified_without_a_torque_filter(
         assert loop.integral_time_s == pytest.approx(axis.velocity_integral_time_s, rel=0.03)
         assert loop.delay_s + loop.lag_s < 0.001
         assert loop.p_value > 1e-3
+
+
+def limited(recording: Recording) -> Recording:
+    """Return the recording with each torque limited to 60 % of its maximum."""
+    limit = 0.6 * np.abs(recording.torque_nm).max(axis=0)
+    return replace(recording, torque_nm=np.clip(recording.torque_nm, -limit, limit))
+
+
+def before_a_filter(recording: Recording) -> Recording:
+    """Return the recording with the commands before a filter of 10 ms in the drives."""
+    assert recording.velocity_command is not None
+    rate = np.gradient(recording.velocity_command, recording.sample_period_s or 0.0, axis=0)
+    return replace(recording, velocity_command=recording.velocity_command + 0.01 * rate)
+
+
+@pytest.mark.parametrize("change", [limited, before_a_filter])
+def test_a_controller_that_contradicts_other_frequencies_is_refused(
+    cell: LoadedCell,
+    recorded: tuple[MultisineMotion, Recording],
+    change: Callable[[Recording], Recording],
+) -> None:
+    motion, recording = recorded
+    with raises_code(EstimationError, "RID-LOOP-CONTRADICTED", "axis"):
+        measure_loops(change(recording), motion, cell.robot, 15.0)
+
+
+def test_the_controller_explains_torques_at_lines_without_excitation(
+    cell: LoadedCell, recorded: tuple[MultisineMotion, Recording]
+) -> None:
+    motion, recording = recorded
+    spectra = multisine_spectra(recording, motion, cell.robot)
+    found = measure_loops(recording, motion, cell.robot, 15.0)
+    without = without_images(spectra, found.cascades)
+    assert max(unexplained_share(without, loop) for loop in found.loops) < 0.02
+
+
+@pytest.mark.parametrize("kind", ["zero", "noise"])
+def test_a_torque_without_response_is_refused(
+    cell: LoadedCell, recorded: tuple[MultisineMotion, Recording], kind: str
+) -> None:
+    motion, recording = recorded
+    torque = recording.torque_nm.copy()
+    noise = 50.0 * np.random.default_rng(1).normal(size=len(torque))
+    torque[:, 1] = 0.0 if kind == "zero" else noise
+    with pytest.raises((DataQualityError, EstimationError)) as refused:
+        measure_loops(replace(recording, torque_nm=torque), motion, cell.robot, 15.0)
+    assert refused.value.refusal in ("RID-LOOP-WEAK", "RID-LOOP-CONTRADICTED")
+    assert "axis2" in str(refused.value)

@@ -60,7 +60,7 @@ def test_an_error_in_a_file_of_the_right_kind_names_its_key(files: dict[str, str
 
 MODEL = json.dumps({"software": "0.1", "kind": "rid-daq estimate", "robot": {}}).encode()
 PAYLOAD = json.dumps({"kind": "rid-daq payload", "robot": {"kinematics": {"kind": "dh"}}}).encode()
-LOOPS = json.dumps({"format": "rid-daq velocity loops 2"}).encode()
+LOOPS = json.dumps({"format": "rid-daq velocity loops 3"}).encode()
 
 
 @pytest.mark.parametrize(

@@ -8,11 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.measured_arm import MeasuredArm
 from config.errors import DataQualityError
 from config.load import load_robot
 from dynamics.geometry.kinematics import Chain, forward
 from identification.kinematics.calibration import Calibration, calibrate, probe_positions
 from identification.kinematics.corrected import changed_keys, corrected_robot
+from identification.kinematics.gravity import Gravity
 from identification.kinematics.held_out import distinct_poses
 from tests.builders.raised_codes import raises_code
 from tests.identification.kinematics.conftest import NOISE_M, Experiment
@@ -108,7 +110,8 @@ def test_a_separate_check_judges_the_result(three_axes: Experiment) -> None:
     poses = three_axes.measured(probes[:40], np.zeros(40))
     check = three_axes.measured(probes[40:], np.zeros(20))
     found = calibrate(three_axes.arm.robot, poses, three_axes.gravity, three_axes.point_m, check)
-    assert found.is_separate_check
+    assert found.check is check
+    assert found.holds
     assert len(found.after.error_m) == 20
     assert found.after.excess == pytest.approx(1.0, abs=0.3)
 
@@ -120,6 +123,8 @@ def test_a_wrong_point_is_listed_and_the_intervals_are_widened(three_axes: Exper
     wrong = replace(poses, point_m=points, sigma_m=np.full(30, NOISE_M))
     found = calibrate(three_axes.arm.robot, wrong, three_axes.gravity, three_axes.point_m)
     assert found.suspicious.nonzero()[0].tolist() == [7]
+    assert found.improves
+    assert not found.holds
     assert found.fit.scale > 5.0
     sound = replace(poses, sigma_m=np.full(30, NOISE_M))
     other = calibrate(three_axes.arm.robot, sound, three_axes.gravity, three_axes.point_m)
@@ -129,6 +134,30 @@ def test_a_wrong_point_is_listed_and_the_intervals_are_widened(three_axes: Exper
         if each.name in shared:
             names = [parameter.name for parameter in found.fit.parameters]
             assert found.sigmas[names.index(each.name)] > 5.0 * sigma
+
+
+@pytest.mark.parametrize("rows", [slice(3, 4), slice(None)])
+def test_a_check_contradicts_a_calibration(three_axes: Experiment, rows: slice) -> None:
+    """One wrong pose, or an instrument that was moved by 0.5 mm."""
+    probes = probe_positions(three_axes.arm.robot, 60)
+    poses = three_axes.measured(probes[:40], np.zeros(40))
+    check = three_axes.measured(probes[40:], np.zeros(20))
+    points = check.point_m.copy()
+    points[rows] += [0.0005, 0.0, 0.0]
+    wrong = replace(check, point_m=points)
+    found = calibrate(three_axes.arm.robot, poses, three_axes.gravity, three_axes.point_m, wrong)
+    assert found.improves
+    assert not found.holds
+
+
+@pytest.mark.parametrize("seed", [3, 10])
+def test_gears_that_count_as_rigid_contradict_nothing(seed: int) -> None:
+    """Deflection causes errors with a long tail: a lonely large error can be correct."""
+    point = np.array([0.765, 0.0, 0.0])
+    arm = MeasuredArm.of(load_robot("ir361"), point, (5e4, 6e4, 2e4), seed)
+    three_axes = Experiment(arm, point, Gravity.of_cad(arm.robot, point))
+    poses = three_axes.measured(probe_positions(arm.robot, 40), np.where(np.arange(40) % 2, 8.0, 0))
+    assert calibrate(arm.robot, poses, None, point).holds
 
 
 def test_rigid_gears_are_calibrated_without_gravity(three_axes: Experiment) -> None:

@@ -16,10 +16,12 @@ import can
 import pytest
 
 from config.cell.cell import CanBusConfig
+from config.simulation.faults import AdapterFault, FaultScript
 from drivers.canopen.frames import SYNC, Frame
 from drivers.ports.can_link import open_can
 from mock_hw.bus.arbitration import WireFrame
 from mock_hw.bus.can_plugin import RidSimBus
+from mock_hw.bus.faults import BusFaults
 from mock_hw.bus.hub_client import HubClient
 from mock_hw.bus.hub_process import listening_socket
 from mock_hw.bus.hub_protocol import FRAME, PacketKind, pack
@@ -117,6 +119,17 @@ def test_real_time_uses_the_wall_clock_and_its_stamps(serve: Serve, join: Join) 
     start_s = time.monotonic()
     assert receiver.recv(0.02) is None
     assert time.monotonic() - start_s >= 0.02
+
+
+@pytest.mark.parametrize("realtime", [False, True])
+def test_bus_off_is_python_cans_error(serve: Serve, join: Join, realtime: bool) -> None:
+    start_ns = time.monotonic_ns() if realtime else 0
+    script = FaultScript(bus=(AdapterFault(kind="bus_off", at_s=0.0, duration_s=0.5),))
+    faults = BusFaults(script, {"base": 1}, 127, {}, start_ns)
+    bus = join(serve(realtime=realtime, faults=faults), participant=True)
+    bus.send(message(0x80))
+    with pytest.raises(can.CanOperationError):
+        bus.receive_frames(10.0)
 
 
 def test_continuous_polling_does_not_stop_simulated_time(serve: Serve, join: Join) -> None:

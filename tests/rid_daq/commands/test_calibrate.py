@@ -88,6 +88,29 @@ def test_copied_rows_count_once(
     assert any("40" in note for note in found[1]["notes"])
 
 
+@pytest.mark.parametrize("table", ["poses.csv", "check.csv"])
+def test_a_contradicted_calibration_is_not_written(
+    folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], table: str
+) -> None:
+    """The point of one pose is 75 mm off."""
+    paths = {name: folder / name for name in ("poses.csv", "check.csv")}
+    lines = paths[table].read_text().splitlines()
+    cells = lines[8].split(",")
+    lines[8] = ",".join([*cells[:3], str(float(cells[3]) + 75.0), *cells[4:]])
+    paths[table] = tmp_path / table
+    paths[table].write_text("\n".join(lines))
+    output = tmp_path / "calibrated.yaml"
+    asked = ["calibrate", str(folder / "robot.yaml"), str(paths["poses.csv"]), "-o", str(output)]
+    more = ["--check", str(paths["check.csv"])] if table == "check.csv" else []
+    assert run([*asked, *more, "--json"]) == 1
+    told = document(capsys)
+    assert not told["holds"]
+    assert any(table in note and "9" in note for note in told["notes"])
+    assert not output.exists()
+    assert run([*asked, *more]) == 1
+    assert f"{table}:9" in capsys.readouterr().out
+
+
 def test_a_robot_file_is_never_replaced(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     before = (folder / "robot.yaml").read_bytes()
     assert run(words(folder, "-o", folder / "robot.yaml", "--json")) == 2

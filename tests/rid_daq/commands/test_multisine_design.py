@@ -87,6 +87,12 @@ def test_invalid_options_give_one_clear_message(
     assert not (tmp_path / "x.yaml").exists()
 
 
+def test_a_multisine_with_too_few_lines_for_a_fit_is_refused() -> None:
+    cell = load_cell("kr15")
+    with raises_code(ConfigError, "RID-MOTION-BAND", "axis4", "3 lines", "4.008 s"):
+        multisine_motion(cell.robot, cell.config, MultisineOptions(period_s=4.008))
+
+
 def test_the_default_band_is_that_of_the_cell_or_of_its_torque_measurement() -> None:
     cell = load_cell("ir361")
     assert velocity_loop_band_hz(cell.config) == (0.5, 20.0)

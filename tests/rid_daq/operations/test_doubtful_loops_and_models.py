@@ -29,8 +29,9 @@ def cell() -> LoadedCell:
     return load_cell("ir361")
 
 
-def loop(joint: str, p_value: float = 0.5) -> VelocityLoop:
-    return VelocityLoop(joint, 500.0, 0.08, 0.0, 0.002, ("gain",), np.eye(1), p_value, ())
+def loop(joint: str, p_value: float = 0.5, misfit: float = 0.0) -> VelocityLoop:
+    fitted = VelocityLoop(joint, 500.0, 0.08, 0.0, 0.002, ("gain",), np.eye(1), p_value, ())
+    return replace(fitted, misfit=misfit)
 
 
 @pytest.fixture
@@ -81,11 +82,12 @@ def test_loops_of_another_cell_with_the_same_robot_are_reported(loops: Path) -> 
 
 
 def test_a_loop_that_no_controller_explains_is_reported(cell: LoadedCell, tmp_path: Path) -> None:
-    made = [loop("axis1"), loop("axis2", p_value=1e-9), loop("axis3")]
+    made = [loop("axis1"), loop("axis2", 1e-9, misfit=0.03), loop("axis3", 1e-9, misfit=0.005)]
     write_loops(tmp_path / "loops.json", made, "ir361", "a run", "ir361")
     (note,) = read_loops_for(tmp_path / "loops.json", cell.robot, cell.config).notes
-    assert "axis2 (p = 1e-09)" in note
+    assert "axis2 (misfit 3 %, p = 1e-09)" in note
     assert "axis1" not in note
+    assert "axis3" not in note, "a misfit of 0.5 % does not matter"
 
 
 @pytest.fixture(scope="module")

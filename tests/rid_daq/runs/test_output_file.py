@@ -9,10 +9,10 @@ import pytest
 
 from acquisition.runs.folder import RunFolder
 from acquisition.runs.manifest import RunStatus
-from config.errors import ConfigError
+from config.errors import ConfigError, RecordingError
 from rid_daq.app import run
 from rid_daq.runs.made_file import EXPORT, LOOPS, MODEL, MOTION
-from rid_daq.runs.output_file import refuse_output
+from rid_daq.runs.output_file import refuse_output, register_output
 from tests.builders.raised_codes import raises_code
 
 PARTS = ("recording.mcap", "cell.yaml", "result.json", "report.html", "session.json", "drive.eds")
@@ -128,3 +128,8 @@ def test_every_command_refuses_a_part_of_a_run_as_output(
     assert "recording.mcap: " in error
     assert folder.verify() == ()
     assert folder.read("recording.mcap") == b"recording.mcap"
+
+
+def test_an_output_that_is_gone_before_it_is_registered_has_a_code(folder: RunFolder) -> None:
+    with raises_code(RecordingError, "RID-FILE-READ", "lost.json"):
+        register_output(folder, folder.path / "lost.json")

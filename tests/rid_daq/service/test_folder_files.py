@@ -18,7 +18,7 @@ from rid_daq.service.service import CellService
 MOTION = "# An excitation.\nkind: fourier\nrobot: ir361\n"
 MODEL = '{\n "kind": "rid-daq estimate",\n "robot": {"name": "ir361"}\n}'
 PAYLOAD = MODEL.replace("estimate", "payload")
-LOOPS = '{"schema": "rid-daq velocity loops 2"}'
+LOOPS = '{"schema": "rid-daq velocity loops 3"}'
 
 
 def test_files_are_listed_by_their_content(tmp_path: Path) -> None:
