@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Final
 
 from pydantic import JsonValue
@@ -91,7 +92,7 @@ def run_payload_session(
     if file is None:
         file, motion = _begin_session(request, loaded, context)
     else:
-        motion = _load_motion(file, loaded)
+        motion = _load_motion(file, loaded, request.motion)
         file.request = request.choices
         context.say(
             f"Session {file.folder.run_id} continues; completed steps:"
@@ -184,8 +185,8 @@ def _begin_session(
     return file, motion
 
 
-def _load_motion(file: SessionFile, loaded: LoadedCell) -> FourierMotion:
-    """Return the motion of an interrupted session."""
+def _load_motion(file: SessionFile, loaded: LoadedCell, stated: Path | None) -> FourierMotion:
+    """Return the motion of an interrupted session; refuse another `stated` motion."""
     session = file.folder.run_id
     if file.cell != loaded.config.name:
         raise ConfigError(
@@ -202,6 +203,12 @@ def _load_motion(file: SessionFile, loaded: LoadedCell) -> FourierMotion:
         )
     name = str(file.folder.file(MOTION))
     motion = _require_periodic(parse_motion(file.folder.read(MOTION), name))
+    if stated is not None and read_motion_for(stated, loaded) != motion:
+        raise ConfigError(
+            f"--motion {stated}: differs from the motion of session {session}, which --resume"
+            " continues: leave --motion out, or begin a new session",
+            code="RID-OPTION-NO-EFFECT",
+        )
     motion.plan(loaded.robot, loaded.config.cycle_time_s)
     return motion
 

@@ -80,7 +80,10 @@ class PayloadSessionRequest(Request):
     ] = None
     periods: Annotated[
         Periods,
-        Field(description="Largest number of periods measured in each run."),
+        Field(
+            description="Largest number of periods measured in each run, if the motion is designed;"
+            " a motion file states its own number."
+        ),
         Option(group=LENGTHS),
     ] = 18
     repeats: Annotated[

@@ -9,8 +9,9 @@ import pytest
 
 from acquisition.runs.folder import RunFolder
 from config.errors import ConfigError
-from config.load import load_cell
+from config.load import load_cell, to_yaml
 from identification.design.two_harmonic import TwoHarmonicOptions, design_two_harmonic
+from rid_daq.app import run
 from rid_daq.operations.payload.payload_identify import KnownQuantity, VerdictLimits
 from rid_daq.operations.payload.payload_session import PayloadSessionRequest
 from rid_daq.operations.payload.session_states import SessionFile
@@ -97,6 +98,28 @@ def test_a_resumed_session_keeps_its_options_unless_given_again(
     assert kept.limits == VerdictLimits(mass_percent=2.0, centre_mm=1.0)
     with raises_code(ConfigError, "RID-SESSION-STATE", "--resume", "latest", "repeats"):
         again.with_original_options({"repeats": "many"})
+
+
+def test_a_resumed_session_refuses_another_motion(
+    folder: RunFolder, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    cell = load_cell("ir361")
+    motion = design_two_harmonic(
+        cell.robot,
+        TwoHarmonicOptions(4.0, highest_harmonic=4, tries=1, limit_fraction=0.3, seed=1),
+        cell.config.cycle_time_s,
+    )
+    for name, content in cell.files.items():
+        folder.write(name, content)
+    folder.write("motion.yaml", to_yaml(motion).encode())
+    SessionFile.begin(folder, "ir361")
+    other = tmp_path / "other.yaml"
+    other.write_text(to_yaml(motion.model_copy(update={"periods": motion.periods + 1})))
+    words = ["payload", "ir361", "--yes", "--runs", str(tmp_path), "--resume", folder.run_id]
+    assert run([*words, "--motion", str(other)]) == 2
+    error = capsys.readouterr().err
+    assert "RID-OPTION-NO-EFFECT" in error
+    assert str(other) in error.replace("\n", "")
 
 
 def test_an_option_given_again_applies_even_with_its_default_value(folder: RunFolder) -> None:
