@@ -19,6 +19,7 @@ from rid_daq.blocks.block import AnyBlock, Table, Text
 from rid_daq.blocks.picture import Picture
 from rid_daq.blocks.plot import Plot
 from rid_daq.terminal.console import Console, Progress, make_printable
+from rid_daq.terminal.context import BUTTONS, Controls
 from rid_daq.terminal.job_events import (
     AnswerEvent,
     AnyEvent,
@@ -175,6 +176,11 @@ class JobConsole(Console):
             PreflightError: No answer can arrive any more.
         """
         return self._answer("yes_no", question).strip().lower() in ("y", "yes")
+
+    @property
+    def controls(self) -> Controls:
+        """Words for the buttons of the pages."""
+        return BUTTONS
 
     def require_keys(self, *, simulated: bool) -> None:
         """Raise no error: a button of the page is the key, and the page answers challenges."""

@@ -124,15 +124,15 @@ function begun() {
 async function ended(job) {
   if (job.kind === "loop" && job.document) {
     const { document } = job;
-    await showLoops(document.run);
+    showLoops(document.run);
     const run = [...find("loop-run").options].find((option) => option.value === document.run);
     offer(find("loop"), `runs/${document.run}/loops.json`, run?.textContent);
   }
   if (job.kind === "retime" && job.document) offer(find("motion"), job.document.motion);
   if ((job.kind === "compensate" || job.kind === "refine") && job.document) offer(find("feedforward"), job.document.feedforward);
   if (job.kind === "tracking" && job.document) {
-    await showRun(find("path-result"), /** @type {string[]} */ (job.request.run)[0], "tracking");
     find("path-title").scrollIntoView({ block: "start" });
+    await showRun(find("path-result"), /** @type {string[]} */ (job.request.run)[0], "tracking");
   }
   if (job.kind === "record" || job.kind === "stream") await showRuns(job.run);
 }

@@ -39,8 +39,8 @@ press("measure", panel, "friction", () => {
 /** @type {(run: string) => Promise<void>} */
 async function showResult(run) {
   find("result-card").hidden = false;
-  await showRun(find("result"), run, "friction");
   find("result-title").scrollIntoView({ block: "start" });
+  await showRun(find("result"), run, "friction");
 }
 
 /** @type {(job: EndedJob) => Promise<void>} */

@@ -170,8 +170,9 @@ async function ended(job) {
     if (run === null) {
       solvedWith = null;
       stage("result", "bad");
-    } else await showResult(run);
+    }
     show();
+    if (run !== null) await showResult(run);
   }
   if (job.kind === "validate" && job.document) await showValidation(String(job.request.run));
   if (job.kind === "export" && job.document) {
@@ -186,11 +187,10 @@ const runOf = (path) => path.split("/").at(-2) ?? "";
 
 /** @type {(run: string) => Promise<void>} */
 async function showResult(run) {
-  const place = find("result");
-  const blocks = await showRun(place, run, "estimate", "comparison", "curves");
+  find("no-result").hidden = true;
+  const blocks = await showRun(find("result"), run, "estimate", "comparison", "curves");
   if (blocks === null) return;
   model = { run, path: `runs/${run}/model.json` };
-  find("no-result").hidden = true;
   find("after").hidden = false;
   stage("result", blocks.some((block) => block.kind === "verdict" && block.passed === false) ? "bad" : "done");
   const used = new Set(chosenRuns());
@@ -207,8 +207,8 @@ press("validate", panel, "validate", async () => {
 
 /** @type {(run: string) => Promise<void>} */
 async function showValidation(run) {
-  await showRun(find("validation"), run, "verdict", "validation", "curves");
   find("validation").scrollIntoView({ block: "start" });
+  await showRun(find("validation"), run, "verdict", "validation", "curves");
 }
 
 press("export", panel, "export", async () => {

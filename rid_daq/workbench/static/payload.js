@@ -251,10 +251,13 @@ function saidAnew() {
 /** @type {(run: string) => Promise<void>} */
 async function showResult(run) {
   const showing = ++showings;
+  session = null;
+  for (const id of /** @type {const} */ (["papers", "after", "view"])) find(id).hidden = true;
+  render([], find("values"));
   find("result-card").hidden = false;
+  history.replaceState(null, "", `?run=${encodeURIComponent(run)}`);
   const blocks = await showRun(find("result"), run, "verdict");
   if (blocks === null || showing !== showings) return;
-  history.replaceState(null, "", `?run=${encodeURIComponent(run)}`);
   session = { run, payload: `runs/${run}/payload.json` };
   const passed = blocks.find((block) => block.kind === "verdict")?.passed === true;
   find("papers").hidden = false;
@@ -272,10 +275,14 @@ async function showResult(run) {
 // Show the newest certificate, load data and comparison that were made from the session, also after a reload.
 async function showPapers() {
   const shown = session;
-  const jobs = await ask("GET", `/jobs?cell=${encodeURIComponent(page.cell)}&limit=1000`);
-  for (const kind of Object.keys(PAPERS)) {
-    const job = jobs.find((each) => each.kind === kind && isOf(shown, each));
-    if (job) await loadPaper(job);
+  try {
+    const jobs = await ask("GET", `/jobs?cell=${encodeURIComponent(page.cell)}&limit=1000`);
+    for (const kind of Object.keys(PAPERS)) {
+      const job = jobs.find((each) => each.kind === kind && isOf(shown, each));
+      if (job) await loadPaper(job);
+    }
+  } catch (error) {
+    render(problemOf(error), find("certificate"));
   }
 }
 

@@ -91,36 +91,56 @@ export async function figureIn(place, url) {
   });
 }
 
-// Show the blocks of an address; each plot is loaded when it becomes visible. The promise resolves with the blocks.
-/** @type {(place: HTMLElement, url: string, options?: { keep?: (block: PageBlock) => boolean, signal?: AbortSignal | null }) => Promise<PageBlock[]>} */
-export async function showBlocks(place, url, { keep = () => true, signal = null } = {}) {
-  const blocks = (await look(url, { signal, patienceMs: FIGURE_MS })).filter(keep);
-  /** @type {(plot: PlotBlock) => HTMLElement} */
-  const figure = ({ name, number }) => {
-    const made = element("div", { class: "figure", "data-figure": name });
-    figureIn(made, `${url}&plot=${number}`);
-    return made;
-  };
+// Show the blocks of an address; each plot is loaded when it becomes visible. While the blocks load, a text says so; after
+// an error, a button loads them again. The promise resolves with the blocks once they are shown, or with null if other
+// blocks are requested there first.
+/** @type {(place: HTMLElement, url: string, options?: { keep?: (block: PageBlock) => boolean, what?: string }) => Promise<PageBlock[] | null>} */
+export async function showBlocks(place, url, { keep = () => true, what = "result" } = {}) {
+  endFigure(place);
+  const loading = new AbortController();
+  const { signal } = loading;
+  place.loading = loading;
+  place.style.minHeight = `${place.offsetHeight}px`; // what the user reads below must not jump
+  renderBlocks(place, html`<p class="soft" role="status">Loading the ${what} …</p>`);
+  try {
+    const blocks = (await look(url, { signal, patienceMs: FIGURE_MS })).filter(keep);
+    if (signal.aborted) return null;
+    /** @type {(plot: PlotBlock) => HTMLElement} */
+    const figure = ({ name, number }) => {
+      const made = element("div", { class: "figure", "data-figure": name });
+      figureIn(made, `${url}&plot=${number}`);
+      return made;
+    };
+    renderBlocks(place, blockParts(blocks, figure, 15, (number) => `${url}&image=${number}`));
+    place.loading = null;
+    return blocks;
+  } catch (error) {
+    if (signal.aborted) return null;
+    return new Promise((resolve) => {
+      const again = () => {
+        place.loading = null;
+        resolve(showBlocks(place, url, { keep, what }));
+      };
+      signal.addEventListener("abort", () => resolve(null));
+      renderBlocks(place, html`<div role="alert">${problemOf(error)}</div><p><button type="button" @click=${again}>Try again</button></p>`);
+    });
+  } finally {
+    if (!signal.aborted) place.style.minHeight = "";
+  }
+}
+
+/** @type {(place: HTMLElement, parts: unknown) => void} */
+function renderBlocks(place, parts) {
   for (const old of /** @type {NodeListOf<HTMLElement>} */ (place.querySelectorAll(".figure"))) {
     endFigure(old);
     old.lastElementChild?.takeOut?.();
   }
-  render(blockParts(blocks, figure, 15, (number) => `${url}&image=${number}`), place);
-  return blocks;
+  render(parts, place);
 }
 
-// Show sections of a run's result, or the error. The promise resolves with the blocks, or with null after an error.
+// Show sections of a run's result.
 /** @type {(place: HTMLElement, run: string, ...sections: string[]) => Promise<PageBlock[] | null>} */
-export async function showRun(place, run, ...sections) {
-  try {
-    const blocks = await showBlocks(place, ofRun(run, ...sections));
-    place.dataset.run = run;
-    return blocks;
-  } catch (error) {
-    render(problemOf(error), place);
-    return null;
-  }
-}
+export const showRun = (place, run, ...sections) => showBlocks(place, ofRun(run, ...sections));
 
 /** @type {(error: Error) => Part} */
 export const problemOf = (error) => html`<p class="problem">${linked(error.message)}</p>`;
