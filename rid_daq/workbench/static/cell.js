@@ -5,6 +5,7 @@ import { showEnd, showJoints, showReturn, showSilence, showTemperatures } from "
 import { html, render } from "./lit.js";
 import { followPose } from "./live_pose.js";
 import { loadPreflight } from "./preflight.js";
+import { LIST_MS } from "./requests.js";
 import { RobotView } from "./robot_view.js";
 import { runTable } from "./run_table.js";
 import { CELL, OLD_MS, ask, on, page, preflightAge, reach } from "./service.js";
@@ -82,7 +83,8 @@ async function refresh() {
 
 async function loadRuns() {
   try {
-    const { groups } = await ask("GET", `/run-groups?limit=5&cell=${encodeURIComponent(page.cell)}`);
+    if (!status) render(html`<p class="soft">Loading the runs …</p>`, find("last-runs"));
+    const { groups } = await ask("GET", `/run-groups?limit=5&cell=${encodeURIComponent(page.cell)}`, undefined, LIST_MS);
     render(groups.length ? runTable(groups) : html`<p class="soft">No runs yet.</p>`, find("last-runs"));
   } catch (error) {
     render(html`<p class="problem">${error.message}</p>`, find("last-runs"));

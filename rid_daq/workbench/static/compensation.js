@@ -1,7 +1,8 @@
 // Compensation: velocity loops, feedforward, paths before and after, refinement, streaming.
 import { find } from "./dom.js";
 import { JobPanel } from "./job_panel.js";
-import { html } from "./lit.js";
+import { html, nothing, render } from "./lit.js";
+import { loadInto } from "./loading.js";
 import { showChosenPlan } from "./planned_view.js";
 import { on } from "./service.js";
 import { modelOf, motionRuns, nameOf, numberOf, offer, options, press, runWords, showRun, wanted } from "./work.js";
@@ -35,7 +36,8 @@ const selectAfter = /** @type {HTMLSelectElement} */ (find("after"));
 
 /** @type {(newest?: string | null) => Promise<void>} */
 async function showRuns(newest = null) {
-  const runs = await motionRuns();
+  const runs = await loadInto(find("runs-state"), "runs", motionRuns);
+  render(nothing, find("runs-state"));
   /** @type {(chosen: Api.RunEntry[]) => { value: string, words: string }[]} */
   const list = (chosen) => chosen.map((run) => ({ value: run.id, words: runWords(run) }));
   for (const select of /** @type {NodeListOf<HTMLSelectElement>} */ (document.querySelectorAll("select.runs"))) options(select, list(runs));

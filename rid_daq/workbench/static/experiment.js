@@ -31,8 +31,7 @@ const panel = new JobPanel(find("job"), {
     if (job.state !== "done" || !job.run) return [];
     const run = encodeURIComponent(job.run);
     if (job.kind !== "record") return [];
-    const { motion: driven } = /** @type {{ motion?: string }} */ (job.request.options ?? {});
-    const kind = [...motion.options].find((option) => option.value === driven)?.dataset.kind?.replaceAll("-", "_");
+    const kind = [...motion.options].find((option) => option.value === job.request.motion)?.dataset.kind?.replaceAll("-", "_");
     const [path, words] = NEXT[kind ?? ""] ?? ["identify", "Identify this run"];
     const own = `${path}?run=${run}`;
     if ((kind ?? "") in NEXT || !modelled) return [step(own, words, "main")];

@@ -3,6 +3,7 @@ import { find } from "./dom.js";
 import { keptTicks } from "./entries.js";
 import { JobPanel } from "./job_panel.js";
 import { html, keyed, live, render } from "./lit.js";
+import { loadInto } from "./loading.js";
 import { newest } from "./requests.js";
 import { CELL, mayMove, on } from "./service.js";
 import { fileLink, findings, look, motionRuns, nameOf, numberOf, options, press, runWords, showRun, wanted } from "./work.js";
@@ -133,9 +134,10 @@ async function check() {
 }
 
 async function showRuns() {
-  runs = await motionRuns();
+  const before = chosenRuns();
+  runs = await loadInto(find("runs"), "runs", motionRuns);
   find("no-runs").hidden = runs.length > 0;
-  const [before, asked, kept] = [chosenRuns(), wanted.getAll("run"), keptTicks("run")];
+  const [asked, kept] = [wanted.getAll("run"), keptTicks("run")];
   const chosen = [before, asked, kept].find((each) => each.length) ?? [];
   render(runs.map((run) => keyed(run.id, html`<label><input type="checkbox" name="run" value=${run.id} .checked=${live(chosen.includes(run.id))}>
     ${runWords(run)}${run.files.includes("model.json") ? " (has a model)" : ""}</label>`)), find("runs"));
@@ -220,6 +222,6 @@ press("export", panel, "export", async () => {
 on("again", showRuns);
 stage("solve", "wait");
 stage("result", "wait");
-await showRuns().catch((error) => find("no-runs").replaceChildren(error.message));
+await showRuns();
 const [first] = wanted.getAll("run");
 if (first && runs.find((run) => run.id === first)?.files.includes("model.json")) await showResult(first);

@@ -6,9 +6,11 @@ import { doubtField } from "./fields.js";
 import { JobPanel, afterCheck, withResult } from "./job_panel.js";
 import { html, render } from "./lit.js";
 import { followPose } from "./live_pose.js";
+import { problemOf } from "./loading.js";
+import { LIST_MS } from "./requests.js";
 import { RobotView } from "./robot_view.js";
 import { CELL, ask, on, page } from "./service.js";
-import { blocksUrl, figureIn, fileLink, look, numberOf, offer, press, problemOf, showRun, wanted } from "./work.js";
+import { blocksUrl, figureIn, fileLink, look, numberOf, offer, press, showRun, wanted } from "./work.js";
 
 /** @type {Record<string, string>} */
 const WORDS = { done: "done", now: "now", bad: "problem", wait: "not yet" };
@@ -188,7 +190,7 @@ press("check", panel, "check", () => panel.begin("check"));
 async function showSessions() {
   let interrupted, finished;
   try {
-    ({ interrupted, finished } = /** @type {Api.CellSessions} */ (await look(`${CELL}/payload/sessions`)));
+    ({ interrupted, finished } = /** @type {Api.CellSessions} */ (await look(`${CELL}/payload/sessions`, { patienceMs: LIST_MS })));
   } catch (error) {
     render(problemOf(error), find("interrupted"));
     return;

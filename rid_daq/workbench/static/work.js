@@ -6,7 +6,8 @@ import { keptChoice } from "./entries.js";
 import { refuseField } from "./fields.js";
 import { showFigure } from "./figure.js";
 import { html, render } from "./lit.js";
-import { request } from "./requests.js";
+import { failedPart, loadingPart } from "./loading.js";
+import { LIST_MS, request } from "./requests.js";
 import { ask, page } from "./service.js";
 
 export const wanted = new URLSearchParams(location.search);
@@ -31,7 +32,8 @@ function endFigure(place) {
   delete place.dataset.again;
 }
 
-// Show a figure once its element is visible; the previous figure remains until the new one is drawn.
+// Show a figure: it is loaded when its element is nearly visible, and drawn when it is visible, because drawing delays the
+// 3-D view of the same page by seconds on a slow computer. The previous figure remains until the new one is drawn.
 // If another figure is still being loaded there, this loading is cancelled; if it is the same figure, it is loaded again
 // afterwards.
 /** @type {(place: HTMLElement, url: string) => Promise<void>} */
@@ -68,7 +70,7 @@ export async function figureIn(place, url) {
   const takeOut = showFigure(drawn, {
     csv: of({ as: "csv" }),
     svg: of({ as: "svg" }),
-    item: () => look(url, { signal, patienceMs: FIGURE_MS }),
+    item: () => look(url, { signal, patienceMs: FIGURE_MS }).then((item) => seen(place, "0%", signal).then(() => item)),
   });
   const watch = new MutationObserver(() => {
     const state = drawn.dataset.figureState;
@@ -101,7 +103,7 @@ export async function showBlocks(place, url, { keep = () => true, what = "result
   const { signal } = loading;
   place.loading = loading;
   place.style.minHeight = `${place.offsetHeight}px`; // what the user reads below must not jump
-  renderBlocks(place, html`<p class="soft" role="status">Loading the ${what} …</p>`);
+  renderBlocks(place, loadingPart(what));
   try {
     const blocks = (await look(url, { signal, patienceMs: FIGURE_MS })).filter(keep);
     if (signal.aborted) return null;
@@ -122,7 +124,7 @@ export async function showBlocks(place, url, { keep = () => true, what = "result
         resolve(showBlocks(place, url, { keep, what }));
       };
       signal.addEventListener("abort", () => resolve(null));
-      renderBlocks(place, html`<div role="alert">${problemOf(error)}</div><p><button type="button" @click=${again}>Try again</button></p>`);
+      renderBlocks(place, failedPart(error, again));
     });
   } finally {
     if (!signal.aborted) place.style.minHeight = "";
@@ -141,9 +143,6 @@ function renderBlocks(place, parts) {
 // Show sections of a run's result.
 /** @type {(place: HTMLElement, run: string, ...sections: string[]) => Promise<PageBlock[] | null>} */
 export const showRun = (place, run, ...sections) => showBlocks(place, ofRun(run, ...sections));
-
-/** @type {(error: Error) => Part} */
-export const problemOf = (error) => html`<p class="problem">${linked(error.message)}</p>`;
 
 // ---- words
 /** @type {Record<string, [string, string]>} */
@@ -178,7 +177,7 @@ export const runWords = (run) => `${run.label || run.id}, ${timeOf(run.created_u
 
 /** @type {() => Promise<Api.RunEntry[]>} */
 export async function completeRuns() {
-  const runs = await ask("GET", `/runs?limit=200&cell=${encodeURIComponent(page.cell)}`);
+  const runs = await ask("GET", `/runs?limit=200&cell=${encodeURIComponent(page.cell)}`, undefined, LIST_MS);
   return runs.filter((run) => run.kind !== "payload session" && (run.status === "complete" || run.status === "recovered"));
 }
 

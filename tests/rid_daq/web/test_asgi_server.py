@@ -28,10 +28,12 @@ from websockets.exceptions import ConnectionClosedError, InvalidStatus
 
 from rid_daq.web.asgi_server import AsgiServer
 from rid_daq.web.connection_groups import Limits
+from rid_daq.web.fair_scheduler import OF_ONE, WAITING_OF_ONE
 
 PATIENCE_S = 120.0
 SHORT = Limits(waiting=4, answering=4, streams=2, request_s=0.3, answer_s=0.3, stream_s=0.6)
 LONG = Limits(request_s=PATIENCE_S, answer_s=PATIENCE_S)
+ADDRESS = "127.0.0.1"
 GET = b"GET / HTTP/1.1\r\nHost: x\r\n\r\n"
 EVENTS = b"GET /events HTTP/1.1\r\nHost: x\r\n\r\n"
 
@@ -87,7 +89,7 @@ class Place:
     async def open(self, local: bool = False) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
         if local:
             return await asyncio.open_unix_connection(self.path)
-        return await asyncio.open_connection("127.0.0.1", self.port)
+        return await asyncio.open_connection(ADDRESS, self.port)
 
     async def ask(self, sent: bytes, local: bool = False) -> tuple[int, bytes, bytes]:
         """Return status, head and body of the whole answer; status 0 without an answer."""
@@ -125,7 +127,7 @@ async def start_server(folder: Path, limits: Limits, tls: ssl.SSLContext | None 
     )
     app.state.until = until
     server = AsgiServer(app, tls, limits)
-    tcp = socket.create_server(("127.0.0.1", 0))
+    tcp = socket.create_server((ADDRESS, 0))
     port = tcp.getsockname()[1]
     unix = socket.socket(socket.AF_UNIX)
     unix.bind(str(folder / "door"))
@@ -213,6 +215,32 @@ def test_a_client_that_does_not_read_its_answer_is_disconnected(tmp_path: Path) 
         line.close()
         assert (await made.ask(GET))[0] == 200
         await made.end()
+
+    run(main())
+
+
+def test_requests_that_their_client_has_given_up_do_not_fill_the_queue(tmp_path: Path) -> None:
+    """A page that requests again and again what is late must not be refused with 429."""
+
+    async def main() -> None:
+        place = await start_server(tmp_path, LONG)
+        scheduler = place.server._scheduler
+        slots = [await scheduler.acquire(ADDRESS) for _ in range(OF_ONE)]
+        for _ in range(2 * WAITING_OF_ONE):
+            _, writer = await place.open()
+            writer.write(GET)
+            while not scheduler._waiting.get(ADDRESS):
+                await asyncio.sleep(0.01)
+            writer.close()
+            while scheduler._waiting.get(ADDRESS):
+                await asyncio.sleep(0.01)
+        last = asyncio.create_task(place.ask(GET))
+        while not scheduler._waiting.get(ADDRESS):
+            await asyncio.sleep(0.01)
+        for slot in slots:
+            slot.release()
+        assert (await last)[0] == 200
+        await place.end()
 
     run(main())
 
