@@ -102,11 +102,11 @@ class JobConsole(Console):
 
     def say(self, text: str = "") -> None:
         """Write a message."""
-        self.events.write(MessageEvent(at_s=time.time(), text=make_printable(text)))
+        self.events.write(MessageEvent(at_s=time.time(), text=_shown(text)))
 
     def verdict(self, passed: bool | None, text: str) -> None:
         """Write a verdict."""
-        self.events.write(VerdictEvent(at_s=time.time(), passed=passed, text=make_printable(text)))
+        self.events.write(VerdictEvent(at_s=time.time(), passed=passed, text=_shown(text)))
 
     def result(
         self, document: Mapping[str, object] | BaseModel, blocks: Iterable[AnyBlock]
@@ -235,10 +235,18 @@ def _for_events(block: AnyBlock) -> AnyBlock:
     return block.as_texts() if isinstance(block, Table) else block
 
 
+def _shown(text: str) -> str:
+    """Return a text with visible control characters, and paths as clients name them.
+
+    A job runs in the service's folder, and clients name files relative to it.
+    """
+    return make_printable(text).replace(f"{Path.cwd()}/", "")
+
+
 def _printable(value: Any) -> Any:
-    """Return a value whose texts show their control characters."""
+    """Return a value with the texts that clients see."""
     if isinstance(value, str):
-        return make_printable(value)
+        return _shown(value)
     if isinstance(value, dict):
         return {key: _printable(each) for key, each in value.items()}
     return [_printable(each) for each in value] if isinstance(value, (list, tuple)) else value

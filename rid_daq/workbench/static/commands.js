@@ -5,7 +5,7 @@ import { LINKS } from "./command_links.js";
 import { html } from "./lit.js";
 import { CELL } from "./service.js";
 
-const CODE = /`([^`]+)`/g;
+const PART = /`([^`]+)`|(?:runs\/|\brun )([0-9A-Z]{26})\b/g; // code, or a run by its id
 const COMMAND = /^rid-daq (([a-z]+)(?: [a-z-]+)?)/;
 const OPTION = /(?<![\w-])--([a-z][a-z-]*)/g;
 
@@ -20,18 +20,23 @@ function labelOf(option) {
   return [...(field?.labels?.[0]?.childNodes ?? [])].map((each) => (each instanceof Text ? each.data.trim() : "")).find(Boolean);
 }
 
-// Return a text as parts for a template: commands that a page can do are links, other code has its own font.
+// Return a text as parts for a template: commands that a page can do and runs are links, other code has its own font.
 /** @type {(text: any) => any} */
 export function linked(text) {
-  if (typeof text !== "string" || !/`|--/.test(text)) return text;
+  if (typeof text !== "string" || !/`|--|[0-9A-Z]{26}/.test(text)) return text;
   const parts = [];
   let end = 0;
-  for (const found of text.matchAll(CODE)) {
-    const [, words, word] = COMMAND.exec(found[1]) ?? [];
-    const link = LINKS[words] ?? LINKS[word];
+  for (const found of text.matchAll(PART)) {
+    const [whole, code, run] = found;
     parts.push(withFields(text.slice(end, found.index)));
-    parts.push(link ? html`<a href="${CELL}${link[0]}">${link[1]}</a>` : html`<code>${words ? found[1] : withFields(found[1])}</code>`);
-    end = found.index + found[0].length;
+    end = found.index + whole.length;
+    if (run) {
+      parts.push(html`<a href="${CELL}/runs/${run}">the run</a>`);
+      continue;
+    }
+    const [, words, word] = COMMAND.exec(code) ?? [];
+    const link = LINKS[words] ?? LINKS[word];
+    parts.push(link ? html`<a href="${CELL}${link[0]}">${link[1]}</a>` : html`<code>${words ? code : withFields(code)}</code>`);
   }
   return [...parts, withFields(text.slice(end))];
 }

@@ -23,6 +23,7 @@ const STEPS = {
 
 /** @type {(job: EndedJob) => Part[]} */
 function next(job) {
+  if (job.state === "done" && job.kind === "record" && !job.request.feedforward) return [STEPS.compensate];
   if (job.state === "done" && job.kind in STEPS) return [STEPS[job.kind]];
   if (job.kind === "loop" && job.document) return [step("loops-part", "What to do")];
   if (job.kind !== "refine" || !job.document) return [];
@@ -140,6 +141,8 @@ async function ended(job) {
 }
 
 on("again", () => showRuns());
+const wantedMotion = wanted.get("motion");
+if (wantedMotion) offer(find("motion"), wantedMotion);
 showChosenPlan(find("view"), find("motion"));
 await showRuns();
 const first = wanted.get("run");

@@ -34,6 +34,8 @@ const panel = new JobPanel(find("job"), {
     const kind = [...motion.options].find((option) => option.value === job.request.motion)?.dataset.kind?.replaceAll("-", "_");
     const [path, words] = NEXT[kind ?? ""] ?? ["identify", "Identify this run"];
     const own = `${path}?run=${run}`;
+    if (kind === "path" || kind === "circle")
+      return [step(`compensation?motion=${encodeURIComponent(String(job.request.motion))}`, "Compensate this path", "main"), step(own, words, false)];
     if ((kind ?? "") in NEXT || !modelled) return [step(own, words, "main")];
     const check = `identify?run=${encodeURIComponent(modelled.id)}&other=${run}`;
     const isCheck = kind === "validation" || kind === "multipoint"; // `init` writes a multipoint motion for the validation
