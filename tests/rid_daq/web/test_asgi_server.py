@@ -28,7 +28,6 @@ from websockets.exceptions import ConnectionClosedError, InvalidStatus
 
 from rid_daq.web.asgi_server import AsgiServer
 from rid_daq.web.connection_groups import Limits
-from rid_daq.web.fair_scheduler import OF_ONE, WAITING_OF_ONE
 
 PATIENCE_S = 120.0
 SHORT = Limits(waiting=4, answering=4, streams=2, request_s=0.3, answer_s=0.3, stream_s=0.6)
@@ -215,32 +214,6 @@ def test_a_client_that_does_not_read_its_answer_is_disconnected(tmp_path: Path) 
         line.close()
         assert (await made.ask(GET))[0] == 200
         await made.end()
-
-    run(main())
-
-
-def test_requests_that_their_client_has_given_up_do_not_fill_the_queue(tmp_path: Path) -> None:
-    """A page that requests again and again what is late must not be refused with 429."""
-
-    async def main() -> None:
-        place = await start_server(tmp_path, LONG)
-        scheduler = place.server._scheduler
-        slots = [await scheduler.acquire(ADDRESS) for _ in range(OF_ONE)]
-        for _ in range(2 * WAITING_OF_ONE):
-            _, writer = await place.open()
-            writer.write(GET)
-            while not scheduler._waiting.get(ADDRESS):
-                await asyncio.sleep(0.01)
-            writer.close()
-            while scheduler._waiting.get(ADDRESS):
-                await asyncio.sleep(0.01)
-        last = asyncio.create_task(place.ask(GET))
-        while not scheduler._waiting.get(ADDRESS):
-            await asyncio.sleep(0.01)
-        for slot in slots:
-            slot.release()
-        assert (await last)[0] == 200
-        await place.end()
 
     run(main())
 
